@@ -1,0 +1,1 @@
+"""MAPMORE: piecewise models of soft actuators from measured curves."""

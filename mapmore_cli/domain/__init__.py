@@ -1,0 +1,1 @@
+"""Frozen types that pass between the layers, and the errors that users see."""

@@ -1,0 +1,60 @@
+"""One error class for each way in which a command can end, with its exit code.
+
+Scripts rely on the codes (docs/reference.md, "Exit codes"); the command line turns a `MapmoreError` into its message and its code, and
+anything else into an internal fault.
+"""
+
+from __future__ import annotations
+
+
+class MapmoreError(Exception):
+    """Base of every error that a user can mend.
+
+    The message names the place (file, row or line) and `remedy` says what to do.
+    """
+
+    exit_code = 1
+
+    def __init__(self, message: str, remedy: str | None = None) -> None:
+        super().__init__(message)
+        self.message = message
+        self.remedy = remedy
+
+    def __str__(self) -> str:
+        return self.message if self.remedy is None else f"{self.message}\n  {self.remedy}"
+
+
+class UsageError(MapmoreError):
+    """The command line itself is wrong (exit 2)."""
+
+    exit_code = 2
+
+
+class SpecError(MapmoreError):
+    """The experiment spec is wrong (exit 3)."""
+
+    exit_code = 3
+
+
+class DataError(MapmoreError):
+    """The recordings are wrong, or too few samples remain for what the spec asks (exit 4)."""
+
+    exit_code = 4
+
+
+class FitError(MapmoreError):
+    """A fit that the run cannot do without failed (exit 5)."""
+
+    exit_code = 5
+
+
+class LimitMissed(MapmoreError):
+    """A `validate.require` limit is missed (exit 6)."""
+
+    exit_code = 6
+
+
+class WriteError(MapmoreError):
+    """A result cannot be written: folder, full disk, or a lock held by another process (exit 7)."""
+
+    exit_code = 7

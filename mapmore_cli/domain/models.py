@@ -1,0 +1,72 @@
+"""A fused model as data: what model.h5 holds and what predicts without any recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.fits import FormulaFit, Scaling
+from mapmore_cli.domain.recording import Quantity
+
+Side = str | float
+"""Behaviour beyond one limit: `continue`, `continue_linear`, `saturate`, `zero`, or a value (M2 eq 12)."""
+
+
+@dataclass(frozen=True)
+class SegmentFunction:
+    """`f(x) = y_slope sum_k theta_k D_k(slope x + intercept) + y_intercept` (M2 eq 8).
+
+    `theta`, its standard errors, `g` and `err` are `(k,)` in the order of selection, in scaled coordinates.
+    """
+
+    id: str
+    cell: tuple[int, ...]
+    terms: tuple[str, ...]
+    theta: Array
+    theta_error: Array
+    g: Array
+    err: Array
+    scaling: Scaling
+    samples: int
+    condition: float
+    stop: str
+
+
+@dataclass(frozen=True)
+class CurveFunction:
+    """The fused segment functions of one training curve."""
+
+    curve: str
+    level: float | None
+    boundaries: tuple[Array, ...]  # one for each of the model's segmented variables
+    limits: Mapping[str, tuple[float, float]]
+    segments: tuple[SegmentFunction, ...]
+
+
+@dataclass(frozen=True)
+class Fusion:
+    """How the pieces are joined (M2 eq 9-12)."""
+
+    transition: str  # linear | quadratic | cubic
+    z_s: float
+    extrapolation: Mapping[str, tuple[Side, Side]]  # below and above, for every input
+
+
+@dataclass(frozen=True)
+class Model:
+    """A static model `output = backbone(inputs) + sum_i f_i(E(x)) prod_j w_ij(x_j)` (M2 eq 9).
+
+    `curves` is empty where the run's own model is a formula of the literature, and `backbone` is None
+    where MAPMORE stands by itself.
+    """
+
+    name: str
+    output: Quantity
+    inputs: tuple[Quantity, ...]
+    level: str | None
+    variables: tuple[str, ...]  # segmented variables
+    curves: tuple[CurveFunction, ...]
+    fusion: Fusion
+    backbone: FormulaFit | None = None
+    notes: tuple[str, ...] = ()

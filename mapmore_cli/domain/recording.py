@@ -1,0 +1,86 @@
+"""What was measured: recordings as read, and the curves made from them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from mapmore_cli.domain.arrays import BoolArray, Columns
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A measured or modelled quantity: canonical name and unit (as `kPa`, `1`, `N`)."""
+
+    name: str
+    unit: str
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One file as read, in the units of the model.
+
+    `columns` holds the samples that were kept; `dropped` counts the others by reason, so that
+    `rows_read == kept + sum(dropped.values())` holds for a recording that was not resampled.
+    """
+
+    id: str
+    source: str  # POSIX path as the spec names it, relative to the spec's folder
+    columns: Columns
+    rows_read: int
+    dropped: Mapping[str, int]
+
+    @property
+    def rows_kept(self) -> int:
+        """Samples that remain, n."""
+        return len(next(iter(self.columns.values()))) if self.columns else 0
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Samples at one value of the level quantity (or of one recording, where there are no levels).
+
+    Attributes
+    ----------
+    id
+        `pressure=150`, or the recording's id where the study has no levels.
+    level
+        Value of the level quantity in the model's unit; None without levels.
+    columns
+        Quantities by name, each `(n,)`.
+    held_out
+        `(n,)`; True where a sample belongs to the validation data.
+    recordings
+        The ids of the recordings that the samples come from.
+    """
+
+    id: str
+    level: float | None
+    columns: Columns
+    held_out: BoolArray
+    recordings: tuple[str, ...]
+
+    @property
+    def size(self) -> int:
+        """Number of samples, n."""
+        return len(self.held_out)
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """Everything that `ingest` hands on.
+
+    `target` names the column of the curves that is modelled; `quantities` gives the unit of every
+    column; `level` names the quantity that is constant within a curve.
+    """
+
+    target: str
+    level: str | None
+    quantities: Mapping[str, Quantity]
+    recordings: tuple[Recording, ...]
+    curves: tuple[Curve, ...]
+    notes: tuple[str, ...] = ()
+
+    def unit(self, name: str) -> str:
+        """Unit of a column."""
+        return self.quantities[name].unit

@@ -1,0 +1,44 @@
+"""The numbers that a validation ends with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.fits import FormulaFit
+
+
+@dataclass(frozen=True)
+class Score:
+    """One row of the score table.
+
+    `nrmse = rmse / normaliser` is a fraction; `normaliser` is the number and `normaliser_name` says what it is, as
+    `max|force| over validate`. `rmse`, `normaliser` and `max_abs_error` carry the target's unit.
+    """
+
+    model: str
+    target: str
+    split: str  # train | validate
+    curve: str  # all | a curve id
+    n: int
+    rmse: float
+    nrmse: float
+    normaliser: float
+    normaliser_name: str
+    max_abs_error: float
+    max_abs_error_fs: float  # as a fraction of the normaliser
+    r2: float
+
+
+@dataclass(frozen=True)
+class Validation:
+    """Predictions of the run's own model (`mapmore`) and of its competitors.
+
+    `predictions[model][c]` is `(n_c,)`, row for row of the dataset's curve number c.
+    """
+
+    predictions: Mapping[str, tuple[Array, ...]]
+    formulas: Mapping[str, FormulaFit]
+    scores: tuple[Score, ...]
+    units: Mapping[str, str]

@@ -1,0 +1,1 @@
+"""The method and its competitors, on arrays alone."""

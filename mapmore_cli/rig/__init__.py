@@ -1,0 +1,1 @@
+"""Synthetic muscles and rigs, whose equations are none of the fitted models' forms."""

@@ -1,0 +1,1 @@
+"""The experiment spec: models, strict loading with positions, overrides, JSON Schema."""

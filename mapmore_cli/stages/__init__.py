@@ -1,0 +1,1 @@
+"""The pipeline: ingest, segment, fit, fuse, validate, report."""

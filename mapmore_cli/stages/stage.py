@@ -1,0 +1,56 @@
+"""What a stage is: five parts, the same for each of the six."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mapmore_cli.spec.models import ExperimentSpec
+
+Progress = Callable[[str, int, int], None]
+"""`progress(what, done, total)`: called as long work goes on."""
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """Where a stage works.
+
+    `run_dir` holds the committed outputs of the stages before; a stage writes its own into `out` under their final names, and the
+    runner swaps them in whole. `spec_dir` is the folder of the spec, from which the recordings are found.
+    """
+
+    run_dir: Path
+    out: Path
+    spec_dir: Path
+    progress: Progress
+    warn: Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One step of the pipeline.
+
+    Attributes
+    ----------
+    name
+        `ingest`, `segment`, ...
+    revision
+        Raised when the stage's numbers or its file change: results of older revisions are then stale.
+    outputs
+        Files or folders that it writes, relative to the run folder.
+    reads
+        The stage's slice of the spec: a frozen dataclass or a pydantic model, dumped to JSON for the fingerprint.
+    run
+        Does the work, given the slice.
+    sources
+        Files outside of the run folder that it reads (recordings), given the spec and its folder.
+    """
+
+    name: str
+    revision: int
+    outputs: tuple[str, ...]
+    reads: Callable[[ExperimentSpec], Any]
+    run: Callable[[Any, Workspace], None]
+    sources: Callable[[ExperimentSpec, Path], Sequence[Path]] = lambda spec, folder: ()

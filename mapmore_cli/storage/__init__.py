@@ -1,0 +1,1 @@
+"""Files: readers of recordings, HDF5 artefacts, atomic writes, hashes, provenance."""
