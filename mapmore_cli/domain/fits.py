@@ -140,23 +140,12 @@ class FormulaFit:
 
 
 @dataclass(frozen=True)
-class FoldError:
-    """Cross-validation error of one choice: pooled RMSE over all left-out samples, in the target's unit."""
-
-    choice: str  # backbone | backbone+residual
-    rmse: float
-    folds: int
-
-
-@dataclass(frozen=True)
 class FitResult:
-    """What the fit stage hands on.
+    """What the fit stage hands on: the segment functions, fitted to what `backbone` leaves where there is one.
 
-    `backbone` is None for bare MAPMORE; `fits` is empty where cross-validation kept the backbone alone, or where the run's own
-    model is a formula. `cross_validation` is empty unless a choice was made by it.
+    `fits` is empty where the run's own model is a formula; that formula is then the backbone.
     """
 
     fits: tuple[SegmentFit, ...]
     backbone: FormulaFit | None = None
-    cross_validation: tuple[FoldError, ...] = ()
     notes: tuple[str, ...] = ()

@@ -54,11 +54,21 @@ class Fusion:
 
 
 @dataclass(frozen=True)
+class FoldError:
+    """Cross-validation error of one choice: RMSE pooled over all left-out training samples, in the target's unit."""
+
+    choice: str  # backbone | backbone + residual
+    rmse: float
+    folds: int
+
+
+@dataclass(frozen=True)
 class Model:
     """A static model `output = backbone(inputs) + sum_i f_i(E(x)) prod_j w_ij(x_j)` (M2 eq 9).
 
-    `curves` is empty where the run's own model is a formula of the literature, and `backbone` is None
-    where MAPMORE stands by itself.
+    Where the model is a formula alone, its curves have no segments but still say the training range; `backbone` is None where MAPMORE
+    stands by itself. `cross_validation` says on what grounds the residual on a backbone was kept or dropped; it is empty where there was
+    no choice.
     """
 
     name: str
@@ -69,4 +79,14 @@ class Model:
     curves: tuple[CurveFunction, ...]
     fusion: Fusion
     backbone: FormulaFit | None = None
+    cross_validation: tuple[FoldError, ...] = ()
     notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Equation:
+    """One piece of a model in physical units: `id` is a segment's or a formula's."""
+
+    id: str
+    text: str
+    latex: str

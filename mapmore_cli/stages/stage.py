@@ -53,4 +53,4 @@ class Stage:
     outputs: tuple[str, ...]
     reads: Callable[[ExperimentSpec], Any]
     run: Callable[[Any, Workspace], None]
-    sources: Callable[[ExperimentSpec, Path], Sequence[Path]] = lambda spec, folder: ()
+    sources: Callable[[ExperimentSpec, Path], Sequence[Path]] = lambda _spec, _folder: ()

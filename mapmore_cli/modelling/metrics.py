@@ -1,0 +1,39 @@
+"""How far predictions lie from measurements."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.scores import Score
+
+
+def normaliser(y: Array) -> float:
+    """`max |y|` over the validated samples (M2 eq 13)."""
+    return float(np.abs(y).max())
+
+
+def score(model: str, target: str, split: str, curve: str, measured: Array, predicted: Array, scale: float) -> Score:
+    """One row of the score table over n pooled samples.
+
+    `RMSE = sqrt(mean (y - yhat)^2)`, `NRMSE = RMSE / scale` (M2 eq 13), and `R^2 = 1 - SSE / sum (y - mean y)^2`, which is NaN for a
+    constant y. `scale` is the normaliser over all samples of the split, so that the rows of its curves can be compared.
+    """
+    error = predicted - measured
+    spread = float(np.sum((measured - measured.mean()) ** 2))
+    rmse = float(np.sqrt(np.mean(error**2)))
+    worst = float(np.abs(error).max())
+    return Score(
+        model=model,
+        target=target,
+        split=split,
+        curve=curve,
+        n=len(measured),
+        rmse=rmse,
+        nrmse=rmse / scale if scale > 0 else float("nan"),
+        normaliser=scale,
+        normaliser_name=f"max|{target}| over {split}",
+        max_abs_error=worst,
+        max_abs_error_fs=worst / scale if scale > 0 else float("nan"),
+        r2=1 - float(np.sum(error**2)) / spread if spread > 0 else float("nan"),
+    )

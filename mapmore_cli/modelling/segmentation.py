@@ -1,0 +1,100 @@
+"""Cutting training curves into segments."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise, product
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, IntArray
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.fits import Segment, SegmentedCurve
+from mapmore_cli.domain.recording import Curve
+from mapmore_cli.modelling.recipe import Cut
+
+
+def training_curves(curves: Sequence[Curve], by_level: bool) -> tuple[Curve, ...]:
+    """The curves that get segments of their own: each by itself, or all pooled into one named `all`."""
+    if by_level:
+        return tuple(curve for curve in curves if not curve.held_out.all())
+    if len(curves) == 1:
+        return tuple(curves)
+    return (
+        Curve(
+            id="all",
+            level=None,
+            columns={name: np.concatenate([curve.columns[name] for curve in curves]) for name in curves[0].columns},
+            held_out=np.concatenate([curve.held_out for curve in curves]),
+            recordings=tuple(dict.fromkeys(r for curve in curves for r in curve.recordings)),
+        ),
+    )
+
+
+def segment_curve(curve: Curve, cuts: Mapping[str, Cut]) -> SegmentedCurve:
+    """Cut one curve's training samples over its own range: a grid of cells, one segment each.
+
+    A sample on a boundary belongs to both segments, since segments include both ends.
+
+    Raises
+    ------
+    DataError
+        Where a segment holds no sample.
+    """
+    rows = np.flatnonzero(~curve.held_out)
+    values = samples_of(curve, rows)
+    boundaries = {name: cut_points(values[name], cut) for name, cut in cuts.items()}
+    inside = {name: _members(values[name], boundaries[name]) for name in cuts}
+    segments = []
+    for cell in product(*(range(1, len(b)) for b in boundaries.values())):
+        mask = np.ones(len(rows), dtype=bool)
+        for name, place in zip(cuts, cell, strict=True):
+            mask &= inside[name][place - 1]
+        segments.append(Segment(segment_id(curve.id, tuple(cuts), cell), curve.id, cell, rows[mask]))
+    _refuse_empty(segments)
+    return SegmentedCurve(
+        curve=curve.id,
+        level=curve.level,
+        variables=tuple(cuts),
+        boundaries=tuple(boundaries.values()),
+        limits={name: (float(x.min()), float(x.max())) for name, x in values.items()},
+        segments=tuple(segments),
+    )
+
+
+def segment_id(curve: str, variables: Sequence[str], cell: Sequence[int]) -> str:
+    """`<curve>/strain:2`, with `;` between variables; `<curve>/all` where nothing is cut."""
+    return f"{curve}/" + (";".join(f"{name}:{place}" for name, place in zip(variables, cell, strict=True)) or "all")
+
+
+def cut_points(x: Array, cut: Cut) -> Array:
+    """Segment locations `seg_i` of one variable, both ends of the range included, (count + 1,).
+
+    Given breakpoints that lie outside of the curve's own range are left out: a low-pressure curve ends at a smaller strain.
+    """
+    low, high = float(x.min()), float(x.max())
+    if low == high:
+        return np.array([low, high])
+    if cut.method == "even":
+        return np.linspace(low, high, cut.count + 1)
+    if cut.method == "breakpoints":
+        return np.array([low, *(b for b in cut.at if low < b < high), high])
+    raise ValueError(f"unknown segmentation method {cut.method!r}: even or breakpoints")
+
+
+def _members(x: Array, boundaries: Array) -> list[Array]:
+    return [(x >= low) & (x <= high) for low, high in pairwise(boundaries)]
+
+
+def _refuse_empty(segments: Sequence[Segment]) -> None:
+    for segment in segments:
+        if len(segment.rows) == 0:
+            raise DataError(
+                f"segment {segment.id}: no training sample lies in it",
+                "use fewer segments, move the breakpoints, or keep more samples of this curve",
+            )
+
+
+def samples_of(curve: Curve, rows: IntArray) -> dict[str, Array]:
+    """Columns of a curve at the given rows."""
+    return {name: column[rows] for name, column in curve.columns.items()}

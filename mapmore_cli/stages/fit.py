@@ -1,0 +1,82 @@
+"""Choose and fit the terms of every segment: `fit.h5`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from mapmore_cli.spec.models import DictionaryEntry, ExperimentSpec, Fit, Fuse, Levels, ModelChoice
+from mapmore_cli.stages.recipes import SegmentSection, recipe_of
+from mapmore_cli.stages.stage import Stage, Workspace
+
+if TYPE_CHECKING:
+    from mapmore_cli.domain.fits import FormulaFit
+    from mapmore_cli.domain.recording import Dataset
+
+
+@dataclass(frozen=True)
+class Slice:
+    """What the segment functions depend on."""
+
+    levels: Levels | None
+    segment: SegmentSection
+    dictionary: list[DictionaryEntry]
+    model: ModelChoice
+    fit: Fit
+
+
+def reads(spec: ExperimentSpec) -> Slice:
+    """The stage's slice of the spec."""
+    return Slice(spec.data.levels, spec.segment, spec.dictionary, spec.model, spec.fit)
+
+
+def run(part: Slice, workspace: Workspace) -> None:
+    """Fit the formula where the model has one, then what it leaves segment by segment."""
+    from mapmore_cli.domain.fits import FitResult
+    from mapmore_cli.modelling.mapmore import fit
+    from mapmore_cli.storage.artefacts import read_dataset, read_segmentation, units_of, write_fit
+
+    dataset = read_dataset(workspace.run_dir / "ingest.h5")
+    formula = _formula(part.model, dataset)
+    if part.model.type == "literature":
+        write_fit(workspace.out / "fit.h5", FitResult((), formula), units_of(dataset))
+        return
+    segmentation = read_segmentation(workspace.run_dir / "segment.h5")
+    recipe = recipe_of(dataset.target, part.levels, part.segment, part.dictionary, part.fit, Fuse())
+    total = sum(len(curve.segments) for curve in segmentation)
+    done = 0
+
+    def tick() -> None:
+        nonlocal done
+        done += 1
+        workspace.progress("segments", done, total)
+
+    fits = fit(dataset.curves, segmentation, recipe, formula, tick)
+    for one in fits:
+        if one.selection.tied.any():
+            workspace.warn(f"segment {one.id}: candidates tie within 1e-9; the first of the dictionary was taken")
+    write_fit(workspace.out / "fit.h5", FitResult(fits, formula), units_of(dataset))
+
+
+def _formula(model: ModelChoice, dataset: Dataset) -> FormulaFit | None:
+    """The fitted backbone, or the run's own formula.
+
+    Raises
+    ------
+    FitError
+        Where it did not converge to anything usable: the model stands on it.
+    """
+    from mapmore_cli.domain.errors import FitError
+    from mapmore_cli.modelling.backbone import fit_formula
+
+    name = model.name if model.type == "literature" else model.backbone
+    if name is None:
+        return None
+    formula = fit_formula(name, dataset.curves, dataset.target)
+    if formula.failed:
+        reasons = "; ".join(formula.notes) or "no finite parameters were found"
+        raise FitError(f"the fit of {name} failed: {reasons}", "take another formula, or build the model without one")
+    return formula
+
+
+STAGE = Stage(name="fit", revision=1, outputs=("fit.h5",), reads=reads, run=run)

@@ -1,0 +1,69 @@
+"""From sections of the spec to what the mathematics has to be told."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from mapmore_cli.spec.models import BelowAbove, Cuts, DictionaryEntry, Fit, Fuse, Levels
+
+if TYPE_CHECKING:
+    from mapmore_cli.domain.models import Side
+    from mapmore_cli.modelling.recipe import Cut, Recipe
+
+SegmentSection = Mapping[str, Cuts | str]
+
+
+def level_of(levels: Levels | None, segment: SegmentSection) -> str | None:
+    """The quantity whose curves are interpolated: that of `levels`, unless `segment: {<quantity>: none}` pools its curves."""
+    return None if levels is None or segment.get(levels.of) == "none" else levels.of
+
+
+def cuts_of(segment: SegmentSection) -> dict[str, Cut]:
+    """The segmented variables; words (`none`, `levels`) are about the level quantity."""
+    from mapmore_cli.modelling.recipe import Cut
+
+    return {name: Cut(cut.method, cut.count or 1, tuple(cut.at or ())) for name, cut in segment.items() if isinstance(cut, Cuts)}
+
+
+def terms_of(dictionary: Sequence[DictionaryEntry]) -> tuple[str, ...]:
+    """Names of all candidate terms in the order of the dictionary, each once."""
+    from mapmore_cli.modelling.terms import monomials, parse, to_text
+
+    names: list[str] = []
+    for entry in dictionary:
+        if entry.polynomial is not None:
+            family = entry.polynomial
+            names += [to_text(term) for term in monomials(family.of, family.order, family.constant)]
+        names += [to_text(parse(text)) for text in entry.terms or ()]
+    return tuple(dict.fromkeys(names))
+
+
+def recipe_of(
+    target: str, levels: Levels | None, segment: SegmentSection, dictionary: Sequence[DictionaryEntry], fit: Fit, fuse: Fuse
+) -> Recipe:
+    """The whole recipe of a MAPMORE model."""
+    from mapmore_cli.modelling.recipe import Recipe
+
+    return Recipe(
+        target=target,
+        level=level_of(levels, segment),
+        cuts=cuts_of(segment),
+        dictionary=terms_of(dictionary),
+        scaling=fit.scaling,
+        max_terms=fit.max_terms,
+        tolerance=fit.tolerance,
+        stop=fit.stop,
+        transition=fuse.transition,
+        z_s=fuse.z_s,
+        extrapolation=_sides(fuse),
+        beyond=fuse.extrapolation if isinstance(fuse.extrapolation, str) else None,
+    )
+
+
+def _sides(fuse: Fuse) -> dict[str, tuple[Side | None, Side | None]]:
+    if not isinstance(fuse.extrapolation, Mapping):
+        return {}
+    return {
+        name: (sides.below, sides.above) if isinstance(sides, BelowAbove) else (sides, sides) for name, sides in fuse.extrapolation.items()
+    }

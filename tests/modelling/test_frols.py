@@ -1,0 +1,289 @@
+"""FROLS against a textbook implementation written independently, and against every case in which known packages fail."""
+
+from __future__ import annotations
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.modelling.frols import frols
+
+
+def textbook(P, y, max_terms, tolerance=0.0):
+    """Billings 2013, section 3.2, candidate by candidate with classical Gram-Schmidt, as one would do it on paper."""
+    _n, M = P.shape
+    sigma = y @ y
+    chosen, Q, g, err = [], [], [], []
+    tables = []
+    while len(chosen) < max_terms:
+        row = np.full(M, np.nan)
+        remainders = {}
+        for m in range(M):
+            if m in chosen:
+                continue
+            q = P[:, m].copy()
+            for _ in range(2):
+                for o in Q:
+                    q = q - (q @ o) / (o @ o) * o
+            if q @ q <= 1e-20 * (P[:, m] @ P[:, m]):
+                continue
+            remainders[m] = q
+            row[m] = (y @ q) ** 2 / (q @ q) / sigma
+        if not remainders:
+            break
+        best = int(np.nanargmax(row))
+        chosen.append(best)
+        Q.append(remainders[best])
+        g.append((y @ Q[-1]) / (Q[-1] @ Q[-1]))
+        err.append(row[best])
+        tables.append(row)
+        if 1 - sum(err) <= tolerance:
+            break
+    theta = np.linalg.lstsq(P[:, chosen], y, rcond=None)[0]
+    return chosen, np.array(g), np.array(err), theta, np.array(tables)
+
+
+@pytest.mark.parametrize("seed", range(200))
+def test_agrees_with_the_textbook(seed):
+    rng = np.random.default_rng(seed)
+    n, M = int(rng.integers(12, 200)), int(rng.integers(2, 12))
+    P = rng.normal(size=(n, M)) * 10.0 ** rng.uniform(-3, 3, M) + rng.normal(size=M)
+    y = P @ (rng.normal(size=M) * (rng.random(M) < 0.5)) + rng.normal(size=n) * 10.0 ** rng.uniform(-3, 1)
+    k = int(rng.integers(1, M + 1))
+    chosen, g, err, theta, tables = textbook(P, y, k)
+    ours = frols(P, y, k)
+    assert ours.chosen.tolist() == chosen
+    np.testing.assert_allclose(ours.err, err, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(ours.g, g, rtol=1e-7)
+    np.testing.assert_allclose(ours.theta, theta, rtol=1e-7)
+    np.testing.assert_allclose(ours.err_all, tables, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(ours.a @ ours.theta, ours.g, rtol=1e-9)
+
+
+@settings(deadline=None, max_examples=150)
+@given(seed=st.integers(0, 2**32 - 1), n=st.integers(3, 60), M=st.integers(1, 8))
+def test_total_err_is_what_least_squares_explains(seed, n, M):
+    rng = np.random.default_rng(seed)
+    P, y = rng.normal(size=(n, M)), rng.normal(size=n)
+    ours = frols(P, y)
+    fit = P[:, ours.chosen] @ np.linalg.lstsq(P[:, ours.chosen], y, rcond=None)[0]
+    assert ours.err.sum() == pytest.approx(1 - np.sum((y - fit) ** 2) / (y @ y), abs=1e-12)
+    assert ours.err.sum() <= 1 + 1e-12
+    assert ours.sse == pytest.approx(np.sum((y - fit) ** 2), abs=1e-10)
+
+
+def test_theta_is_of_the_original_terms_not_of_the_orthogonal_ones():
+    x = np.linspace(0.1, 1, 40)
+    P = np.column_stack([np.ones_like(x), x, x**2])
+    ours = frols(P, 2 - 3 * x + 0.5 * x**2)
+    np.testing.assert_allclose(ours.theta[np.argsort(ours.chosen)], [2, -3, 0.5], rtol=1e-9)
+    assert not np.allclose(ours.theta, ours.g)
+
+
+def test_standard_errors_are_those_of_ordinary_least_squares():
+    rng = np.random.default_rng(4)
+    P = rng.normal(size=(50, 3)) * [1, 100, 1e-3]
+    y = P @ [1, 0.02, 3000] + rng.normal(size=50)
+    ours = frols(P, y)
+    chosen = P[:, ours.chosen]
+    residual = y - chosen @ ours.theta
+    covariance = residual @ residual / (50 - 3) * np.linalg.inv(chosen.T @ chosen)
+    np.testing.assert_allclose(ours.theta_error, np.sqrt(np.diag(covariance)), rtol=1e-9)
+
+
+# --- cases in which known packages fail -------------------------------------------------------------------------------------------------
+
+
+def test_chosen_column_whose_first_sample_is_zero():
+    """t^0..t^5 from t = 0, where one package reports a total ERR of 1.77."""
+    t = np.linspace(0, 1, 60)
+    P = np.column_stack([t**i for i in range(6)])
+    y = np.exp(-3 * t) + t**5
+    ours = frols(P, y)
+    chosen, _, err, theta, _ = textbook(P, y, 6)
+    assert ours.chosen.tolist() == chosen
+    assert ours.err.sum() <= 1 + 1e-12
+    np.testing.assert_allclose(ours.err, err, atol=1e-9)
+    np.testing.assert_allclose(ours.theta, theta, rtol=1e-6)
+
+
+def test_stopping_by_tolerance_gives_the_same_terms_as_stopping_by_number():
+    """One package returns a wrong last column when the tolerance stops it."""
+    rng = np.random.default_rng(7)
+    P = rng.normal(size=(80, 10))
+    y = P[:, 3] * 2 - P[:, 8] + 0.5 * P[:, 1]
+    ours = frols(P, y, max_terms=10, tolerance=1e-12)
+    assert ours.stop == "tolerance"
+    by_number = frols(P, y, max_terms=3)
+    assert by_number.stop in ("max_terms", "tolerance")
+    assert ours.chosen.tolist() == by_number.chosen.tolist()
+    np.testing.assert_allclose(ours.theta, by_number.theta)
+    np.testing.assert_allclose(ours.a, by_number.a)
+
+
+@pytest.mark.parametrize(
+    "dependent",
+    [
+        pytest.param(lambda P: P[:, 0], id="duplicate"),
+        pytest.param(lambda P: np.zeros(len(P)), id="zero"),
+        pytest.param(lambda P: -3 * P[:, 1], id="multiple"),
+        pytest.param(lambda P: 2 * P[:, 0] - 5 * P[:, 2] + P[:, 1], id="combination"),
+    ],
+)
+def test_dependent_columns_are_skipped_and_never_divided_by(dependent):
+    rng = np.random.default_rng(11)
+    P = rng.normal(size=(40, 4))
+    wide = np.column_stack([P, dependent(P)])
+    y = P @ [1, -2, 3, 0.1] + 0.01 * rng.normal(size=40)
+    ours = frols(wide, y)
+    assert len(ours.chosen) == 4
+    assert ours.stop == "rank"
+    assert ours.err.sum() <= 1 + 1e-12
+    assert np.isfinite(ours.theta).all()
+    np.testing.assert_allclose(wide[:, ours.chosen] @ ours.theta, P @ np.linalg.lstsq(P, y, rcond=None)[0], atol=1e-10)
+
+
+def test_a_tie_goes_to_the_lower_index_even_when_rounding_favours_the_other():
+    x = np.linspace(0.3, 5, 31)
+    P = np.column_stack([np.ones_like(x), x * (1 + 1e-13), x])
+    ours = frols(P, 3 * x, max_terms=1)
+    assert ours.chosen.tolist() == [1]
+    assert ours.tied.tolist() == [1]
+    assert ours.runner_up.tolist() == [2]
+
+
+def test_an_input_that_is_only_zero_or_five_makes_powers_identical():
+    rng = np.random.default_rng(2)
+    u = 5.0 * (rng.random(100) < 0.5)
+    P = np.column_stack([u**2, u, np.ones(100)])
+    ours = frols(P, 0.4 * u + 1)
+    assert sorted(ours.chosen.tolist()) == [0, 2]
+    assert ours.stop in ("rank", "no_gain", "tolerance")
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_values_that_are_not_finite_are_refused_with_column_and_row(bad):
+    P = np.ones((6, 3))
+    P[4, 2] = bad
+    with pytest.raises(DataError, match="candidate 2 is not finite at row 4"):
+        frols(P, np.arange(6.0))
+    y = np.arange(6.0)
+    y[5] = bad
+    with pytest.raises(DataError, match="y is not finite at row 5"):
+        frols(np.ones((6, 3)), y)
+
+
+def test_more_terms_asked_than_the_rank():
+    rng = np.random.default_rng(5)
+    P = rng.normal(size=(30, 3)) @ rng.normal(size=(3, 9))
+    ours = frols(P, rng.normal(size=30), max_terms=9)
+    assert len(ours.chosen) == 3
+    assert ours.stop == "rank"
+
+
+def test_nothing_to_explain():
+    ours = frols(np.ones((5, 2)), np.zeros(5), max_terms=2)
+    assert len(ours.chosen) == 0
+    assert ours.stop == "no_gain"
+    assert ours.err_all.shape == (0, 2)
+
+
+@pytest.mark.parametrize("scale", [1e-200, 1e-30, 1e30, 1e150])
+def test_extreme_units_change_nothing(scale):
+    rng = np.random.default_rng(8)
+    P = rng.normal(size=(30, 5))
+    y = P @ [1, 2, 0, 0, 3] + 0.1 * rng.normal(size=30)
+    plain, extreme = frols(P, y, 3), frols(P * scale, y, 3)
+    assert plain.chosen.tolist() == extreme.chosen.tolist()
+    np.testing.assert_allclose(extreme.err, plain.err, rtol=1e-12)
+    np.testing.assert_allclose(extreme.theta * scale, plain.theta, rtol=1e-12)
+
+
+def test_tables_hold_every_candidate_at_every_iteration():
+    rng = np.random.default_rng(9)
+    P, y = rng.normal(size=(30, 6)), rng.normal(size=30)
+    ours = frols(P, y, 4)
+    assert ours.g_all.shape == ours.err_all.shape == (4, 6)
+    for step, pick in enumerate(ours.chosen):
+        assert np.isnan(ours.err_all[step, ours.chosen[:step]]).all()
+        assert ours.err_all[step, pick] == np.nanmax(ours.err_all[step])
+        assert ours.err_all[step, pick] == pytest.approx(ours.err[step], rel=1e-12)
+        assert ours.g_all[step, pick] == pytest.approx(ours.g[step], rel=1e-12)
+        assert ours.runner_up[step] == np.argsort(np.nan_to_num(ours.err_all[step], nan=-1))[-2]
+
+
+@pytest.mark.parametrize("low", [0.5, 2.0])
+def test_ill_conditioned_powers_keep_their_digits(low):
+    """x^0..x^9 on [0.5, 1.5] (condition 3.5e8) and [2, 4]: selection and ERR as in arithmetic with 50 digits."""
+    x = np.linspace(low, 2 * low if low > 1 else 1.5, 40)
+    P = np.column_stack([x**i for i in range(10)])
+    y = np.sin(5 * x) + 2
+    ours = frols(P, y, 8)
+    with mpmath.workdps(50):
+        chosen, err = exact(P, y, 8)
+    assert ours.chosen.tolist() == chosen
+    np.testing.assert_allclose(ours.err, err, rtol=1e-6, atol=1e-15)
+
+
+def exact(P, y, k):
+    columns = [[mpmath.mpf(float(v)) for v in P[:, m]] for m in range(P.shape[1])]
+    target = [mpmath.mpf(float(v)) for v in y]
+
+    def dot(a, b):
+        return mpmath.fsum(p * q for p, q in zip(a, b, strict=True))
+
+    sigma = dot(target, target)
+    chosen, errs = [], []
+    for _ in range(k):
+        gains = {m: dot(target, q) ** 2 / dot(q, q) / sigma for m, q in enumerate(columns) if m not in chosen}
+        best = max(gains, key=gains.get)
+        chosen.append(best)
+        errs.append(float(gains[best]))
+        o = columns[best]
+        for m, q in enumerate(columns):
+            if m not in chosen:
+                factor = dot(q, o) / dot(o, o)
+                columns[m] = [a - factor * b for a, b in zip(q, o, strict=True)]
+    return chosen, errs
+
+
+@pytest.mark.parametrize("stop", ["bic", "aicc", "press"])
+def test_stop_rules_find_the_planted_number_of_terms(stop):
+    found = []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        P = rng.normal(size=(400, 12))
+        y = P[:, 2] - 2 * P[:, 5] + P[:, 9] + 0.3 * rng.normal(size=400)
+        ours = frols(P, y, 10, stop=stop)
+        assert set(ours.chosen[:3].tolist()) == {2, 5, 9}
+        assert ours.stop == stop
+        assert len(ours.theta) == len(ours.chosen) == len(ours.a)
+        found.append(len(ours.chosen))
+    assert np.median(found) <= (3 if stop == "bic" else 5)
+
+
+def test_press_is_the_leave_one_out_error():
+    rng = np.random.default_rng(1)
+    P = rng.normal(size=(25, 5))
+    y = P @ [3, 0, -1, 0, 0] + rng.normal(size=25)
+    order = frols(P, y).chosen
+    press = []
+    for k in range(1, 6):
+        left_out = []
+        for i in range(25):
+            rest = np.arange(25) != i
+            theta = np.linalg.lstsq(P[rest][:, order[:k]], y[rest], rcond=None)[0]
+            left_out.append(y[i] - P[i, order[:k]] @ theta)
+        press.append(np.sum(np.square(left_out)))
+    assert len(frols(P, y, 5, stop="press").chosen) == int(np.argmin(press)) + 1
+
+
+@pytest.mark.parametrize(("P", "y"), [(np.ones(5), np.ones(5)), (np.ones((5, 2)), np.ones(4)), (np.empty((0, 2)), np.empty(0))])
+def test_shapes_that_do_not_fit(P, y):
+    with pytest.raises(ValueError, match="must be"):
+        frols(P, y)
+    with pytest.raises(ValueError, match="max_terms"):
+        frols(np.ones((4, 2)), np.ones(4), max_terms=0)
