@@ -1,0 +1,91 @@
+"""The quasi-static load cycle at constant pressure (M1 section IV.A, M2 section 4.3).
+
+The muscle is locked at its starting length (zero strain) and pressurised; it slowly contracts until its force is zero and is slowly drawn
+out again. Recorded is the loop at constant pressure; pressurising before it and venting after it are not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.rig.hysteresis import Hysteresis
+from mapmore_cli.rig.muscle import StaticMuscle, softplus, zero_force_strain
+from mapmore_cli.rig.sensors import Sensor
+
+SLACK_WIDTH = 0.5
+"""Force, N, over which a slack muscle's pull fades out: it buckles, and cannot push on the load cell."""
+
+
+@dataclass(frozen=True)
+class LoadCycle:
+    """How the actuator moves."""
+
+    duration: float  # of the recording, s
+    sample_time: float  # s
+    dwell: float  # rest before, between and after the two moves, s
+    least_stroke: float  # strain that is reached even by a muscle without any force
+
+
+@dataclass(frozen=True)
+class Regulation:
+    """Slow wander of a regulated pressure about its set value, which the muscle really feels."""
+
+    ripple: float  # standard deviation, as a fraction of the set pressure
+    correlation_time: float  # s
+
+
+def load_cycle(
+    muscle: StaticMuscle, hysteresis: Hysteresis, cycle: LoadCycle, regulation: Regulation, pressure: float, rng: np.random.Generator
+) -> Columns:
+    """True `time` (s), `pressure` (Pa), `strain` and `force` (N) of one cycle at the set `pressure` (Pa), each `(n,)`.
+
+    `F = softplus(F_static(P, e) - h(P, e))`: hysteresis takes from the pull in contraction and adds to it in extension.
+    """
+    samples = round(cycle.duration / cycle.sample_time) + 1
+    time = cycle.sample_time * np.arange(samples, dtype=np.float64)
+    strain = strain_path(cycle, turning_strain(muscle, hysteresis, cycle, pressure), time)
+    actual = regulated_pressure(regulation, cycle.sample_time, pressure, rng.standard_normal(samples))
+    pull = muscle.force(actual, strain) - hysteresis.force(actual, strain)
+    return {"time": time, "pressure": actual, "strain": strain, "force": softplus(pull, SLACK_WIDTH)}
+
+
+def turning_strain(muscle: StaticMuscle, hysteresis: Hysteresis, cycle: LoadCycle, pressure: float) -> float:
+    """Strain at which the contracting muscle's force has fallen to zero, or the least stroke where that is further.
+
+    Friction stops the muscle a little short of its static free strain.
+    """
+
+    def contracting(strain: float) -> float:
+        path = np.array([0.0, strain])
+        return float((muscle.force(pressure, path) - hysteresis.force(pressure, path))[-1])
+
+    return max(zero_force_strain(contracting), cycle.least_stroke)
+
+
+def strain_path(cycle: LoadCycle, turning: float, time: Array) -> Array:
+    """Strain `(n,)`: rest at zero, steady contraction to `turning`, rest, steady extension, rest."""
+    half, rest = 0.5 * cycle.duration, cycle.dwell
+    corners = [0.0, rest, half - 0.5 * rest, half + 0.5 * rest, cycle.duration - rest, cycle.duration]
+    return np.interp(time, corners, [0.0, 0.0, turning, turning, 0.0, 0.0])
+
+
+def regulated_pressure(regulation: Regulation, sample_time: float, pressure: float, shocks: Array) -> Array:
+    """Pressure `(n,)`, Pa: `P (1 + ripple x)`, x a stationary first-order Gauss-Markov process of unit variance.
+
+    `x[k] = a x[k-1] + sqrt(1 - a^2) shocks[k]`, `a = exp(-dt/tau)`, x[0] = shocks[0]. A vented muscle has no ripple.
+    """
+    from scipy.signal import lfilter
+
+    memory = np.exp(-sample_time / regulation.correlation_time)
+    driven = np.sqrt(1.0 - memory**2) * shocks
+    driven[0] = shocks[0]
+    return np.asarray(pressure * (1.0 + regulation.ripple * lfilter([1.0], [1.0, -memory], driven)))
+
+
+def measure(truth: Columns, sensors: Mapping[str, Sensor], rng: np.random.Generator) -> Columns:
+    """The columns as logged, in the units of `truth`; a column without a sensor (the clock) is passed on."""
+    return {name: sensors[name].read(values, rng) if name in sensors else values for name, values in truth.items()}

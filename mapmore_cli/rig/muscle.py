@@ -1,0 +1,57 @@
+"""What every synthetic muscle has: a static force, a soft threshold pressure, a strain at which it pulls no more.
+
+The rig computes in SI units: Pa, N, m, s, and strain as a fraction of the starting length, positive in contraction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.errors import SpecError
+
+STRAIN_RANGE = (-0.02, 0.36)
+"""Strains between which a force is looked for: a little stretch, to just short of the geometric limit of both muscles."""
+
+
+class StaticMuscle(Protocol):
+    """A muscle at rest."""
+
+    def force(self, pressure: Array | float, strain: Array | float) -> Array:
+        """Pull in N at `pressure` >= 0 (Pa, gauge) and `strain`; the two are broadcast against each other."""
+        ...
+
+
+def softplus(x: Array | float, width: float) -> Array:
+    """`width ln(1 + exp(x / width))`: zero far below 0, x far above, rounded over `width`."""
+    return np.asarray(width * np.logaddexp(0.0, np.divide(x, width)), dtype=np.float64)
+
+
+def effective_pressure(pressure: Array | float, threshold: float, width: float) -> Array:
+    """Pressure left after the muscle's wall has been unfolded, Pa: `softplus(P - P_th; w) - softplus(-P_th; w)`, zero at P = 0."""
+    return softplus(np.asarray(pressure) - threshold, width) - softplus(-threshold, width)
+
+
+def zero_force_strain(force: Callable[[float], float]) -> float:
+    """Strain in `STRAIN_RANGE` at which a force that falls with strain vanishes.
+
+    Raises `SpecError` for a muscle that still pulls at the end of the range, or pushes at its beginning.
+    """
+    from scipy.optimize import brentq
+
+    first, last = map(force, STRAIN_RANGE)
+    if not first >= 0.0 >= last:
+        raise SpecError(
+            f"the simulated muscle's force does not vanish between strains {STRAIN_RANGE[0]:g} and {STRAIN_RANGE[1]:g}: "
+            f"it goes from {first:.3g} N to {last:.3g} N",
+            "lower the pressure, or bring the parameters of `muscle` nearer to their defaults",
+        )
+    return float(brentq(force, *STRAIN_RANGE, xtol=1e-12))
+
+
+def free_strain(muscle: StaticMuscle, pressure: float) -> float:
+    """Largest contraction that the unloaded muscle reaches at `pressure`."""
+    return zero_force_strain(lambda strain: float(muscle.force(pressure, strain)))

@@ -1,0 +1,134 @@
+"""The spec of a simulation: which synthetic muscle, on which rig, seen through which sensors.
+
+Numbers are in the units of the recordings: kPa, N, m, s, strain as a fraction; angles in degrees. The defaults of the muscles give the
+force levels and free strains of the McKibben and Peano muscles of M2.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from mapmore_cli.spec.models import Name, Positive, Section
+
+NonNegative = Annotated[float, Field(ge=0)]
+Pressure = Annotated[float, Field(ge=0, le=2000)]  # kPa, gauge; above, the geometry of the muscles means nothing
+
+
+def pressure_label(pressure: float) -> str:
+    """Name of a pressure in file names: `080`, `350`, `82.5`."""
+    return f"{pressure:03g}"
+
+
+class McKibbenMuscle(Section):
+    """A braided cylinder around a rubber tube (see `mapmore_cli.rig.mckibben`); defaults: DMSP-20-88N."""
+
+    kind: Literal["mckibben"]
+    length: Positive = 0.088  # m
+    diameter: Positive = 0.020  # m
+    braid_angle: Annotated[float, Field(ge=12, lt=54)] = 25.0  # degrees from the axis; below 12, taut before 2 % of stretch
+    taper: Annotated[float, Field(ge=0, le=2)] = 0.85  # length of each tapered end over the change of radius
+    wall: Positive = 0.002  # m
+    c10: NonNegative = 280.0  # Mooney-Rivlin constants, kPa
+    c01: NonNegative = 60.0  # kPa
+    threshold: NonNegative = 22.0  # pressure that unfolds the wall, kPa
+    threshold_width: Positive = 8.0  # kPa
+    crimp_force: NonNegative = 150.0  # N
+    crimp_pressure: Positive = 150.0  # kPa
+    crimp_strain: Positive = 0.012
+    crimp_exponent: Positive = 1.5
+    stretch_stiffness: NonNegative = 9000.0  # taut braid below zero strain, N
+    stretch_strain: Positive = 0.002
+
+
+class PeanoMuscle(Section):
+    """Flat tubes side by side (see `mapmore_cli.rig.peano`); defaults: the four-tube muscle of M2."""
+
+    kind: Literal["peano"]
+    tube_width: Positive = 0.01725  # along the pull, m
+    tube_length: Positive = 0.046  # across the pull, m
+    end_loss: Annotated[float, Field(ge=0, lt=1)] = 0.33  # beta: share of the bulge that the closed ends take away
+    stiffness: Positive = 26000.0  # of the fabric, N
+    bending: NonNegative = 26.0  # N per rad
+    threshold: NonNegative = 6.0  # kPa
+    threshold_width: Positive = 3.0  # kPa
+
+
+class Stop(Section):
+    """One elasto-slide element: it yields after `yield_strain` and carries `share` of the friction."""
+
+    yield_strain: Positive
+    share: Positive
+
+
+class HysteresisSpec(Section):
+    """Friction: half-width of the loop in N, `base + per_pressure P[kPa]`, shared out among `stops`."""
+
+    base: NonNegative  # N
+    per_pressure: NonNegative  # N/kPa
+    stops: Annotated[list[Stop], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _whole(self) -> HysteresisSpec:
+        total = sum(stop.share for stop in self.stops)
+        if abs(total - 1.0) > 1e-9:
+            raise ValueError(f"the shares of the stops must add up to 1, not {total:g}")
+        return self
+
+
+class Regulation(Section):
+    """Slow wander of the regulated pressure."""
+
+    ripple: NonNegative  # standard deviation as a fraction of the set pressure
+    correlation_time: Positive  # s
+
+
+class LoadCycles(Section):
+    """One slow contraction and extension at each pressure (M1 section IV.A)."""
+
+    type: Literal["load_cycles"]
+    pressures: Annotated[list[Pressure], Field(min_length=1)]  # kPa
+    duration: Positive  # of each recording, s
+    sample_time: Positive  # s
+    dwell: NonNegative  # rest before, between and after the moves, s
+    least_stroke: Annotated[float, Field(gt=0, le=0.2)]  # strain reached even where the muscle has no force
+    regulation: Regulation
+
+    @model_validator(mode="after")
+    def _possible(self) -> LoadCycles:
+        if len({pressure_label(pressure) for pressure in self.pressures}) != len(self.pressures):
+            raise ValueError("each pressure makes one recording: name it once")
+        if 3 * self.dwell >= self.duration:
+            raise ValueError("three rests of `dwell` leave no time to move: lengthen `duration`")
+        if 100 * self.sample_time > self.duration:
+            raise ValueError("fewer than 100 samples: shorten `sample_time` or lengthen `duration`")
+        return self
+
+
+class SensorSpec(Section):
+    """White noise (standard deviation) and quantisation step, in the unit of the column."""
+
+    noise: NonNegative
+    resolution: Positive
+
+
+class Sensors(Section):
+    """What the logger sees."""
+
+    pressure: SensorSpec  # kPa
+    strain: SensorSpec
+    force: SensorSpec  # N
+
+
+class SimulationSpec(Section):
+    """One synthetic campaign; `mapmore simulate` writes `<output>_<pressure>.csv` for each pressure beside the spec."""
+
+    schema_version: Literal[1] = 1
+    name: Name
+    muscle: Annotated[McKibbenMuscle | PeanoMuscle, Field(discriminator="kind")]
+    hysteresis: HysteresisSpec
+    experiment: LoadCycles
+    sensors: Sensors
+    seed: Annotated[int, Field(ge=0)]
+    output: Name

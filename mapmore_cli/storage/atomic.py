@@ -1,0 +1,82 @@
+"""Files that are either the old or the new ones, whatever happens; and what the file system refuses, said to the user."""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from secrets import token_hex
+
+from mapmore_cli.domain.errors import WriteError
+
+TEMPORARY = ".tmp-"
+"""How the names of unfinished files and folders start."""
+
+_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG}
+_REFUSED = {errno.EACCES, errno.EPERM, errno.EISDIR, errno.ENOTDIR, errno.EEXIST, errno.ENAMETOOLONG}
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a file whole: beside the old one, flushed to the disk, then moved over it."""
+    unfinished = path.with_name(f"{TEMPORARY}{token_hex(6)}-{path.name}")
+    with refusals_told(path.parent):
+        try:
+            with unfinished.open("xb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            unfinished.replace(path)
+        except BaseException:
+            unfinished.unlink(missing_ok=True)
+            raise
+        sync_folder(path.parent)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a UTF-8 file whole, with the line ends of `text`."""
+    write_bytes(path, text.encode())
+
+
+def sync_tree(folder: Path) -> None:
+    """Flush every file and folder below `folder` to the disk."""
+    for parent, _, names in os.walk(folder, topdown=False):
+        for name in names:
+            _sync(Path(parent) / name, os.O_RDONLY)
+        sync_folder(Path(parent))
+
+
+def sync_folder(folder: Path) -> None:
+    """Flush a folder's entries to the disk, where the system can."""
+    if hasattr(os, "O_DIRECTORY"):
+        _sync(folder, os.O_RDONLY | os.O_DIRECTORY)
+
+
+@contextmanager
+def refusals_told(folder: Path) -> Iterator[None]:
+    """Turn a full disk, and a refusal that concerns something in `folder`, into a WriteError; other faults pass through.
+
+    A refusal elsewhere is none of ours: a stage may find that a recording cannot be read.
+    """
+    try:
+        yield
+    except OSError as fault:
+        place = Path(os.fsdecode(fault.filename)) if isinstance(fault.filename, str | bytes) else folder
+        ours = place == folder or folder in place.parents or place in folder.parents
+        if fault.errno in _FULL or (fault.errno in _REFUSED and ours):
+            remedy = (
+                "make room on the disk, or choose another folder with --runs"
+                if fault.errno in _FULL
+                else "choose another folder with --runs"
+            )
+            raise WriteError(f"{place}: cannot be written ({os.strerror(fault.errno or 0)})", remedy) from fault
+        raise
+
+
+def _sync(path: Path, flags: int) -> None:
+    handle = os.open(path, flags)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

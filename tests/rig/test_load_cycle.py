@@ -1,0 +1,92 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import trapezoid
+
+from mapmore_cli.rig.hysteresis import Hysteresis
+from mapmore_cli.rig.load_cycle import LoadCycle, Regulation, load_cycle, measure, regulated_pressure
+from mapmore_cli.rig.muscle import free_strain
+from mapmore_cli.rig.sensors import Sensor
+from mapmore_cli.spec.simulation import McKibbenMuscle, PeanoMuscle
+from mapmore_cli.stages.simulate import muscle_of
+
+MUSCLES = {"mckibben": muscle_of(McKibbenMuscle(kind="mckibben")), "peano": muscle_of(PeanoMuscle(kind="peano"))}
+FRICTION = Hysteresis(base=3.0, per_pressure=3e-5, yield_strains=np.array([0.001, 0.01]), shares=np.array([0.5, 0.5]))
+CYCLE = LoadCycle(duration=50.0, sample_time=0.02, dwell=0.5, least_stroke=0.01)
+STEADY = Regulation(ripple=0.0, correlation_time=2.0)
+both = pytest.mark.parametrize("kind", list(MUSCLES))
+
+
+def run(kind, kpa, cycle=CYCLE, regulation=STEADY):
+    return load_cycle(MUSCLES[kind], FRICTION, cycle, regulation, kpa * 1e3, np.random.default_rng(1))
+
+
+@both
+@pytest.mark.parametrize("kpa", [80, 350])
+def test_one_loop_from_lock_to_zero_force_and_back(kind, kpa):
+    truth = run(kind, kpa)
+    time, strain, force = truth["time"], truth["strain"], truth["force"]
+    assert len(time) == 2501
+    assert strain[0] == strain[-1] == 0.0
+    turn = int(np.argmax(strain))
+    assert np.all(np.diff(strain[: turn + 1]) >= 0)
+    assert np.all(np.diff(strain[turn:]) <= 0)
+    assert 0.8 * free_strain(MUSCLES[kind], kpa * 1e3) < strain[turn] < free_strain(MUSCLES[kind], kpa * 1e3)
+    assert 0 <= force[turn] < 0.5
+    assert force[0] == pytest.approx(float(MUSCLES[kind].force(kpa * 1e3, 0.0)), rel=1e-9)
+
+
+@both
+@pytest.mark.parametrize("kpa", [0, 80, 350])
+def test_the_loop_dissipates_and_never_pushes(kind, kpa):
+    truth = run(kind, kpa)
+    assert -trapezoid(truth["force"], truth["strain"]) > 0  # work put in while drawing out, less work got from contracting
+    assert truth["force"].min() >= 0
+
+
+@both
+def test_extension_lies_above_contraction_by_twice_the_half_width(kind):
+    truth = run(kind, 350)
+    turn = int(np.argmax(truth["strain"]))
+    middle = 0.5 * truth["strain"][turn]
+    contracting = np.interp(middle, truth["strain"][:turn], truth["force"][:turn])
+    extending = np.interp(middle, truth["strain"][turn:][::-1], truth["force"][turn:][::-1])
+    assert extending - contracting == pytest.approx(2 * (3.0 + 3e-5 * 350e3), rel=1e-3)
+
+
+@both
+def test_the_loop_does_not_depend_on_its_duration(kind):
+    slow = LoadCycle(duration=500.0, sample_time=0.2, dwell=5.0, least_stroke=0.01)
+    np.testing.assert_allclose(run(kind, 150)["force"], run(kind, 150, slow)["force"], atol=1e-6)
+
+
+@both
+def test_a_vented_muscle_makes_the_least_stroke_and_hangs_slack(kind):
+    truth = run(kind, 0, regulation=Regulation(ripple=0.01, correlation_time=2.0))
+    assert truth["strain"].max() == pytest.approx(0.01)
+    assert np.all(truth["pressure"] == 0)
+    assert truth["force"][1250] < 0.1
+
+
+def test_ripple_has_the_declared_size_and_memory():
+    shocks = np.random.default_rng(4).standard_normal(200_000)
+    relative = regulated_pressure(Regulation(0.01, 0.5), 0.02, 100e3, shocks) / 100e3 - 1
+    assert relative.mean() == pytest.approx(0, abs=1e-3)
+    assert relative.std() == pytest.approx(0.01, rel=0.03)
+    lag = round(0.5 / 0.02)
+    assert np.corrcoef(relative[:-lag], relative[lag:])[0, 1] == pytest.approx(np.exp(-1), abs=0.03)
+    assert relative[0] == pytest.approx(0.01 * shocks[0])
+
+
+def test_the_muscle_feels_the_ripple():
+    steady, rippled = run("mckibben", 350), run("mckibben", 350, regulation=Regulation(0.0025, 2.0))
+    slope = np.polyfit(rippled["pressure"][:25] - 350e3, rippled["force"][:25] - steady["force"][:25], 1)[0]
+    assert slope == pytest.approx(2.6e-3, rel=0.1)  # dF/dP at zero strain
+
+
+def test_only_sensed_columns_are_read():
+    truth = {"time": np.array([0.0, 0.02]), "force": np.array([1.234, 5.678])}
+    logged = measure(truth, {"force": Sensor(0.0, 0.1)}, np.random.default_rng(1))
+    np.testing.assert_array_equal(logged["time"], truth["time"])
+    np.testing.assert_allclose(logged["force"], [1.2, 5.7])

@@ -1,0 +1,137 @@
+"""`simulate`: the committed recordings regenerate, files are whole, bad specs are refused."""
+
+from __future__ import annotations
+
+import copy
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from pydantic import ValidationError
+
+from mapmore_cli.domain.errors import WriteError
+from mapmore_cli.spec.simulation import McKibbenMuscle, PeanoMuscle, SimulationSpec
+from mapmore_cli.stages.simulate import csv_text, decimals, recording, simulate
+
+DATASETS = Path(__file__).parents[2] / "datasets"
+DOCUMENTS = {kind: yaml.safe_load((DATASETS / kind / "load_cycles.yaml").read_text("utf-8")) for kind in ("mckibben", "peano")}
+SPECS = {kind: SimulationSpec.model_validate(document) for kind, document in DOCUMENTS.items()}
+shipped = pytest.mark.parametrize("kind", list(SPECS))
+
+
+def silent(what, done, total):
+    pass
+
+
+def changed(kind="peano", **experiment):
+    document = copy.deepcopy(DOCUMENTS[kind])
+    document["experiment"].update(experiment)
+    return SimulationSpec.model_validate(document)
+
+
+@shipped
+def test_the_committed_recordings_regenerate(kind, tmp_path):
+    """Another machine's libm may round a value to the neighbouring step: a few may differ, each by one step."""
+    spec = SPECS[kind]
+    steps = [spec.experiment.sample_time, spec.sensors.pressure.resolution, spec.sensors.strain.resolution, spec.sensors.force.resolution]
+    for path in simulate(spec, tmp_path, silent):
+        made, committed = path.read_bytes(), (DATASETS / kind / path.name).read_bytes()
+        if made == committed:
+            continue
+        ours, theirs = (np.loadtxt(text.decode().splitlines()[1:], delimiter=",") for text in (made, committed))
+        flips = np.abs(np.round((ours - theirs) / steps))
+        assert flips.max() <= 1, path.name
+        assert flips.mean() < 1e-3, path.name
+
+
+@shipped
+def test_every_committed_recording_has_a_pressure_in_the_spec(kind, tmp_path):
+    made = {path.name for path in simulate(changed(kind, duration=10.0, sample_time=0.1), tmp_path, silent)}
+    assert made == {path.name for path in (DATASETS / kind).glob("load_cycle_*.csv")}
+    assert len(made) == 5
+
+
+def test_the_datasets_stay_small():
+    assert sum(path.stat().st_size for path in DATASETS.rglob("*") if path.is_file()) < 6e6
+
+
+def test_the_shipped_specs_describe_the_default_muscles():
+    assert SPECS["mckibben"].muscle == McKibbenMuscle(kind="mckibben")
+    assert SPECS["peano"].muscle == PeanoMuscle(kind="peano")
+
+
+def test_another_pressure_leaves_the_others_as_they_were(tmp_path):
+    few, more = changed(pressures=[80.0, 200.0]), changed(pressures=[120.0, 200.0, 80.0])
+    simulate(few, tmp_path / "few", silent)
+    simulate(more, tmp_path / "more", silent)
+    for name in ("load_cycle_080.csv", "load_cycle_200.csv"):
+        assert (tmp_path / "few" / name).read_bytes() == (tmp_path / "more" / name).read_bytes()
+
+
+def test_another_seed_changes_the_noise_only():
+    spec = changed()
+    one, two = (recording(spec.model_copy(update={"seed": seed}), 200.0) for seed in (1, 2))
+    assert not np.array_equal(one["force"], two["force"])
+    assert np.abs(one["force"] - two["force"]).max() < 0.05 * one["force"].max()
+    np.testing.assert_allclose(one["strain"], two["strain"], atol=3e-4)
+
+
+def test_columns_have_the_digits_of_their_steps():
+    assert decimals(SPECS["mckibben"]) == {"time": 2, "pressure": 1, "strain": 5, "force": 1}
+    columns = {"time": np.array([0.02]), "pressure": np.array([80.1]), "strain": np.array([0.00011]), "force": np.array([0.0])}
+    assert csv_text(columns, decimals(SPECS["mckibben"])) == "t,P,eps,F\n0.02,80.1,0.00011,0.0\n"
+
+
+def test_progress_is_reported_for_each_recording(tmp_path):
+    seen = []
+    simulate(changed(pressures=[80.0, 82.5], duration=10.0, sample_time=0.1), tmp_path, lambda *step: seen.append(step))
+    assert seen == [("simulate", 1, 2), ("simulate", 2, 2)]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["load_cycle_080.csv", "load_cycle_82.5.csv"]
+
+
+def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):
+    spec = changed(pressures=[80.0], duration=10.0, sample_time=0.1)
+    (tmp_path / "load_cycle_080.csv").write_text("old")
+
+    def full(self, target):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "replace", full)
+    with pytest.raises(WriteError, match=r"cannot be written.*No space left"):
+        simulate(spec, tmp_path, silent)
+    assert [path.name for path in tmp_path.iterdir()] == ["load_cycle_080.csv"]
+    assert (tmp_path / "load_cycle_080.csv").read_text() == "old"
+
+
+def test_a_file_in_place_of_the_folder_is_refused(tmp_path):
+    (tmp_path / "taken").write_text("")
+    with pytest.raises(WriteError, match="taken"):
+        simulate(changed(duration=10.0, sample_time=0.1), tmp_path / "taken", silent)
+
+
+@pytest.mark.parametrize(
+    ("where", "value", "message"),
+    [
+        (("experiment", "pressures"), [80, 80], "name it once"),
+        (("experiment", "pressures"), [], "at least 1"),
+        (("experiment", "pressures"), [-5], "greater than or equal to 0"),
+        (("experiment", "pressures"), ["80 kPa"], "valid number"),
+        (("experiment", "dwell"), 20, "no time to move"),
+        (("experiment", "sample_time"), 5, "fewer than 100 samples"),
+        (("experiment", "colour"), "red", "not permitted"),
+        (("hysteresis", "stops"), [{"yield_strain": 0.01, "share": 0.9}], "add up to 1"),
+        (("sensors", "force", "resolution"), 0, "greater than 0"),
+        (("muscle", "kind"), "bellows", "kind"),
+        (("output",), "../elsewhere", "pattern"),
+        (("seed",), 1.5, "integer"),
+    ],
+)
+def test_a_bad_spec_is_refused(where, value, message):
+    document = copy.deepcopy(DOCUMENTS["peano"])
+    part = document
+    for key in where[:-1]:
+        part = part[key]
+    part[where[-1]] = value
+    with pytest.raises(ValidationError, match=message):
+        SimulationSpec.model_validate(document)
