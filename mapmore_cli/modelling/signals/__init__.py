@@ -1,0 +1,1 @@
+"""Pure functions of sampled signals: rates, repeated time stamps, levels, load cycles."""

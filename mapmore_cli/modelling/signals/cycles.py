@@ -1,0 +1,137 @@
+"""Load cycles: from loops to static and hysteresis components (M1 section IV.A)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, Columns, IntArray
+from mapmore_cli.domain.errors import DataError
+
+SWING = 0.1  # of the range: a smaller reversal is noise, or a small loop inside the large one
+TRIM = 0.01  # of the range: most that is cut off a branch at each end
+FEWEST = 5  # places at which a branch must have been measured
+
+
+@dataclass(frozen=True)
+class Branches:
+    """Both branches of a load cycle at common values of `over`, each array `(samples,)`.
+
+    `contraction` is where `over` rises (strain: the lower force), `extension` where it falls.
+    """
+
+    over: Array
+    contraction: Columns
+    extension: Columns
+
+    def static(self) -> dict[str, Array]:
+        """Mean of the branches, for every quantity."""
+        return {name: (self.extension[name] + values) / 2 for name, values in self.contraction.items()}
+
+    def hysteresis(self, name: str) -> Array:
+        """Half the distance of the branches, positive where extension lies above contraction."""
+        return (self.extension[name] - self.contraction[name]) / 2
+
+
+def split_cycles(over: Array, columns: Columns, samples: int) -> Branches:
+    """Split load cycles into contraction and extension and resample both at `samples` evenly spaced common values of `over`.
+
+    Reversals smaller than a tenth of the range of `over` are ignored, so that neither noise nor quantisation splits a branch. Rests at the
+    ends of the stroke, where force relaxes, belong to neither branch. The runs of several cycles are pooled. Each branch is averaged in
+    `samples` bins over the range that both cover, which also merges repeated values, and interpolated linearly between the mean
+    positions of its bins: the result does not depend on how fast the cycle was run.
+
+    Parameters
+    ----------
+    over
+        `(n,)` the cycled quantity, in order of time.
+    columns
+        Quantities to split, each `(n,)`.
+    samples
+        Number of values on which the branches are given.
+
+    Raises
+    ------
+    DataError
+        Where there is no full cycle, or too few samples on a branch.
+    """
+    turns = turning_points(over, SWING * float(np.ptp(over))) if len(over) else np.zeros(0, dtype=np.int64)
+    runs = _trimmed_runs(over, turns)
+    rising, falling = (_pooled(runs[direction], name) for direction, name in ((1, "contraction"), (-1, "extension")))
+    low = max(over[rising].min(), over[falling].min())
+    high = min(over[rising].max(), over[falling].max())
+    if not low < high:
+        raise DataError("contraction and extension have no range in common")
+    edges = np.linspace(low, high, samples + 1)
+    means = [_bin_means(over[rows], {n: v[rows] for n, v in columns.items()}, edges) for rows in (rising, falling)]
+    for (places, _), name in zip(means, ("contraction", "extension"), strict=True):
+        if len(places) < FEWEST:
+            raise DataError(f"the {name} branch was measured at {len(places)} different places; {FEWEST} are needed")
+    grid = np.linspace(max(x[0] for x, _ in means), min(x[-1] for x, _ in means), samples)
+    contraction, extension = ({name: np.interp(grid, x, y) for name, y in values.items()} for x, values in means)
+    return Branches(grid, contraction, extension)
+
+
+def turning_points(values: Array, swing: float) -> IntArray:
+    """Return the rows at which `values` `(n,)` reverse, alternately minima and maxima, both ends of the movement included.
+
+    A reversal counts once the values have come back from the extreme by `swing`; empty where they never move so far.
+    """
+    series = values.tolist()
+    turns: list[int] = []
+    low = high = direction = 0
+    for row, value in enumerate(series):
+        low = row if value < series[low] else low
+        high = row if value > series[high] else high
+        if direction >= 0 and series[high] - value >= swing > 0:
+            turns.append(high)
+            direction, low = -1, row
+        elif direction <= 0 and value - series[low] >= swing > 0:
+            turns.append(low)
+            direction, high = 1, row
+    if turns:
+        turns.append(high if direction > 0 else low)
+    return np.array(turns, dtype=np.int64)
+
+
+def _trimmed_runs(over: Array, turns: IntArray) -> Mapping[int, list[IntArray]]:
+    """Rows of each run between turning points, by direction (1 rising, -1 falling), without the rests at its ends."""
+    tolerance = min(2 * _noise(over), TRIM * float(np.ptp(over))) if len(over) else 0.0
+    runs: dict[int, list[IntArray]] = {1: [], -1: []}
+    for begin, end in pairwise(turns):
+        direction = 1 if over[end] > over[begin] else -1
+        travelled = direction * (over[begin : end + 1] - over[begin])
+        first = int(np.flatnonzero(travelled <= tolerance)[-1])
+        last = first + int(np.flatnonzero(travelled[first:] >= travelled[-1] - tolerance)[0])
+        runs[direction].append(np.arange(begin + first, begin + last + 1))
+    return runs
+
+
+def _noise(values: Array) -> float:
+    """Standard deviation of the noise, from second differences, which steady movement leaves at zero."""
+    if len(values) < 3:
+        return 0.0
+    return 1.4826 * float(np.median(np.abs(np.diff(values, 2)))) / math.sqrt(6.0)
+
+
+def _pooled(runs: list[IntArray], name: str) -> IntArray:
+    if not runs:
+        raise DataError(f"there is no full load cycle: the {name} branch is missing")
+    return np.concatenate(runs)
+
+
+def _bin_means(over: Array, columns: Columns, edges: Array) -> tuple[Array, dict[str, Array]]:
+    """Mean position and mean quantities of the samples in every bin that has any, in ascending order."""
+    inside = (over >= edges[0]) & (over <= edges[-1])
+    place = np.clip(np.searchsorted(edges, over[inside], side="right") - 1, 0, len(edges) - 2)
+    counts = np.bincount(place, minlength=len(edges) - 1)
+    filled = counts > 0
+
+    def means(values: Array) -> Array:
+        return np.asarray(np.bincount(place, values[inside], minlength=len(counts))[filled] / counts[filled])
+
+    return means(over), {name: means(values) for name, values in columns.items()}

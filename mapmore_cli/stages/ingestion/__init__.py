@@ -1,0 +1,1 @@
+"""From files to curves: what the ingest stage does, step by step."""

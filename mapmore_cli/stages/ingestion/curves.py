@@ -1,0 +1,123 @@
+"""From recordings to curves: samples sorted by level, their branches joined where cycles were run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.recording import Curve, Recording
+from mapmore_cli.modelling.signals.cycles import split_cycles
+from mapmore_cli.modelling.signals.levels import default_within, find_levels, match_levels
+from mapmore_cli.spec.models import Cycles, Levels
+from mapmore_cli.stages.ingestion.recording import located
+
+
+@dataclass(frozen=True)
+class LevelSet:
+    """The values `(m,)`, ascending, at which the quantity `of` was held, and how far a sample may be from one."""
+
+    of: str
+    at: Array
+    within: float
+
+    def match(self, values: Array) -> Array:
+        """Return the level of every value, NaN where there is none."""
+        index = match_levels(values, self.at, self.within)
+        return np.where(index >= 0, self.at[index], np.nan)
+
+    def describe(self) -> str:
+        """Name the levels in one line."""
+        return f"levels of {self.of}: {', '.join(f'{value:g}' for value in self.at)} (within {self.within:g})"
+
+
+@dataclass(frozen=True)
+class Part:
+    """Samples of one recording at one level, `(n,)` each; `position` runs from 0 to 1 in the order of the recording."""
+
+    recording: Recording
+    level: float | None
+    columns: Columns
+    position: Array
+
+    @property
+    def size(self) -> int:
+        """Number of samples, n."""
+        return len(self.position)
+
+
+def level_set(levels: Levels, recordings: Sequence[Recording]) -> LevelSet:
+    """Return the levels that the spec gives, or those at which its quantity dwells in the recordings taken together."""
+    of = levels.of
+    if levels.at == "auto":
+        at = find_levels(np.concatenate([recording.columns[of] for recording in recordings]))
+        if not at.size:
+            raise DataError(f"levels: {of} is nowhere held constant, so no levels can be found", "Give them, as `at: [80, 150]`.")
+    else:
+        at = np.sort(np.array(levels.at, dtype=float)) + 0.0  # no -0 in curve ids
+    return LevelSet(of, at, levels.within if levels.within is not None else default_within(at))
+
+
+def cut_by_level(recordings: Sequence[Recording], levels: LevelSet | None) -> tuple[list[Recording], list[Part]]:
+    """Return the recordings without the samples that are at no level, and their parts, each in the order of the levels.
+
+    Without levels every recording is one part. Raises DataError for a level that no sample is at.
+    """
+    if levels is None:
+        return list(recordings), [Part(recording, None, recording.columns, _place(recording)) for recording in recordings]
+    pairs = [_cut(recording, levels) for recording in recordings]
+    parts = [part for _, cut in pairs for part in cut]
+    empty = [level for level in levels.at if not any(part.level == level for part in parts)]
+    if empty:
+        values = np.concatenate([recording.columns[levels.of] for recording in recordings])
+        raise DataError(
+            f"levels: no sample is within {levels.within:g} of {levels.of}={empty[0]:g}",
+            f"{levels.of} runs from {values.min():g} to {values.max():g}; give other levels or a wider `within`.",
+        )
+    return [recording for recording, _ in pairs], parts
+
+
+def _cut(recording: Recording, levels: LevelSet) -> tuple[Recording, list[Part]]:
+    level = levels.match(recording.columns[levels.of])
+    at_none = int(np.count_nonzero(np.isnan(level)))
+    reason = f"no level within {levels.within:g} of {levels.of}"
+    columns = {name: values[np.isfinite(level)] for name, values in recording.columns.items()}
+    kept = replace(recording, columns=columns, dropped={**recording.dropped, reason: at_none} if at_none else recording.dropped)
+    masks = [(float(value), level == value) for value in np.unique(level[np.isfinite(level)])]
+    place = _place(recording)
+    return kept, [Part(kept, value, {n: v[mask] for n, v in recording.columns.items()}, place[mask]) for value, mask in masks]
+
+
+def _place(recording: Recording) -> Array:
+    return (np.arange(recording.rows_kept) + 0.5) / max(recording.rows_kept, 1)
+
+
+def join_branches(part: Part, cycles: Cycles, target: str) -> Part:
+    """Replace the load cycles of a part by their static and hysteresis components on common values of `cycles.over` (M1 IV.A).
+
+    Every quantity becomes the mean of its branches; `hysteresis` is added for the target. Time has no meaning afterwards.
+    """
+    over = cycles.over
+    where = part.recording.source if part.level is None else f"{part.recording.source}, level {part.level:g}"
+    others = {name: values for name, values in part.columns.items() if name not in (over, "time")}
+    with located(f"{where} ({part.size} samples)"):
+        branches = split_cycles(part.columns[over], others, cycles.samples)
+    columns = {over: branches.over, **branches.static(), "hysteresis": branches.hysteresis(target)}
+    return Part(part.recording, part.level, columns, np.linspace(0, 1, cycles.samples))
+
+
+def joined_curves(parts: Sequence[Part], held_out: Sequence[BoolArray], levels: LevelSet | None) -> tuple[Curve, ...]:
+    """Join the parts at one level, in the order of the levels; without levels every recording is a curve."""
+    groups: dict[str, list[int]] = {}
+    for number, part in sorted(enumerate(parts), key=lambda pair: 0.0 if pair[1].level is None else pair[1].level):
+        key = part.recording.id if levels is None or part.level is None else f"{levels.of}={part.level:g}"
+        groups.setdefault(key, []).append(number)
+    return tuple(_joined(key, [parts[i] for i in group], [held_out[i] for i in group]) for key, group in groups.items())
+
+
+def _joined(key: str, parts: Sequence[Part], masks: Sequence[BoolArray]) -> Curve:
+    columns = {name: np.concatenate([part.columns[name] for part in parts]) for name in parts[0].columns}
+    return Curve(key, parts[0].level, columns, np.concatenate(masks), tuple(part.recording.id for part in parts))

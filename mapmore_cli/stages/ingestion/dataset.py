@@ -1,0 +1,83 @@
+"""From recordings to a dataset: read, cleaned, converted to the model's units and sorted into curves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.domain.recording import Dataset, Quantity, Recording
+from mapmore_cli.spec.models import Data, FileEntry
+from mapmore_cli.stages.ingestion.curves import cut_by_level, join_branches, joined_curves, level_set
+from mapmore_cli.stages.ingestion.files import Source, find_sources
+from mapmore_cli.stages.ingestion.recording import read_recording
+from mapmore_cli.stages.ingestion.slice import IngestSlice
+from mapmore_cli.stages.ingestion.split import held_out
+from mapmore_cli.stages.stage import Progress
+
+FEW = 10  # samples kept, below which a recording is worth a warning
+MUCH = 0.5  # fraction dropped, above which it is
+
+
+def build_dataset(
+    slice_: IngestSlice, spec_dir: Path, *, progress: Progress = lambda *_: None, warn: Callable[[str], None] = lambda _: None
+) -> Dataset:
+    """Read all recordings and sort their samples into curves; writes nothing.
+
+    Raises
+    ------
+    DataError
+        Files that are missing or broken, levels without samples, held-out data that do not exist.
+    SpecError
+        Choices that contradict each other, or units of different dimension.
+    """
+    data = slice_.data
+    _check(data)
+    recordings = _read_all(find_sources(data.files, spec_dir), slice_, progress)
+    levels = level_set(data.levels, recordings) if data.levels else None
+    recordings, parts = cut_by_level(recordings, levels)
+    for recording in recordings:
+        _warn_of_losses(recording, warn)
+    units = dict(slice_.units)
+    if data.cycles:
+        parts = [join_branches(part, data.cycles, slice_.measured) for part in parts]
+        units["hysteresis"] = units[slice_.measured]
+    masks = held_out(parts, data.split.hold_out, levels, spec_dir)
+    return Dataset(
+        target="hysteresis" if slice_.component == "hysteresis" else slice_.measured,
+        level=levels.of if levels else None,
+        quantities={name: Quantity(name, unit) for name, unit in units.items()},
+        recordings=tuple(recordings),
+        curves=joined_curves(parts, masks, levels),
+        notes=(levels.describe(),) if levels else (),
+    )
+
+
+def _check(data: Data) -> None:
+    """Refuse constants that not every recording has, or that are columns or derived as well, and an order of time that is given up."""
+    constants = [set(entry.set) if isinstance(entry, FileEntry) else set() for entry in data.files]
+    for name in sorted(set().union(*constants)):
+        if name in data.columns or name in data.derive:
+            raise SpecError(f"files: '{name}' is set for a file and given by `columns` or `derive` as well", "Keep one of both.")
+        if not all(name in given for given in constants):
+            raise SpecError(f"files: '{name}' is set for some entries only", "Set it for every entry of `files`.")
+    if data.cycles and data.split.hold_out and data.split.hold_out.last is not None:
+        raise SpecError("split.validate: `last` needs samples in the order of time, which `cycles` gives up", "Hold out levels or files.")
+
+
+def _read_all(sources: Sequence[Source], slice_: IngestSlice, progress: Progress) -> list[Recording]:
+    recordings = []
+    for done, source in enumerate(sources):
+        progress("reading", done, len(sources))
+        recordings.append(read_recording(source, slice_.data, slice_.units))
+    progress("reading", len(sources), len(sources))
+    return recordings
+
+
+def _warn_of_losses(recording: Recording, warn: Callable[[str], None]) -> None:
+    reasons = "; ".join(f"{count}: {reason}" for reason, count in recording.dropped.items())
+    if recording.rows_kept < FEW:
+        warn(f"{recording.source}: only {recording.rows_kept} of {recording.rows_read} samples kept ({reasons or 'the file has no more'})")
+    elif recording.rows_kept < (1 - MUCH) * recording.rows_read:
+        share = 1 - recording.rows_kept / recording.rows_read
+        warn(f"{recording.source}: {share:.0%} of {recording.rows_read} samples left out ({reasons})")

@@ -1,0 +1,65 @@
+"""From the globs of a spec to the files they name."""
+
+from __future__ import annotations
+
+import difflib
+import glob
+import os
+from collections.abc import Sequence
+from pathlib import Path, PurePosixPath
+
+from mapmore_cli.domain.errors import DataError
+
+SHOWN = 4  # names listed in a message
+
+
+def expand(pattern: str, folder: Path) -> list[Path]:
+    """Return the files that a glob names, sorted by POSIX path; relative ones start at `folder`.
+
+    A path that exists as it is written is taken literally, brackets and all. Raises DataError for a folder, or where nothing matches.
+    """
+    literal = folder / pattern
+    if literal.is_dir():
+        raise DataError(f"{pattern}: is a folder", f"Name the files in it, as `{pattern.rstrip('/')}/*.csv`.")
+    if literal.is_file():
+        return [literal]
+    found = [folder / name for name in glob.glob(pattern, root_dir=folder, recursive=True)]  # noqa: PTH207 - Path.glob refuses ".."
+    files = sorted((path for path in found if path.is_file()), key=lambda path: relative_name(path, folder))
+    if not files:
+        raise DataError(f"{pattern}: no such file", _what_exists(literal))
+    return files
+
+
+def relative_name(path: Path, folder: Path) -> str:
+    """Return the POSIX path from `folder`: the same on every machine that has the same tree."""
+    return Path(os.path.relpath(path, folder)).as_posix()
+
+
+def unique_ids(sources: Sequence[str]) -> list[str]:
+    """Name recordings after their files, without `.csv` and `.gz`; where names repeat, with as many parent folders as it takes."""
+    parts = [PurePosixPath(_without_suffix(source)).parts for source in sources]
+    depth = [1] * len(parts)
+    while True:
+        ids = ["-".join(part[-n:]) for part, n in zip(parts, depth, strict=True)]
+        longer = [min(n + 1, len(part)) if ids.count(name) > 1 else n for name, part, n in zip(ids, parts, depth, strict=True)]
+        if longer == depth:
+            return ids
+        depth = longer
+
+
+def _without_suffix(source: str) -> str:
+    return source.removesuffix(".gz").removesuffix(".csv") or source
+
+
+def _what_exists(path: Path) -> str:
+    folder = path.parent
+    while glob.has_magic(str(folder)):
+        folder = folder.parent
+    if not folder.is_dir():
+        return f"The folder {folder} does not exist."
+    names = sorted(entry.name for entry in folder.iterdir())
+    if not names:
+        return f"The folder {folder} is empty."
+    shown = difflib.get_close_matches(path.name, names, n=SHOWN, cutoff=0.5) or names[:SHOWN]
+    more = ", ..." if len(shown) < len(names) else ""
+    return f"The folder {folder} has: {', '.join(shown)}{more}"

@@ -1,0 +1,19 @@
+"""What all tests share."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+PROJECT = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope="session")
+def measured_data() -> Path:
+    """Folder of the measured recordings, which are not part of the project; see docs/data.md for where to get them."""
+    root = Path(os.environ.get("MAPMORE_DATA") or PROJECT.parent / "shared" / "data").absolute()
+    if not root.is_dir():
+        pytest.skip(f"no measured recordings in {root}; set MAPMORE_DATA to their folder")
+    return root

@@ -1,0 +1,39 @@
+"""Small recordings as text, and specs that read them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.spec.models import ExperimentSpec
+
+COLUMNS = {
+    "time": {"column": "t", "unit": "s"},
+    "pressure": {"column": "P", "unit": "kPa"},
+    "strain": {"column": "eps"},
+    "force": {"column": "F", "unit": "N"},
+}
+
+Ingest = Callable[..., Dataset]
+
+
+def csv_text(**columns: Any) -> str:
+    """Columns as CSV with a header."""
+    table = np.broadcast_arrays(*(np.asarray(values, dtype=float) for values in columns.values()))
+    rows = [",".join(repr(float(cell)) for cell in row) for row in zip(*table, strict=True)]
+    return "\n".join([",".join(columns), *rows]) + "\n"
+
+
+def steps(level: float, samples: int = 20, **changes: Any) -> str:
+    """A recording at one pressure."""
+    t = np.arange(samples) * 0.1
+    return csv_text(**{"t": t, "P": np.full(samples, level), "eps": 0.001 * t, "F": level - 10 * t, **changes})
+
+
+def spec_of(data: Mapping[str, Any], **spec: Any) -> ExperimentSpec:
+    return ExperimentSpec.model_validate(
+        {"name": "test", "target": "static", "dictionary": [{"terms": ["strain"]}], "data": {"columns": COLUMNS, **data}, **spec}
+    )

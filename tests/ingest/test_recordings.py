@@ -1,0 +1,193 @@
+from __future__ import annotations
+
+import gzip
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from ingest_samples import COLUMNS, Ingest, csv_text, steps
+
+from mapmore_cli.domain.errors import DataError, MapmoreError, SpecError
+
+
+def test_value_times_scale_plus_offset_then_the_unit_of_the_model(ingest: Ingest) -> None:
+    columns = {
+        **COLUMNS,
+        "pressure": {"column": "P", "unit": "psi"},
+        "force": {"column": "F", "unit": "kN", "scale": 0.25, "offset": 0.009},
+    }
+    dataset = ingest({"a.csv": csv_text(t=[0, 1], P=[10, 20], eps=0, F=[0.4, 0.8])}, columns=columns, units={"strain": "%"})
+    (curve,) = dataset.curves
+    np.testing.assert_allclose(curve.columns["pressure"], [68.94757293168, 137.89514586336])
+    np.testing.assert_allclose(curve.columns["force"], [109.0, 209.0])
+    assert {name: dataset.unit(name) for name in dataset.quantities} == {"time": "s", "pressure": "kPa", "strain": "%", "force": "N"}
+
+
+def test_without_levels_every_recording_is_a_curve(ingest: Ingest) -> None:
+    dataset = ingest({"b.csv": steps(80), "a.csv": steps(150)})
+    assert [(c.id, c.level, c.recordings, c.size) for c in dataset.curves] == [("a", None, ("a",), 20), ("b", None, ("b",), 20)]
+    assert dataset.level is None
+    assert (dataset.target, dataset.recordings[0].source) == ("force", "a.csv")
+
+
+def test_time_is_not_needed(ingest: Ingest) -> None:
+    columns = {name: column for name, column in COLUMNS.items() if name != "time"}
+    assert "time" not in ingest({"a.csv": steps(80)}, columns=columns).curves[0].columns
+
+
+def test_derived_quantities_follow_their_needs_whatever_their_order(ingest: Ingest) -> None:
+    derive = {
+        "strain_rate": {"rate_of": "strain", "window": 0.4, "order": 2},
+        "strain": "(0.083 - length)/0.083",
+        "work": "force*strain",
+    }
+    columns = {name: column for name, column in COLUMNS.items() if name != "strain"}
+    t = np.arange(30) * 0.1
+    text = csv_text(t=t, P=80, eps=0, F=5 * t)
+    dataset = ingest({"a.csv": text}, columns={**columns, "length": {"column": "t", "unit": "mm"}}, derive=derive)
+    got = dataset.curves[0].columns
+    np.testing.assert_allclose(got["strain"], (0.083 - t / 1000) / 0.083)
+    np.testing.assert_allclose(got["work"], 5 * t * got["strain"])
+    np.testing.assert_allclose(got["strain_rate"], -1 / 83, rtol=1e-9)
+    assert dataset.unit("strain_rate") == "1/s"
+
+
+def test_rate_in_a_unit_of_its_own(ingest: Ingest) -> None:
+    t = np.arange(30) * 10.0
+    columns = {**COLUMNS, "time": {"column": "t", "unit": "ms"}, "pressure": {"column": "P", "unit": "bar"}}
+    derive = {"pressure_rate": {"rate_of": "pressure", "window": 0.1, "order": 1}}
+    text = csv_text(t=t, P=2 * t / 1000, eps=0, F=0)
+    for units, unit, value in (({}, "kPa/s", 200.0), ({"pressure": "bar"}, "bar/s", 2.0), ({"time": "ms"}, "kPa/ms", 0.2)):
+        dataset = ingest({"a.csv": text}, columns=columns, derive=derive, units=units)
+        assert dataset.unit("pressure_rate") == unit
+        np.testing.assert_allclose(dataset.curves[0].columns["pressure_rate"], value)
+
+
+def test_samples_are_left_out_in_order_and_counted_by_reason(ingest: Ingest) -> None:
+    text = csv_text(t=np.arange(10), P=[80] * 10, eps=0, F=[np.nan, 5, -5, 1, 1, 30, -30, 1, 1, 1])
+    keep = [
+        {"quantity": "force", "abs_below": 25.0},
+        {"quantity": "time", "between": (2.0, 8.0)},
+        {"quantity": "force", "above": -5.0},
+        {"quantity": "time", "below": 8.0},
+    ]
+    (recording,) = ingest({"a.csv": text}, keep=keep, missing="drop").recordings
+    assert dict(recording.dropped) == {
+        "missing value": 1,
+        "|force| >= 25 N": 2,
+        "time outside 2 to 8 s": 2,
+        "force <= -5 N": 1,
+        "time >= 8 s": 1,
+    }
+    np.testing.assert_array_equal(recording.columns["time"], [3, 4, 7])
+
+
+def test_repeated_stamps(ingest: Ingest) -> None:
+    text = csv_text(t=[0, 1, 1, 2], P=80, eps=0, F=[0, 1, 3, 5])
+    averaged = ingest({"a.csv": text}, repeated_time="average").recordings[0]
+    np.testing.assert_array_equal(averaged.columns["force"], [0, 2, 5])
+    np.testing.assert_array_equal(averaged.columns["time"], [0, 1, 2])
+    assert dict(averaged.dropped) == {"repeated time": 1}
+    spread = ingest({"a.csv": text}, repeated_time="spread").recordings[0]
+    np.testing.assert_array_equal(spread.columns["time"], [0, 1, 1.5, 2])
+    np.testing.assert_array_equal(spread.columns["force"], [0, 1, 3, 5])
+
+
+@settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    force=st.lists(st.one_of(st.floats(-50, 50), st.just(np.nan)), min_size=5, max_size=40),
+    pressure=st.lists(st.floats(0, 400), min_size=5, max_size=40),
+    stamps=st.lists(st.integers(0, 2), min_size=5, max_size=40),
+    within=st.floats(1, 80),
+)
+def test_every_row_is_kept_or_counted(ingest: Ingest, force: list[float], pressure: list[float], stamps: list[int], within: float) -> None:
+    n = min(len(force), len(pressure), len(stamps))
+    text = csv_text(t=np.cumsum(stamps[:n]), P=pressure[:n], eps=0, F=force[:n])
+    try:
+        dataset = ingest(
+            {"a.csv": text},
+            missing="drop",
+            repeated_time="average",
+            keep=[{"quantity": "force", "abs_below": 30.0}],
+            levels={"of": "pressure", "at": [80.0, 250.0], "within": within},
+        )
+    except DataError:
+        return
+    (recording,) = dataset.recordings
+    assert recording.rows_read == n
+    assert recording.rows_kept + sum(recording.dropped.values()) == n
+    assert sum(curve.size for curve in dataset.curves) == recording.rows_kept
+    for curve in dataset.curves:
+        assert curve.level is not None
+        assert (np.abs(curve.columns["pressure"] - curve.level) <= within * (1 + 1e-6)).all()
+
+
+def test_losses_are_warned_of(ingest: Ingest) -> None:
+    warnings: list[str] = []
+    ingest({"a.csv": steps(80, 40), "b.csv": steps(80, 5)}, warnings=warnings, keep=[{"quantity": "time", "below": 1.0}])
+    assert warnings == [
+        "a.csv: 75% of 40 samples left out (30: time >= 1 s)",
+        "b.csv: only 5 of 5 samples kept (the file has no more)",
+    ]
+
+
+def test_same_bytes_give_the_same_arrays_zipped_or_not(ingest: Ingest) -> None:
+    text = steps(80)
+    first = ingest({"a.csv": text}).curves[0].columns
+    second = ingest({"a.csv": gzip.compress(text.encode())}).curves[0].columns
+    assert list(first) == list(second)
+    assert all(first[name].tobytes() == second[name].tobytes() for name in first)
+
+
+ROW = "0,80,0,1\n"
+HEAD = "t,P,eps,F\n"
+
+BROKEN: dict[str, tuple[str, dict[str, Any], type[MapmoreError], list[str]]] = {
+    "missing value": (HEAD + ROW + "1,80,0,\n", {}, DataError, ["a.csv:row 3, column F", "force is missing", "missing: drop", "1 of 2"]),
+    "infinite value": (HEAD + "0,inf,0,1\n", {}, DataError, ["a.csv:row 2, column P", "pressure is missing"]),
+    "all missing": (HEAD + ",,,\n,,,\n", {"missing": "drop"}, DataError, ["a.csv: no sample is left (2: missing value)"]),
+    "all left out": (HEAD + ROW, {"keep": [{"quantity": "force", "above": 9.0}]}, DataError, ["no sample is left (1: force <= 9 N)"]),
+    "time backwards": (HEAD + ROW + "2,80,0,1\n1.5,80,0,1\n", {}, DataError, ["a.csv:row 4: time runs backwards, from 2 to 1.5"]),
+    "time backwards after missing rows": (
+        HEAD + ROW + "9,,0,1\n2,80,0,1\n1,80,0,1\n",
+        {"missing": "drop"},
+        DataError,
+        ["a.csv:row 5: time runs backwards"],
+    ),
+    "repeated time": (
+        HEAD + ROW + ROW,
+        {},
+        DataError,
+        ["a.csv:row 3: the time 0 stands twice (1 stamps repeat)", "repeated_time: average"],
+    ),
+    "division by zero": (HEAD + ROW, {"derive": {"x": "force/time"}}, DataError, ["a.csv:row 2: derive.x gives inf"]),
+    "narrow window": (
+        HEAD + ROW + "1,80,0,1\n",
+        {"derive": {"force_rate": {"rate_of": "force", "window": 0.5}}},
+        DataError,
+        ["a.csv: the window of 0.5 s", "wider `window`"],
+    ),
+    "given twice": (HEAD + ROW, {"files": [{"path": "a.csv", "set": {"strain": 0.1}}]}, SpecError, ["'strain' is set", "`columns`"]),
+    "set for some": (
+        HEAD + ROW,
+        {"files": ["a.csv", {"path": "b.csv", "set": {"load": 2.0}}]},
+        SpecError,
+        ["'load' is set for some entries only"],
+    ),
+    "wrong dimension": (
+        HEAD + ROW,
+        {"columns": {**COLUMNS, "force": {"column": "F", "unit": "mm"}}},
+        SpecError,
+        ["mm", "cannot be converted to 'N'"],
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN)
+def test_broken_data_and_specs_say_where_and_what(ingest: Ingest, case: str) -> None:
+    text, data, error, parts = BROKEN[case]
+    with pytest.raises(error) as caught:
+        ingest({"a.csv": text}, **data)
+    assert all(part in str(caught.value) for part in parts), str(caught.value)

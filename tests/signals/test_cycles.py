@@ -1,0 +1,125 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.modelling.signals.cycles import split_cycles, turning_points
+
+REACH = 0.2
+Signal = Callable[[np.ndarray], np.ndarray]
+
+
+def static(strain: np.ndarray) -> np.ndarray:
+    return 500 * (1 - strain / REACH) ** 2 + 40 * strain
+
+
+def half_width(strain: np.ndarray) -> np.ndarray:
+    return 8 + 60 * strain
+
+
+def loop(per_branch: int, cycles: int = 1, warp: float = 1.0, rest: int = 0, start: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Strain and force of load cycles run at uneven speed (`warp`), with rests in which force creeps between the branches."""
+    rise = REACH * np.linspace(0, 1, per_branch) ** warp
+    strain, sign = [], []
+    for branch in range(2 * cycles):
+        path = rise if branch % 2 == 0 else rise[::-1]
+        strain += [path, np.full(rest, path[-1])]
+        sign += [np.full(per_branch, -1.0 if branch % 2 == 0 else 1.0), np.linspace(-1, 1, rest) * (1 if branch % 2 == 0 else -1)]
+    over, side = np.concatenate(strain), np.concatenate(sign)
+    begin = int(np.searchsorted(rise, start))
+    return over[begin:], (static(over) + side * half_width(over))[begin:]
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    per_branch=st.integers(300, 2000),
+    cycles=st.integers(1, 3),
+    warp=st.floats(0.6, 1.7),
+    rest=st.integers(0, 300),
+    start=st.floats(0, 0.1),
+    samples=st.integers(50, 200),
+)
+def test_known_components_are_recovered_at_any_speed(
+    per_branch: int, cycles: int, warp: float, rest: int, start: float, samples: int
+) -> None:
+    over, force = loop(per_branch, cycles, warp, rest, start if cycles > 1 else 0.0)
+    branches = split_cycles(over, {"force": force, "pressure": np.full(len(over), 150.0)}, samples)
+    x = branches.over
+    assert len(x) == samples
+    np.testing.assert_allclose(np.diff(x), x[1] - x[0], rtol=1e-6)
+    assert x[0] < 0.03 * REACH
+    assert x[-1] > 0.97 * REACH
+    bend = 25_000 / 4 * max(REACH / samples, np.diff(np.sort(over)).max()) ** 2
+    np.testing.assert_allclose(branches.static()["force"], static(x), atol=0.01 + bend)
+    np.testing.assert_allclose(branches.hysteresis("force"), half_width(x), atol=0.01 + bend)
+    np.testing.assert_allclose(branches.static()["pressure"], 150.0)
+
+
+@settings(deadline=None, max_examples=30)
+@given(seed=st.integers(0, 2**31), noise=st.floats(0, 0.003), step=st.sampled_from([0.0, 1e-4, 1e-3]))
+def test_noise_and_quantisation_do_not_split_a_branch(seed: int, noise: float, step: float) -> None:
+    over, force = loop(2500, cycles=2, rest=400)
+    rng = np.random.default_rng(seed)
+    seen = over + REACH * noise * rng.normal(size=len(over))
+    seen = np.round(seen / step) * step if step else seen
+    assert len(turning_points(seen, 0.1 * float(np.ptp(seen)))) == 5
+    branches = split_cycles(seen, {"force": force + rng.normal(0, 1, len(force))}, 100)
+    inner = slice(5, -5)
+    np.testing.assert_allclose(branches.static()["force"][inner], static(branches.over)[inner], atol=4)
+    assert (branches.hysteresis("force")[inner] > 0).all()
+
+
+def test_rest_at_the_end_of_the_stroke_belongs_to_no_branch() -> None:
+    over, force = loop(500, rest=5000)
+    branches = split_cycles(over, {"force": force}, 100)
+    np.testing.assert_allclose(branches.hysteresis("force")[[0, -1]], half_width(branches.over[[0, -1]]), atol=0.2)
+
+
+def test_branches_are_static_and_hysteresis_again() -> None:
+    over, force = loop(400)
+    branches = split_cycles(over, {"force": force}, 80)
+    middle, half = branches.static()["force"], branches.hysteresis("force")
+    np.testing.assert_allclose(middle + half, branches.extension["force"])
+    np.testing.assert_allclose(middle - half, branches.contraction["force"])
+
+
+def test_range_is_the_one_that_both_branches_cover() -> None:
+    over = np.concatenate([np.linspace(0, 0.2, 300), np.linspace(0.2, 0.05, 300)])
+    branches = split_cycles(over, {"force": over}, 50)
+    assert 0.05 <= branches.over[0] < 0.055
+
+
+@settings(deadline=None)
+@given(seed=st.integers(0, 2**31), swing=st.floats(0.05, 3))
+def test_turning_points_alternate_and_are_a_swing_apart(seed: int, swing: float) -> None:
+    walk = np.cumsum(np.random.default_rng(seed).normal(size=300))
+    turns = turning_points(walk, swing)
+    steps = np.diff(walk[turns])
+    assert (np.abs(steps) >= swing).all()
+    assert (steps[1:] * steps[:-1] < 0).all()
+    for begin, end in pairwise(turns):
+        piece = walk[begin : end + 1]
+        assert {piece.min(), piece.max()} == {walk[begin], walk[end]}
+    assert walk[turns].max() == walk.max()
+    assert walk[turns].min() == walk.min()
+
+
+@pytest.mark.parametrize(
+    ("over", "part"),
+    [
+        (np.zeros(0), "no full load cycle"),
+        (np.full(100, 0.1), "no full load cycle"),
+        (np.linspace(0, 0.2, 100), "extension branch is missing"),
+        (np.linspace(0.2, 0, 100), "contraction branch is missing"),
+        (np.array([0.0, 0.1, 0.2, 0.1, 0.0]), "different places"),
+    ],
+)
+def test_what_is_no_cycle_is_refused(over: np.ndarray, part: str) -> None:
+    with pytest.raises(DataError, match=part):
+        split_cycles(over, {"force": over}, 50)
