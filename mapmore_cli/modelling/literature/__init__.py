@@ -1,0 +1,10 @@
+"""Formulas of the literature, selectable by name and fitted on the same training data as MAPMORE (ALGORITHMS 2).
+
+Adding a formula is one file in `formulas/`, named after it, with a `FORMULA`.
+"""
+
+from mapmore_cli.modelling.literature.catalogue import UnknownFormula, get, names
+from mapmore_cli.modelling.literature.formula import Formula
+from mapmore_cli.modelling.literature.problem import Nonlinear
+
+__all__ = ["Formula", "Nonlinear", "UnknownFormula", "get", "names"]

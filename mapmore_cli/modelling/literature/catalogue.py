@@ -1,0 +1,36 @@
+"""Which formulas there are: one module of `formulas` each."""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+import pkgutil
+
+from mapmore_cli.modelling.literature import formulas
+from mapmore_cli.modelling.literature.formula import Formula
+
+
+class UnknownFormula(KeyError):
+    """No formula has this name; `suggestion` is the nearest name, or None."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self.name = name
+        self.suggestion = next(iter(difflib.get_close_matches(name, names(), n=1)), None)
+
+    def __str__(self) -> str:
+        hint = f"did you mean `{self.suggestion}`?" if self.suggestion else f"there are: {', '.join(names())}"
+        return f"there is no formula `{self.name}`; {hint}"
+
+
+def names() -> tuple[str, ...]:
+    """Names of all formulas, in alphabetical order."""
+    return tuple(sorted(module.name for module in pkgutil.iter_modules(formulas.__path__)))
+
+
+def get(name: str) -> Formula:
+    """The formula called `name`; raises `UnknownFormula` with the nearest name."""
+    if name not in names():
+        raise UnknownFormula(name)
+    formula: Formula = importlib.import_module(f"{formulas.__name__}.{name}").FORMULA
+    return formula

@@ -1,0 +1,17 @@
+"""Sárosi's empirical static force of a McKibben muscle."""
+
+from mapmore_cli.modelling.literature.formula import Formula
+from mapmore_cli.modelling.literature.problem import Nonlinear
+
+# The curvature is sought from almost straight to a decay within 1/50 of the largest strain, with either sign. Published fits lie at
+# a3*max|strain| of about -8 (W). Nearer to zero the exponential cannot be told from the linear terms, and a1, a2 grow without bound.
+CURVATURE = Nonlinear("a3", per="strain", intervals=((-50.0, -1e-3), (1e-3, 50.0)))
+
+FORMULA = Formula(
+    name="sarosi",
+    reference="M1 eq 1 = M2 eq 14 = W eq 12",
+    inputs=("pressure", "strain"),
+    parameters=("a1", "a2", "a3", "a4", "a5", "a6"),
+    text="(a1*pressure + a2)*exp(a3*strain) + a4*strain*pressure + a5*pressure + a6",
+    nonlinear=(CURVATURE,),
+)

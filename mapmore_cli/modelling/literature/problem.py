@@ -1,0 +1,82 @@
+"""A least-squares problem: one formula, one set of rows, in coordinates that no change of units moves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.modelling.terms import Expression, dictionary_matrix, evaluate
+
+
+@dataclass(frozen=True)
+class Nonlinear:
+    """A parameter that enters its formula nonlinearly.
+
+    It is sought as the dimensionless coordinate `c = value * max|per|` (the value itself where `per` is None), in `intervals`:
+    inclusive, ascending, and none of them across zero.
+    """
+
+    name: str
+    per: str | None
+    intervals: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Find `beta`, `c` that minimise `|Phi(c) beta - y|^2` over n rows (or the formula's own residual, where it is not such a product).
+
+    Attributes
+    ----------
+    expression
+        The formula, of inputs and parameters.
+    linear
+        Names of the m parameters `beta` in which the formula is linear.
+    nonlinear
+        The k parameters with coordinates `c`.
+    gradient
+        Derivative of the formula for every parameter, linear and nonlinear; those for `linear` are the regressors.
+    columns, y
+        The inputs and the target, each `(n,)`.
+    """
+
+    expression: Expression
+    linear: tuple[str, ...]
+    nonlinear: tuple[Nonlinear, ...]
+    gradient: Mapping[str, Expression]
+    columns: Columns
+    y: Array
+
+    def residual(self, beta: Array, c: Array) -> Array:
+        """Formula minus target, `(n,)`; not finite where the formula overflows."""
+        return evaluate(self.expression, self._with(self.values(beta, c)), len(self.y)) - self.y
+
+    def regressors(self, c: Array) -> Array:
+        """`Phi(c)`, `(n, m)`; raises `NotFinite` where it overflows."""
+        return self._matrix(self.linear, self.values(np.zeros(len(self.linear)), c))
+
+    def jacobian(self, beta: Array, c: Array) -> Array:
+        """Derivative of the formula for `(beta, c)`, `(n, m + k)`; raises `NotFinite` where it overflows."""
+        names = (*self.linear, *(parameter.name for parameter in self.nonlinear))
+        matrix = self._matrix(names, self.values(beta, c))
+        matrix[:, len(self.linear) :] /= self.spans
+        return matrix
+
+    def values(self, beta: Array, c: Array) -> dict[str, float]:
+        """Parameters by name, in the units of the data."""
+        names = (*self.linear, *(parameter.name for parameter in self.nonlinear))
+        return dict(zip(names, map(float, (*beta, *(c / self.spans))), strict=True))
+
+    @property
+    def spans(self) -> Array:
+        """`max|per|` of the nonlinear parameters, `(k,)`; one where the data have no span."""
+        spans = [1.0 if p.per is None else float(np.abs(self.columns[p.per]).max()) for p in self.nonlinear]
+        return np.array([span or 1.0 for span in spans])
+
+    def _matrix(self, names: tuple[str, ...], values: Mapping[str, float]) -> Array:
+        return dictionary_matrix([self.gradient[name] for name in names], self._with(values), len(self.y))
+
+    def _with(self, values: Mapping[str, float]) -> Columns:
+        return {**self.columns, **{name: np.asarray(value) for name, value in values.items()}}

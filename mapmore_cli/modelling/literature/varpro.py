@@ -1,0 +1,99 @@
+"""Variable projection: a formula that is linear in all but one parameter, fitted without starting values.
+
+For every coordinate c of the nonlinear parameter the linear ones follow by least squares, so that `r(c) = Phi(c) Phi(c)^+ y - y`
+depends on one number alone. Its sum of squares is scanned over all that the parameter may be, and the deepest valleys are refined.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq, minimize_scalar
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.modelling.literature import linear
+from mapmore_cli.modelling.literature.problem import Problem
+from mapmore_cli.modelling.literature.solution import Solution
+
+SCAN_POINTS = 24  # in each interval of the coordinate
+VALLEYS = 3
+HALF_DIGITS = 1e-4  # relative distance within which the lowest sum of squares surely places the minimum
+FLAT = 1e-10  # relative change of the sum of squares over the whole scan
+ROUNDING = 1e-24  # of y'y: sums of squares below are rounding
+
+
+def fit(problem: Problem) -> Solution:
+    """Solve `problem`, whose formula has at most one nonlinear parameter.
+
+    The solution's status is `converged` or `at_bound`; a parameter that the data do not show is noted.
+    Raises `ValueError` for a formula with more.
+    """
+    if len(problem.nonlinear) > 1:
+        raise ValueError("variable projection is for one nonlinear parameter")
+    if not problem.nonlinear:
+        straight = linear.solve(problem.regressors(np.empty(0)), problem.y)
+        return Solution(straight.beta, np.empty(0), "converged", "linear least squares")
+    parameter = problem.nonlinear[0]
+    scans = [_scan(problem, *interval) for interval in parameter.intervals]
+    if _flat(np.concatenate([scan.sse for scan in scans]), problem.y):
+        c = min((c for scan in scans for c in scan.c), key=lambda c: abs(np.log(abs(c))))
+        return _solution(problem, c, "converged", (f"{parameter.name} is arbitrary: every value fits these data equally well",))
+    valleys = sorted((scan.sse[i], s, i) for s, scan in enumerate(scans) for i in scan.valleys())[:VALLEYS]
+    refined = [_refine(problem, scans[s].c, i) for _, s, i in valleys]
+    c, status = min(refined, key=lambda found: (_sse(problem, found[0]), abs(found[0])))
+    limit = f"{parameter.name} runs to the limit of what is sought, {c:g}" + (f"/max|{parameter.per}|" if parameter.per else "")
+    return _solution(problem, c, status, (limit,) if status == "at_bound" else ())
+
+
+@dataclass(frozen=True)
+class _Scan:
+    """Sum of squares on a geometric grid of coordinates."""
+
+    c: Array
+    sse: Array
+
+    def valleys(self) -> list[int]:
+        padded = np.concatenate([[np.inf], self.sse, [np.inf]])
+        return [int(i) for i in np.flatnonzero((self.sse <= padded[:-2]) & (self.sse <= padded[2:]))]
+
+
+def _scan(problem: Problem, lower: float, upper: float) -> _Scan:
+    grid = np.geomspace(lower, upper, SCAN_POINTS)
+    return _Scan(grid, np.array([_sse(problem, c) for c in grid]))
+
+
+def _flat(sse: Array, y: Array) -> bool:
+    return float(np.ptp(sse)) <= FLAT * float(sse.min()) + ROUNDING * float(y @ y)
+
+
+def _refine(problem: Problem, grid: Array, i: int) -> tuple[float, str]:
+    """The lowest point of the valley around `grid[i]`, and the status of having got there."""
+    lower, c, upper = float(grid[max(i - 1, 0)]), float(grid[i]), float(grid[min(i + 1, len(grid) - 1)])
+    outward = _slope(problem, c)
+    if (i == 0 and outward >= 0) or (i == len(grid) - 1 and outward <= 0):
+        return c, "at_bound"
+    c = float(minimize_scalar(lambda c: _sse(problem, c), bounds=(lower, upper), method="bounded", options={"xatol": 1e-8 * abs(c)}).x)
+    # A lowest value shows only half the digits of its place; the zero of the slope shows the rest, where it stands out of the rounding.
+    left, right = max(lower, c - HALF_DIGITS * abs(c)), min(upper, c + HALF_DIGITS * abs(c))
+    if _slope(problem, left) < 0 < _slope(problem, right):
+        c = float(brentq(lambda c: _slope(problem, c), left, right, xtol=1e-300))
+    return c, "converged"
+
+
+def _sse(problem: Problem, c: float) -> float:
+    return linear.least_sse(problem.regressors(np.array([c])), problem.y)
+
+
+def _slope(problem: Problem, c: float) -> float:
+    """Half of `d sse / dc`, exactly: with the residual outside of the regressors' space, `beta` need not be differentiated."""
+    projected = _project(problem, c)
+    return float(problem.jacobian(projected.beta, np.array([c]))[:, -1] @ projected.residual)
+
+
+def _project(problem: Problem, c: float) -> linear.LinearFit:
+    return linear.solve(problem.regressors(np.array([c])), problem.y)
+
+
+def _solution(problem: Problem, c: float, status: str, notes: tuple[str, ...]) -> Solution:
+    return Solution(_project(problem, c).beta, np.array([c]), status, "variable projection", notes)

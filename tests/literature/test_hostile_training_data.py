@@ -1,0 +1,123 @@
+"""Data that do not determine a formula: told by status and notes, refused only where nothing can be fitted."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from literature_cases import grid, noisy_wrist, wrist_force
+
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.modelling.literature import Formula, Nonlinear, get
+
+METHODS = ["variable_projection", "levenberg_marquardt"]
+FORMULAS = ["sarosi", "polynomial_2", "polynomial_5"]
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("name", FORMULAS)
+@pytest.mark.parametrize(
+    "columns",
+    [
+        grid(np.arange(1.0, 8.0), np.array([0.1])),
+        grid(np.arange(1.0, 8.0), np.array([0.0])),
+        grid(np.array([3.0]), np.linspace(0, 0.2, 9)),
+        grid(np.array([0.0]), np.linspace(0, 0.2, 9)),
+        grid(np.array([3.0]), np.array([0.1])),
+    ],
+    ids=["one strain", "zero strain", "one pressure", "zero pressure", "one point"],
+)
+def test_one_level_is_rank_deficient_but_still_fits_what_it_shows(columns, name: str, method: str) -> None:
+    columns = {quantity: np.repeat(column, 24) for quantity, column in columns.items()}
+    y = wrist_force(columns)
+    formula = get(name)
+    fit = formula.fit(columns, y, method)
+    assert fit.status == "rank_deficient"
+    assert fit.rank < len(formula.parameters)
+    assert np.isfinite(list(fit.parameters.values())).all()
+    assert np.isnan(list(fit.errors.values())).all()
+    assert any("rank" in note for note in fit.notes)
+    if method == "variable_projection":
+        assert np.sqrt(fit.sse / len(y)) < 0.1 * np.abs(y).max()
+        np.testing.assert_allclose(np.sum((formula.predict(fit.parameters, columns) - y) ** 2), fit.sse, rtol=1e-6, atol=1e-12)
+
+
+def test_constant_strain_says_that_the_curvature_is_arbitrary() -> None:
+    columns = {"pressure": np.linspace(1, 7, 30), "strain": np.full(30, 0.1)}
+    fit = get("sarosi").fit(columns, wrist_force(columns))
+    assert any("a3 is arbitrary" in note for note in fit.notes)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("target", [0.0, 1e-12, -3e12])
+def test_constant_targets(method: str, target: float) -> None:
+    columns, y = noisy_wrist(0)
+    fit = get("sarosi").fit(columns, np.full_like(y, target), method)
+    assert fit.sse <= 1e-18 * target**2 * len(y)
+
+
+def test_a_curvature_that_runs_away_is_at_bound() -> None:
+    """A step at the smallest strain is the limit of ever faster decay, and a parabola p*x^2 that of none."""
+    columns = grid(np.arange(1.0, 8.0), np.linspace(0.0, 0.2, 9))
+    p, x = columns["pressure"], columns["strain"]
+    step = get("sarosi").fit(columns, p * (x == 0.0) + 0.01 * p * x)
+    assert step.status == "at_bound"
+    assert step.parameters["a3"] * 0.2 == pytest.approx(-50.0)
+    parabola = get("sarosi").fit(columns, p * x**2 + x)
+    assert parabola.status == "at_bound"
+    assert abs(parabola.parameters["a3"] * 0.2) == pytest.approx(1e-3)
+    assert any("a3 runs to" in note for note in parabola.notes)
+    assert parabola.sse < 1e-6 * np.sum((p * x**2 + x) ** 2)
+
+
+@pytest.mark.parametrize("column", ["pressure", "strain", "target"])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+@pytest.mark.parametrize("name", FORMULAS)
+def test_values_that_are_not_finite_are_refused_with_column_and_row(column: str, value: float, name: str) -> None:
+    columns, y = noisy_wrist(0)
+    {**columns, "target": y}[column][7] = value
+    with pytest.raises(DataError, match=f"{column} is not finite in row 7"):
+        get(name).fit(columns, y)
+
+
+def test_too_few_samples_are_refused() -> None:
+    columns, y = noisy_wrist(0, rows=5)
+    with pytest.raises(DataError, match="6 parameters, but there are only 5 samples"):
+        get("sarosi").fit(columns, y)
+    with pytest.raises(DataError, match="no column `strain`"):
+        get("sarosi").fit({"pressure": columns["pressure"]}, y)
+
+
+def test_as_many_samples_as_parameters_leave_no_standard_error() -> None:
+    columns, y = noisy_wrist(1, rows=5)
+    fit = get("polynomial_2").fit(columns, y)
+    assert fit.status == "converged"
+    assert fit.sse < 1e-15 * np.sum(y**2)
+    assert np.isnan(list(fit.errors.values())).all()
+
+
+def test_unknown_methods_are_refused() -> None:
+    columns, y = noisy_wrist(0)
+    with pytest.raises(ValueError, match="unknown method `magic`"):
+        get("sarosi").fit(columns, y, "magic")
+
+
+def test_a_formula_that_overflows_everywhere_has_failed() -> None:
+    explosive = Formula("explosive", "-", ("x",), ("a", "b"), "a*exp(b*x)", (Nonlinear("b", None, ((1e6, 1e7),)),))
+    fit = explosive.fit({"x": np.linspace(1, 2, 9)}, np.ones(9), "levenberg_marquardt")
+    assert fit.failed
+    assert np.isnan(list(fit.parameters.values())).all()
+    assert np.isnan(explosive.predict(fit.parameters, {"x": np.ones(3)})).all()
+
+
+@pytest.mark.parametrize(
+    ("text", "nonlinear", "message"),
+    [
+        ("a*x + c", (), "not the inputs and parameters"),
+        ("a*x*b", (), "nonlinear without being declared"),
+        ("a*x + b*x + x", (), "no linear parameter"),
+        ("a*exp(b*x)", (), "nonlinear without being declared"),
+    ],
+)
+def test_a_formula_that_is_not_what_it_declares_cannot_be_made(text: str, nonlinear, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        Formula("wrong", "-", ("x",), ("a", "b"), text, nonlinear)

@@ -1,0 +1,182 @@
+"""The static formulas: what they say, what is recovered, what units and row order may change (nothing)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from literature_cases import WRIST, grid, noisy_wrist, wrist_force
+from scipy.optimize import brentq
+
+from mapmore_cli.modelling.literature import UnknownFormula, get, names
+from mapmore_cli.modelling.terms import evaluate, to_latex, to_text
+
+WRIST_GRID = grid(np.arange(1.0, 8.0), np.linspace(0.0, 0.2, 13))
+
+
+def test_there_is_a_formula_for_every_name() -> None:
+    assert {"sarosi", "polynomial_2", "polynomial_5"} <= set(names())
+    assert [get(name).name for name in names()] == list(names())
+
+
+def test_an_unknown_formula_is_a_key_error_with_the_nearest_name() -> None:
+    with pytest.raises(UnknownFormula, match="did you mean `sarosi`") as caught:
+        get("saroshi")
+    assert isinstance(caught.value, KeyError)
+    with pytest.raises(UnknownFormula, match=r"there are: .*polynomial_2"):
+        get("__init__")
+
+
+def test_published_wrist_muscle() -> None:
+    sarosi = get("sarosi")
+
+    def force(pressure: float, strain: float) -> float:
+        return float(sarosi.predict(WRIST, {"pressure": np.array([pressure]), "strain": np.array([strain])})[0])
+
+    assert force(7.0, 0.0) == pytest.approx(525.5, abs=0.1)
+    assert brentq(lambda strain: force(7.0, strain), 0.1, 0.25) == pytest.approx(0.194, abs=5e-4)
+    np.testing.assert_allclose(sarosi.predict(WRIST, WRIST_GRID), wrist_force(WRIST_GRID), rtol=1e-13, atol=1e-10)
+
+
+@pytest.mark.parametrize("method", [None, "levenberg_marquardt"])
+def test_published_coefficients_are_recovered_without_starting_values(method: str | None) -> None:
+    fit = get("sarosi").fit(WRIST_GRID, wrist_force(WRIST_GRID), method)
+    assert fit.status == "converged"
+    assert fit.rank == 6
+    for name, value in WRIST.items():
+        assert fit.parameters[name] == pytest.approx(value, rel=1e-6 if method else 1e-10)
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    st.floats(-40, 40),
+    st.tuples(*[st.floats(0.2, 1) for _ in range(5)]),
+    st.floats(0.05, 30),
+)
+def test_any_curvature_is_recovered(curvature: float, weights: tuple[float, ...], widest: float) -> None:
+    """Of either sign, and whatever the unit of the strain."""
+    assume(abs(curvature) > 0.3)
+    columns = grid(np.array([80.0, 150.0, 250.0, 350.0]), np.linspace(0.0, widest, 40))
+    p, x = columns["pressure"] / 350, columns["strain"] / widest
+    shape = np.exp(curvature * x) / max(1.0, np.exp(curvature))
+    y = (weights[0] * p - weights[1]) * shape - weights[2] * p * x + weights[3] * p + weights[4]
+    fit = get("sarosi").fit(columns, y)
+    assert fit.status == "converged"
+    assert fit.parameters["a3"] * widest == pytest.approx(curvature, rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_both_methods_reach_the_same_sum_of_squares(seed: int) -> None:
+    columns, y = noisy_wrist(seed)
+    projected, marquardt = (get("sarosi").fit(columns, y, method) for method in ("variable_projection", "levenberg_marquardt"))
+    assert projected.sse == pytest.approx(marquardt.sse, rel=1e-9)
+    for name in WRIST:
+        assert projected.parameters[name] == pytest.approx(marquardt.parameters[name], rel=1e-6)
+        assert projected.errors[name] == pytest.approx(marquardt.errors[name], rel=1e-5)
+    assert projected.method == "variable projection"
+    assert "of 10 starts agree" in marquardt.notes[0]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_grid_of_curvatures_finds_a_better_fit(seed: int) -> None:
+    columns, y = noisy_wrist(seed, noise=60.0, rows=40)
+    fit = get("sarosi").fit(columns, y)
+    p, x = columns["pressure"], columns["strain"]
+    for c in np.concatenate([-np.geomspace(1e-3, 50, 400), np.geomspace(1e-3, 50, 400)]) / x.max():
+        phi = np.stack([p * np.exp(c * x), np.exp(c * x), p * x, p, np.ones_like(p)], axis=1)
+        phi /= np.linalg.norm(phi, axis=0)
+        residual = phi @ np.linalg.lstsq(phi, y, rcond=None)[0] - y
+        assert fit.sse <= residual @ residual * (1 + 1e-9)
+
+
+def test_standard_errors_cover_the_truth() -> None:
+    """Over repeated noise the deviations divided by the standard errors have a variance of one."""
+    deviations = []
+    for seed in range(60):
+        columns, y = noisy_wrist(seed, rows=120)
+        fit = get("sarosi").fit(columns, y)
+        deviations.append([(fit.parameters[name] - value) / fit.errors[name] for name, value in WRIST.items()])
+    assert 0.75 < np.std(deviations) < 1.25
+
+
+@settings(deadline=None, max_examples=25)
+@given(
+    st.sampled_from(["sarosi", "polynomial_2", "polynomial_5"]),
+    st.sampled_from(["variable_projection", "levenberg_marquardt"]),
+    st.floats(1e-5, 1e5),
+    st.floats(1e-4, 1e4),
+    st.floats(1e-4, 1e4),
+)
+def test_units_change_the_numbers_but_not_the_fit(name: str, method: str, pressure: float, strain: float, force: float) -> None:
+    formula = get(name)
+    columns, y = noisy_wrist(3, rows=80)
+    changed = {"pressure": columns["pressure"] * pressure, "strain": columns["strain"] * strain}
+    fit, other = formula.fit(columns, y, method), formula.fit(changed, y * force, method)
+    assert other.status == fit.status == "converged"
+    assert other.sse == pytest.approx(fit.sse * force**2, rel=1e-9)
+    assert other.condition == pytest.approx(fit.condition, rel=1e-4)
+    predicted = formula.predict(fit.parameters, columns)
+    np.testing.assert_allclose(formula.predict(other.parameters, changed) / force, predicted, rtol=0, atol=1e-6 * np.abs(y).max())
+
+
+@pytest.mark.parametrize("name", ["sarosi", "polynomial_2", "polynomial_5"])
+@pytest.mark.parametrize("method", ["variable_projection", "levenberg_marquardt"])
+def test_row_order_does_not_change_a_digit(name: str, method: str) -> None:
+    columns, y = noisy_wrist(5, rows=60)
+    order = np.random.default_rng(0).permutation(len(y))
+    shuffled = {quantity: column[order] for quantity, column in columns.items()}
+    assert get(name).fit(shuffled, y[order], method) == get(name).fit(columns, y, method)
+
+
+@pytest.mark.parametrize(("pressures", "rank"), [(1, 6), (2, 11), (3, 15), (4, 18), (5, 20), (6, 21), (7, 21)])
+def test_rank_of_polynomial_5_by_number_of_pressures(pressures: int, rank: int) -> None:
+    columns = grid(np.linspace(80, 350, pressures), np.linspace(0, 0.25, 40))
+    fit = get("polynomial_5").fit(columns, wrist_force({**columns, "pressure": columns["pressure"] / 100}))
+    assert fit.rank == rank
+    assert (fit.status == "rank_deficient") == (rank < 21)
+    assert np.isnan(list(fit.errors.values())).all() == (rank < 21)
+    if rank < 21:
+        assert f"rank {rank} of 21" in fit.notes[0]
+        assert f"{pressures} of pressure" in fit.notes[0]
+
+
+def test_minimum_norm_solution_is_numpys_on_unit_columns() -> None:
+    columns = grid(np.array([80.0, 150.0, 350.0]), np.linspace(0, 0.25, 30))
+    y = wrist_force({**columns, "pressure": columns["pressure"] / 100})
+    formula = get("polynomial_5")
+    fit = formula.fit(columns, y)
+    phi = np.stack([columns["strain"] ** int(name[1]) * columns["pressure"] ** int(name[2]) for name in formula.parameters], axis=1)
+    lengths = np.linalg.norm(phi, axis=0)
+    expected = np.linalg.lstsq(phi / lengths, y, rcond=1e-12)[0]
+    np.testing.assert_allclose(np.array(list(fit.parameters.values())) * lengths, expected, rtol=1e-7, atol=1e-7 * np.abs(expected).max())
+
+
+def test_polynomial_2_is_eq_15() -> None:
+    columns, _ = noisy_wrist(0)
+    p, x = columns["pressure"], columns["strain"]
+    published = {"a20": 1.0, "a11": -2.0, "a10": 3.0, "a01": -4.0, "a00": 5.0}
+    y = x**2 - 2 * x * p + 3 * x - 4 * p + 5
+    formula = get("polynomial_2")
+    np.testing.assert_allclose(formula.predict(published, columns), y, rtol=1e-12)
+    fit = formula.fit(columns, y)
+    assert fit.method == "linear least squares"
+    assert dict(fit.parameters) == pytest.approx(published, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ["sarosi", "polynomial_2", "polynomial_5"])
+def test_the_equation_is_the_prediction(name: str) -> None:
+    columns, y = noisy_wrist(1)
+    formula = get(name)
+    fit = formula.fit(columns, y)
+    equation = formula.equation(fit)
+    assert equation.names == {"pressure", "strain"}
+    np.testing.assert_allclose(evaluate(equation, columns), formula.predict(fit.parameters, columns), rtol=1e-9, atol=1e-9)
+
+
+def test_the_equation_reads_as_published() -> None:
+    fit = get("sarosi").fit(WRIST_GRID, wrist_force(WRIST_GRID))
+    assert to_text(get("sarosi").equation(fit), digits=6) == (
+        "(-5.699*pressure + 158.773)*exp(-42.647*strain) - 299.482*strain*pressure + 86.216*pressure - 196.865"
+    )
+    assert to_latex(get("sarosi").expression).startswith(r"\left(a_{1} \, \mathrm{pressure} + a_{2}\right) \, \exp\left(")

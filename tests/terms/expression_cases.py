@@ -1,0 +1,81 @@
+"""Random expressions, each as text for us and as a computation of Python's own."""
+
+from __future__ import annotations
+
+import ast
+import cmath
+import operator
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from hypothesis import strategies as st
+
+from mapmore_cli.modelling.terms.functions import FUNCTIONS
+
+NAMES = ("x", "y", "z")
+_NUMBERS = st.one_of(
+    st.integers(0, 9).map(str),
+    st.floats(1e-3, 1e3).map(repr),
+    st.sampled_from(["0.0", "1.0", "1e-05", "2.5e+16", ".5", "3."]),
+)
+_ANALYTIC = ("exp", "log", "sqrt", "sin", "cos", "tan", "atan", "sinh", "cosh", "tanh")
+_OPERATIONS = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: operator.pow,
+    ast.USub: operator.neg,
+    ast.UAdd: operator.pos,
+}
+
+
+def _grown(inner: st.SearchStrategy[str], functions: tuple[str, ...]) -> st.SearchStrategy[str]:
+    exponents = st.sampled_from(["2", "3", "5", "-1", "-2", "0.5", "(1/3)", "1", "0", "20"])
+    return st.one_of(
+        st.builds("{} {} {}".format, inner, st.sampled_from("+-*/"), inner),
+        st.builds("({})".format, inner),
+        st.builds("-{}".format, inner),
+        st.builds("({}){}{}".format, inner, st.sampled_from(["^", "**"]), exponents),
+        st.builds("{}({})".format, st.sampled_from(functions), inner),
+    )
+
+
+def texts(functions: tuple[str, ...] = (*_ANALYTIC, "abs", "sign"), max_leaves: int = 12) -> st.SearchStrategy[str]:
+    """Well-formed expressions of x, y and z."""
+    return st.recursive(st.one_of(st.sampled_from(NAMES), _NUMBERS), lambda inner: _grown(inner, functions), max_leaves=max_leaves)
+
+
+def analytic_texts() -> st.SearchStrategy[str]:
+    """Expressions that have a complex derivative where they are finite."""
+    return texts(_ANALYTIC, max_leaves=8)
+
+
+def by_python(text: str, values: Mapping[str, complex]) -> complex:
+    """Value of `text` by Python's parser and complex arithmetic; raises ArithmeticError or ValueError where it has none."""
+    functions = {name: getattr(cmath, name) for name in _ANALYTIC}
+    functions |= {"abs": lambda z: complex(abs(z.real)), "sign": lambda z: complex((z.real > 0) - (z.real < 0))}
+    return _walk(ast.parse(text.replace("^", "**"), mode="eval").body, values, functions, complex)
+
+
+def by_numpy(text: str, values: Mapping[str, float]) -> float:
+    """Value of `text` by Python's parser and NumPy's real numbers, without any simplification; NaN or infinite where it has none."""
+    functions = {name: function.compute for name, function in FUNCTIONS.items()}
+    with np.errstate(all="ignore"):
+        return float(_walk(ast.parse(text.replace("^", "**"), mode="eval").body, values, functions, np.float64))
+
+
+def _walk(node: ast.expr, values: Mapping[str, Any], functions: Mapping[str, Callable[[Any], Any]], number: Callable[[Any], Any]) -> Any:
+    match node:
+        case ast.Constant(value):
+            return number(value)
+        case ast.Name(name):
+            return number(values[name])
+        case ast.UnaryOp(op, operand):
+            return _OPERATIONS[type(op)](_walk(operand, values, functions, number))
+        case ast.BinOp(left, op, right):
+            return _OPERATIONS[type(op)](_walk(left, values, functions, number), _walk(right, values, functions, number))
+        case ast.Call(ast.Name(function), [argument]):
+            return functions[function](_walk(argument, values, functions, number))
+    raise TypeError(ast.dump(node))

@@ -1,0 +1,208 @@
+"""Values, derivatives and substitutions against Python's own arithmetic."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from expression_cases import NAMES, analytic_texts, by_numpy, by_python, texts
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.modelling.terms import (
+    Name,
+    NotFinite,
+    affine,
+    derivative,
+    dictionary_matrix,
+    evaluate,
+    monomials,
+    parse,
+    substitute,
+    to_text,
+)
+from mapmore_cli.modelling.terms.calculus import SLOPES
+from mapmore_cli.modelling.terms.functions import FUNCTIONS
+
+POINTS = st.fixed_dictionaries({name: st.floats(-3, 3).map(lambda v: round(v, 3)) for name in NAMES})
+
+
+def value_at(expression, point) -> float:
+    return float(evaluate(expression, {name: np.array([value]) for name, value in point.items()}, 1)[0])
+
+
+def oracle(text, point) -> complex:
+    """Python's value; the example is dropped where there is none, or where rounding decides about it."""
+    try:
+        value = by_python(text, point)
+        nearby = by_python(text, {name: v * (1 + 1e-9) for name, v in point.items()})
+    except (ArithmeticError, ValueError):
+        assume(False)
+    assume(math.isfinite(abs(value)) and abs(value - nearby) <= 1e-4 * abs(value) + 1e-9)
+    return value
+
+
+@settings(deadline=None, max_examples=400)
+@given(texts())
+def test_text_round_trip(text: str) -> None:
+    expression = parse(text)
+    assert parse(to_text(expression)) == expression
+
+
+@settings(deadline=None, max_examples=400)
+@given(texts(), POINTS)
+def test_value_is_pythons(text: str, point) -> None:
+    expected = oracle(text, point)
+    found = value_at(parse(text), point)
+    if abs(expected.imag) > 1e-6 * abs(expected):
+        return  # a root of a negative number on the way: complex for Python, NaN here
+    if math.isfinite(found):
+        assert found == pytest.approx(expected.real, rel=1e-7, abs=1e-7)
+
+
+@settings(deadline=None, max_examples=300)
+@given(texts(), POINTS)
+def test_folding_never_loses_a_finite_value(text: str, point) -> None:
+    """Where NumPy's plain evaluation of the text is finite, so is ours, with the same value."""
+    plain = by_numpy(text, point)
+    assume(math.isfinite(plain))
+    oracle(text, point)
+    assert value_at(parse(text), point) == pytest.approx(plain, rel=1e-7, abs=1e-7)
+
+
+@settings(deadline=None, max_examples=400)
+@given(analytic_texts(), POINTS)
+def test_derivative_is_the_complex_step(text: str, point) -> None:
+    """d/dx = Im f(x + ih)/h, without any difference of close numbers."""
+    value, step = oracle(text, point), 1e-30
+    assume(abs(value.imag) == 0.0)
+    expected = oracle_slope(text, point, step)
+    slope = derivative(parse(text), "x")
+    found = value_at(slope, point)
+    assume(math.isfinite(found) and abs(expected) < 1e12)
+    assert found == pytest.approx(expected, rel=1e-6, abs=1e-6)
+
+
+def oracle_slope(text, point, step) -> float:
+    """The complex step, agreed upon by a central difference (else a branch cut lies near)."""
+    try:
+        exact = by_python(text, {**point, "x": complex(point["x"], step)}).imag / step
+        ahead, behind = (by_python(text, {**point, "x": point["x"] + h}) for h in (1e-6, -1e-6))
+    except (ArithmeticError, ValueError):
+        assume(False)
+    assume(abs((ahead - behind) / 2e-6 - exact) <= 1e-3 * abs(exact) + 1e-3)
+    return exact
+
+
+@pytest.mark.parametrize("function", list(FUNCTIONS))
+def test_slope_of_every_function(function: str) -> None:
+    x = np.array([0.3, 0.7, 1.4])
+    text, h = parse(f"{function}(2*x)"), 1e-6
+    expected = (evaluate(text, {"x": x + h}) - evaluate(text, {"x": x - h})) / (2 * h)
+    np.testing.assert_allclose(evaluate(derivative(text, "x"), {"x": x}), expected, rtol=1e-7, atol=1e-9)
+    assert set(SLOPES) == set(FUNCTIONS)
+
+
+@pytest.mark.parametrize(
+    ("text", "slope"),
+    [
+        ("x^3", "3*x^2"),
+        ("2*x^3*y", "6*x^2*y"),
+        ("x", "1"),
+        ("y", "0"),
+        ("exp(-x/0.02)", "-exp(-x/0.02)/0.02"),
+        ("x^-20", "-20/x^20/x"),
+        ("log(x)", "1/x"),
+        ("abs(x)", "sign(x)"),
+    ],
+)
+def test_derivative_reads_as_a_person_would_write_it(text: str, slope: str) -> None:
+    assert to_text(derivative(parse(text), "x")) == slope
+
+
+@settings(deadline=None, max_examples=200)
+@given(texts(max_leaves=6), texts(max_leaves=4), POINTS)
+def test_substitution_is_evaluation_in_two_steps(outer: str, inner: str, point) -> None:
+    put = value_at(parse(inner), point)
+    assume(math.isfinite(put))
+    expected = value_at(parse(outer), {**point, "x": put})
+    assume(math.isfinite(expected))
+    oracle(outer, {**point, "x": put})
+    assert value_at(substitute(parse(outer), {"x": parse(inner)}), point) == pytest.approx(expected, rel=1e-7, abs=1e-7)
+
+
+def test_substitution_is_simultaneous() -> None:
+    swapped = substitute(parse("x - 2*y"), {"x": Name("y"), "y": Name("x")})
+    assert to_text(swapped) == "y - 2*x"
+
+
+@settings(deadline=None)
+@given(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3), st.floats(-10, 10))
+def test_affine_is_slope_and_intercept(slope: float, intercept: float, x: float) -> None:
+    assume(slope == 0.0 or abs(slope) > 1e-3)
+    assert value_at(affine(Name("x"), slope, intercept), {"x": x}) == pytest.approx(slope * x + intercept, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("slope", "intercept", "text"),
+    [(2.0, -1.0, "(x - 0.5)/0.5"), (-2.0, 1.0, "(0.5 - x)/0.5"), (4.0, 0.0, "x/0.25"), (1.0, 0.0, "x"), (-1.0, 0.0, "-x"), (0.0, 3.0, "3")],
+)
+def test_affine_prints_centre_and_width(slope: float, intercept: float, text: str) -> None:
+    assert to_text(affine(Name("x"), slope, intercept)) == text
+
+
+def test_constants_fill_every_row_and_arrays_are_new() -> None:
+    x = np.arange(3.0)
+    np.testing.assert_array_equal(evaluate(parse("2"), {"x": x}), [2.0, 2.0, 2.0])
+    np.testing.assert_array_equal(evaluate(parse("2"), {}, 4), np.full(4, 2.0))
+    np.testing.assert_array_equal(evaluate(parse("a*x"), {"x": x, "a": np.array(3.0)}), 3 * x)
+    copy = evaluate(parse("x"), {"x": x})
+    copy[0] = 9.0
+    assert x[0] == 0.0
+
+
+def test_absent_and_misshapen_columns_are_data_errors() -> None:
+    with pytest.raises(DataError, match="no column `strain`"):
+        evaluate(parse("strain"), {"pressure": np.zeros(3)})
+    with pytest.raises(DataError, match="shape"):
+        evaluate(parse("strain"), {"strain": np.zeros(3)}, 4)
+    with pytest.raises(DataError, match="number of rows"):
+        evaluate(parse("1"), {})
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.lists(texts(max_leaves=6), max_size=6), st.integers(1, 4))
+def test_dictionary_matrix_is_evaluate_column_by_column(terms: list[str], n: int) -> None:
+    rng = np.random.default_rng(n)
+    columns = {name: rng.uniform(0.5, 2.0, n) for name in NAMES}
+    expressions = [parse(text) for text in terms]
+    expected = [evaluate(expression, columns, n) for expression in expressions]
+    if not all(np.isfinite(column).all() for column in expected):
+        with pytest.raises(NotFinite):
+            dictionary_matrix(expressions, columns, n)
+        return
+    matrix = dictionary_matrix(expressions, columns, n)
+    assert matrix.shape == (n, len(terms))
+    assert matrix.flags.f_contiguous
+    for column, reference in zip(matrix.T, expected, strict=True):
+        np.testing.assert_array_equal(column, reference)
+
+
+def test_dictionary_matrix_spans_blocks_of_rows() -> None:
+    n = 20_001
+    x, y = np.random.default_rng(0).uniform(-2, 2, (2, n))
+    matrix = dictionary_matrix(monomials(["x", "y"], 5), {"x": x, "y": y}, n)
+    powers = [(total - j, j) for total in range(6) for j in range(total + 1)]
+    np.testing.assert_allclose(matrix, np.stack([x**i * y**j for i, j in powers], axis=1), rtol=1e-14)
+
+
+@pytest.mark.parametrize("row", [0, 8191, 8192, 19_999])
+def test_a_term_that_is_not_finite_is_named_with_its_first_row(row: int) -> None:
+    x = np.full(20_000, 0.5)
+    x[row:] = -1.0
+    with pytest.raises(NotFinite, match=rf"`log\(x\)` is not finite in row {row} \(x = -1\)") as caught:
+        dictionary_matrix([parse("x"), parse("log(x)"), parse("sqrt(x)")], {"x": x}, len(x))
+    assert (caught.value.term, caught.value.row) == ("log(x)", row)
+    assert isinstance(caught.value, ValueError)
