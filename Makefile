@@ -1,0 +1,40 @@
+# Two commands: `make demo` shows what the program does, `make test` says whether it works. Both set up .venv when it is missing.
+PYTHON ?= python3
+BIN := .venv/bin
+export OPENBLAS_NUM_THREADS := 1
+export OMP_NUM_THREADS := 1
+
+STUDIES := configs/m2/dmsp-20-88-static.yaml configs/m2/peano-static.yaml
+
+.PHONY: demo test lint schema datasets clean
+
+demo: .venv/program
+	$(BIN)/mapmore batch $(STUDIES)
+
+test: lint
+	$(BIN)/pytest -q -n 2
+
+lint: .venv/development
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports --no-cache
+
+schema: .venv/program
+	$(BIN)/python -m mapmore_cli.spec.schema
+
+datasets: .venv/program
+	$(BIN)/mapmore simulate datasets/mckibben/load_cycles.yaml
+	$(BIN)/mapmore simulate datasets/peano/load_cycles.yaml
+
+clean:
+	rm -rf .venv runs build *.egg-info
+
+.venv/program: pyproject.toml constraints.txt
+	$(PYTHON) -m venv .venv
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e .
+	touch $@
+
+.venv/development: .venv/program
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[dev]"
+	touch $@
