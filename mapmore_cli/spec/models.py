@@ -1,123 +1,92 @@
 """The experiment spec as pydantic models: what a YAML file may say, with the defaults.
 
-Units: every number here is already in the model's unit. The loader turns `250 kPa` into a number before validation, with the unit of
-the quantity that the key belongs to (see `spec.units`).
+Units: every number here is already in the model's unit; the loader turns `250 kPa` into a number before validation (see
+`spec.quantities`), in the unit that the field's mark names.
 """
+
+# ruff: noqa: RUF012 (pydantic copies the default of a field for every instance)
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, ValidationInfo, model_validator
 
-Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
-Positive = Annotated[float, Field(gt=0)]
+from mapmore_cli.spec.data_section import (
+    Between,
+    Column,
+    Cycles,
+    Data,
+    FileEntry,
+    Holdout,
+    Keep,
+    Levels,
+    Rate,
+    Split,
+)
+from mapmore_cli.spec.fields import (
+    PARTIAL,
+    Keyed,
+    Metres,
+    Metric,
+    Name,
+    Number,
+    OfKey,
+    OfTarget,
+    Positive,
+    Quantity,
+    Section,
+    Share,
+    Text,
+    by_shape,
+    contradiction,
+)
+
+__all__ = [
+    "BelowAbove",
+    "Between",
+    "Column",
+    "Competitor",
+    "Cuts",
+    "Cycles",
+    "Data",
+    "DictionaryEntry",
+    "ExperimentSpec",
+    "ExtrapolationWord",
+    "FileEntry",
+    "Fit",
+    "Fuse",
+    "Holdout",
+    "Keep",
+    "Levels",
+    "ModelChoice",
+    "Muscle",
+    "Name",
+    "Polynomial",
+    "Positive",
+    "Published",
+    "Rate",
+    "Report",
+    "Section",
+    "Split",
+    "TargetColumn",
+    "Validate",
+]
+
 ExtrapolationWord = Literal["continue", "continue_linear", "saturate", "zero"]
-
-
-class Section(BaseModel):
-    """Base of every part of the spec: strict, closed and immutable."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True, populate_by_name=True)
+"""What happens beyond a limit (M2 eq 12)."""
+FigureName = Literal["data", "fit", "error", "nrmse", "segments", "terms"]
+WordOrValue = Annotated[Annotated[ExtrapolationWord, Text] | Annotated[OfKey, Number], by_shape]
 
 
 class Muscle(Section):
-    """What was measured; recorded in the results, and used by formulas that need dimensions."""
+    """What was measured, with dimensions in metres; recorded in the results, and used by formulas that need dimensions."""
 
     name: str | None = None
     kind: str | None = None
-    length: Positive | None = None  # m
-    diameter: Positive | None = None  # m
-
-
-class FileEntry(Section):
-    """A glob with quantities that no column holds."""
-
-    path: str
-    set: dict[str, float] = {}
-    id: str | None = None
-
-
-class Column(Section):
-    """Where a quantity comes from: `value * scale + offset`, in `unit`."""
-
-    column: str | int
-    unit: str | None = None
-    scale: float = 1.0
-    offset: float = 0.0  # in `unit`
-
-
-class Rate(Section):
-    """Time derivative by a Savitzky-Golay filter over `window` seconds."""
-
-    rate_of: str
-    window: Positive  # s
-    order: Annotated[int, Field(ge=1, le=5)] = 3
-
-
-class Keep(Section):
-    """Samples to keep; exactly one condition."""
-
-    quantity: str
-    abs_below: Positive | None = None
-    below: float | None = None
-    above: float | None = None
-    between: tuple[float, float] | None = None
-
-
-class Cycles(Section):
-    """Split load cycles into branches over one quantity and resample both on common values."""
-
-    over: str
-    samples: Annotated[int, Field(ge=2)] = 200
-
-
-class Levels(Section):
-    """The quantity held constant within one curve."""
-
-    of: str
-    at: list[float] | Literal["auto"] = "auto"
-    within: Positive | None = None  # default: half the smallest distance between levels
-
-
-class Between(Section):
-    """Closed intervals of a quantity."""
-
-    between: list[tuple[float, float]]
-
-
-class Holdout(Section):
-    """Which samples validate. `files` and `recordings` are globs; other keys of the YAML mapping are quantities."""
-
-    files: list[str] | None = None
-    recordings: list[str] | None = None
-    last: Annotated[float, Field(gt=0, lt=1)] | None = None
-    fraction: Annotated[float, Field(gt=0, lt=1)] | None = None
-    seed: int | None = None
-    quantities: dict[str, list[float] | Between] = {}
-
-
-class Split(Section):
-    """How training and validation data are separated; everything trains where nothing is said."""
-
-    hold_out: Holdout | None = Field(default=None, alias="validate")
-    leave_one_level_out: bool = False
-
-
-class Data(Section):
-    """The recordings, and how they become curves."""
-
-    files: list[str | FileEntry]
-    reader: Literal["csv"] = "csv"
-    header: bool = True
-    columns: dict[str, Column]
-    derive: dict[str, str | Rate] = {}
-    keep: list[Keep] = []
-    missing: Literal["error", "drop"] = "error"
-    repeated_time: Literal["error", "average", "spread"] = "error"
-    cycles: Cycles | None = None
-    levels: Levels | None = None
-    split: Split = Split()
+    length: Metres | None = None
+    diameter: Metres | None = None
 
 
 class TargetColumn(Section):
@@ -127,38 +96,72 @@ class TargetColumn(Section):
 
 
 class Cuts(Section):
-    """How one variable is cut: `even` needs `count`, `breakpoints` needs `at`."""
+    """How one variable is cut: `even` needs `count`; `breakpoints` needs the inner boundaries, `at`."""
 
     method: Literal["even", "breakpoints"]
     count: Annotated[int, Field(ge=1)] | None = None
-    at: list[float] | None = None
+    at: Annotated[list[OfKey], Field(min_length=1)] | None = None
+
+    @model_validator(mode="after")
+    def _whole(self) -> Cuts:
+        needed, other = ("count", "at") if self.method == "even" else ("at", "count")
+        if getattr(self, needed) is None:
+            example = "count: 4" if needed == "count" else "at: [0.05, 0.1]"
+            raise contradiction(f"method `{self.method}` needs `{needed}`", f"add it, as `{example}`", "method")
+        if getattr(self, other) is not None:
+            raise contradiction(f"method `{self.method}` has no use for `{other}`", f"remove `{other}`", other)
+        if self.at is not None and any(after <= before for before, after in pairwise(self.at)):
+            raise contradiction("the breakpoints do not increase", f"write `at: {sorted(set(self.at))}`", "at")
+        return self
 
 
 class Polynomial(Section):
-    """Every monomial of total degree up to `order`."""
+    """Every monomial of the quantities `of` with total degree up to `order`, the constant included unless `constant: false`."""
 
-    of: list[str]
+    of: Annotated[list[str], Field(min_length=1)]
     order: Annotated[int, Field(ge=1, le=20)]
     constant: bool = True
 
 
 class DictionaryEntry(Section):
-    """One family of candidate terms; exactly one key."""
+    """One family of candidate terms: a `polynomial`, or `terms` written out as expressions."""
 
     polynomial: Polynomial | None = None
-    terms: list[str] | None = None
+    terms: Annotated[list[str], Field(min_length=1)] | None = None
+
+    @model_validator(mode="after")
+    def _one_family(self) -> DictionaryEntry:
+        if (self.polynomial is None) == (self.terms is None):
+            found = "no family" if self.terms is None else "two families"
+            raise contradiction(
+                f"this entry has {found} of terms", "give `polynomial` or `terms`; further families are entries of their own"
+            )
+        return self
 
 
 class ModelChoice(Section):
-    """What kind of model the run builds."""
+    """What kind of model the run builds.
+
+    `mapmore` with a `backbone` explains by pieces what that formula leaves; `literature` fits the formula `name` alone.
+    """
 
     type: Literal["mapmore", "literature"] = "mapmore"
-    backbone: str | None = None  # mapmore: a formula whose residual the pieces explain
-    name: str | None = None  # literature: the formula
+    backbone: str | None = None
+    name: str | None = None
+
+    @model_validator(mode="after")
+    def _fits_type(self) -> ModelChoice:
+        if self.type == "literature" and self.name is None:
+            raise contradiction("type `literature` needs the `name` of a formula", "add it, as `name: sarosi`", "type")
+        if self.type == "literature" and self.backbone is not None:
+            raise contradiction("type `literature` has no `backbone`", "remove it, or use `type: mapmore`", "backbone")
+        if self.type == "mapmore" and self.name is not None:
+            raise contradiction("type `mapmore` has no `name`", "use `backbone`, or `type: literature`", "name")
+        return self
 
 
 class Fit(Section):
-    """Term selection (M2 eq 2-7)."""
+    """Term selection (M2 eq 2-7): how segments are scaled, how many terms at most, and when to stop."""
 
     scaling: Literal["unit_square", "max_abs", "none"] = "unit_square"
     max_terms: Annotated[int, Field(ge=1)] = 1
@@ -169,20 +172,27 @@ class Fit(Section):
 class BelowAbove(Section):
     """Extrapolation of one variable on each side: a word, or the value that the variable takes (M2 eq 12)."""
 
-    below: ExtrapolationWord | float | None = None
-    above: ExtrapolationWord | float | None = None
+    below: WordOrValue | None = None
+    above: WordOrValue | None = None
+
+
+Sides = Annotated[Annotated[ExtrapolationWord, Text] | Annotated[BelowAbove, Keyed], by_shape]
 
 
 class Fuse(Section):
-    """How pieces are joined (M2 eq 9-12). `extrapolation` None means: `continue` for one-term fits, else `saturate`."""
+    """How pieces are joined (M2 eq 9-12).
+
+    Transition zones reach `z_s` of a segment's width to each side of a boundary. `extrapolation` is a word for all variables, or a
+    mapping from variable to word or `{below, above}`; without it, `continue` for one-term fits, else `saturate`.
+    """
 
     transition: Literal["linear", "quadratic", "cubic"] = "linear"
     z_s: Annotated[float, Field(ge=0, le=0.5)] = 0.25
-    extrapolation: ExtrapolationWord | dict[str, ExtrapolationWord | BelowAbove] | None = None
+    extrapolation: Annotated[Annotated[ExtrapolationWord, Text] | Annotated[dict[str, Sides], Keyed], by_shape] | None = None
 
 
 class Competitor(Section):
-    """A literature model with settings of its own."""
+    """A literature model with settings of its own: how it is fitted, and the name (`as`) of its scores."""
 
     model: str
     method: Literal["variable_projection", "levenberg_marquardt"] | None = None
@@ -190,24 +200,24 @@ class Competitor(Section):
 
 
 class Validate(Section):
-    """What the model is compared with, and the limits it must keep."""
+    """What the model is compared with, and the limits that its scores must keep."""
 
-    against: list[str | Competitor] = []
-    require: dict[str, float] = {}
+    against: list[Annotated[Annotated[str, Text] | Annotated[Competitor, Keyed], by_shape]] = []
+    require: dict[str, Metric] = {}
 
 
 class Published(Section):
-    """Numbers of a publication to show beside ours; never used in a computation."""
+    """Numbers of a publication to show beside ours, by model: `nrmse` as fractions, `rmse` in the target's unit. Never computed with."""
 
     source: str
-    nrmse: dict[str, float] = {}  # by model, as fractions
-    rmse: dict[str, float] = {}  # by model, in the target's unit
+    nrmse: dict[str, Share] = {}
+    rmse: dict[str, OfTarget] = {}
 
 
 class Report(Section):
     """Figures and files of the report."""
 
-    figures: list[Literal["data", "fit", "error", "nrmse", "segments", "terms"]] = ["data", "fit", "error", "nrmse", "segments", "terms"]
+    figures: list[FigureName] = ["data", "fit", "error", "nrmse", "segments", "terms"]
     formats: list[Literal["html", "csv", "svg"]] = ["html", "csv", "svg"]
     published: Published | None = None
 
@@ -218,10 +228,10 @@ class ExperimentSpec(Section):
     schema_version: Literal[1] = 1
     name: Name
     muscle: Muscle = Muscle()
-    units: dict[str, str] = {}
+    units: dict[Quantity, str] = {}
     data: Data
-    target: Literal["static", "hysteresis"] | TargetColumn
-    segment: dict[str, Cuts | Literal["none", "levels"]] = {}
+    target: Annotated[Annotated[Literal["static", "hysteresis"], Text] | Annotated[TargetColumn, Keyed], by_shape]
+    segment: dict[str, Annotated[Annotated[Cuts, Keyed] | Annotated[Literal["none", "levels"], Text], by_shape]] = {}
     dictionary: list[DictionaryEntry] = []
     model: ModelChoice = ModelChoice()
     fit: Fit = Fit()
@@ -229,8 +239,19 @@ class ExperimentSpec(Section):
     validation: Validate = Field(default=Validate(), alias="validate")
     report: Report = Report()
 
+    @property
+    def target_quantity(self) -> str:
+        """The quantity that is modelled."""
+        return self.target.column if isinstance(self.target, TargetColumn) else "force"
+
     @model_validator(mode="after")
-    def _needs_terms(self) -> ExperimentSpec:
-        if self.model.type == "mapmore" and not self.dictionary:
-            raise ValueError("a `dictionary` of candidate terms is needed, or `model: {type: literature, name: ...}`")
+    def _needs_terms(self, info: ValidationInfo) -> ExperimentSpec:
+        if self.model.type == "mapmore" and not self.dictionary and info.context is not PARTIAL:
+            raise contradiction(
+                "there are no candidate terms",
+                "add a `dictionary`, as `[{polynomial: {of: [strain], order: 4}}]`, or `model: {type: literature, name: sarosi}`",
+                "dictionary",
+                "model",
+                "name",
+            )
         return self

@@ -1,0 +1,113 @@
+"""Checks an experiment's names: quantities that are used must be quantities of the study."""
+
+from __future__ import annotations
+
+import graphlib
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from mapmore_cli.spec.diagnostics import Finding, did_you_mean
+from mapmore_cli.spec.models import ExperimentSpec, Rate, TargetColumn
+from mapmore_cli.spec.tree import Loc
+
+
+def names(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Every quantity that is used must be one of the study."""
+    have = spec.data.quantities
+    for use in _uses(spec):
+        if use.name not in have:
+            yield Finding(use.loc, f"there is no quantity `{use.name}` in this study", did_you_mean(use.name, have), on_key=use.on_key)
+
+
+@dataclass(frozen=True)
+class _Use:
+    """A place that names a quantity; a key where `on_key`."""
+
+    name: str
+    loc: Loc
+    on_key: bool = False
+
+
+def _uses(spec: ExperimentSpec) -> Iterator[_Use]:
+    data = spec.data
+    for name, rule in data.derive.items():
+        if isinstance(rule, Rate):
+            yield _Use(rule.rate_of, ("data", "derive", name, "rate_of"))
+    for i, keep in enumerate(data.keep):
+        yield _Use(keep.quantity, ("data", "keep", i, "quantity"))
+    if data.cycles is not None:
+        yield _Use(data.cycles.over, ("data", "cycles", "over"))
+    if data.levels is not None:
+        yield _Use(data.levels.of, ("data", "levels", "of"))
+    if data.split.hold_out is not None:
+        for name in data.split.hold_out.quantities:
+            yield _Use(name, ("data", "split", "validate", name), on_key=True)
+    if isinstance(spec.target, TargetColumn):
+        yield _Use(spec.target.column, ("target", "column"))
+    for name in spec.segment:
+        yield _Use(name, ("segment", name), on_key=True)
+    for i, entry in enumerate(spec.dictionary):
+        for j, name in enumerate(entry.polynomial.of if entry.polynomial else ()):
+            yield _Use(name, ("dictionary", i, "polynomial", "of", j))
+    if isinstance(spec.fuse.extrapolation, Mapping):
+        for name in spec.fuse.extrapolation:
+            yield _Use(name, ("fuse", "extrapolation", name), on_key=True)
+
+
+def derived(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Derived quantities have names of their own, do not depend on themselves, and rates have a time."""
+    from mapmore_cli.modelling.terms import ExpressionError, parse
+
+    needs: dict[str, set[str]] = {}
+    for name, rule in spec.data.derive.items():
+        loc = ("data", "derive", name)
+        if name in spec.data.columns:
+            yield Finding(loc, f"`{name}` is a column and derived as well", "give the column another name", on_key=True)
+        if isinstance(rule, Rate):
+            needs[name] = {rule.rate_of}
+            if "time" not in spec.data.quantities:
+                yield Finding(loc, f"the rate `{name}` needs the time", "add `time` to `columns`", on_key=True)
+            continue
+        try:
+            needs[name] = set(parse(rule).names)
+        except ExpressionError:
+            continue  # found by `_expressions`
+    try:
+        graphlib.TopologicalSorter(needs).prepare()
+    except graphlib.CycleError as error:
+        circle = [str(name) for name in error.args[1]]
+        yield Finding(("data", "derive", circle[0]), f"derived in a circle: {' <- '.join(circle)}", "break the circle", on_key=True)
+
+
+def expressions(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Expressions must parse, and use quantities of the study (those of the dictionary without the target)."""
+    have = spec.data.quantities
+    for name, rule in spec.data.derive.items():
+        if isinstance(rule, str):
+            yield from _expression(rule, ("data", "derive", name), have, None)
+    for i, entry in enumerate(spec.dictionary):
+        for j, text in enumerate(entry.terms or ()):
+            yield from _expression(text, ("dictionary", i, "terms", j), have, spec.target_quantity)
+
+
+def _expression(text: str, loc: Loc, have: Sequence[str], target: str | None) -> Iterator[Finding]:
+    from mapmore_cli.modelling.terms import ExpressionError, parse
+
+    try:
+        names = parse(text).names
+    except ExpressionError as error:
+        yield Finding(loc, f"not an expression: {error.message}", offset=error.position)
+        return
+    for name in sorted(names):
+        at = _word(name, text)
+        if name not in have:
+            yield Finding(loc, f"there is no quantity `{name}` in this study", did_you_mean(name, have), offset=at)
+        elif name == target:
+            yield Finding(loc, f"`{name}` is the target", "a model cannot explain its target by itself: take it out", offset=at)
+
+
+def _word(name: str, text: str) -> int:
+    """Offset of a name in an expression, where it is not part of a longer one."""
+    found = re.search(rf"(?<![A-Za-z0-9_]){re.escape(name)}(?![A-Za-z0-9_])", text)
+    return found.start() if found else 0

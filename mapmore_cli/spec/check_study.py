@@ -1,0 +1,130 @@
+"""Checks that the choices of an experiment fit each other: levels, hold-out, target, formulas, metrics, units."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import get_type_hints
+
+from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.domain.scores import Score
+from mapmore_cli.spec.diagnostics import Finding, did_you_mean
+from mapmore_cli.spec.models import Competitor, Cuts, ExperimentSpec, TargetColumn
+from mapmore_cli.spec.tree import Loc
+from mapmore_cli.spec.units import CANONICAL, check_unit, convert, default_unit, is_canonical
+
+OWN = "mapmore"
+"""Name of the run's own model in its scores."""
+
+
+def levels(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Only the level quantity is segmented by its levels, and by nothing else."""
+    level = spec.data.levels.of if spec.data.levels else None
+    for name, cut in spec.segment.items():
+        if cut == "levels" and name != level:
+            yield Finding(
+                ("segment", name), f"`{name}` has no levels", f"add `levels: {{of: {name}}}` to `data`, or cut it by `method: even`"
+            )
+        if isinstance(cut, Cuts) and name == level:
+            remedy = f"remove it: `levels` segments `{name}` already; or write `{name}: none` to pool all levels"
+            yield Finding(("segment", name), f"`{name}` is constant within a curve and cannot be cut", remedy, on_key=True)
+    if spec.data.split.leave_one_level_out and level is None:
+        yield Finding(("data", "split", "leave_one_level_out"), "there are no levels to leave out", "add `levels` to `data`", on_key=True)
+
+
+def held_out(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Held-out values of the level quantity must be levels."""
+    levels, hold_out = spec.data.levels, spec.data.split.hold_out
+    if levels is None or isinstance(levels.at, str) or hold_out is None:
+        return
+    values = hold_out.quantities.get(levels.of)
+    reach = levels.within or (levels.spacing or 0) / 2
+    for i, value in enumerate(values if isinstance(values, list) else ()):
+        if min(abs(value - level) for level in levels.at) > reach:
+            known = ", ".join(f"{level:g}" for level in levels.at)
+            yield Finding(("data", "split", "validate", levels.of, i), f"{value:g} is no level of `{levels.of}`", f"levels are {known}")
+
+
+def target(spec: ExperimentSpec) -> Iterator[Finding]:
+    """What is modelled must be measured, and must not explain itself."""
+    target = spec.target_quantity
+    if not isinstance(spec.target, TargetColumn) and target not in spec.data.quantities:
+        yield Finding(("target",), f"target `{spec.target}` needs the quantity `{target}`", f"add `{target}` to `columns`")
+    if spec.target == "hysteresis" and spec.data.cycles is None:
+        yield Finding(("target",), "target `hysteresis` needs load cycles", "add `cycles: {over: strain}` to `data`")
+    remedy = "a model cannot explain its target by itself: take it out"
+    for i, entry in enumerate(spec.dictionary):
+        for j, name in enumerate(entry.polynomial.of if entry.polynomial else ()):
+            if name == target:
+                yield Finding(("dictionary", i, "polynomial", "of", j), f"`{name}` is the target", remedy)
+    for name in spec.segment:
+        if name == target:
+            yield Finding(("segment", name), f"`{name}` is the target", remedy, on_key=True)
+
+
+def formulas(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Literature models exist, find their inputs in the study, and each has its own name in the scores."""
+    from mapmore_cli.modelling import literature
+
+    for name, loc in _formula_uses(spec):
+        if name not in literature.names():
+            yield Finding(loc, f"there is no literature model `{name}`", did_you_mean(name, literature.names()))
+            continue
+        for missing in [quantity for quantity in literature.get(name).inputs if quantity not in spec.data.quantities]:
+            yield Finding(
+                loc, f"`{name}` needs the quantity `{missing}`", f"add `{missing}` to `columns` or `derive`, or leave `{name}` out"
+            )
+    shown = [OWN]
+    for i, competitor in enumerate(spec.validation.against):
+        name = (competitor.as_ or competitor.model) if isinstance(competitor, Competitor) else competitor
+        if name in shown:
+            remedy = "give this one a name: `{model: ..., as: NAME}`"
+            yield Finding(("validate", "against", i), f"two models of the scores are named `{name}`", remedy)
+        shown.append(name)
+
+
+def _formula_uses(spec: ExperimentSpec) -> Iterator[tuple[str, Loc]]:
+    if spec.model.backbone is not None:
+        yield spec.model.backbone, ("model", "backbone")
+    if spec.model.name is not None:
+        yield spec.model.name, ("model", "name")
+    for i, competitor in enumerate(spec.validation.against):
+        if isinstance(competitor, Competitor):
+            yield competitor.model, ("validate", "against", i, "model")
+        else:
+            yield competitor, ("validate", "against", i)
+
+
+def metrics(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Limits are set on numbers of the score row."""
+    metrics = [name for name, kind in get_type_hints(Score).items() if kind in (int, float)]
+    for name in spec.validation.require:
+        if name not in metrics:
+            yield Finding(("validate", "require", name), f"there is no metric `{name}`", did_you_mean(name, metrics), on_key=True)
+
+
+def units(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Units exist; those of the model fit the canonical quantity, and those of columns fit the model's."""
+    known = dict.fromkeys((*spec.data.quantities, *CANONICAL))
+    wrong = []
+    for name, unit in spec.units.items():
+        if name not in known:
+            yield Finding(("units", name), f"there is no quantity `{name}` in this study", did_you_mean(name, known), on_key=True)
+        found = list(_unit(("units", name), unit, default_unit(name) if is_canonical(name) else unit))
+        wrong += [name] if found else []
+        yield from found
+    for name, column in spec.data.columns.items():
+        if column.unit is not None and name not in wrong:
+            remedy = None if is_canonical(name) or name in spec.units else f"say `units: {{{name}: {column.unit}}}`"
+            yield from _unit(("data", "columns", name, "unit"), column.unit, default_unit(name, spec.units), remedy)
+
+
+def _unit(loc: Loc, unit: str, wanted: str, remedy: str | None = None) -> Iterator[Finding]:
+    try:
+        check_unit(unit)
+    except SpecError as error:
+        yield Finding(loc, error.message, error.remedy)
+        return
+    try:
+        convert(1.0, unit, wanted)
+    except SpecError as error:
+        yield Finding(loc, error.message, remedy or error.remedy)

@@ -1,0 +1,215 @@
+"""The `data` section of an experiment: the recordings, and how they become curves."""
+
+# ruff: noqa: RUF012 (pydantic copies the default of a field for every instance)
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Annotated, Any, Literal
+
+from pydantic import ConfigDict, Field, model_validator
+
+from mapmore_cli.spec.fields import (
+    InColumnUnit,
+    Keyed,
+    Many,
+    Measured,
+    Number,
+    OfKey,
+    Quantity,
+    RelativePath,
+    Seconds,
+    Section,
+    Text,
+    by_shape,
+    contradiction,
+    of_sibling,
+)
+
+FilePattern = Annotated[str, RelativePath()]
+OfQuantity = Annotated[float, of_sibling("quantity")]
+OfLevel = Annotated[float, of_sibling("of")]
+
+
+class FileEntry(Section):
+    """A glob (`path`) with quantities that no column holds (`set`), and the recording's `id` where one file matches."""
+
+    path: FilePattern
+    set: dict[Quantity, OfKey] = {}
+    id: str | None = None
+
+
+class Column(Section):
+    """Where a quantity comes from: a `column` by name or 0-based index, as `value * scale + offset` in `unit`."""
+
+    column: Annotated[Annotated[str, Text] | Annotated[int, Number], by_shape]
+    unit: str | None = None
+    scale: float = 1.0
+    offset: InColumnUnit = 0.0
+
+
+class Rate(Section):
+    """The time derivative of `rate_of`, by a Savitzky-Golay filter of polynomial `order` over `window` seconds."""
+
+    rate_of: str
+    window: Seconds
+    order: Annotated[int, Field(ge=1, le=5)] = 3
+
+
+class Keep(Section):
+    """Samples to keep: those whose `quantity` fulfils exactly one condition, in the quantity's unit."""
+
+    quantity: str
+    abs_below: Annotated[float, Field(gt=0), of_sibling("quantity")] | None = None
+    below: OfQuantity | None = None
+    above: OfQuantity | None = None
+    between: Annotated[tuple[OfQuantity, OfQuantity], Field(strict=False)] | None = None
+
+    @model_validator(mode="after")
+    def _one_condition(self) -> Keep:
+        given = [name for name in ("abs_below", "below", "above", "between") if getattr(self, name) is not None]
+        if len(given) != 1:
+            found = "two conditions at once: " + ", ".join(f"`{name}`" for name in given) if given else "no condition"
+            raise contradiction(f"`keep` has {found}", "give one of `abs_below`, `below`, `above`, `between`", *given[1:], "quantity")
+        if self.between is not None and self.between[0] >= self.between[1]:
+            raise contradiction(f"`between` runs from {self.between[0]:g} to {self.between[1]:g}", "put the lower end first", "between")
+        return self
+
+
+class Cycles(Section):
+    """Split load cycles into branches `over` one quantity, and resample both on `samples` common values."""
+
+    over: str
+    samples: Annotated[int, Field(ge=2)] = 200
+
+
+class Levels(Section):
+    """The quantity (`of`) held constant within one curve, its values (`at`), and how far a sample may be off (`within`).
+
+    `within` is half the smallest distance between levels where it is not given.
+    """
+
+    of: str
+    at: Annotated[Annotated[list[OfLevel], Many, Field(min_length=1)] | Annotated[Literal["auto"], Text], by_shape] = "auto"
+    within: Annotated[float, Field(gt=0), of_sibling("of")] | None = None
+
+    @property
+    def spacing(self) -> float | None:
+        """Smallest distance between given levels; None for `auto` or a single one."""
+        if isinstance(self.at, str) or len(self.at) < 2:
+            return None
+        ordered = sorted(self.at)
+        return min(after - before for before, after in pairwise(ordered))
+
+    @model_validator(mode="after")
+    def _apart(self) -> Levels:
+        if self.spacing == 0 and not isinstance(self.at, str):
+            twice = sorted({level for level in self.at if self.at.count(level) > 1})
+            raise contradiction(f"level {', '.join(f'{level:g}' for level in twice)} is given twice", "give each level once", "at")
+        if self.within is not None and self.spacing is not None and self.within > self.spacing / 2:
+            raise contradiction(
+                f"levels overlap: they lie {self.spacing:g} apart, and `within: {self.within:g}` reaches further than half of that",
+                f"give `within` of {self.spacing / 2:g} or less",
+                "within",
+            )
+        return self
+
+
+class Between(Section):
+    """Closed intervals of a quantity."""
+
+    between: Annotated[list[Annotated[tuple[OfKey, OfKey], Field(strict=False)]], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _ascending(self) -> Between:
+        for low, high in self.between:
+            if low > high:
+                raise contradiction(f"the interval runs from {low:g} to {high:g}", "put the lower end first", "between")
+        return self
+
+
+HeldOut = Annotated[Annotated[list[OfKey], Many, Field(min_length=1)] | Annotated[Between, Keyed], by_shape]
+
+
+class Holdout(Section):
+    """Which samples validate; where several conditions are given, all must hold.
+
+    `files` and `recordings` are globs; `last` is a share of every recording, `fraction` of all samples, drawn with `seed`. Any other
+    key is a quantity, with values or `{between: [[low, high], ...]}`.
+    """
+
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, HeldOut]
+
+    files: list[str] | None = None
+    recordings: list[str] | None = None
+    last: Annotated[float, Field(gt=0, lt=1), Measured(lambda _: "1")] | None = None
+    fraction: Annotated[float, Field(gt=0, lt=1), Measured(lambda _: "1")] | None = None
+    seed: int | None = None
+
+    @property
+    def quantities(self) -> dict[str, list[float] | Between]:
+        """The keys that are quantities."""
+        return self.__pydantic_extra__
+
+    @model_validator(mode="before")
+    @classmethod
+    def _quantities_beside(cls, given: Any) -> Any:
+        """In Python, `Holdout(quantities={"pressure": [250]})` says the same as the YAML mapping."""
+        if isinstance(given, dict) and isinstance(given.get("quantities"), dict):
+            return {key: value for key, value in given.items() if key != "quantities"} | given["quantities"]
+        return given
+
+    @model_validator(mode="after")
+    def _says_something(self) -> Holdout:
+        if all(value is None for value in (self.files, self.recordings, self.last, self.fraction)) and not self.quantities:
+            raise contradiction("`validate` does not say what is held out", "name a quantity, as `pressure: [250]`", "seed")
+        if self.seed is not None and self.fraction is None:
+            raise contradiction("`seed` draws nothing here", "it belongs to `fraction`", "seed")
+        return self
+
+
+class Split(Section):
+    """How training and validation data are separated; everything trains where nothing is said.
+
+    `leave_one_level_out` is cross-validation over the levels: the saved model uses all data.
+    """
+
+    hold_out: Holdout | None = Field(default=None, alias="validate")
+    leave_one_level_out: bool = False
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> Split:
+        if self.hold_out is not None and self.leave_one_level_out:
+            raise contradiction("both `validate` and `leave_one_level_out` are given", "choose one", "leave_one_level_out")
+        return self
+
+
+class Data(Section):
+    """The recordings, and how they become curves.
+
+    `files` are globs that start at the folder of the spec; `columns` say which column holds which quantity, `derive` what follows from
+    them. `keep` chooses samples; `cycles` splits loops into branches, `levels` names what is constant within one curve, and `split`
+    separates the validation data.
+    """
+
+    files: Annotated[
+        list[Annotated[Annotated[FilePattern, Text] | Annotated[FileEntry, Keyed], by_shape]],
+        Field(min_length=1),
+    ]
+    reader: Literal["csv"] = "csv"
+    header: bool = True
+    columns: Annotated[dict[Quantity, Column], Field(min_length=1)]
+    derive: dict[Quantity, Annotated[Annotated[str, Text] | Annotated[Rate, Keyed], by_shape]] = {}
+    keep: list[Keep] = []
+    missing: Literal["error", "drop"] = "error"
+    repeated_time: Literal["error", "average", "spread"] = "error"
+    cycles: Cycles | None = None
+    levels: Levels | None = None
+    split: Split = Split()
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """Every quantity that the samples have: of columns, set beside files, derived."""
+        beside = (name for entry in self.files if isinstance(entry, FileEntry) for name in entry.set)
+        return tuple(dict.fromkeys((*self.columns, *beside, *self.derive)))

@@ -1,0 +1,118 @@
+"""From a YAML file to a validated spec that knows where each of its values was written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from mapmore_cli.spec import semantics
+from mapmore_cli.spec.diagnostics import Finding, Problem, locate, new_places, raise_if_any
+from mapmore_cli.spec.environment import escape
+from mapmore_cli.spec.explain import explain, faulty
+from mapmore_cli.spec.fields import PARTIAL
+from mapmore_cli.spec.inherit import read
+from mapmore_cli.spec.models import ExperimentSpec
+from mapmore_cli.spec.overrides import apply
+from mapmore_cli.spec.quantities import resolve
+from mapmore_cli.spec.tree import Loc, Node, nearest, plain, without
+from mapmore_cli.spec.yaml_core import dump
+
+M = TypeVar("M", bound=BaseModel)
+Check = Callable[[M], Iterable[Finding]]
+"""Looks for mistakes that no field shows by itself."""
+
+
+@dataclass(frozen=True)
+class Loaded(Generic[M]):
+    """A valid spec.
+
+    Attributes
+    ----------
+    spec
+        What the file says, with defaults; numbers in the model's units.
+    path, folder
+        The file, and the folder that relative paths start at.
+    resolved
+        YAML with the defaults filled in and `extends`, variables and units resolved; it loads to an equal spec.
+    """
+
+    spec: M
+    path: Path
+    folder: Path
+    resolved: str
+    _root: Node = field(repr=False, compare=False)
+
+    def where(self, *loc: str | int) -> str:
+        """`file:line:column` of a key or list item, or of the nearest section around it that the files hold."""
+        return str(nearest(self._root, loc).start)
+
+
+LoadedSpec = Loaded[ExperimentSpec]
+"""A valid experiment."""
+
+
+def load(path: Path, overrides: Sequence[str] = ()) -> LoadedSpec:
+    """Read an experiment spec, with `key.path=value` overrides on top.
+
+    Raises
+    ------
+    SpecError
+        Every mistake at once, each with its place, the source line, and what would be right.
+    UsageError
+        An override that is not of the form `key.path=value`.
+    """
+    return load_as(path, ExperimentSpec, overrides, semantics.findings)
+
+
+def load_as(path: Path, model: type[M], overrides: Sequence[str] = (), check: Check[M] = lambda _: ()) -> Loaded[M]:
+    """Read a spec of any kind; raises as `load` does."""
+    problems: list[Problem] = []
+    written = apply(read(path, problems), overrides, problems)
+    root = resolve(written, model, problems)
+    try:
+        spec = model.model_validate(plain(root))
+        later = [locate(finding, root) for finding in check(spec)]
+    except ValidationError as error:
+        later = [*explain(error, root, model), *_beyond(error, root, model, check)]
+    raise_if_any([*problems, *new_places(later, problems)])
+    return Loaded(spec, path, path.parent, resolved(spec), root)
+
+
+def resolved(spec: BaseModel) -> str:
+    """The spec as YAML that loads to an equal one."""
+    return dump(_escaped(spec.model_dump(mode="json", by_alias=True, exclude_none=True)))
+
+
+def _beyond(error: ValidationError, root: Node, model: type[M], check: Check[M]) -> list[Problem]:
+    """What `check` finds in a spec without its parts of wrong form, so that all mistakes are seen at once."""
+    while True:
+        for loc in sorted(faulty(error, root), key=_last_items_first, reverse=True):
+            if _echoes(loc):
+                return []
+            root = without(root, loc)
+        try:
+            return [locate(finding, root) for finding in check(model.model_validate(plain(root), context=PARTIAL))]
+        except ValidationError as still:  # what was left out was required: its section goes next
+            error = still
+
+
+def _echoes(loc: Loc) -> bool:
+    """True where a loss would be missed elsewhere: a whole section, or a part of `data` that defines quantities or levels."""
+    return len(loc) < 2 or (loc[0] == "data" and (len(loc) < 4 or loc[1] in ("files", "levels", "split")))
+
+
+def _last_items_first(loc: Loc) -> tuple[tuple[int, str], ...]:
+    """Sorts ways so that, in reverse, removing one list item leaves the numbers of those before it."""
+    return tuple((step, "") if isinstance(step, int) else (0, step) for step in loc)
+
+
+def _escaped(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _escaped(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_escaped(item) for item in value]
+    return escape(value) if isinstance(value, str) else value

@@ -1,0 +1,87 @@
+"""Turns what was written into what the models hold: numbers in the model's units, paths from the spec's folder."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel
+
+from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.spec.diagnostics import Problem
+from mapmore_cli.spec.fields import Measured, RelativePath, Surroundings
+from mapmore_cli.spec.tree import Node, plain
+from mapmore_cli.spec.typed_tree import Kind, below, is_free
+from mapmore_cli.spec.units import default_unit, is_quantity, parse_quantity, split_quantity
+
+
+def resolve(root: Node, model: type[BaseModel], problems: list[Problem]) -> Node:
+    """The tree with every `250 kPa` replaced by a number, and every inherited relative path by one from the root's folder.
+
+    A wrong unit is added to `problems`; the number is then NaN, which validation refuses at the same place.
+    """
+    return _Resolver(root.at.source.folder, problems).node(root, [Kind(model)], _surroundings(plain(root)))
+
+
+@dataclass(frozen=True)
+class _Resolver:
+    folder: Path
+    problems: list[Problem]
+
+    def node(self, node: Node, kinds: Sequence[Kind], around: Surroundings) -> Node:
+        """The same node, resolved, given what it may be."""
+        match node.value:
+            case dict() as children:
+                inside = replace(around, siblings=plain(node))
+                return replace(node, value={key: self._under(key, child, kinds, inside) for key, child in children.items()})
+            case list() as items:
+                return replace(node, value=[self._under(index, item, kinds, around) for index, item in enumerate(items)])
+            case str() as text:
+                return replace(node, value=self._text(node, text, [mark for kind in kinds for mark in kind.marks], around))
+            case _:
+                return node
+
+    def _under(self, step: str | int, child: Node, kinds: Sequence[Kind], around: Surroundings) -> Node:
+        if isinstance(step, str) and any(is_free(kind, step) for kind in kinds):
+            around = replace(around, key=step)
+        return self.node(child, [found for kind in kinds for found in below(kind, step)], around)
+
+    def _text(self, node: Node, text: str, marks: Sequence[Any], around: Surroundings) -> str | float:
+        if any(isinstance(mark, RelativePath) for mark in marks):
+            return _from_folder(text, node.at.source.folder, self.folder)
+        rule = next((mark for mark in marks if isinstance(mark, Measured)), None)
+        if rule is None or not is_quantity(text):
+            return text
+        unit = rule.unit(around)
+        try:
+            # Where no unit is known, another key is wrong, and is reported as such.
+            return split_quantity(text)[0] if unit is None else parse_quantity(text, unit)
+        except SpecError as error:
+            self.problems.append(Problem(node.at, error.message, error.remedy))
+            return math.nan
+
+
+def _from_folder(path: str, written_in: Path, folder: Path) -> str:
+    if written_in == folder or Path(path).is_absolute():
+        return path
+    return Path(os.path.relpath(written_in / path, folder)).as_posix()
+
+
+def _surroundings(root: Any) -> Surroundings:
+    """What the root says about units and target, as far as it is well-formed."""
+    units = {name: unit for name, unit in _mapping(root, "units").items() if isinstance(unit, str)}
+    column = _mapping(root, "target").get("column")
+    rates = {name: _mapping(rule).get("rate_of") for name, rule in _mapping(root, "data", "derive").items()}
+    rate_units = {name: f"{default_unit(of, units)}/{default_unit('time', units)}" for name, of in rates.items() if isinstance(of, str)}
+    return Surroundings(units={**rate_units, **units}, target=column if isinstance(column, str) else "force")
+
+
+def _mapping(value: Any, *keys: str) -> dict[str, Any]:
+    """The mapping under `keys`; empty where there is none."""
+    for key in keys:
+        value = value.get(key) if isinstance(value, dict) else None
+    return value if isinstance(value, dict) else {}

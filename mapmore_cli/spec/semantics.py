@@ -1,0 +1,27 @@
+"""What no section of an experiment shows by itself: names, units and choices that must fit each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from mapmore_cli.spec import check_names, check_study
+from mapmore_cli.spec.diagnostics import Finding
+from mapmore_cli.spec.models import ExperimentSpec
+
+CHECKS = (
+    check_names.names,
+    check_names.derived,
+    check_names.expressions,
+    check_study.levels,
+    check_study.held_out,
+    check_study.target,
+    check_study.formulas,
+    check_study.metrics,
+    check_study.units,
+)
+
+
+def findings(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Every mistake of an experiment whose form is right."""
+    for check in CHECKS:
+        yield from check(spec)

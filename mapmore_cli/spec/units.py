@@ -1,0 +1,150 @@
+"""Units, at the spec's boundary only: inside, every array is in the model's unit and carries that unit's name.
+
+pint is imported when two units differ, since it takes longer to load than a spec does.
+"""
+
+from __future__ import annotations
+
+import functools
+import re
+from collections.abc import Mapping
+from difflib import get_close_matches
+from types import MappingProxyType
+from typing import Any, overload
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.errors import SpecError
+
+CANONICAL: Mapping[str, str] = MappingProxyType(
+    {"time": "s", "pressure": "kPa", "strain": "1", "force": "N", "length": "m", "displacement": "m", "load": "N", "input": "V"}
+)
+"""The canonical quantities and their units in a model that says nothing else."""
+
+_NO_CHANGES: Mapping[str, str] = MappingProxyType({})
+_NAMED_DIMENSIONS = {
+    "s": "a time", "kPa": "a pressure", "N": "a force", "m": "a length", "V": "a voltage", "1": "a plain number",
+    "kg": "a mass", "1/s": "a rate", "kPa/s": "a pressure rate", "m/s": "a speed", "K": "a temperature", "A": "a current",
+}  # fmt: skip
+_COMMON = [
+    *("Pa", "hPa", "kPa", "MPa", "mbar", "bar", "psi", "mmHg", "um", "mm", "cm", "m", "in", "s", "ms", "us", "min", "h"),
+    *("mN", "N", "kN", "lbf", "kgf", "mV", "V", "g", "kg", "%", "1", "degC", "K", "kPa/ms"),
+    *(f"{unit}/s" for unit in ("1", "%", "mm", "m", "N", "V", "Pa", "kPa", "bar", "psi")),
+]
+
+_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_QUANTITY = re.compile(rf"\s*({_NUMBER})\s*(\S.*?)?\s*", re.ASCII)
+_FACTOR = r"\(*(?:1|%|[^\W\d]\w*|°[CF])(?:(?:\^|\*\*)-?\d)?\)*"
+_UNIT = re.compile(rf"{_FACTOR}(?:\s*[*/]\s*{_FACTOR})*")
+_LONGEST_UNIT = 60
+
+
+def default_unit(name: str, changes: Mapping[str, str] = _NO_CHANGES) -> str:
+    """The model's unit of a quantity: what `changes` (the spec's `units:`) says, else the canonical one, else `1`.
+
+    The rate of a quantity is in its unit per unit of time: `pressure_rate` in `kPa/s`.
+    """
+    if name in changes:
+        return changes[name]
+    if name.endswith("_rate"):
+        return f"{default_unit(name.removesuffix('_rate'), changes)}/{default_unit('time', changes)}"
+    return CANONICAL.get(name, "1")
+
+
+def is_canonical(name: str) -> bool:
+    """True for the canonical quantities and their rates."""
+    return name in CANONICAL or (name.endswith("_rate") and is_canonical(name.removesuffix("_rate")))
+
+
+@overload
+def convert(values: float, source_unit: str, target_unit: str) -> float: ...
+@overload
+def convert(values: Array, source_unit: str, target_unit: str) -> Array: ...
+def convert(values: float | Array, source_unit: str, target_unit: str) -> float | Array:
+    """Values in `target_unit`.
+
+    Raises
+    ------
+    SpecError
+        A unit that nobody knows, or two units of different dimension; the message names both.
+    """
+    if source_unit == target_unit:
+        return values
+    source, target = _parsed(source_unit), _parsed(target_unit)
+    if source.dimensionality != target.dimensionality:
+        raise SpecError(
+            f"unit {source_unit!r} ({_dimension(source_unit)}) cannot be converted to {target_unit!r} ({_dimension(target_unit)})",
+            _suggestion(source_unit) or f"give a unit of the same dimension as {target_unit!r}",
+        )
+    converted = _registry().Quantity(values, source).to(target).magnitude
+    return np.asarray(converted, dtype=np.float64) if isinstance(values, np.ndarray) else float(converted)
+
+
+def is_quantity(text: str) -> bool:
+    """True for text that starts with a number and goes on with something else, as `250 kPa`."""
+    match = _QUANTITY.fullmatch(text)
+    return match is not None and match[2] is not None
+
+
+def split_quantity(text: str) -> tuple[float, str | None]:
+    """Number and unit of a quantity; the unit is None for a number alone. Raises SpecError for text that is neither."""
+    match = _QUANTITY.fullmatch(text)
+    if match is None:
+        raise SpecError(f"{text!r} is not a number with a unit", "write it as `250 kPa`")
+    return float(match[1]), match[2]
+
+
+def parse_quantity(text: str, unit: str) -> float:
+    """The number that `text` stands for in `unit`: `parse_quantity("1.1 bar", "kPa")` is 110.
+
+    Raises
+    ------
+    SpecError
+        Text that is no number with a unit, a unit that nobody knows, or one of another dimension.
+    """
+    number, source_unit = split_quantity(text)
+    # 15 digits: a decimal number stays one (110 kPa rather than 110.00000000000001).
+    return number if source_unit is None else float(f"{convert(number, source_unit, unit):.15g}")
+
+
+def check_unit(unit: str) -> None:
+    """Raise SpecError for a unit that nobody knows."""
+    if unit not in _COMMON:
+        _parsed(unit)
+
+
+@functools.cache
+def _registry() -> Any:
+    import pint
+
+    return pint.UnitRegistry()
+
+
+@functools.cache
+def _parsed(unit: str) -> Any:
+    """A pint unit; `1` is dimensionless. The grammar is checked first, as pint would compute `m**9**9**9`."""
+    text = unit.strip()
+    if len(text) <= _LONGEST_UNIT and _UNIT.fullmatch(text):
+        spelled = re.sub(r"°([CF])", r"deg\1", text).replace("%", "percent")
+        try:
+            return _registry().parse_units("" if spelled == "1" else spelled)
+        except Exception:  # pint and the tokenizer below it raise a dozen kinds, all for the same reason
+            pass
+    shown = unit if len(unit) <= _LONGEST_UNIT else f"{unit[:_LONGEST_UNIT]}..."
+    raise SpecError(
+        f"unit {shown!r} is unknown", _suggestion(unit) or "write units as `kPa`, `mm`, `ms`, `%`, `kPa/s`, or `1` for a plain number"
+    )
+
+
+def _dimension(unit: str) -> str:
+    """A unit's dimension in words."""
+    here = _parsed(unit).dimensionality
+    return next((words for known, words in _NAMED_DIMENSIONS.items() if _parsed(known).dimensionality == here), str(here))
+
+
+def _suggestion(unit: str) -> str | None:
+    """A did-you-mean for a misspelt unit; wrong capitals first (`kpa`), as they are the commonest slip."""
+    same_letters = [known for known in _COMMON if known.casefold() == unit.strip().casefold() and known != unit]
+    near = same_letters or [known for known in get_close_matches(unit, _COMMON, n=1, cutoff=0.6) if known != unit]
+    return f"did you mean `{near[0]}`?" if near and unit not in _COMMON else None

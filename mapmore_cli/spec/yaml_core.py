@@ -1,0 +1,106 @@
+"""YAML with the scalars of version 1.2's core schema, for reading and writing.
+
+Plain PyYAML follows YAML 1.1, in which `1e-3` is text, `no` is false, `010` is eight and `1:30` is ninety.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import yaml
+
+_TAG = "tag:yaml.org,2002:"
+_SCALARS = (  # tag, pattern, possible first characters (None: the empty text)
+    ("null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
+    ("bool", r"true|True|TRUE|false|False|FALSE", list("tTfF")),
+    ("int", r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+", list("-+0123456789")),
+    ("float", r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)", list("-+.0123456789")),
+)
+_RESOLVERS = {
+    first: [(_TAG + tag, re.compile(f"(?:{pattern})\\Z", re.ASCII)) for tag, pattern, firsts in _SCALARS if first in firsts]
+    for first in {first for _, _, firsts in _SCALARS for first in firsts}
+}
+
+DEEPEST = 40
+"""Levels of nesting that are read; a spec needs ten."""
+
+
+class TooDeep(Exception):
+    """Nested deeper than `DEEPEST`; the argument is the mark of the place."""
+
+
+class CoreLoader(yaml.SafeLoader):
+    """Composes nodes with YAML 1.2 core tags; `<<` is an ordinary key."""
+
+    yaml_implicit_resolvers = _RESOLVERS
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self._depth = 0
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        """A node, unless it lies too deep (PyYAML would recurse until Python's limit)."""
+        self._depth += 1
+        if parent is not None and self._depth > DEEPEST:
+            raise TooDeep(parent.start_mark)
+        node: yaml.Node | None = super().compose_node(parent, index)
+        self._depth -= 1
+        return node
+
+
+class _CoreDumper(yaml.SafeDumper):
+    """Quotes what `CoreLoader` would otherwise read as something else; writes no anchors."""
+
+    yaml_implicit_resolvers = _RESOLVERS
+
+    def ignore_aliases(self, _data: Any) -> bool:
+        return True
+
+    def represent_str(self, data: str) -> yaml.ScalarNode:
+        """Escapes the line breaks that only Unicode knows; PyYAML would write them out, to be read back as spaces."""
+        style = '"' if any(char in data for char in "\x85\u2028\u2029") else None
+        return self.represent_scalar(f"{_TAG}str", data, style)
+
+
+_CoreDumper.add_representer(str, _CoreDumper.represent_str)
+
+
+def tag_of(text: str) -> str:
+    """The core type of a plain scalar: `null`, `bool`, `int`, `float` or `str`."""
+    for tag, pattern in _RESOLVERS.get(text[:1], []):
+        if pattern.match(text):
+            return tag.removeprefix(_TAG)
+    return "str"
+
+
+def scalar(tag: str, text: str) -> str | int | float | bool | None:
+    """The value of a scalar with one of the core tags.
+
+    Raises
+    ------
+    ValueError
+        An explicit tag that is none of them, or that the text does not fit (`!!int x`), or an integer of thousands of digits.
+    """
+    kind = tag.removeprefix(_TAG)
+    if kind == "str":
+        return text
+    if kind not in ("null", "bool", "int", "float"):
+        raise ValueError(f"tag {tag.replace(_TAG, '!!')} is not used in a spec")
+    if tag_of(text) != kind and not (kind == "float" and tag_of(text) == "int"):
+        raise ValueError(f"{text!r} is no {kind}")
+    match kind:
+        case "null":
+            return None
+        case "bool":
+            return text.lower() == "true"
+        case "int":
+            return int(text, {"0o": 8, "0x": 16}.get(text[:2], 10))
+        case _:
+            return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
+
+
+def dump(value: Any) -> str:
+    """YAML that `CoreLoader` reads back to the same value."""
+    text: str = yaml.dump(value, Dumper=_CoreDumper, sort_keys=False, allow_unicode=True, width=120)
+    return text

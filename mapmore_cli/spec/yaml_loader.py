@@ -1,0 +1,149 @@
+"""Strict reading of one YAML text into a tree with positions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NoReturn
+
+import yaml
+
+from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.spec.diagnostics import Problem, fail
+from mapmore_cli.spec.environment import expand
+from mapmore_cli.spec.tree import Node, Position, Source
+from mapmore_cli.spec.yaml_core import DEEPEST, CoreLoader, TooDeep, scalar, tag_of
+
+_LARGEST = 1_000_000  # bytes of a file
+_MOST_VALUES = 50_000  # after aliases are followed: nine levels of nine aliases would be 4e8
+
+_PLAINER = (  # what PyYAML says, what is meant, what to do
+    ("cannot start any token", "a character that cannot stand here", "quote the text, and indent with spaces instead of tabs"),
+    ("mapping values are not allowed here", "a `:` that cannot stand here", "quote a text that contains `: `, or mend the indentation"),
+    ("could not find expected ':'", "a key without `:`", "write `key: value`"),
+    ("expected <block end>", "the indentation does not fit the lines above, or a bracket is missing", "align the keys of one mapping"),
+    ("expected ',' or", "a `,` or a closing bracket is missing", "close every `[` and `{`"),
+    ("but found another document", "a second document starts here", "one file holds one spec: remove the `---`"),
+    ("found undefined alias", "an alias without its anchor", "define it above with `&name`"),
+    ("found duplicate anchor", "an anchor that is defined twice", "give the second one another name"),
+    ("found unexpected end of stream", "the text ends within quotes", "close the quotes"),
+)
+
+
+def read_source(path: Path, shown: str | None = None) -> Source:
+    """A file's text.
+
+    Raises
+    ------
+    SpecError
+        A file that is missing, unreadable, larger than a spec can be, or not UTF-8.
+    """
+    name = shown or str(path)
+    try:
+        with path.open("rb") as file:
+            data = file.read(_LARGEST + 1)
+    except OSError as error:
+        raise SpecError(f"{name}: {(error.strerror or str(error)).lower()}", "give the path of a YAML file") from error
+    if len(data) > _LARGEST:
+        raise SpecError(f"{name}: larger than {_LARGEST // 1000} kB", "a spec is a page of text; is this a data file?")
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        column = error.start - data.rfind(b"\n", 0, error.start)
+        raise SpecError(f"{name}:{line}:{column}: byte 0x{data[error.start]:02x} is not UTF-8", "save the file as UTF-8") from error
+    return Source(name, path.parent, text)
+
+
+def parse(source: Source, problems: list[Problem]) -> Node:
+    """The tree of a YAML text, with `${VAR}` expanded; a duplicate key or an unset variable is added to `problems`.
+
+    Raises
+    ------
+    SpecError
+        Text that is no YAML, or nests or multiplies without end.
+    """
+    try:
+        root = CoreLoader(source.text).get_single_node()
+    except (yaml.YAMLError, TooDeep) as error:
+        _refuse(error, source)
+    if root is None:
+        return Node(None, Position(source, 1, 1))
+    return _Builder(source, problems).node(root, depth=0)
+
+
+class _Builder:
+    """Turns PyYAML's nodes into ours and counts them."""
+
+    def __init__(self, source: Source, problems: list[Problem]) -> None:
+        self.source = source
+        self.problems = problems
+        self.count = 0
+
+    def node(self, node: yaml.Node, depth: int, key_at: Position | None = None) -> Node:
+        """The tree under one node."""
+        at = self._position(node.start_mark)
+        self.count += 1
+        if depth > DEEPEST:
+            fail(at, "aliases nest too deeply, or an anchor contains itself", "write the values out")
+        if self.count > _MOST_VALUES:
+            fail(at, f"aliases multiply to more than {_MOST_VALUES} values", "write the values out")
+        if isinstance(node, yaml.MappingNode):
+            return Node(self._mapping(node, depth), at, key_at)
+        if isinstance(node, yaml.SequenceNode):
+            return Node([self.node(item, depth + 1) for item in node.value], at, key_at)
+        assert isinstance(node, yaml.ScalarNode)
+        return Node(self._scalar(node, at), at, key_at)
+
+    def _mapping(self, node: yaml.MappingNode, depth: int) -> dict[str, Node]:
+        children: dict[str, Node] = {}
+        for key_node, value_node in node.value:
+            at = self._position(key_node.start_mark)
+            key = self._key(key_node, at)
+            if key is None:
+                continue
+            if key in children:
+                first = children[key].start
+                self.problems.append(Problem(at, f"key `{key}` stands twice; first on line {first.line}", "remove one of the two"))
+                continue
+            children[key] = self.node(value_node, depth + 1, at)
+        return children
+
+    def _key(self, node: yaml.Node, at: Position) -> str | None:
+        if isinstance(node, yaml.ScalarNode) and node.tag.endswith(":str"):
+            return str(node.value)
+        shown = f"`{node.value}`" if isinstance(node, yaml.ScalarNode) else "this key"
+        self.problems.append(Problem(at, f"{shown} is not text, and keys are", "quote it"))
+        return None
+
+    def _scalar(self, node: yaml.ScalarNode, at: Position) -> str | int | float | bool | None:
+        """A plain scalar is typed after its variables are expanded, so that `${N:-3}` is a number; a quoted one stays text."""
+        try:
+            text = expand(node.value)
+            return scalar(tag_of(text) if text != node.value and node.style is None else node.tag, text)
+        except ValueError as error:
+            self.problems.append(Problem(at, str(error), _scalar_remedy(node.value)))
+            return str(node.value)
+
+    def _position(self, mark: yaml.Mark) -> Position:
+        return Position(self.source, mark.line + 1, mark.column + 1)
+
+
+def _scalar_remedy(text: str) -> str:
+    return "set it, give a default as `${NAME:-default}`, or write `$${` for a plain `${`" if "${" in text else "write a plain value"
+
+
+def _refuse(error: Exception, source: Source) -> NoReturn:
+    """Raise PyYAML's complaint in plainer words, with its place."""
+    if isinstance(error, yaml.reader.ReaderError):
+        before = source.text[: error.position]
+        at = Position(source, before.count("\n") + 1, error.position - before.rfind("\n"))
+        fail(at, f"control character #x{int(error.character):04x}", "a spec is plain text; is this a data file?")
+    mark = error.args[0] if isinstance(error, TooDeep) else getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
+    at = Position(source, mark.line + 1, mark.column + 1) if mark else Position(source, 1, 1)
+    if isinstance(error, TooDeep):
+        fail(at, f"nested more than {DEEPEST} levels deep", "a spec needs ten")
+    said = f"{getattr(error, 'context', None) or ''} {getattr(error, 'problem', None) or ''}".strip()
+    for phrase, message, remedy in _PLAINER:
+        if phrase in said:
+            fail(at, f"not valid YAML: {message}", remedy)
+    fail(at, f"not valid YAML: {said}")

@@ -1,0 +1,190 @@
+"""Documents that must load, and what they then say."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from spec_examples import FORMULA, GOOD, MEASURED, STATIC, load_text
+
+from mapmore_cli.spec.loader import load, load_as, resolved
+from mapmore_cli.spec.models import BelowAbove, Between, Competitor, Cuts, ExperimentSpec, FileEntry, Holdout, Levels, Rate, Section
+
+PROJECT = Path(__file__).resolve().parents[2]
+SHIPPED = sorted(path for path in (PROJECT / "configs").glob("*/*.yaml") if not path.name.startswith("_"))
+
+
+def test_the_static_study(tmp_path: Path) -> None:
+    loaded = load_text(tmp_path, STATIC)
+    spec = loaded.spec
+    assert (spec.muscle.length, spec.muscle.diameter) == (0.088, 0.02)
+    assert spec.data.levels == Levels(of="pressure", at=[80.0, 150.0, 250.0, 350.0])
+    assert spec.data.split.hold_out is not None
+    assert spec.data.split.hold_out.quantities == {"pressure": [250.0]}
+    assert spec.data.quantities == ("time", "pressure", "strain", "force")
+    assert spec.segment == {"strain": Cuts(method="even", count=4)}
+    assert spec.target_quantity == "force"
+    assert spec.fit.tolerance == 1e-4
+    assert spec.validation.require == {"nrmse": 0.05}
+    assert (loaded.path, loaded.folder) == (tmp_path / "spec.yaml", tmp_path)
+
+
+def test_numbers_with_units_are_in_the_units_of_the_model(tmp_path: Path) -> None:
+    spec = load_text(tmp_path, MEASURED).spec
+    data = spec.data
+    assert data.files == [
+        FileEntry(path="10mm_Unkink_*.csv.gz", set={"length": 0.182}),
+        FileEntry(path="10mm_kinked25_*.csv.gz", set={"length": 0.1745}, id="kinked"),
+        "plain.csv",
+    ]
+    assert data.columns["force"].offset == 0.009  # in the column's own unit, kN
+    assert data.columns["pressure"].offset == pytest.approx(14.503773773, rel=1e-9)  # psi
+    assert data.derive["pressure_rate"] == Rate(rate_of="pressure", window=0.03, order=2)
+    assert data.keep[0].abs_below == 0.25  # bar/s
+    assert data.keep[1].between == (40.0, 900.0)
+    assert data.keep[2].below == 0.005  # a rate by another name: m/s
+    assert data.levels == Levels(of="strain", at=[0.0, 0.04, 0.08], within=0.01)
+    assert data.split.hold_out is not None
+    assert data.split.hold_out.quantities == {"strain": [0.04], "pressure": Between(between=[(2.0, 2.6), (4.0, 4.6)])}
+    assert data.split.hold_out.fraction == 0.25
+    assert spec.segment["pressure"] == Cuts(method="breakpoints", at=[1.0, 2.0])
+    assert spec.fuse.extrapolation == {"strain": BelowAbove(below=0.01, above="saturate"), "pressure": "continue_linear"}
+    assert spec.validation.against == ["sarosi", Competitor(model="sarosi", method="levenberg_marquardt", as_="sarosi_lm")]
+    assert spec.validation.require == {"rmse": 0.005, "nrmse": 0.05, "r2": 0.9}
+    assert spec.report.published is not None
+    assert spec.report.published.nrmse == {"sarosi": 0.025}
+
+
+def test_a_formula_needs_no_dictionary(tmp_path: Path) -> None:
+    spec = load_text(tmp_path, FORMULA).spec
+    assert spec.dictionary == []
+    assert spec.data.levels is None
+
+
+@pytest.mark.parametrize("text", GOOD.values(), ids=GOOD)
+def test_the_resolved_text_loads_to_the_same_spec(tmp_path: Path, text: str) -> None:
+    loaded = load_text(tmp_path, text)
+    again = load_text(tmp_path, loaded.resolved)
+    assert again.spec == loaded.spec
+    assert again.resolved == loaded.resolved
+
+
+def test_the_resolved_text_says_the_defaults(tmp_path: Path) -> None:
+    resolved = load_text(tmp_path, FORMULA).resolved
+    assert "z_s: 0.25" in resolved
+    assert "missing: error" in resolved
+    assert "null" not in resolved
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_every_shipped_study_loads_and_survives_a_round_trip(path: Path, tmp_path: Path) -> None:
+    loaded = load(path)
+    assert load_text(tmp_path, loaded.resolved).spec == loaded.spec
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("segment:\n  strain: {method: even, count: 4}", "segment: {pressure: none, strain: {method: even, count: 1}}"),
+        ("segment:\n  strain: {method: even, count: 4}", "segment: {pressure: levels}"),
+        ("target: static", "target: hysteresis"),
+        ("at: [80, 150, 250, 350]", "at: auto"),
+        ("at: [80, 150, 250, 350]", "at: [0.8 bar, 1.5 bar, 250, 350000 Pa], within: 35"),
+        ("split: {validate: {pressure: [250]}}", "split: {leave_one_level_out: true}"),
+        ("split: {validate: {pressure: [250]}}", "split: {validate: {recordings: [load_cycle_150]}}"),
+        ("split: {validate: {pressure: [250]}}", "split: {validate: {last: 50 %}}"),
+        ("{pressure: [250]}", "{pressure: [260]}"),  # nearer to 250 than half the distance to the next level
+        ("against: [sarosi, polynomial_2]", "against: []"),
+        ("samples: 200}", "samples: 0x20}"),
+    ],
+)
+def test_variants_of_the_static_study_load(tmp_path: Path, old: str, new: str) -> None:
+    assert old in STATIC
+    load_text(tmp_path, STATIC.replace(old, new))
+
+
+def test_where_points_at_keys_items_and_the_nearest_section(tmp_path: Path) -> None:
+    loaded = load_text(tmp_path, STATIC)
+    places = [
+        loaded.where(*loc) for loc in [("data", "columns", "force"), ("data", "levels", "at", 1), ("fuse", "z_s"), ("model", "type"), ()]
+    ]
+    assert [place.removeprefix(f"{tmp_path}/") for place in places] == [
+        "spec.yaml:11:5", "spec.yaml:13:35", "spec.yaml:22:28", "spec.yaml:1:1", "spec.yaml:1:1",
+    ]  # fmt: skip
+
+
+def test_held_out_quantities_in_python() -> None:
+    assert Holdout(quantities={"pressure": [250.0]}) == Holdout.model_validate({"pressure": [250.0]})
+    assert Holdout(quantities={"pressure": [250.0]}).quantities == {"pressure": [250.0]}
+
+
+class Regulator(Section):
+    """Another kind of spec."""
+
+    volume: float
+    steps: list[int]
+
+
+def test_other_kinds_of_spec_load_with_the_same_care(tmp_path: Path) -> None:
+    path = tmp_path / "rig.yaml"
+    path.write_text("volume: 1e-3\n")
+    assert load_as(path, Regulator, ["steps=[2, 3]"]).spec == Regulator(volume=0.001, steps=[2, 3])
+
+
+# Random valid specs ------------------------------------------------------------------------------------------------------------------
+
+NAMES = st.from_regex(r"[A-Za-z_][A-Za-z0-9_]{0,6}", fullmatch=True).filter(lambda name: name not in {"force", "strain", "exp", "files"})
+TEXTS = st.text(st.characters(codec="utf-8"), min_size=1, max_size=15)
+NUMBERS = st.floats(-1e6, 1e6)
+POSITIVE = st.floats(1e-6, 1e6)
+WORDS = st.sampled_from(["continue", "continue_linear", "saturate", "zero"])
+
+
+@st.composite
+def documents(draw: st.DrawFn) -> dict[str, object]:
+    """Experiments as plain data, as a YAML file would hold them."""
+    column = st.fixed_dictionaries({"column": TEXTS | st.integers(0, 99)}, optional={"scale": NUMBERS, "offset": NUMBERS})
+    names = ["force", "strain"]
+    columns = {name: draw(column) for name in names}
+    levels = draw(st.lists(st.integers(-99, 99), min_size=1, max_size=5, unique=True))
+    sides = st.fixed_dictionaries({}, optional={"below": WORDS | NUMBERS, "above": WORDS | NUMBERS})
+    document: dict[str, object] = {
+        "name": draw(
+            st.from_regex(r"[A-Za-z][A-Za-z0-9._-]{0,20}", fullmatch=True).filter(
+                lambda name: name.lower() not in {"null", "true", "false"}
+            )
+        ),
+        "data": {
+            "files": draw(
+                st.lists(TEXTS | st.fixed_dictionaries({"path": TEXTS, "set": st.dictionaries(NAMES, NUMBERS, max_size=2)}), min_size=1)
+            ),
+            "columns": columns,
+            "header": draw(st.booleans()),
+            "keep": draw(st.lists(st.fixed_dictionaries({"quantity": st.sampled_from(names), "above": NUMBERS}), max_size=2)),
+            "levels": {"of": "strain", "at": levels},
+            "split": {"validate": {"strain": draw(st.lists(st.sampled_from(levels), min_size=1)), "last": draw(st.floats(0.01, 0.99))}},
+        },
+        "target": draw(st.sampled_from(["static", {"column": "force"}])),
+        "dictionary": [
+            {"polynomial": {"of": ["strain"], "order": draw(st.integers(1, 20)), "constant": draw(st.booleans())}},
+            {"terms": ["strain^2"]},
+        ],
+        "fit": {"max_terms": draw(st.integers(1, 99)), "tolerance": draw(st.floats(0, 0.99))},
+        "fuse": {"z_s": draw(st.floats(0, 0.5)), "extrapolation": draw(WORDS | st.fixed_dictionaries({"strain": WORDS | sides}))},
+        "muscle": draw(st.fixed_dictionaries({}, optional={"name": TEXTS, "kind": TEXTS, "length": POSITIVE})),
+    }
+    return document
+
+
+@settings(deadline=None, max_examples=60)
+@given(documents())
+def test_specs_survive_the_round_trip_through_their_resolved_text(
+    tmp_path_factory: pytest.TempPathFactory, document: dict[str, object]
+) -> None:
+    folder = tmp_path_factory.mktemp("spec")
+    spec = ExperimentSpec.model_validate(document)
+    loaded = load_text(folder, resolved(spec))
+    assert loaded.spec == spec
+    assert loaded.resolved == resolved(spec)

@@ -1,0 +1,71 @@
+"""The JSON Schema: checked in, and in agreement with what the loader takes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+from spec_examples import GOOD, STATIC
+
+from mapmore_cli.spec.schema import json_schema, schema_text
+from mapmore_cli.spec.tree import Source, plain
+from mapmore_cli.spec.yaml_loader import parse
+
+CONFIGS = Path(__file__).resolve().parents[2] / "configs"
+SHIPPED = sorted(path for path in CONFIGS.glob("*/*.yaml") if not path.name.startswith("_"))
+VALIDATOR = jsonschema.Draft202012Validator(json_schema())
+
+
+def document(text: str) -> Any:
+    return plain(parse(Source("t.yaml", Path(), text), []))
+
+
+def test_the_checked_in_schema_is_up_to_date() -> None:
+    assert (CONFIGS / "experiment.schema.json").read_text(encoding="utf-8") == schema_text(), "run `python -m mapmore_cli.spec.schema`"
+
+
+def test_it_is_a_schema_with_descriptions() -> None:
+    schema = json.loads(schema_text())
+    jsonschema.Draft202012Validator.check_schema(schema)
+    assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
+    assert [name for name, section in schema["$defs"].items() if not section.get("description")] == []
+
+
+@pytest.mark.parametrize("text", GOOD.values(), ids=GOOD)
+def test_good_documents_validate(text: str) -> None:
+    assert [error.message for error in VALIDATOR.iter_errors(document(text))] == []
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_shipped_studies_validate_and_point_to_the_schema(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    assert [error.message for error in VALIDATOR.iter_errors(document(text))] == []
+    modeline = text.splitlines()[0].removeprefix("# yaml-language-server: $schema=")
+    assert (path.parent / modeline).resolve() == CONFIGS / "experiment.schema.json"
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("max_terms: 1", "max_term: 1"),
+        ("max_terms: 1,", "max_terms: 0,"),
+        ("length: 88 mm", "length: long"),
+        ("target: static", "target: statics"),
+        ("target: static\n", ""),
+        ('  files: ["../datasets/mckibben/load_cycle_*.csv"]\n', ""),
+        ("{pressure: [250]}", "{pressure: 250}"),
+        ("extrapolation: continue", "extrapolation: {strain: {above: zerro}}"),
+        ("method: even", "method: odd"),
+    ],
+)
+def test_an_editor_sees_the_slips(old: str, new: str) -> None:
+    assert old in STATIC
+    assert list(VALIDATOR.iter_errors(document(STATIC.replace(old, new))))
+
+
+def test_an_heir_may_leave_out_what_it_inherits() -> None:
+    assert not list(VALIDATOR.iter_errors(document("extends: base.yaml\nname: heir\ndata: {levels: {at: [1, 2 bar]}}\n")))
+    assert list(VALIDATOR.iter_errors(document("name: orphan\ndata: {levels: {at: [1, 2 bar]}}\n")))

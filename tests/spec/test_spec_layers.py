@@ -1,0 +1,202 @@
+"""What lies over and under a file: the environment, inherited files, overrides of the command line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from spec_examples import FORMULA, STATIC, load_text, refusal
+
+from mapmore_cli.domain.errors import SpecError, UsageError
+from mapmore_cli.spec.environment import escape, expand
+from mapmore_cli.spec.loader import load
+
+# Environment -------------------------------------------------------------------------------------------------------------------------
+
+
+def test_variables_are_expanded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("LAB", "lab7")
+    monkeypatch.setenv("EMPTY", "")
+    monkeypatch.delenv("UNSET", raising=False)
+    assert expand("${LAB}/${UNSET:-a b}/${LAB:-x}${EMPTY:-y}${EMPTY}${UNSET:-}") == "lab7/a b/lab7y"
+    assert expand("$LAB $ {LAB} $${LAB} }") == "$LAB $ {LAB} ${LAB} }"
+
+
+@settings(deadline=None)
+@given(st.text(st.sampled_from("$${{}:-A "), max_size=20))
+def test_escaped_text_stays_as_it_is(text: str) -> None:
+    assert expand(escape(text)) == text
+
+
+@pytest.mark.parametrize("text", ["${}", "${1A}", "${A", "${A:b}", "${A-b}", "${A:-${B}}", "${ A }"])
+def test_what_is_no_variable_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match="is not"):
+        expand(text)
+
+
+def test_a_plain_scalar_is_typed_after_expansion_and_a_quoted_one_stays_text(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TERMS", "3")
+    monkeypatch.setenv("SIZE", "88 mm")
+    text = FORMULA + "fit:\n  max_terms: ${TERMS}\n  stop: ${STOP:-bic}\nmuscle:\n  length: ${SIZE}\n  kind: '${TERMS}'\n"
+    spec = load_text(tmp_path, text).spec
+    assert (spec.fit.max_terms, spec.fit.stop, spec.muscle.length, spec.muscle.kind) == (3, "bic", 0.088, "3")
+
+
+def test_an_unset_variable_is_an_error_at_its_place_and_hides_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("NOWHERE", raising=False)
+    text = FORMULA.replace("[a.csv]", '["${NOWHERE}/a.csv"]') + "fit:\n  max_terms: ${NOWHERE}\n  stpo: bic\n"
+    message = refusal(tmp_path, text)
+    assert "spec.yaml:2:16: environment variable NOWHERE is not set" in message
+    assert "${NAME:-default}" in message
+    assert "spec.yaml:7:3: unknown key `stpo`" in message
+    assert message.count("spec.yaml:") == 3
+
+
+def test_a_variable_in_the_value_of_a_variable_is_not_expanded_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ODD", "${HOME}")
+    loaded = load_text(tmp_path, FORMULA + "muscle: {name: '${ODD}'}\n")
+    assert loaded.spec.muscle.name == "${HOME}"
+    assert load_text(tmp_path, loaded.resolved).spec == loaded.spec
+
+
+# Inheritance -------------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def family(tmp_path: Path) -> Path:
+    """`child/spec.yaml` extends `../base.yaml`, which extends `deep/root.yaml`."""
+    for folder in ("child", "deep"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "deep" / "root.yaml").write_text(STATIC)
+    (tmp_path / "base.yaml").write_text(
+        "extends: deep/root.yaml\nfit: {max_terms: 3}\nmuscle: {kind: peano}\ndata:\n  levels: {at: [1, 2 bar]}\n"
+    )
+    (tmp_path / "child" / "spec.yaml").write_text(
+        "extends: ../base.yaml\nname: heir\ndata: {split: {validate: {pressure: [2 bar]}}}\n"
+        "fuse: {z_s: 0.1}\ndictionary: [{terms: [strain]}]\n"
+    )
+    return tmp_path
+
+
+def test_mappings_merge_deeply_and_other_values_replace(family: Path) -> None:
+    spec = load(family / "child" / "spec.yaml").spec
+    assert (spec.name, spec.muscle.kind, spec.muscle.length) == ("heir", "peano", 0.088)
+    assert (spec.fit.max_terms, spec.fit.scaling, spec.fuse.z_s, spec.fuse.transition) == (3, "unit_square", 0.1, "linear")
+    assert spec.data.levels is not None
+    assert (spec.data.levels.of, spec.data.levels.at) == ("pressure", [1.0, 200.0])
+    assert len(spec.dictionary) == 1
+
+
+def test_relative_paths_start_at_the_file_that_they_are_written_in(family: Path) -> None:
+    loaded = load(family / "child" / "spec.yaml")
+    assert loaded.folder == family / "child"
+    assert loaded.spec.data.files == ["../datasets/mckibben/load_cycle_*.csv"]  # root.yaml lies in deep/, beside child/
+    (family / "base.yaml").write_text(
+        "extends: deep/root.yaml\ndata: {files: [x.csv, {path: 'd/*.csv'}, /abs/y.csv], levels: {at: [1, 2 bar]}}\n"
+    )
+    files = load(family / "child" / "spec.yaml").spec.data.files
+    assert [file if isinstance(file, str) else file.path for file in files] == ["../x.csv", "../d/*.csv", "/abs/y.csv"]
+
+
+def test_a_value_is_placed_in_the_file_that_it_comes_from(family: Path) -> None:
+    loaded = load(family / "child" / "spec.yaml")
+    places = [loaded.where(*loc) for loc in [("name",), ("fit", "max_terms"), ("data", "columns", "force"), ("data", "levels", "at", 1)]]
+    assert [place.removeprefix(f"{family}/") for place in places] == [
+        "child/spec.yaml:2:1", "base.yaml:2:7", "deep/root.yaml:11:5", "base.yaml:5:20",
+    ]  # fmt: skip
+
+
+def test_a_mistake_in_an_inherited_file_is_shown_there(family: Path) -> None:
+    (family / "base.yaml").write_text("extends: deep/root.yaml\nfit: {max_trems: 3}\ndata: {levels: {at: [1 bar, 2 bra]}}\n")
+    with pytest.raises(SpecError) as caught:
+        load(family / "child" / "spec.yaml")
+    message = str(caught.value)
+    assert f"{family}/base.yaml:2:7: unknown key `max_trems`" in message
+    assert f"{family}/base.yaml:3:29: unit 'bra' is unknown" in message
+    assert "     2 | fit: {max_trems: 3}" in message
+
+
+def test_the_resolved_text_stands_alone(family: Path) -> None:
+    loaded = load(family / "child" / "spec.yaml")
+    (family / "child" / "resolved.yaml").write_text(loaded.resolved)
+    assert "extends" not in loaded.resolved
+    assert load(family / "child" / "resolved.yaml").spec == loaded.spec
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("extends: spec.yaml\n", ["spec.yaml:1:10", "in a circle: spec.yaml -> spec.yaml"]),
+        ("name: a\nextends: none.yaml\n", ["spec.yaml:2:10: there is no file", "none.yaml"]),
+        ("extends: [a.yaml]\n", ["spec.yaml:1:10: `extends` names no file"]),
+        ("extends: .\n", ["there is no file"]),
+    ],
+)
+def test_what_cannot_be_extended(tmp_path: Path, text: str, words: list[str]) -> None:
+    message = refusal(tmp_path, text)
+    assert all(word in message for word in words), message
+
+
+def test_a_circle_of_files_is_refused(family: Path) -> None:
+    (family / "deep" / "root.yaml").write_text("extends: ../child/spec.yaml\n")
+    with pytest.raises(SpecError, match=r"in a circle: spec.yaml -> base.yaml -> root.yaml -> spec.yaml"):
+        load(family / "child" / "spec.yaml")
+
+
+# Overrides ---------------------------------------------------------------------------------------------------------------------------
+
+
+def test_overrides_set_scalars_lists_items_and_new_sections(tmp_path: Path) -> None:
+    overrides = ["fit.max_terms=2", "data.levels.at=[80, 1.5 bar, 250]", "data.levels.at.2=300 kPa", "data.split.validate.pressure.0=300"]
+    overrides += [
+        "model.backbone=sarosi",
+        "muscle.length=9 cm",
+        "name=other",
+        "dictionary.0.polynomial.order=0x3",
+        "validate.require={rmse: 1}",
+    ]
+    spec = load_text(tmp_path, STATIC, overrides).spec
+    assert (spec.fit.max_terms, spec.model.backbone, spec.muscle.length, spec.name) == (2, "sarosi", 0.09, "other")
+    assert spec.data.levels is not None
+    assert spec.data.levels.at == [80.0, 150.0, 300.0]
+    assert spec.dictionary[0].polynomial is not None
+    assert spec.dictionary[0].polynomial.order == 3
+    assert spec.validation.require == {"rmse": 1.0}
+
+
+def test_the_last_override_of_a_key_counts_and_null_restores_a_default(tmp_path: Path) -> None:
+    spec = load_text(tmp_path, STATIC, ["fuse.z_s=0.1", "fuse.z_s=0.2", "fuse.extrapolation=null", "data.split=", "data.split={}"]).spec
+    assert (spec.fuse.z_s, spec.fuse.extrapolation, spec.data.split.hold_out) == (0.2, None, None)
+
+
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        ("fit.max_term=2", ["--set fit.max_term=2: unknown key `max_term` in `fit`", "did you mean `max_terms`?"]),
+        ("fit.max_terms=two", ["--set fit.max_terms=two: `fit.max_terms` should be a whole number"]),
+        ("fit.max_terms.deep=2", ["--set fit.max_terms.deep=2: `deep` leads into a value that has no keys"]),
+        ("data.levels.at.4=2", ["--set data.levels.at.4=2: there is no item `4` in a list of 4", "from 0"]),
+        ("data.levels.at.-1=2", ["there is no item `-1`"]),
+        ("muscle.length=3 kPa", ["--set muscle.length=3 kPa: unit 'kPa' (a pressure)"]),
+        ("data.levels.of=presure", ["--set data.levels.of=presure: there is no quantity `presure`"]),
+        ("fit.max_terms=[1", ["--set fit.max_terms=[1: not valid YAML"]),
+        ("extends=other.yaml", ["--set extends=other.yaml: unknown key `extends`"]),
+        ("name=${NO_SUCH_VARIABLE}", ["--set name=${NO_SUCH_VARIABLE}: environment variable NO_SUCH_VARIABLE is not set"]),
+    ],
+)
+def test_a_wrong_override_is_placed_at_itself(tmp_path: Path, override: str, words: list[str]) -> None:
+    message = refusal(tmp_path, STATIC, [override])
+    assert all(word in message for word in words), message
+
+
+@pytest.mark.parametrize("override", ["fit.max_terms", "=2", "fit..max_terms=2", ".=3"])
+def test_an_override_of_another_form_is_wrong_usage(tmp_path: Path, override: str) -> None:
+    with pytest.raises(UsageError, match="not of the form"):
+        load_text(tmp_path, STATIC, [override])
+
+
+def test_overridden_paths_start_at_the_spec(family: Path) -> None:
+    assert load(family / "child" / "spec.yaml", ["data.files=[x.csv]"]).spec.data.files == ["x.csv"]
+    assert load(family / "child" / "spec.yaml", ["data.files.0=y.csv"]).spec.data.files == ["y.csv"]

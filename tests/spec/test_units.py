@@ -1,0 +1,134 @@
+"""Default units, conversion, quantities in text."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.spec.units import check_unit, convert, default_unit, is_quantity, parse_quantity
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        ("time", "s"), ("pressure", "kPa"), ("strain", "1"), ("force", "N"), ("length", "m"), ("displacement", "m"), ("load", "N"),
+        ("input", "V"), ("pressure_rate", "kPa/s"), ("strain_rate", "1/s"), ("length_rate", "m/s"), ("temperature", "1"),
+    ],
+)  # fmt: skip
+def test_default_units(name: str, unit: str) -> None:
+    assert default_unit(name) == unit
+
+
+def test_units_of_the_spec_come_first_and_rates_follow_them() -> None:
+    changes = {"pressure": "bar", "time": "ms", "force_rate": "N/s"}
+    assert [default_unit(name, changes) for name in ("pressure", "pressure_rate", "force_rate")] == ["bar", "bar/ms", "N/s"]
+
+
+# Factors from the definitions of the units (BIPM; the pound and the inch are exact since 1959).
+PSI = 0.45359237 * 9.80665 / 0.0254**2
+
+
+@pytest.mark.parametrize(
+    ("source", "target", "factor"),
+    [
+        ("bar", "kPa", 100), ("psi", "kPa", PSI / 1000), ("MPa", "kPa", 1000), ("Pa", "kPa", 1e-3), ("mbar", "kPa", 0.1),
+        ("mm", "m", 1e-3), ("cm", "m", 1e-2), ("um", "m", 1e-6), ("µm", "m", 1e-6), ("in", "m", 0.0254),
+        ("ms", "s", 1e-3), ("min", "s", 60), ("h", "s", 3600), ("us", "s", 1e-6),
+        ("kN", "N", 1000), ("lbf", "N", 0.45359237 * 9.80665), ("kgf", "N", 9.80665), ("mV", "V", 1e-3),
+        ("%", "1", 0.01), ("1", "%", 100), ("%/s", "1/s", 0.01), ("mm/m", "1", 1e-3), ("kPa/ms", "kPa/s", 1000), ("(kPa)/s", "Pa/ms", 1),
+        ("(1)/s", "%/s", 100), ("N/mm^2", "kPa", 1000), ("N/mm**2", "kPa", 1000), (" bar ", "kPa", 100),
+    ],
+)  # fmt: skip
+def test_conversions_of_numbers_and_arrays(source: str, target: str, factor: float) -> None:
+    assert convert(3.0, source, target) == pytest.approx(3 * factor, rel=1e-12)
+    assert convert(3.0 * factor, target, source) == pytest.approx(3, rel=1e-12)
+    values = np.array([-1.0, 0.0, 2.5])
+    np.testing.assert_allclose(convert(values, source, target), values * factor, rtol=1e-12)
+    assert values.tolist() == [-1.0, 0.0, 2.5]
+
+
+def test_a_temperature_has_an_offset() -> None:
+    assert convert(20.0, "°C", "K") == pytest.approx(293.15)
+
+
+def test_equal_units_need_no_pint() -> None:
+    code = "import sys; from mapmore_cli.spec.units import convert; convert(1.0, 'kPa', 'kPa'); assert 'pint' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize(
+    ("source", "target", "words"),
+    [
+        ("kpa", "kPa", ["'kpa' is unknown", "did you mean `kPa`?"]),
+        ("PSI", "kPa", ["did you mean `psi`?"]),
+        ("pa", "kPa", ["'pa'", "'kPa' (a pressure)", "did you mean `Pa`?"]),  # pico-years
+        ("kPA", "kPa", ["did you mean `kPa`?"]),
+        ("mm", "kPa", ["'mm' (a length)", "'kPa' (a pressure)", "same dimension as 'kPa'"]),
+        ("g", "N", ["'g' (a mass)", "'N' (a force)"]),
+        ("N", "1", ["'N' (a force)", "'1' (a plain number)"]),
+        ("furlongs of joy", "m", ["is unknown", "write units as"]),
+        ("kPa", "bra", ["'bra' is unknown", "did you mean `bar`?"]),
+        ("", "m", ["'' is unknown"]),
+        ("__import__('os')", "m", ["is unknown"]),
+        ("m**9**9**9**9", "m", ["is unknown"]),
+        ("(" * 30 + "m" + ")" * 29, "m", ["is unknown"]),
+        ("m" * 10_000, "m", ["is unknown"]),
+        ("3 m", "m", ["is unknown"]),
+    ],
+)  # fmt: skip
+def test_wrong_units_are_named_with_a_remedy(source: str, target: str, words: list[str]) -> None:
+    with pytest.raises(SpecError) as caught:
+        convert(1.0, source, target)
+    assert all(word in str(caught.value) for word in words), str(caught.value)
+    assert caught.value.remedy
+    assert len(str(caught.value)) < 300
+
+
+def test_check_unit() -> None:
+    for unit in ("kPa", "N*m", "mmHg", "kPa/s/s", "%"):
+        check_unit(unit)
+    with pytest.raises(SpecError, match="is unknown"):
+        check_unit("newtonne")
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "value"),
+    [
+        ("250 kPa", "kPa", 250), ("1.1 bar", "kPa", 110), ("88 mm", "m", 0.088), ("-40.2 s", "s", -40.2), ("50%", "1", 0.5), ("3", "N", 3),
+        (".5e1 m", "mm", 5000), ("+2 kPa/s", "Pa/s", 2000), (" 7  ms ", "s", 0.007), ("1e-3bar", "Pa", 100), ("17.45 cm", "m", 0.1745),
+    ],
+)  # fmt: skip
+def test_parse_quantity_gives_the_exact_decimal(text: str, unit: str, value: float) -> None:
+    assert parse_quantity(text, unit) == value
+
+
+@pytest.mark.parametrize("text", ["", "kPa", "kPa 3", "--3 kPa", "1,5 kPa", "0x10 N", "nan N", "٣ kPa"])
+def test_text_that_is_no_quantity(text: str) -> None:
+    with pytest.raises(SpecError):
+        parse_quantity(text, "kPa")
+
+
+def test_only_a_number_with_something_after_it_is_a_quantity() -> None:
+    assert [is_quantity(text) for text in ("3 kPa", "3kPa", "-.5 %", "3", "kPa", "saturate", "3 4")] == [True] * 3 + [False] * 3 + [True]
+
+
+@settings(deadline=None)
+@given(st.floats(-1e12, 1e12, allow_subnormal=False), st.sampled_from([("kPa", "psi"), ("mm", "in"), ("%", "1"), ("kPa/ms", "bar/s")]))
+def test_there_and_back(value: float, pair: tuple[str, str]) -> None:
+    assert convert(convert(value, *pair), *reversed(pair)) == pytest.approx(value, rel=1e-12)
+    assert parse_quantity(f"{value!r} {pair[0]}", pair[1]) == pytest.approx(convert(value, *pair), rel=1e-14)
+
+
+@settings(deadline=None, max_examples=300)
+@given(st.text(st.sampled_from("kPabrsm1%/*^()-°Cµ 29_."), max_size=12))
+def test_any_text_is_a_unit_or_refused(text: str) -> None:
+    try:
+        convert(1.0, text, "kPa")
+    except SpecError as error:
+        assert error.remedy  # noqa: PT017 (most texts are refused, a few are units of pressure)

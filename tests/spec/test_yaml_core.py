@@ -1,0 +1,180 @@
+"""YAML 1.2 core scalars, positions, duplicate keys, and input that means harm."""
+
+from __future__ import annotations
+
+import math
+import time
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from spec_examples import STATIC, refusal
+
+from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.spec.tree import Node, Source, nearest, plain
+from mapmore_cli.spec.yaml_core import dump
+from mapmore_cli.spec.yaml_loader import parse
+
+
+def tree(text: str) -> Node:
+    problems: list[object] = []
+    root = parse(Source("t.yaml", Path(), text), problems)  # type: ignore[arg-type]
+    assert not problems
+    return root
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("1e-3", 0.001), ("1E5", 1e5), ("1.5e+3", 1500.0), (".5", 0.5), ("5.", 5.0), ("-0.0", -0.0), ("+1.0", 1.0), ("12e03", 12000.0),
+        ("010", 10), ("-7", -7), ("+7", 7), ("0o10", 8), ("0x1F", 31), ("0", 0),
+        ("no", "no"), ("yes", "yes"), ("on", "on"), ("off", "off"), ("y", "y"), ("n", "n"), ("No", "No"),
+        ("true", True), ("True", True), ("FALSE", False), ("tRUE", "tRUE"),
+        ("null", None), ("Null", None), ("~", None), ("", None), ("nULL", "nULL"),
+        ("1:30", "1:30"), ("190:20:30", "190:20:30"), ("2024-01-31", "2024-01-31"), ("2024-01-31T10:00:00Z", "2024-01-31T10:00:00Z"),
+        ("1_000", "1_000"), ("0b101", "0b101"), ("0o8", "0o8"), ("1e", "1e"), ("e5", "e5"), (".", "."), ("1.2.3", "1.2.3"), ("=", "="),
+        ("٣", "٣"), ("<<", "<<"), (".inf", math.inf), ("-.INF", -math.inf), ("'1'", "1"), ('"true"', "true"), ("!!str 12", "12"),
+        ("!!float 3", 3.0), ("!!int 3", 3),
+    ],
+)  # fmt: skip
+def test_scalars_of_yaml_1_2(text: str, value: object) -> None:
+    read = plain(tree(f"k: {text}"))["k"]
+    assert read == value
+    assert type(read) is type(value)
+
+
+def test_not_a_number() -> None:
+    assert math.isnan(plain(tree("k: .NaN"))["k"])
+
+
+def test_a_merge_key_is_an_ordinary_key() -> None:
+    assert plain(tree("a: &x {p: 1}\nb: {<<: *x, q: 2}"))["b"] == {"<<": {"p": 1}, "q": 2}
+
+
+def test_aliases_repeat_a_value() -> None:
+    assert plain(tree("a: &x [1, 2]\nb: *x")) == {"a": [1, 2], "b": [1, 2]}
+
+
+def test_every_value_knows_its_place() -> None:
+    root = tree("a:\n  b: [1, {c: two}]\n  é: x\n")
+    place = nearest(root, ("a", "b", 1, "c"))
+    assert (place.at.line, place.at.column, place.start.column) == (2, 14, 11)
+    assert nearest(root, ("a", "é")).at.column == 6
+    assert nearest(root, ("a", "missing", "deeper")) is nearest(root, ("a",))
+
+
+def complaint(text: str) -> str:
+    """What the reader says about a text; empty where it is content."""
+    try:
+        parse(Source("t.yaml", Path(), text), [])
+    except SpecError as error:
+        return str(error)
+    return ""
+
+
+TEXT = st.text(st.characters(codec="utf-8"), max_size=12)
+SCALARS = st.none() | st.booleans() | st.integers(-(10**20), 10**20) | st.floats(allow_nan=False) | TEXT
+LOOKALIKES = ["1e-3", "no", "010", "0o10", "1:30", "~", "", "null", "+1", ".inf", "2024-01-31", "true", "a: b", "- x", "# c", "0x1"]
+
+
+@settings(deadline=None)
+@given(st.dictionaries(TEXT, st.recursive(SCALARS, lambda inner: st.lists(inner, max_size=3))))
+def test_what_is_dumped_is_read_back(value: object) -> None:
+    text = dump(value).replace("${", "$${")
+    back = plain(tree(text))
+    assert back == value
+    assert repr(back) == repr(value)  # 1 and 1.0 and True are equal, but not the same
+
+
+@pytest.mark.parametrize("text", LOOKALIKES)
+def test_text_that_looks_like_something_else_stays_text(text: str) -> None:
+    assert plain(tree(dump({"k": text}))) == {"k": text}
+
+
+@settings(deadline=None, max_examples=300)
+@given(st.text(st.sampled_from(" \t\n-:,[]{}&*!|>'\"%@`#?ab1.\x00\x85\ufeff$"), max_size=30) | st.text(max_size=30))
+def test_any_text_is_read_or_refused(text: str) -> None:
+    message = complaint(text)
+    assert not message or message.startswith("t.yaml:")
+
+
+@settings(deadline=None, max_examples=200)
+@given(st.integers(0, len(STATIC) - 1), st.sampled_from(["\t", "[", "}", ":", "&a", "*a", "!", "'", "\n", "- ", "\x07", "%", "${", "é"]))
+def test_a_spec_with_one_slip_is_read_or_refused_with_a_place(place: int, slip: str) -> None:
+    message = complaint(STATIC[:place] + slip + STATIC[place:])
+    assert not message or message.startswith("t.yaml:")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", ["spec.yaml: the file is empty", "needs at least"]),
+        ("# only a remark\n", ["the file is empty"]),
+        ("- a\n- b\n", ["spec.yaml:1:1: the top level is no mapping", "key: value"]),
+        ("just text", ["spec.yaml:1:1: the top level is no mapping"]),
+        ("name: a\ndata:\n\tfiles: []\n", ["spec.yaml:3:1", "indent with spaces"]),
+        ("name: a\nname: b\n", ["spec.yaml:2:1: key `name` stands twice; first on line 1", "remove one"]),
+        ("name: a: b\n", ["spec.yaml:1:8", "quote a text"]),
+        ("name: [a\nb: c\n", ["spec.yaml:2:2", "bracket"]),
+        ('name: "a\n', ["not valid YAML"]),
+        ("name: a\n---\nname: b\n", ["spec.yaml:2:1", "one file holds one spec"]),
+        ("name: *nowhere\n", ["spec.yaml:1:7", "&name"]),
+        ("1: x\n", ["spec.yaml:1:1: `1` is not text", "quote it"]),
+        ("{[a]: x}\n", ["spec.yaml:1:2", "this key is not text"]),
+        ("name: !!python/object/apply:os.system [ls]\n", ["spec.yaml:1:7"]),
+        ("name: !!python/name:os.system x\n", ["tag !!python/name:os.system"]),
+        ("name: !!timestamp 2024-01-01\n", ["tag !!timestamp"]),
+        ("name: !!int x\n", ["'x' is no int"]),
+        ("name: " + "9" * 5000, ["spec.yaml:1:7"]),
+        ("name: a\0b\n", ["spec.yaml:1:8: control character #x0000"]),
+        (b"name: a\nmuscle: {name: caf\xe9}\n", ["spec.yaml:2:19: byte 0xe9 is not UTF-8", "save the file as UTF-8"]),
+        ("name: grün\n".encode("utf-16"), ["spec.yaml:1:1: byte 0xff is not UTF-8"]),
+        (b"\x89HDF\r\n\x1a\n" + bytes(range(256)), ["spec.yaml:1:1: byte 0x89"]),
+    ],
+)  # fmt: skip
+def test_unreadable_files(tmp_path: Path, text: str | bytes, words: list[str]) -> None:
+    message = refusal(tmp_path, text)
+    assert all(word in message for word in words), message
+
+
+def test_a_byte_order_mark_is_no_part_of_the_text(tmp_path: Path) -> None:
+    assert "unknown key `nam`" in refusal(tmp_path, b"\xef\xbb\xbfnam: x\n")
+
+
+def test_a_missing_file_and_a_folder_are_refused(tmp_path: Path) -> None:
+    from mapmore_cli.spec.loader import load
+
+    with pytest.raises(SpecError, match="no such file"):
+        load(tmp_path / "none.yaml")
+    with pytest.raises(SpecError, match="is a directory"):
+        load(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("name: " + "[" * 100_000, "levels deep"),
+        ("name: " + "{a: " * 5000, "levels deep"),
+        ("\n".join(" " * i + "a:" for i in range(500)), "levels deep"),
+        ("a: &a [x]\n" + "".join(f"{c}: &{c} [{','.join(['*' + p] * 9)}]\n" for p, c in pairwise("abcdefghi")), "multiply"),
+        ("a: &a [*a]\n", "contains itself"),
+        ("a: &a {b: *a}\n", "contains itself"),
+        ("".join(f"a{i}: &a{i} [{f'*a{i - 1}' if i else 1}]\n" for i in range(200)), "nest too deeply"),
+        ("name: " + "x" * 2_000_000, "larger than 1000 kB"),
+        ("name: " + "x" * 900_000, "`name` is too long: 900000 characters"),
+        ("name: '" + "x" * 900_000 + "'", "`name` is too long: 900000 characters"),
+    ],
+)  # fmt: skip
+def test_hostile_input_is_refused_in_good_time(tmp_path: Path, text: str, words: str) -> None:
+    start = time.perf_counter()
+    message = refusal(tmp_path, text)
+    assert words in message
+    assert len(message) < 2000
+    assert time.perf_counter() - start < 10
+
+
+def test_the_reference_reader_agrees_where_both_versions_of_yaml_do() -> None:
+    assert plain(tree(STATIC)) == yaml.safe_load(STATIC)
