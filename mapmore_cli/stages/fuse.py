@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from mapmore_cli.spec.models import DictionaryEntry, ExperimentSpec, Fit, Fuse, Levels, ModelChoice
+from mapmore_cli.stages.fingerprint import plain
 from mapmore_cli.stages.recipes import SegmentSection, recipe_of
 from mapmore_cli.stages.stage import Stage, Workspace
 
@@ -47,7 +48,16 @@ def run(part: Slice, workspace: Workspace) -> None:
         model = _with_residual_if_it_helps(model, dataset, recipe, workspace)
     for note in model.notes:
         workspace.warn(note)
-    write_model(workspace.out / "model.h5", model)
+    write_model(workspace.out / "model.h5", model, _provenance(part))
+
+
+def _provenance(part: Slice) -> dict[str, str]:
+    """What made the model, for a reader who has nothing but the file: versions, and the spec's sections that decide about it."""
+    import json
+
+    from mapmore_cli.storage.versions import tool_versions
+
+    return {**tool_versions(), "spec": json.dumps(plain(part), indent=1)}
 
 
 def _with_residual_if_it_helps(model: Model, dataset: Dataset, recipe: Recipe, workspace: Workspace) -> Model:

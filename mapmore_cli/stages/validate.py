@@ -26,12 +26,14 @@ AT_LEAST = frozenset({"r2", "n"})
 class Slice:
     """What the scores depend on beyond the model."""
 
+    target: str
     against: list[str | Competitor]
 
 
 def reads(spec: ExperimentSpec) -> Slice:
     """The stage's slice of the spec."""
-    return Slice(spec.validation.against)
+    target = spec.target if isinstance(spec.target, str) else spec.target.column
+    return Slice(target, spec.validation.against)
 
 
 def run(part: Slice, workspace: Workspace) -> None:
@@ -52,8 +54,8 @@ def run(part: Slice, workspace: Workspace) -> None:
             workspace.warn(f"{name}: the fit failed, its rows are left out: {'; '.join(formula.notes)}")
         workspace.progress("competitors", number + 1, len(part.against))
     scored = [name for name in predictions if name not in formulas or not formulas[name].failed]
-    scores = tuple(row for name in scored for row in _scores(name, predictions[name], dataset))
-    validation = Validation(predictions, formulas, scores, {dataset.target: dataset.unit(dataset.target)})
+    scores = tuple(row for name in scored for row in _scores(name, part.target, predictions[name], dataset))
+    validation = Validation(predictions, formulas, scores, {part.target: dataset.unit(dataset.target)})
     write_validation(workspace.out / "validate.h5", validation)
     write_scores(workspace.out, validation, model.name)
 
@@ -77,11 +79,11 @@ def _predicted(formula: FormulaFit, dataset: Dataset) -> tuple[Array, ...]:
     return tuple(literature.get(formula.name).predict(formula.parameters, curve.columns) for curve in dataset.curves)
 
 
-def _scores(name: str, predictions: Sequence[Array], dataset: Dataset) -> Iterator[Score]:
+def _scores(name: str, target: str, predictions: Sequence[Array], dataset: Dataset) -> Iterator[Score]:
     """Rows of one model: each split pooled, then curve by curve."""
     import numpy as np
 
-    from mapmore_cli.modelling.metrics import normaliser, score
+    from mapmore_cli.modelling.metrics import max_abs, score
 
     for split, held_out in (("train", False), ("validate", True)):
         parts = [
@@ -92,10 +94,10 @@ def _scores(name: str, predictions: Sequence[Array], dataset: Dataset) -> Iterat
         if not parts:
             continue
         measured = np.concatenate([y for _, y, _ in parts])
-        scale = normaliser(measured)
-        yield score(name, dataset.target, split, "all", measured, np.concatenate([p for _, _, p in parts]), scale)
+        scale = max_abs(measured, dataset.target, split)
+        yield score(name, target, split, "all", measured, np.concatenate([p for _, _, p in parts]), scale)
         for curve, y, p in parts:
-            yield score(name, dataset.target, split, curve, y, p, scale)
+            yield score(name, target, split, curve, y, p, scale)
 
 
 def missed_limits(require: Mapping[str, float], scores: Sequence[Score]) -> list[str]:

@@ -1,0 +1,63 @@
+"""A model as a function, for notebooks and scripts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.domain.models import Equation, Model
+from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.modelling.equations import model_equations
+from mapmore_cli.modelling.model import outside_range, predict
+
+
+@dataclass(frozen=True)
+class LoadedModel:
+    """Callable with one keyword for every input, in the model's units.
+
+    Examples
+    --------
+    >>> model = load_model("runs/dmsp-20-88-static/model.h5")  # doctest: +SKIP
+    >>> model(pressure=[100.0, 200.0], strain=0.1)             # doctest: +SKIP
+    array([112.3, 271.9])
+    """
+
+    model: Model
+
+    @property
+    def inputs(self) -> tuple[Quantity, ...]:
+        """Names and units of the inputs."""
+        return self.model.inputs
+
+    @property
+    def output(self) -> Quantity:
+        """Name and unit of what the model predicts."""
+        return self.model.output
+
+    @property
+    def equations(self) -> tuple[Equation, ...]:
+        """The model in physical units, as text and LaTeX."""
+        return model_equations(self.model)
+
+    def __call__(self, **columns: ArrayLike) -> Array:
+        """Output at the inputs, which are broadcast against each other; NaN where an input is not finite.
+
+        Raises `TypeError` for an input that is missing or that the model does not have.
+        """
+        flat, shape = self._flattened(columns)
+        return predict(self.model, flat).reshape(shape)
+
+    def outside_range(self, **columns: ArrayLike) -> BoolArray:
+        """True where an input lies beyond the training range, in the shape of the output."""
+        flat, shape = self._flattened(columns)
+        return outside_range(self.model, flat).reshape(shape)
+
+    def _flattened(self, columns: dict[str, ArrayLike]) -> tuple[dict[str, Array], tuple[int, ...]]:
+        needed = [quantity.name for quantity in self.inputs]
+        if set(columns) != set(needed):
+            raise TypeError(f"this model is a function of {', '.join(needed)}; got {', '.join(columns) or 'nothing'}")
+        arrays = np.broadcast_arrays(*(np.asarray(columns[name], dtype=np.float64) for name in needed))
+        return {name: array.ravel() for name, array in zip(needed, arrays, strict=True)}, arrays[0].shape

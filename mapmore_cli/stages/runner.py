@@ -1,0 +1,181 @@
+"""Bring a run up to date: like make, with fingerprints instead of times.
+
+A run folder is correct after every step: a stage builds its outputs beside the old ones, they are moved in whole, and the stage's entry
+in `run.json`, written last, commits them. Whatever is not committed runs again.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mapmore_cli.stages.stage import Progress, Stage, Workspace
+from mapmore_cli.stages.staleness import Plan, plan_stages
+from mapmore_cli.storage.atomic import refusals_told, write_text
+from mapmore_cli.storage.hashing import stamps_of
+from mapmore_cli.storage.lock import run_lock
+from mapmore_cli.storage.run_folder import open_run_folder, recover, stage_folder, swap_in
+from mapmore_cli.storage.run_record import StageRecord, load_records, save_records
+from mapmore_cli.storage.versions import tool_versions
+
+if TYPE_CHECKING:
+    from mapmore_cli.spec.loader import LoadedSpec
+
+RESOLVED_SPEC = "experiment.yaml"
+
+Warn = Callable[[str], None]
+OnStage = Callable[[str, str | None], None]
+"""`on_stage(stage, reason)`: called before a stage runs, or with None where it is up to date."""
+
+
+@dataclass(frozen=True)
+class RunOutcome:
+    """What was done: `done` or `up-to-date` for every stage, and why for those that ran."""
+
+    name: str
+    run_dir: Path
+    stages: Mapping[str, str]
+    reasons: Mapping[str, str]
+
+
+def pipeline() -> tuple[Stage, ...]:
+    """The six stages in order; they are imported when they are first asked for."""
+    from mapmore_cli.stages import fit, fuse, ingest, report, segment, validate
+
+    return (ingest.STAGE, segment.STAGE, fit.STAGE, fuse.STAGE, validate.STAGE, report.STAGE)
+
+
+def explain(
+    loaded: LoadedSpec,
+    runs: Path,
+    until: str = "report",
+    *,
+    force: bool = False,
+    rehash: bool = False,
+    warn: Warn = lambda _message: None,
+    stages: Sequence[Stage] | None = None,
+) -> list[tuple[str, str | None]]:
+    """Every stage up to `until` with the reason why it would run, None where it is up to date. Nothing is written."""
+    run_dir = runs / loaded.spec.name
+    records = load_records(run_dir, warn)
+    plans = plan_stages(_up_to(until, stages or pipeline()), loaded, run_dir, records, rehash, force)
+    return [(plan.stage.name, plan.reason) for plan in plans]
+
+
+def bring_up_to_date(
+    loaded: LoadedSpec,
+    runs: Path,
+    until: str = "report",
+    *,
+    force: bool = False,
+    rehash: bool = False,
+    progress: Progress = lambda _what, _done, _total: None,
+    warn: Warn = lambda _message: None,
+    on_stage: OnStage = lambda _stage, _reason: None,
+    stages: Sequence[Stage] | None = None,
+) -> RunOutcome:
+    """Run the stages up to `until` that are not up to date (all of them with `force`), in the folder `runs/NAME`.
+
+    `rehash` reads sources and outputs again even where size and time are as they were. `stages` are those of `pipeline()` by default.
+
+    Raises
+    ------
+    WriteError
+        Where the folder cannot be written, the disk is full, or another process is writing the run.
+    MapmoreError
+        Whatever a stage found wrong; its outputs, and those of the stages after it, are then as they were.
+    """
+    every = stages or pipeline()
+    run_dir = runs / loaded.spec.name
+    open_run_folder(run_dir)
+    with run_lock(run_dir):
+        recover(run_dir)
+        records = load_records(run_dir, warn)
+        plans = list(plan_stages(_up_to(until, every), loaded, run_dir, records, rehash, force))
+        kept = _refreshed(records, plans)
+        if kept != records:
+            save_records(run_dir, loaded.spec.name, kept)
+        run = _Run(loaded, run_dir, progress, warn)
+        for plan in plans:
+            if plan.stage is every[-1]:
+                run.write_spec()  # the last stage shows it; all results before are this spec's by now
+            on_stage(plan.stage.name, plan.reason)
+            if plan.reason is not None:
+                kept = run.stage(plan, plan.reason, kept)
+        run.write_spec()
+    reasons = {plan.stage.name: plan.reason for plan in plans if plan.reason is not None}
+    return RunOutcome(
+        name=loaded.spec.name,
+        run_dir=run_dir,
+        stages={plan.stage.name: "done" if plan.stage.name in reasons else "up-to-date" for plan in plans},
+        reasons=reasons,
+    )
+
+
+@dataclass(frozen=True)
+class _Run:
+    """Where and for whom stages run."""
+
+    loaded: LoadedSpec
+    run_dir: Path
+    progress: Progress
+    warn: Warn
+
+    def stage(self, plan: Plan, why: str, records: Mapping[str, StageRecord]) -> dict[str, StageRecord]:
+        """Run one stage and commit it; the records with its entry."""
+        started = time.perf_counter()
+        stage = plan.stage
+        with refusals_told(self.run_dir), stage_folder(self.run_dir, stage.name) as out:
+            with _one_blas_thread():
+                stage.run(plan.part, Workspace(self.run_dir, out, self.loaded.folder, self.progress, self.warn))
+            _check_outputs(stage, out)
+            outputs = stamps_of(out, stage.outputs)
+            swap_in(out, self.run_dir, stage.outputs)
+            seconds = round(time.perf_counter() - started, 3)
+            entry = StageRecord(
+                plan.fingerprint, stage.revision, plan.before, plan.slice, plan.inputs, outputs, tool_versions(), seconds, why
+            )
+            committed = {**records, stage.name: entry}
+            save_records(self.run_dir, self.loaded.spec.name, committed)
+        return committed
+
+    def write_spec(self) -> None:
+        """Write `experiment.yaml`, unless it is there already."""
+        path = self.run_dir / RESOLVED_SPEC
+        if not path.is_file() or path.read_bytes() != self.loaded.resolved.encode():
+            write_text(path, self.loaded.resolved)
+
+
+def _up_to(until: str, stages: Sequence[Stage]) -> Sequence[Stage]:
+    return stages[: [stage.name for stage in stages].index(until) + 1]
+
+
+def _refreshed(records: Mapping[str, StageRecord], plans: Sequence[Plan]) -> dict[str, StageRecord]:
+    """The records with today's file times, where the contents are still the same: the next run need not read them again."""
+    current = {
+        plan.stage.name: replace(records[plan.stage.name], inputs=plan.inputs, outputs=plan.outputs)
+        for plan in plans
+        if plan.reason is None
+    }
+    return {**records, **current}
+
+
+def _check_outputs(stage: Stage, out: Path) -> None:
+    """A stage that does not write what it declares is wrong itself."""
+    written = {path.name for path in out.iterdir()}
+    if written != set(stage.outputs):
+        raise RuntimeError(f"stage {stage.name} wrote {sorted(written)} and declares {sorted(stage.outputs)}")
+
+
+@contextmanager
+def _one_blas_thread() -> Iterator[None]:
+    """Hold BLAS to one thread: the same sums on every machine, and no fight between runs for the processors."""
+    import scipy.linalg  # noqa: F401 - only libraries that are loaded already can be held
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(limits=1):
+        yield

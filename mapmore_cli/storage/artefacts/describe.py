@@ -1,0 +1,40 @@
+"""The tables of docs/file-format.md, made from the declarations of the stored types.
+
+`python -m mapmore_cli.storage.artefacts.describe docs/file-format.md` brings the page up to date; a test fails when it is not.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from mapmore_cli.storage.artefacts import layout
+from mapmore_cli.storage.artefacts.label import NO_UNIT
+from mapmore_cli.storage.artefacts.schema import Field, Schema
+
+START, END = "<!-- stored types: start -->\n", "<!-- stored types: end -->\n"
+
+
+def described(page: str) -> str:
+    """The page with its part between the two markers made anew."""
+    head, rest = page.split(START)
+    tail = rest.split(END)[1]
+    schemas = [value for value in vars(layout).values() if isinstance(value, Schema)]
+    return f"{head}{START}\n{''.join(map(_section, schemas))}{END}{tail}"
+
+
+def _section(schema: Schema) -> str:
+    rows = "".join(_row(field) for field in schema.fields)
+    return f"### {schema.type.__name__}\n\n{schema.summary}\n\n| name | stored as | unit | what it is |\n|---|---|---|---|\n{rows}\n"
+
+
+def _row(field: Field) -> str:
+    unit = NO_UNIT if field.unit == NO_UNIT else f"`{field.unit}`"
+    remark = " (for readers; follows from the others)" if field.derived else ""
+    what = f"{field.description}{remark}".replace("|", "\\|")
+    return f"| `{field.name}` | {field.codec.form} | {unit} | {what} |\n"
+
+
+if __name__ == "__main__":
+    page = Path(sys.argv[1])
+    page.write_text(described(page.read_text(encoding="utf-8")), encoding="utf-8")

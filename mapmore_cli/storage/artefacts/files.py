@@ -1,0 +1,113 @@
+"""HDF5 files of a run: the frame that all kinds share (kind, format version, creator), and what is told about a bad file.
+
+Format versions are read like semantic versions: a new major is refused by older programs, a new minor only adds fields.
+
+1.0  first version.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.storage.artefacts.codecs import checked_text
+from mapmore_cli.storage.artefacts.label import Label
+from mapmore_cli.storage.artefacts.layout import DATASET, FIT_RESULT, MODEL, SEGMENTATION, VALIDATION
+from mapmore_cli.storage.artefacts.schema import Schema
+from mapmore_cli.storage.atomic import write_bytes
+from mapmore_cli.storage.versions import refuse_newer
+
+if TYPE_CHECKING:
+    import h5py
+
+FORMAT_VERSION = "1.0"
+
+
+@dataclass(frozen=True)
+class FileKind:
+    """A kind of file: its name in the attribute `kind`, the stage that makes it, and what its root holds."""
+
+    name: str
+    stage: str
+    schema: Schema
+
+    def write(self, path: Path, record: Any, units: Mapping[str, str], provenance: Mapping[str, str] | None = None) -> None:
+        """Write `record`; `units` are those that it does not know itself. The bytes depend on the arguments only.
+
+        The file is composed in memory: HDF5 reports a full disk badly, the operating system reports it well.
+        """
+        import h5py
+
+        # Settled versions and no times: two writes give the same bytes, and old readers understand them.
+        with h5py.File("image", "w", driver="core", backing_store=False, libver=("earliest", "v110")) as file:
+            file.attrs["kind"] = self.name
+            file.attrs["format_version"] = FORMAT_VERSION
+            file.attrs["creator"] = "mapmore"
+            self.schema.write_into(file, record, Label(scope=units))
+            if provenance is not None:
+                _write_provenance(file, provenance)
+            file.flush()
+            image = file.id.get_file_image()
+        write_bytes(path, image)
+
+    def read(self, path: Path) -> Any:
+        """The record in a file; DataError where it is missing, damaged, of another kind or of a newer format."""
+        with _opened(path) as file:
+            found = _checked_kind(path, file)
+            if found != self.name:
+                raise DataError(f"{path}: is a {found} file, not a {self.name} file", f"give a file that `mapmore {self.stage}` wrote")
+            return self.schema.read_from(file)
+
+
+KINDS = (
+    FileKind("dataset", "ingest", DATASET),
+    FileKind("segmentation", "segment", SEGMENTATION),
+    FileKind("fit", "fit", FIT_RESULT),
+    FileKind("model", "fuse", MODEL),
+    FileKind("validation", "validate", VALIDATION),
+)
+DATASET_FILE, SEGMENTATION_FILE, FIT_FILE, MODEL_FILE, VALIDATION_FILE = KINDS
+
+
+def kind_of(path: Path) -> str:
+    """`dataset`, `segmentation`, `fit`, `model` or `validation`; DataError for anything else."""
+    with _opened(path) as file:
+        return _checked_kind(path, file)
+
+
+def _write_provenance(file: h5py.File, provenance: Mapping[str, str]) -> None:
+    """One string dataset for every entry: attributes could not hold more than 64 kB."""
+    import h5py
+
+    group = file.create_group("provenance")
+    for name, text in provenance.items():
+        dataset = group.create_dataset(name, data=checked_text(text), dtype=h5py.string_dtype(), track_times=False)
+        Label("where the file comes from").without_unit().put_on(dataset)
+
+
+def _checked_kind(path: Path, file: h5py.File) -> str:
+    kind, version = file.attrs.get("kind"), file.attrs.get("format_version")
+    if kind not in {known.name for known in KINDS} or not isinstance(version, str):
+        raise DataError(f"{path}: is an HDF5 file, but not one of mapmore's", "give a file out of a run folder, as runs/NAME/model.h5")
+    refuse_newer(path, version, FORMAT_VERSION)
+    return str(kind)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[h5py.File]:
+    """The file, open for reading; whatever h5py finds wrong with it becomes a DataError that names it."""
+    import h5py
+
+    if not path.is_file():
+        raise DataError(f"{path}: no such file", "`mapmore run CONFIG` makes it")
+    try:
+        with h5py.File(path, "r") as file:
+            yield file
+    except (OSError, KeyError, ValueError, TypeError, RuntimeError, AttributeError, IndexError) as fault:
+        why = str(fault).strip("'\"").splitlines()[0] if str(fault) else type(fault).__name__
+        remedy = "it is damaged or of another program: delete it and run `mapmore run CONFIG`, or get a fresh copy"
+        raise DataError(f"{path}: cannot be read ({why})", remedy) from fault

@@ -1,0 +1,45 @@
+"""The score table as scores.csv and scores.json, with 12 significant digits."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+
+from mapmore_cli.domain.scores import Score, Validation
+from mapmore_cli.storage.atomic import write_text
+
+DIGITS = 12
+COLUMNS = tuple(field.name for field in fields(Score))
+
+
+def write_scores(folder: Path, validation: Validation, name: str) -> None:
+    """Write `scores.csv` and `scores.json` of the run `name` into `folder`.
+
+    The JSON document is `{"name", "target", "units", "scores": [row, ...]}`; a number that is not finite is null there, and empty in
+    the CSV. The same scores give the same bytes.
+    """
+    rows = [score_row(score) for score in validation.scores]
+    document = {"name": name, "target": next(iter(validation.units), None), "units": dict(validation.units), "scores": rows}
+    write_text(folder / "scores.json", json.dumps(document, indent=2, allow_nan=False, ensure_ascii=False) + "\n")
+    table = io.StringIO()
+    writer = csv.DictWriter(table, COLUMNS, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    write_text(folder / "scores.csv", table.getvalue())
+
+
+def score_row(score: Score) -> Mapping[str, str | int | float | None]:
+    """A row of the table, by column in the order of `Score`."""
+    return {column: _rounded(getattr(score, column)) for column in COLUMNS}
+
+
+def _rounded(value: str | int | float) -> str | int | float | None:
+    """A float to 12 significant digits, without a negative zero; None where it is not finite."""
+    if not isinstance(value, float):
+        return value
+    return float(f"{value:.{DIGITS}g}") + 0.0 if math.isfinite(value) else None

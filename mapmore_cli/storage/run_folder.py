@@ -1,0 +1,82 @@
+"""The folder of a run: made or refused before the work, and changed only by moving whole files and folders into it.
+
+A stage builds its outputs in a folder of its own (`.tmp-...`). Files are moved over their predecessors. A folder cannot be, so the old one
+steps aside (`.old-NAME`) for an instant; `recover` puts it back if that instant was the last.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import mkdtemp
+
+from mapmore_cli.domain.errors import WriteError
+from mapmore_cli.storage.atomic import TEMPORARY, refusals_told, sync_folder, sync_tree
+
+ASIDE = ".old-"
+"""How the name of a folder that makes way starts."""
+
+
+def open_run_folder(run_dir: Path) -> None:
+    """Make the folder of a run; WriteError where it cannot be one, or not be written."""
+    with refusals_told(run_dir):
+        for place in (run_dir, *run_dir.parents):
+            if place.exists() and not place.is_dir():
+                remedy = "move the file away, or choose another folder with --runs"
+                raise WriteError(f"{place}: is a file where a folder is needed for the run", remedy)
+        run_dir.mkdir(parents=True, exist_ok=True)
+    if not os.access(run_dir, os.W_OK | os.X_OK):
+        raise WriteError(f"{run_dir}: you may not write in this folder", "change its permissions, or choose another folder with --runs")
+
+
+def recover(run_dir: Path) -> None:
+    """Clear away what an interrupted process left, and put back a folder that had stepped aside."""
+    with refusals_told(run_dir):
+        for entry in sorted(run_dir.iterdir()):
+            if entry.name.startswith(ASIDE) and not (run_dir / entry.name.removeprefix(ASIDE)).exists():
+                entry.rename(run_dir / entry.name.removeprefix(ASIDE))
+            elif entry.name.startswith((ASIDE, TEMPORARY)):
+                _remove(entry)
+
+
+@contextmanager
+def stage_folder(run_dir: Path, stage: str) -> Iterator[Path]:
+    """A fresh folder inside the run's, on the same file system, gone when the stage ends in whatever way."""
+    folder = Path(mkdtemp(prefix=f"{TEMPORARY}{stage}-", dir=run_dir))
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def swap_in(folder: Path, run_dir: Path, outputs: Sequence[str]) -> None:
+    """Move finished `outputs` from `folder` into the run, each whole, all of them on the disk before."""
+    sync_tree(folder)
+    for output in outputs:
+        new, place = folder / output, run_dir / output
+        if new.is_dir() and place.exists():
+            _swap_folder(new, place)
+        else:
+            new.replace(place)
+    sync_folder(run_dir)
+
+
+def _swap_folder(new: Path, place: Path) -> None:
+    aside = place.with_name(f"{ASIDE}{place.name}")
+    place.rename(aside)
+    try:
+        new.rename(place)
+    except BaseException:
+        aside.rename(place)
+        raise
+    _remove(aside)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink()

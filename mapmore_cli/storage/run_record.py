@@ -1,0 +1,107 @@
+"""`run.json`: what every stage of a run was made from, and with what. A stage's entry, written last, commits its outputs.
+
+Sizes, times and hashes tell whether files are still the ones that were read or written. No absolute paths, users, hosts or environment.
+
+1.0  first version.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from mapmore_cli.storage.atomic import write_text
+from mapmore_cli.storage.hashing import Stamp
+from mapmore_cli.storage.versions import refuse_newer
+
+RUN_RECORD = "run.json"
+FORMAT_VERSION = "1.0"
+
+
+@dataclass(frozen=True)
+class StageRecord:
+    """The entry of one stage.
+
+    Attributes
+    ----------
+    fingerprint
+        Of everything that the stage's numbers depend on.
+    revision
+        Of the stage's code.
+    before
+        Fingerprint of the stage before; empty for the first.
+    slice
+        The stage's part of the spec, as JSON values.
+    inputs
+        Source files, by POSIX path relative to the spec's folder.
+    outputs
+        Files written, by POSIX path relative to the run's folder.
+    tools
+        Versions of the tools that it was made with.
+    seconds
+        How long the stage took.
+    why
+        Why it ran.
+    """
+
+    fingerprint: str
+    revision: int
+    before: str
+    slice: Any
+    inputs: Mapping[str, Stamp]
+    outputs: Mapping[str, Stamp]
+    tools: Mapping[str, str]
+    seconds: float
+    why: str
+
+
+def load_records(run_dir: Path, warn: Callable[[str], None]) -> dict[str, StageRecord]:
+    """The committed stages of a run, by name; none, with a warning, where `run.json` is damaged.
+
+    Raises DataError for a record of a newer format.
+    """
+    path = run_dir / RUN_RECORD
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+        stages = {str(name): _record(entry) for name, entry in document["stages"].items()}
+        version = str(document["format_version"])
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as fault:
+        warn(f"{path}: is damaged ({type(fault).__name__}: {fault}) and is ignored; every stage runs again")
+        return {}
+    refuse_newer(path, version, FORMAT_VERSION)
+    return stages
+
+
+def save_records(run_dir: Path, name: str, records: Mapping[str, StageRecord]) -> None:
+    """Write `run.json` whole."""
+    document = {
+        "format_version": FORMAT_VERSION,
+        "creator": "mapmore",
+        "name": name,
+        "stages": {stage: asdict(record) for stage, record in records.items()},
+    }
+    write_text(run_dir / RUN_RECORD, json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def _record(entry: Mapping[str, Any]) -> StageRecord:
+    """An entry, checked as far as the runner relies on it."""
+    return StageRecord(
+        fingerprint=str(entry["fingerprint"]),
+        revision=int(entry["revision"]),
+        before=str(entry["before"]),
+        slice=entry["slice"],
+        inputs=_stamps(entry["inputs"]),
+        outputs=_stamps(entry["outputs"]),
+        tools={str(tool): str(version) for tool, version in entry["tools"].items()},
+        seconds=float(entry["seconds"]),
+        why=str(entry["why"]),
+    )
+
+
+def _stamps(entry: Mapping[str, Any]) -> dict[str, Stamp]:
+    return {str(path): Stamp(int(stamp["size"]), int(stamp["mtime_ns"]), str(stamp["sha256"])) for path, stamp in entry.items()}

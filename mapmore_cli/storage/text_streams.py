@@ -1,0 +1,74 @@
+"""Text files line by line, larger than memory: read, and written whole or not at all. Names that end in `.gz` are gzipped.
+
+Bytes that are no UTF-8 pass through unchanged (`surrogateescape`), and so do line ends.
+"""
+
+from __future__ import annotations
+
+import gzip
+import io
+import os
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from secrets import token_hex
+from typing import IO, TextIO, cast
+
+from mapmore_cli.domain.errors import DataError, WriteError
+from mapmore_cli.storage.atomic import TEMPORARY, sync_folder
+
+TEXT_ERRORS = "surrogateescape"
+
+
+def as_text(binary: IO[bytes]) -> TextIO:
+    """A text stream over a binary one; a byte order mark is swallowed."""
+    return io.TextIOWrapper(binary, encoding="utf-8-sig", errors=TEXT_ERRORS, newline="")
+
+
+def lines_of(path: Path) -> Iterator[str]:
+    """Yield the lines of a file with their ends; DataError where it is missing, unreadable or cut off."""
+    try:
+        with path.open("rb") as raw:
+            unzipped: IO[bytes] = cast(IO[bytes], gzip.GzipFile(fileobj=raw)) if path.suffix == ".gz" else raw
+            with as_text(unzipped) as text:
+                yield from text
+    except (EOFError, zlib.error, gzip.BadGzipFile) as fault:
+        raise DataError(f"{path}: the file is damaged ({fault})", "it may have been cut off while copying; get it again") from fault
+    except OSError as fault:
+        raise DataError(f"{path}: cannot be read ({fault.strerror})", "check the path") from fault
+
+
+@contextmanager
+def replaced(path: Path) -> Iterator[TextIO]:
+    """A text stream that takes the place of `path` when the block ends without an error; WriteError where that cannot be.
+
+    Errors of the file system inside the block count as errors of this file.
+    """
+    unfinished = path.with_name(f"{TEMPORARY}{token_hex(6)}-{path.name}")
+    try:
+        try:
+            with unfinished.open("xb") as raw:
+                with _encoded(raw, path.suffix == ".gz") as text:
+                    yield text
+                raw.flush()
+                os.fsync(raw.fileno())
+            unfinished.replace(path)
+        finally:
+            unfinished.unlink(missing_ok=True)
+        sync_folder(path.parent)
+    except OSError as fault:
+        raise WriteError(f"{path}: cannot be written ({fault.strerror})", "choose another place with -o, or make room") from fault
+
+
+@contextmanager
+def _encoded(raw: IO[bytes], zipped: bool) -> Iterator[TextIO]:
+    # No name and no time in the gzip header: the same table gives the same bytes.
+    binary = gzip.GzipFile(filename="", mode="wb", fileobj=raw, mtime=0) if zipped else raw
+    text = io.TextIOWrapper(binary, encoding="utf-8", errors=TEXT_ERRORS, newline="")
+    yield text
+    text.flush()
+    if zipped:
+        text.close()  # writes the end of the gzip stream, and leaves `raw` open
+    else:
+        text.detach()

@@ -1,0 +1,344 @@
+"""HDF5 artefacts: round trips, determinism, labels, and what is said about bad files."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from stored_records import DATASETS, FITS, MODELS, SEGMENTATIONS, VALIDATIONS, same
+
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.fits import FitResult, FormulaFit, Scaling, Segment, SegmentedCurve, SegmentFit, Selection
+from mapmore_cli.domain.models import CurveFunction, Fusion, Model, SegmentFunction
+from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
+from mapmore_cli.domain.scores import Validation
+from mapmore_cli.storage import artefacts
+from mapmore_cli.storage.artefacts import layout
+from mapmore_cli.storage.artefacts.codecs import escaped
+from mapmore_cli.storage.artefacts.label import NO_UNIT, Label
+from mapmore_cli.storage.artefacts.schema import Schema
+
+KINDS: dict[str, tuple[Callable[..., None], Callable[[Path], Any], st.SearchStrategy[Any]]] = {
+    "dataset": (artefacts.write_dataset, artefacts.read_dataset, DATASETS),
+    "segmentation": (artefacts.write_segmentation, artefacts.read_segmentation, SEGMENTATIONS),
+    "fit": (artefacts.write_fit, artefacts.read_fit, FITS),
+    "model": (artefacts.write_model, artefacts.read_model, MODELS),
+    "validation": (artefacts.write_validation, artefacts.read_validation, VALIDATIONS),
+}
+QUIET = settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_written_is_read_back(kind: str, tmp_path: Path) -> None:
+    write, read, records = KINDS[kind]
+
+    @QUIET
+    @given(records)
+    def round_trip(record: Any) -> None:
+        path = tmp_path / "file.h5"
+        write(path, record)
+        assert same(read(path), record)
+        assert artefacts.kind_of(path) == kind
+        first = path.read_bytes()
+        write(path, record)
+        assert path.read_bytes() == first
+
+    round_trip()
+
+
+def examples() -> dict[str, Any]:
+    """One small but complete record of every kind."""
+    scaling = Scaling("unit_square", "left", ("strain",), np.array([4.0]), np.array([-0.1]), 735.0, 12.0)
+    selection = Selection(
+        chosen=np.array([2, 0]),
+        g=np.array([0.9, 0.1]),
+        err=np.array([0.75, 0.125]),
+        theta=np.array([0.95, 0.1]),
+        theta_error=np.array([0.01, np.nan]),
+        a=np.array([[1.0, 0.5], [0.0, 1.0]]),
+        g_all=np.array([[0.2, 0.3, 0.9], [0.1, np.nan, np.nan]]),
+        err_all=np.array([[0.5, 0.25, 0.75], [0.125, np.nan, np.nan]]),
+        runner_up=np.array([0, -1]),
+        tied=np.array([0, 0]),
+        condition=12.5,
+        sse=0.125,
+        yy=1.0,
+        samples=40,
+        stop="max_terms",
+    )
+    formula = FormulaFit(
+        "sarosi", {"a1": 1.5, "a3": -30.0}, {"a1": 0.1, "a3": np.nan}, "converged", "variable projection", 4, 81.0, 3.5, 80
+    )
+    pressure, strain, force = Quantity("pressure", "kPa"), Quantity("strain", "1"), Quantity("force", "N")
+    x = np.linspace(0, 0.2, 5)
+    columns = {"strain": x, "force": 700 - 3000 * x, "pressure": np.full(5, 250.0)}
+    segment_id = "pressure=250/strain:1"
+    boundaries, limits = (np.array([0.0, 0.1, 0.2]),), {"strain": (0.0, 0.2), "pressure": (250.0, 250.0)}
+    function = SegmentFunction(
+        segment_id,
+        (1,),
+        ("strain^2", "1"),
+        selection.theta,
+        selection.theta_error,
+        selection.g,
+        selection.err,
+        scaling,
+        40,
+        12.5,
+        "max_terms",
+    )
+    return {
+        "dataset": Dataset(
+            "force",
+            "pressure",
+            {"strain": strain, "force": force, "pressure": pressure},
+            (Recording("cycle", "data/cycle.csv", columns, 6, {"missing": 1}),),
+            (Curve("pressure=250", 250.0, columns, np.array([False, False, True, False, True]), ("cycle",)),),
+        ),
+        "segmentation": (
+            SegmentedCurve(
+                "pressure=250", 250.0, ("strain",), boundaries, limits, (Segment(segment_id, "pressure=250", (1,), np.arange(3)),)
+            ),
+        ),
+        "fit": FitResult((SegmentFit(segment_id, "pressure=250", (1,), ("1", "strain", "strain^2"), scaling, selection),), formula),
+        "model": Model(
+            "demo",
+            force,
+            (pressure, strain),
+            "pressure",
+            ("strain",),
+            (CurveFunction("pressure=250", 250.0, boundaries, limits, (function,)),),
+            Fusion("linear", 0.25, {"strain": ("continue", 0.0)}),
+            formula,
+        ),
+        "validation": Validation({"mapmore": (x,), "m2/x": (x,)}, {"sarosi": formula}, (), {"force": "N"}),
+    }
+
+
+@pytest.fixture
+def written(tmp_path: Path) -> dict[str, Path]:
+    """A file of every kind."""
+    paths = {kind: tmp_path / f"{kind}.h5" for kind in KINDS}
+    for kind, record in examples().items():
+        KINDS[kind][0](paths[kind], record)
+    return paths
+
+
+def test_equality_of_records_sees_a_difference() -> None:
+    fit, other = examples()["fit"], examples()["fit"]
+    assert same(fit, other)
+    other.fits[0].selection.err_all[1, 0] = np.nan
+    assert not same(fit, other)
+
+
+@pytest.mark.parametrize("schema", [value for value in vars(layout).values() if isinstance(value, Schema)], ids=lambda s: s.type.__name__)
+def test_every_field_of_a_stored_type_is_declared(schema: Schema) -> None:
+    declared = [field.name for field in schema.fields if not field.derived]
+    assert declared == [field.name for field in fields(schema.type)]
+
+
+def arrays_of(path: Path) -> dict[str, tuple[str, str]]:
+    found: dict[str, tuple[str, str]] = {}
+    with h5py.File(path) as file:
+        file.visititems(
+            lambda name, item: (
+                found.update({name: (item.attrs["unit"], item.attrs["description"])}) if isinstance(item, h5py.Dataset) else None
+            )
+        )
+    return found
+
+
+def test_every_array_says_its_unit_and_what_it_is(written: dict[str, Path]) -> None:
+    for path in written.values():
+        arrays = arrays_of(path)
+        assert arrays
+        assert all(unit and description for unit, description in arrays.values())
+
+
+def test_units_are_those_of_the_quantities(written: dict[str, Path]) -> None:
+    dataset, model = arrays_of(written["dataset"]), arrays_of(written["model"])
+    assert dataset["curves/000/columns/pressure"][0] == "kPa"
+    assert dataset["recordings/000/columns/force"][0] == "N"
+    assert model["curves/000/limits/pressure"][0] == "kPa"
+    assert model["curves/000/boundaries/000"][0] == "1"
+    assert model["curves/000/segments/000/terms"][0] == NO_UNIT
+    assert model["curves/000/segments/000/scaling/slope"][0] == "1/1"
+    assert arrays_of(written["validation"])["predictions/mapmore/000"][0] == "N"
+
+
+def test_later_stages_hand_the_units_on(tmp_path: Path) -> None:
+    path, all_examples = tmp_path / "segment.h5", examples()
+    artefacts.write_segmentation(path, all_examples["segmentation"])
+    assert arrays_of(path)["curves/000/limits/pressure"][0] == "[pressure]"
+    dataset = replace(all_examples["dataset"], quantities={**all_examples["dataset"].quantities, "strain": Quantity("strain", "%")})
+    artefacts.write_segmentation(path, all_examples["segmentation"], artefacts.units_of(dataset))
+    assert arrays_of(path)["curves/000/limits/pressure"][0] == "kPa"
+    assert arrays_of(path)["curves/000/boundaries/000"][0] == "%"
+
+
+@pytest.mark.parametrize(
+    ("unit", "known", "resolved"),
+    [
+        ("[target]^2", {"target": "N"}, "N^2"),
+        ("[target]^2", {"target": "kPa/s"}, "(kPa/s)^2"),
+        ("[target]", {"target": "kPa/s"}, "kPa/s"),
+        ("[v]", {"v": "[strain]"}, "[strain]"),
+        ("1/[a] [b]", {"a": "s"}, "1/s [b]"),
+    ],
+)
+def test_units_in_brackets(unit: str, known: dict[str, str], resolved: str, tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "x.h5", "w") as file:
+        dataset = file.create_dataset("x", data=[1.0])
+        Label("what", unit).within(known).put_on(dataset)
+        assert dataset.attrs["unit"] == resolved
+
+
+def test_fit_file_shows_how_terms_were_chosen(written: dict[str, Path]) -> None:
+    with h5py.File(written["fit"]) as file:
+        fit = file["fits/000"]
+        assert fit["terms"].asstr()[()].tolist() == ["strain^2", "1"]
+        assert fit["selection/err_sum"][()].tolist() == [0.75, 0.875]
+        assert fit["selection/err_all"].shape == (2, 3)
+        assert np.isnan(fit["selection/g_all"][1, 2])
+
+
+def test_segmentation_holds_rows_and_no_samples(tmp_path: Path) -> None:
+    curve = replace(examples()["segmentation"][0], segments=(Segment("s", "c", (1,), np.arange(20_000)),))
+    artefacts.write_segmentation(tmp_path / "s.h5", (curve,))
+    with h5py.File(tmp_path / "s.h5") as file:
+        rows = file["curves/000/segments/000/rows"]
+        assert rows.dtype == np.int64
+        assert rows.compression == "gzip"
+        assert file["curves/000/boundaries/000"].compression is None
+
+
+def test_model_carries_long_provenance(tmp_path: Path) -> None:
+    spec = "fit: {max_terms: 1}\n" * 10_000  # more than an attribute can hold
+    artefacts.write_model(tmp_path / "m.h5", examples()["model"], {"experiment.yaml": spec})
+    with h5py.File(tmp_path / "m.h5") as file:
+        assert file["provenance/experiment.yaml"].asstr()[()] == spec
+    assert same(artefacts.read_model(tmp_path / "m.h5"), examples()["model"])
+
+
+def test_bytes_do_not_depend_on_process_or_time(tmp_path: Path, written: dict[str, Path]) -> None:
+    script = (
+        "import sys; from pathlib import Path; sys.path.insert(0, sys.argv[1]); import test_artefacts as t\n"
+        "for kind, record in t.examples().items(): t.KINDS[kind][0](Path(sys.argv[2]) / f'{kind}.h5', record)"
+    )
+    other = tmp_path / "other"
+    other.mkdir()
+    environment = {**os.environ, "PYTHONHASHSEED": "7", "HOSTNAME": "elsewhere", "OPENBLAS_NUM_THREADS": "1"}
+    subprocess.run([sys.executable, "-c", script, str(Path(__file__).parent), str(other)], check=True, env=environment)
+    for kind, path in written.items():
+        assert path.read_bytes() == (other / path.name).read_bytes(), kind
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_truncated_file_is_named(kind: str, written: dict[str, Path]) -> None:
+    path = written[kind]
+    whole = path.read_bytes()
+    for size in {0, 1, 7, 100, *range(0, len(whole), max(1, len(whole) // 25))}:
+        path.write_bytes(whole[:size])
+        with pytest.raises(DataError, match=path.name) as caught:
+            KINDS[kind][1](path)
+        assert caught.value.remedy
+
+
+def _delete_dataset(file: h5py.File) -> None:
+    del file["fits/000/selection/theta"]
+
+
+def _text_for_numbers(file: h5py.File) -> None:
+    del file["fits/000/selection/g"]
+    file["fits/000/selection/g"] = ["a", "b"]
+
+
+def _wrong_rank(file: h5py.File) -> None:
+    del file["fits/000/selection/a"]
+    file["fits/000/selection/a"] = [1.0]
+
+
+def _number_for_text(file: h5py.File) -> None:
+    file["fits/000"].attrs["id"] = 3
+
+
+def _text_for_number(file: h5py.File) -> None:
+    file["fits/000/selection"].attrs["sse"] = "much"
+
+
+def _gap_in_numbers(file: h5py.File) -> None:
+    file.move("fits/000", "fits/001")
+
+
+def _dataset_for_group(file: h5py.File) -> None:
+    del file["fits/000/scaling"]
+    file["fits/000/scaling"] = 1.0
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [_delete_dataset, _text_for_numbers, _wrong_rank, _number_for_text, _text_for_number, _gap_in_numbers, _dataset_for_group],
+)
+def test_damaged_content_is_a_data_error(damage: Callable[[h5py.File], None], written: dict[str, Path]) -> None:
+    with h5py.File(written["fit"], "r+") as file:
+        damage(file)
+    with pytest.raises(DataError, match=r"fit\.h5"):
+        artefacts.read_fit(written["fit"])
+
+
+def test_other_files_are_refused(tmp_path: Path, written: dict[str, Path]) -> None:
+    with pytest.raises(DataError, match="is a fit file, not a model file"):
+        artefacts.read_model(written["fit"])
+    with pytest.raises(DataError, match="no such file"):
+        artefacts.read_model(tmp_path / "nowhere.h5")
+    with pytest.raises(DataError, match="no such file"):
+        artefacts.kind_of(tmp_path)
+    csv = tmp_path / "data.h5"
+    csv.write_text("strain,force\n0,1\n")
+    with pytest.raises(DataError, match=r"data\.h5"):
+        artefacts.kind_of(csv)
+    with h5py.File(csv, "w") as file:
+        file.attrs["kind"] = "something else"
+    with pytest.raises(DataError, match="not one of mapmore's"):
+        artefacts.kind_of(csv)
+
+
+def _set_version(path: Path, version: str) -> None:
+    with h5py.File(path, "r+") as file:
+        file.attrs["format_version"] = version
+
+
+@pytest.mark.parametrize(("version", "readable"), [("1.9", True), ("2.0", False), ("10.0", False), ("one", False)])
+def test_format_versions(version: str, readable: bool, written: dict[str, Path]) -> None:
+    _set_version(written["model"], version)
+    if readable:
+        assert same(artefacts.read_model(written["model"]), examples()["model"])
+    else:
+        with pytest.raises(DataError, match=version) as caught:
+            artefacts.read_model(written["model"])
+        assert caught.value.remedy
+
+
+@pytest.mark.parametrize("name", ["a\0b", "mess\udce9"])
+def test_names_that_are_no_text_are_refused(name: str, tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="not valid text"):
+        artefacts.write_dataset(tmp_path / "x.h5", replace(examples()["dataset"], notes=(name,)))
+    assert not list(tmp_path.iterdir())
+
+
+@given(st.lists(st.text("ab./%25F", max_size=6), unique=True))
+@settings(deadline=None)
+def test_escaped_names_stay_apart(keys: list[str]) -> None:
+    components = [escaped(key) for key in keys]
+    assert len(set(components)) == len(keys)
+    assert all(part and "/" not in part and part not in (".", "..") for part in components)

@@ -1,0 +1,154 @@
+"""Atomic writes, refusals of the file system, stamps, and the folder of a run."""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mapmore_cli.domain.errors import WriteError
+from mapmore_cli.storage import run_folder
+from mapmore_cli.storage.atomic import refusals_told, write_bytes, write_text
+from mapmore_cli.storage.hashing import stamps_of, take_stamp
+from mapmore_cli.storage.run_folder import open_run_folder, recover, stage_folder, swap_in
+
+
+def test_write_replaces_the_whole_file(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    write_text(path, "long old content\n")
+    write_text(path, "ü\n")
+    assert path.read_bytes() == "ü\n".encode()
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def full_disk(*_arguments: Any) -> None:
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def test_full_disk_keeps_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "a.txt"
+    write_text(path, "old")
+    monkeypatch.setattr(os, "fsync", full_disk)
+    with pytest.raises(WriteError, match="No space left") as caught:
+        write_text(path, "new")
+    assert "room" in str(caught.value.remedy)
+    assert [file.read_text() for file in tmp_path.iterdir()] == ["old"]
+
+
+def test_interruption_keeps_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(_handle: int) -> None:
+        raise KeyboardInterrupt
+
+    write_text(tmp_path / "a.txt", "old")
+    monkeypatch.setattr(os, "fsync", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        write_text(tmp_path / "a.txt", "new")
+    assert [file.read_text() for file in tmp_path.iterdir()] == ["old"]
+
+
+def test_missing_folder_passes_through(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError):
+        write_bytes(tmp_path / "none" / "a", b"")
+
+
+def test_only_refusals_in_the_folder_are_write_errors(tmp_path: Path) -> None:
+    with pytest.raises(WriteError, match=r"fit\.h5"), refusals_told(tmp_path):
+        raise PermissionError(errno.EACCES, "refused", str(tmp_path / "fit.h5"))
+    with pytest.raises(PermissionError), refusals_told(tmp_path / "run"):
+        raise PermissionError(errno.EACCES, "refused", str(tmp_path / "data.csv"))
+    with pytest.raises(WriteError), refusals_told(tmp_path):
+        full_disk()
+
+
+def test_stamp_is_taken_again_when_size_or_time_changed(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("1\n")
+    first = take_stamp(path)
+    path.write_text("2\n")
+    os.utime(path, ns=(first.mtime_ns, first.mtime_ns))
+    assert take_stamp(path, first) is first  # size and time say that nothing changed
+    assert take_stamp(path, first, rehash=True).sha256 != first.sha256
+    os.utime(path, ns=(1, 1))
+    assert take_stamp(path, first).sha256 != first.sha256
+
+
+def test_stamps_of_folders_name_every_file(tmp_path: Path) -> None:
+    (tmp_path / "report" / "tables").mkdir(parents=True)
+    for name in ("report/index.html", "report/tables/a.csv", "fit.h5"):
+        (tmp_path / name).write_text(name)
+    assert list(stamps_of(tmp_path, ("fit.h5", "report"))) == ["fit.h5", "report/index.html", "report/tables/a.csv"]
+
+
+def test_file_in_place_of_the_folder(tmp_path: Path) -> None:
+    (tmp_path / "runs").write_text("")
+    for run_dir in (tmp_path / "runs", tmp_path / "runs" / "demo"):
+        with pytest.raises(WriteError, match="runs: is a file"):
+            open_run_folder(run_dir)
+
+
+def test_folder_without_permission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "access", lambda _path, _mode: False)  # permissions do not bind the superuser
+    with pytest.raises(WriteError, match="may not write"):
+        open_run_folder(tmp_path / "demo")
+
+
+def test_too_long_a_name(tmp_path: Path) -> None:
+    with pytest.raises(WriteError, match="too long"):
+        open_run_folder(tmp_path / ("x" * 300))
+
+
+def new_report(run_dir: Path, text: str) -> None:
+    with stage_folder(run_dir, "report") as out:
+        (out / "report").mkdir()
+        (out / "report" / "index.html").write_text(text)
+        swap_in(out, run_dir, ("report",))
+
+
+def test_folders_are_swapped_whole(tmp_path: Path) -> None:
+    new_report(tmp_path, "old")
+    (tmp_path / "report" / "left-over.svg").write_text("")
+    new_report(tmp_path, "new")
+    assert [path.name for path in tmp_path.rglob("*")] == ["report", "index.html"]
+    assert (tmp_path / "report" / "index.html").read_text() == "new"
+
+
+def test_failed_swap_puts_the_old_folder_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    new_report(tmp_path, "old")
+    rename = Path.rename
+
+    def fail_on_new(self: Path, target: Path) -> Path:
+        if self.parent != tmp_path:
+            raise KeyboardInterrupt
+        return rename(self, target)
+
+    monkeypatch.setattr(run_folder.Path, "rename", fail_on_new)
+    with pytest.raises(KeyboardInterrupt):
+        new_report(tmp_path, "new")
+    assert (tmp_path / "report" / "index.html").read_text() == "old"
+    assert [path.name for path in tmp_path.iterdir()] == ["report"]
+
+
+def test_folder_in_place_of_an_output_file_is_not_removed(tmp_path: Path) -> None:
+    (tmp_path / "fit.h5").mkdir()
+    (tmp_path / "fit.h5" / "precious").write_text("")
+    with stage_folder(tmp_path, "fit") as out:
+        (out / "fit.h5").write_text("")
+        with pytest.raises(WriteError, match=r"fit\.h5"), refusals_told(tmp_path):
+            swap_in(out, tmp_path, ("fit.h5",))
+    assert (tmp_path / "fit.h5" / "precious").exists()
+
+
+def test_recover(tmp_path: Path) -> None:
+    (tmp_path / ".old-report").mkdir()
+    (tmp_path / ".old-report" / "index.html").write_text("old")
+    (tmp_path / ".tmp-report-x" / "report").mkdir(parents=True)
+    (tmp_path / ".tmp-0123-run.json").write_text("{")
+    (tmp_path / "fit.h5").write_text("kept")
+    recover(tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["fit.h5", "report"]
+    (tmp_path / ".old-report").mkdir()
+    recover(tmp_path)  # the new folder is in place: the old one goes
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["fit.h5", "report"]

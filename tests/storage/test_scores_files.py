@@ -1,0 +1,77 @@
+"""scores.csv and scores.json: digits, stable bytes, and numbers that are not finite."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from stored_records import VALIDATIONS
+
+from mapmore_cli.domain.scores import Score, Validation
+from mapmore_cli.storage.artefacts import write_scores
+
+ROW = Score("mapmore", "force", "validate", "pressure=250", 40, 12.3456789012345, 0.02, 617.0, "max|force|", 30.0, 0.05, 1 / 3)
+COLUMNS = [field.name for field in fields(Score)]
+
+
+def written(folder: Path, *rows: Score) -> Validation:
+    validation = Validation({}, {}, rows, {"force": "N"})
+    write_scores(folder, validation, "demo")
+    return validation
+
+
+def test_document(tmp_path: Path) -> None:
+    written(tmp_path, ROW)
+    text = (tmp_path / "scores.json").read_text(encoding="utf-8")
+    document = json.loads(text)
+    assert list(document) == ["name", "target", "units", "scores"]
+    assert (document["name"], document["target"], document["units"]) == ("demo", "force", {"force": "N"})
+    (row,) = document["scores"]
+    assert list(row) == COLUMNS
+    assert row["rmse"] == 12.3456789012  # 12 significant digits
+    assert row["r2"] == 0.333333333333
+    assert row["n"] == 40
+    assert text.endswith("}\n")
+
+
+def test_table_has_the_same_rows(tmp_path: Path) -> None:
+    written(tmp_path, ROW, replace(ROW, model='odd, "name"', curve="all"))
+    document = json.loads((tmp_path / "scores.json").read_text(encoding="utf-8"))
+    with (tmp_path / "scores.csv").open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [{key: str(value) for key, value in row.items()} for row in document["scores"]] == rows
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_numbers_that_are_not_finite_are_missing(value: float, tmp_path: Path) -> None:
+    written(tmp_path, replace(ROW, r2=value))
+    assert json.loads((tmp_path / "scores.json").read_text(encoding="utf-8"))["scores"][0]["r2"] is None
+    assert (tmp_path / "scores.csv").read_text(encoding="utf-8").splitlines()[1].endswith(",")
+
+
+def test_negative_zero_is_zero(tmp_path: Path) -> None:
+    written(tmp_path, replace(ROW, rmse=-0.0))
+    assert "-0.0" not in (tmp_path / "scores.json").read_text(encoding="utf-8")
+
+
+def test_numpy_numbers_are_numbers(tmp_path: Path) -> None:
+    written(tmp_path, replace(ROW, rmse=np.float64(2.5)))
+    assert json.loads((tmp_path / "scores.json").read_text(encoding="utf-8"))["scores"][0]["rmse"] == 2.5
+
+
+@settings(deadline=None, max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
+@given(validation=VALIDATIONS)
+def test_digits_survive(validation: Validation, tmp_path: Path) -> None:
+    write_scores(tmp_path, validation, "demo")
+    rows = json.loads((tmp_path / "scores.json").read_text(encoding="utf-8"))["scores"]
+    for score, row in zip(validation.scores, rows, strict=True):
+        if math.isfinite(score.rmse):
+            assert row["rmse"] == pytest.approx(score.rmse, rel=1e-11, abs=0)
+        else:
+            assert row["rmse"] is None
