@@ -1,1 +1,24 @@
 """MAPMORE: piecewise models of soft actuators from measured curves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from mapmore_cli.stages.loaded_model import LoadedModel
+
+__all__ = ["__version__", "load_model"]
+
+__version__ = "0.1.0"
+
+
+def load_model(path: str | Path) -> LoadedModel:
+    """Read a `model.h5` as a function of keyword arrays: `load_model("model.h5")(pressure=[100, 200], strain=0.1)`.
+
+    Raises `mapmore_cli.domain.errors.DataError` where the file is missing, damaged or no model.
+    """
+    from mapmore_cli.stages.loaded_model import LoadedModel  # here, so that the command line starts without NumPy
+    from mapmore_cli.storage.artefacts import read_model
+
+    return LoadedModel(read_model(Path(path)))

@@ -1,0 +1,145 @@
+"""`ingest`, `segment`, `fit`, `fuse`, `validate`, `report`, and `run`, which is all of them: make-like commands over one spec."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from mapmore_cli.cli.console import print_view
+from mapmore_cli.cli.options import NO_OVERRIDES, RUNS, AsJson, Config, Explain, Force, Overrides, Quiet, Rehash, Runs, Verbose
+from mapmore_cli.cli.views.files import RESULTS, of_stage, page_lines
+from mapmore_cli.cli.views.view import View
+from mapmore_cli.domain.errors import LimitMissed
+
+if TYPE_CHECKING:
+    from mapmore_cli.spec.loader import LoadedSpec
+
+SUMMARIES = {
+    "ingest": "Read the recordings and sort them into curves.",
+    "segment": "Cut the training curves into segments.",
+    "fit": "Select the terms of every segment.",
+    "fuse": "Join the segments into one model that stands alone.",
+    "validate": "Score the model and its competitors.",
+    "report": "Write the page, its figures and tables.",
+}
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a run is to be brought up to date, and how it is told."""
+
+    runs: Path
+    force: bool
+    rehash: bool
+    as_json: bool
+    quiet: bool
+    verbose: bool
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the stage commands in the order of the pipeline, then `run`."""
+    for stage, summary in SUMMARIES.items():
+        app.command(stage, help=f"{summary} Brings the stages before it up to date first.")(_stage_command(stage))
+    app.command()(run)
+
+
+def _stage_command(stage: str) -> Callable[..., None]:
+    def command(
+        config: Config,
+        runs: Runs = RUNS,
+        overrides: Overrides = NO_OVERRIDES,
+        force: Force = False,
+        rehash: Rehash = False,
+        explain: Explain = False,
+        as_json: AsJson = False,
+        quiet: Quiet = False,
+        verbose: Verbose = False,
+    ) -> None:
+        from mapmore_cli.spec.loader import load
+
+        loaded = load(config, overrides)
+        options = Options(runs, force, rehash, as_json, quiet, verbose)
+        if explain:
+            _explain(loaded, stage, options)
+        else:
+            _bring_up_to_date(loaded, stage, options)
+
+    return command
+
+
+def run(
+    config: Config,
+    runs: Runs = RUNS,
+    overrides: Overrides = NO_OVERRIDES,
+    force: Force = False,
+    rehash: Rehash = False,
+    explain: Explain = False,
+    print_spec: Annotated[bool, typer.Option("--print-spec", help="Print the spec with its defaults filled in; do nothing.")] = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Run all stages; print scores and the page's path."""
+    from mapmore_cli.spec.loader import load
+
+    loaded = load(config, overrides)
+    options = Options(runs, force, rehash, as_json, quiet, verbose)
+    if print_spec:
+        print(loaded.resolved, end="")
+    elif explain:
+        _explain(loaded, "report", options)
+    else:
+        _bring_up_to_date(loaded, "run", options)
+
+
+def _explain(loaded: LoadedSpec, until: str, options: Options) -> None:
+    """Print which stages would run, and why; null in the document is a stage that is up to date."""
+    from mapmore_cli.cli.progress import Reporter
+    from mapmore_cli.reporting.tables import Column, Table
+    from mapmore_cli.stages.runner import explain
+
+    with Reporter(options.quiet, options.verbose) as reporter:
+        reasons = explain(loaded, options.runs, until, force=options.force, rehash=options.rehash, warn=reporter.warn)
+    rows = tuple((stage, reason or "up-to-date") for stage, reason in reasons)
+    table = Table("stages", loaded.spec.name, (Column("stage"), Column("would run because")), rows)
+    print_view(View({"name": loaded.spec.name, "stages": dict(reasons)}, (table,)), options.as_json)
+
+
+def _bring_up_to_date(loaded: LoadedSpec, command: str, options: Options) -> None:
+    """Do what is stale, and print what the command is for."""
+    from mapmore_cli.cli.progress import Reporter
+    from mapmore_cli.stages.runner import bring_up_to_date
+
+    with Reporter(options.quiet, options.verbose) as reporter:
+        outcome = bring_up_to_date(
+            loaded,
+            options.runs,
+            until="report" if command == "run" else command,
+            force=options.force,
+            rehash=options.rehash,
+            progress=reporter.progress,
+            warn=reporter.warn,
+            on_stage=reporter.stage,
+        )
+    head = {"name": outcome.name, "run_dir": str(outcome.run_dir), "stages": outcome.stages}
+    if command in ("validate", "run"):
+        _print_scores(loaded, outcome.run_dir, head, page=command == "run", as_json=options.as_json)
+    else:
+        print_view(of_stage(command, outcome.run_dir).under(head), options.as_json)
+
+
+def _print_scores(loaded: LoadedSpec, run_dir: Path, head: Mapping[str, Any], page: bool, as_json: bool) -> None:
+    """Print the scores, and then fail where the spec's limits are missed."""
+    from mapmore_cli.cli.views.scored import of_scores
+    from mapmore_cli.stages.validate import missed_limits
+    from mapmore_cli.storage.artefacts import read_validation
+
+    validation = read_validation(run_dir / RESULTS["validate"])
+    scores = of_scores(validation, loaded.spec.report.published)
+    print_view(View({**head, **scores.document}, scores.tables, page_lines(run_dir) if page else ()), as_json)
+    if missed := missed_limits(loaded.spec.validation.require, validation.scores):
+        raise LimitMissed("; ".join(missed), "the results are complete; see validate.require in the spec")

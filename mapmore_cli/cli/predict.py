@@ -1,0 +1,78 @@
+"""`mapmore predict`: evaluate a model on a table, or on a grid."""
+
+from __future__ import annotations
+
+import io
+import sys
+from collections.abc import Iterator
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, cast
+
+import typer
+
+from mapmore_cli.domain.errors import UsageError
+
+if TYPE_CHECKING:
+    from mapmore_cli.domain.models import Model
+
+STANDARD = Path("-")
+"""Stands for stdin or stdout."""
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(predict)
+
+
+def predict(
+    model_file: Annotated[Path, typer.Argument(metavar="MODEL", help="A model.h5.", show_default=False)],
+    table: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="[TABLE]", help="A CSV table with the model's inputs by name, in its units; - is stdin.", show_default=False
+        ),
+    ] = None,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Where to write; - is stdout.")] = STANDARD,
+    grid: Annotated[
+        str | None,
+        typer.Option(
+            "--grid", metavar="AXES", help="Make a lookup table instead: pressure=0:600:25,strain=0:0.25:0.01.", show_default=False
+        ),
+    ] = None,
+) -> None:
+    """Evaluate a model on a table.
+
+    Every column is kept; <output>_predicted and outside_range (true or false) are added, row for row.
+
+    Tables may be larger than memory, and gzipped where the name ends in .gz. Where an input is empty, so is the prediction.
+    """
+    from mapmore_cli.stages.predict import predicted_lines
+    from mapmore_cli.storage.artefacts import read_model
+
+    if (table is None) == (grid is None):
+        raise UsageError("give either a TABLE or --grid", "as in: mapmore predict model.h5 measured.csv -o predicted.csv")
+    model = read_model(model_file)
+    lines, label = _input(model, table, grid)
+    _write(predicted_lines(model, lines, label), output)
+
+
+def _input(model: Model, table: Path | None, grid: str | None) -> tuple[Iterator[str], str]:
+    """The lines to predict for, and what messages call them."""
+    from mapmore_cli.stages.grid import grid_lines
+    from mapmore_cli.storage.text_streams import as_text, lines_of
+
+    if grid is not None:
+        return grid_lines(grid, [quantity.name for quantity in model.inputs]), "--grid"
+    if table is None or table == STANDARD:
+        return as_text(sys.stdin.buffer), "stdin"
+    return lines_of(table), str(table)
+
+
+def _write(lines: Iterator[str], output: Path) -> None:
+    from mapmore_cli.storage.text_streams import TEXT_ERRORS, replaced
+
+    if output == STANDARD:
+        cast(io.TextIOWrapper, sys.stdout).reconfigure(encoding="utf-8", errors=TEXT_ERRORS, newline="")
+    with nullcontext(sys.stdout) if output == STANDARD else replaced(output) as stream:
+        stream.writelines(lines)

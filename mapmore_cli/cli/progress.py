@@ -1,0 +1,113 @@
+"""What a command says on stderr while it works: stages, progress, warnings."""
+
+from __future__ import annotations
+
+import sys
+import time
+import warnings
+from contextlib import ExitStack
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+from mapmore_cli.domain.errors import UsageError
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+PATIENCE = 1.0
+"""Seconds that work may take before progress shows."""
+
+LINE_EVERY = 5.0
+"""Seconds between two progress lines where stderr is no terminal."""
+
+
+class Reporter:
+    """Voice of a command on stderr, silent with `quiet`; use it as a context manager.
+
+    A progress bar where stderr is a terminal, plain lines elsewhere, and neither before `PATIENCE` seconds have passed.
+    """
+
+    def __init__(self, quiet: bool = False, verbose: bool = False) -> None:
+        if quiet and verbose:
+            raise UsageError("--quiet and --verbose exclude each other", "leave one of them out")
+        self._quiet = quiet
+        self._verbose = verbose
+        self._bar: Progress | None = None
+        self._task = ""  # what is in progress, with its start and the time of its next sign of life
+        self._started = 0.0
+        self._due = 0.0
+        self._stage: tuple[str, float] | None = None
+        self._cleanup = ExitStack()
+
+    def __enter__(self) -> Reporter:
+        self._cleanup.enter_context(warnings.catch_warnings())
+        if self._quiet:
+            warnings.simplefilter("ignore")
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None) -> None:
+        self._end_task()
+        if error is None:
+            self._end_stage()
+        self._cleanup.close()
+
+    def say(self, message: str) -> None:
+        """Print one line."""
+        if not self._quiet:
+            self.complain(message)
+
+    def warn(self, message: str) -> None:
+        """Print a warning."""
+        self.say(f"warning: {message}")
+
+    def complain(self, message: str) -> None:
+        """Print what went wrong, which `quiet` does not suppress."""
+        self._end_task()
+        print(message, file=sys.stderr, flush=True)
+
+    def stage(self, name: str, reason: str | None) -> None:
+        """Say why a stage runs, or that it is up to date."""
+        self._end_stage()
+        self.say(f"{name}: {'up-to-date' if reason is None else reason}")
+        self._stage = None if reason is None else (name, time.monotonic())
+
+    def progress(self, what: str, done: int, total: int) -> None:
+        """Show how far long work has come (a `stages.stage.Progress`)."""
+        if self._quiet:
+            return
+        now = time.monotonic()
+        if what != self._task:
+            self._end_task()
+            self._task, self._started, self._due = what, now, now + PATIENCE
+        if now < self._due:
+            return
+        if sys.stderr.isatty():
+            self._draw(what, done, total)
+        else:
+            print(f"{what}: {done} of {total}", file=sys.stderr, flush=True)
+            self._due = now + LINE_EVERY
+
+    def _draw(self, what: str, done: int, total: int) -> None:
+        if self._bar is None:
+            from rich.console import Console
+            from rich.progress import Progress
+
+            # Drawn by hand, at most ten times a second: no thread of Rich's competes with the computation.
+            self._bar = Progress(console=Console(stderr=True), transient=True, auto_refresh=False)
+            self._bar.start()
+            self._bar.add_task(what)
+        self._bar.update(self._bar.task_ids[0], completed=done, total=total)
+        self._bar.refresh()
+        self._due = time.monotonic() + 0.1
+
+    def _end_task(self) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+            self._bar = None
+        self._task = ""
+
+    def _end_stage(self) -> None:
+        if self._stage is not None and self._verbose:
+            name, started = self._stage
+            self.say(f"{name}: done in {time.monotonic() - started:.2f} s")
+        self._stage = None

@@ -1,0 +1,1 @@
+"""Results as people and scripts see them: each kind of result as a JSON document and as tables."""

@@ -1,0 +1,101 @@
+"""Views of result files, whatever their kind, and of whole run folders."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mapmore_cli.cli.views.view import View
+from mapmore_cli.domain.errors import DataError
+
+if TYPE_CHECKING:
+    from mapmore_cli.reporting.tables import Table
+
+RESULTS = {"ingest": "ingest.h5", "segment": "segment.h5", "fit": "fit.h5", "fuse": "model.h5", "validate": "validate.h5"}
+"""The file that shows what a stage found; `report` has a page instead."""
+
+PAGE = Path("report/index.html")
+
+
+def of_file(path: Path) -> View:
+    """What a result file or a run folder holds; DataError where it is neither."""
+    if path.is_dir():
+        return of_run(path)
+    if path.suffix == ".json":
+        return _of_json(path)
+    return _of_hdf5(path)
+
+
+def of_stage(stage: str, run_dir: Path) -> View:
+    """What a stage found."""
+    if stage in RESULTS:
+        return _of_hdf5(run_dir / RESULTS[stage])
+    page = run_dir / PAGE
+    files = tuple(str(path) for path in sorted(page.parent.rglob("*")) if path.is_file())
+    return View({"files": files}, lines=page_lines(run_dir) or files)
+
+
+def of_run(run_dir: Path) -> View:
+    """What a run is made of: why each stage ran, and the scores."""
+    record = run_dir / "run.json"
+    if not record.is_file():
+        raise DataError(f"{run_dir}: is not a run folder (no run.json)", "name a folder that `mapmore run` wrote, as runs/NAME")
+    run = _of_json(record)
+    if not (run_dir / RESULTS["validate"]).is_file():
+        return run
+    scores = of_stage("validate", run_dir)
+    return View({**run.document, **scores.document}, (*run.tables, *scores.tables[:1]), page_lines(run_dir))
+
+
+def page_lines(run_dir: Path) -> tuple[str, ...]:
+    """Where the page is, for people; nothing where the spec asks for none."""
+    page = run_dir / PAGE
+    return (f"page: {page}",) if page.is_file() else ()
+
+
+def _of_hdf5(path: Path) -> View:
+    from mapmore_cli.cli.views import fitted, measured, scored
+    from mapmore_cli.storage import artefacts
+
+    match artefacts.kind_of(path):
+        case "dataset":
+            return measured.of_dataset(artefacts.read_dataset(path))
+        case "segmentation":
+            return measured.of_segmentation(artefacts.read_segmentation(path))
+        case "fit":
+            return fitted.of_fit(artefacts.read_fit(path))
+        case "model":
+            return fitted.of_model(artefacts.read_model(path))
+        case _:
+            return scored.of_validation(artefacts.read_validation(path))
+
+
+def _of_json(path: Path) -> View:
+    """`scores.json` or `run.json`, as they are; the table has what fits on a screen."""
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as fault:
+        raise DataError(f"{path}: cannot be read ({fault})", "give a file that mapmore wrote") from fault
+    if isinstance(document, dict) and "stages" in document:
+        return View(document, (_stages_table(document["stages"]),))
+    if isinstance(document, dict) and "scores" in document:
+        return View(document, (_score_table(document),))
+    raise DataError(f"{path}: is neither a scores.json nor a run.json", "give a file that mapmore wrote")
+
+
+def _stages_table(stages: Mapping[str, Any]) -> Table:
+    from mapmore_cli.reporting.tables import Column, Table
+
+    rows = tuple((name, entry.get("seconds"), entry.get("why")) for name, entry in stages.items())
+    return Table("stages", "Stages", (Column("stage"), Column("took", "s", ".2f"), Column("why it ran")), rows)
+
+
+def _score_table(document: Mapping[str, Any]) -> Table:
+    from mapmore_cli.domain.scores import Score
+    from mapmore_cli.reporting.tables import score_table
+
+    rows: list[dict[str, Any]] = [{name: math.nan if value is None else value for name, value in row.items()} for row in document["scores"]]
+    return score_table([Score(**row) for row in rows], document["units"])

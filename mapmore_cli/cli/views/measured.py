@@ -1,0 +1,66 @@
+"""Views of what was measured: a dataset, and its curves cut up."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from mapmore_cli.cli.views.view import View
+
+if TYPE_CHECKING:
+    from mapmore_cli.domain.fits import SegmentedCurve
+    from mapmore_cli.domain.recording import Curve, Dataset
+    from mapmore_cli.reporting.tables import Cell
+
+
+def of_dataset(dataset: Dataset) -> View:
+    """Rows kept and dropped of every recording; the curves with what trains and what validates."""
+    from mapmore_cli.reporting.tables import levels_table, recordings_table
+
+    document = {
+        "target": dataset.target,
+        "level": dataset.level,
+        "units": {name: quantity.unit for name, quantity in dataset.quantities.items()},
+        "recordings": [
+            {"id": r.id, "source": r.source, "rows_read": r.rows_read, "rows_kept": r.rows_kept, "dropped": r.dropped}
+            for r in dataset.recordings
+        ],
+        "curves": [_curve(curve) for curve in dataset.curves],
+        "notes": dataset.notes,
+    }
+    return View(document, (recordings_table(dataset), levels_table(dataset)), dataset.notes)
+
+
+def _curve(curve: Curve) -> dict[str, Any]:
+    held_out = int(curve.held_out.sum())
+    return {"id": curve.id, "level": curve.level, "train": curve.size - held_out, "validate": held_out, "recordings": curve.recordings}
+
+
+def of_segmentation(curves: Sequence[SegmentedCurve]) -> View:
+    """Where every segment lies, and how many samples it has."""
+    from mapmore_cli.reporting.tables import Column, Table
+
+    document = {
+        "curves": [
+            {
+                "id": curve.curve,
+                "level": curve.level,
+                "boundaries": dict(zip(curve.variables, curve.boundaries, strict=True)),
+                "limits": curve.limits,
+                "segments": [{"id": segment.id, "cell": segment.cell, "n": len(segment.rows)} for segment in curve.segments],
+            }
+            for curve in curves
+        ]
+    }
+    variables = tuple(dict.fromkeys(name for curve in curves for name in curve.variables))
+    columns = (Column("segment"), Column("samples"), *(Column(f"{name} {end}") for name in variables for end in ("from", "to")))
+    rows: tuple[tuple[Cell, ...], ...] = tuple(
+        (
+            segment.id,
+            len(segment.rows),
+            *(float(end) for place, at in zip(segment.cell, curve.boundaries, strict=True) for end in at[place - 1 : place + 1]),
+        )
+        for curve in curves
+        for segment in curve.segments
+    )
+    return View(document, (Table("segments", "Segments", columns, rows),))

@@ -1,0 +1,39 @@
+"""Views of scores."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+from mapmore_cli.cli.views.view import View
+
+if TYPE_CHECKING:
+    from mapmore_cli.domain.scores import Validation
+    from mapmore_cli.reporting.tables import Table
+    from mapmore_cli.spec.models import Published
+
+
+def of_scores(validation: Validation, published: Published | None = None) -> View:
+    """The score rows of every curve in the document; the pooled ones in the table, beside what a publication reports."""
+    from mapmore_cli.storage.artefacts.scores import score_row
+
+    rows = [score_row(score) for score in validation.scores]
+    return View({"scores": rows, "units": validation.units}, (pooled_table(validation, published),))
+
+
+def of_validation(validation: Validation) -> View:
+    """The scores pooled and by curve, and the formulas that were fitted as competitors."""
+    from mapmore_cli.reporting.tables import curve_scores_table
+
+    pooled = of_scores(validation)
+    formulas = {name: asdict(formula) for name, formula in validation.formulas.items()}
+    return View({**pooled.document, "formulas": formulas}, (*pooled.tables, curve_scores_table(validation.scores, validation.units)))
+
+
+def pooled_table(validation: Validation, published: Published | None = None) -> Table:
+    """Scores over all curves, beside the numbers of a publication."""
+    from mapmore_cli.reporting.inputs import Published as PublishedNumbers
+    from mapmore_cli.reporting.tables import score_table
+
+    beside = None if published is None else PublishedNumbers(published.source, published.nrmse, published.rmse)
+    return score_table(validation.scores, validation.units, beside)

@@ -1,0 +1,70 @@
+"""A small measured study and a model that can be reckoned by hand, for the tests of the command line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from mapmore_cli.domain.fits import Scaling
+from mapmore_cli.domain.models import CurveFunction, Fusion, Model, SegmentFunction
+from mapmore_cli.domain.recording import Quantity
+
+SPEC = """\
+schema_version: 1
+name: {name}
+data:
+  files: ["{name}_*.csv"]
+  columns: {{pressure: {{column: P, unit: kPa}}, strain: {{column: eps}}, force: {{column: F, unit: N}}}}
+  levels: {{of: pressure, at: [100, 200, 300]}}
+  split: {{validate: {{pressure: [200]}}}}
+target: static
+segment: {{strain: {{method: even, count: 2}}}}
+dictionary: [{{polynomial: {{of: [strain], order: 3}}}}]
+validate: {{against: [polynomial_2]}}
+report: {{figures: [], formats: [html, csv], published: {{source: a paper, nrmse: {{mapmore: 0.022}}}}}}
+"""
+
+
+def write_study(folder: Path, name: str = "bench") -> Path:
+    """A spec with one recording for each of three pressures; the force is `2 P (1 - 3 eps) - 40`, slightly noisy."""
+    rng = np.random.default_rng(5)
+    for level in (100, 200, 300):
+        strain = np.linspace(0.0, 0.05 + 0.0004 * level, 40)
+        force = 2 * level * (1 - 3 * strain) - 40 + rng.normal(0, 0.3, strain.size)
+        lines = [f"{level},{e:.5f},{f:.3f}" for e, f in zip(strain, force, strict=True)]
+        (folder / f"{name}_{level}.csv").write_text("\n".join(["P,eps,F", *lines]) + "\n")
+    spec = folder / f"{name}.yaml"
+    spec.write_text(SPEC.format(name=name))
+    return spec
+
+
+def line(curve: str, level: float, slope: float, height: float, end: float) -> CurveFunction:
+    """One segment `height + slope strain` over [0, end]."""
+    scaling = Scaling("none", "-", ("strain",), np.ones(1), np.zeros(1), 1.0, height)
+    one = np.ones(1)
+    segment = SegmentFunction(
+        f"{curve}/strain:1", (1,), ("strain",), np.array([slope]), 0.1 * one, slope * one, one, scaling, 50, 1.0, "max_terms"
+    )
+    limits = {"strain": (0.0, end), "pressure": (level, level)}
+    return CurveFunction(curve, level, (np.array([0.0, end]),), limits, (segment,))
+
+
+def hand_model() -> Model:
+    """`100 - 400 eps` at 100 kPa up to 0.1, `200 - 500 eps` at 200 kPa up to 0.2, triangles between; both continue outside."""
+    continued = {"pressure": ("continue", "continue"), "strain": ("continue", "continue")}
+    return Model(
+        name="by-hand",
+        output=Quantity("force", "N"),
+        inputs=(Quantity("pressure", "kPa"), Quantity("strain", "1")),
+        level="pressure",
+        variables=("strain",),
+        curves=(line("pressure=100", 100.0, -400.0, 100.0, 0.1), line("pressure=200", 200.0, -500.0, 200.0, 0.2)),
+        fusion=Fusion("linear", 0.25, continued),
+    )
+
+
+def by_hand(pressure: float, strain: float) -> float:
+    """What `hand_model` says, in plain arithmetic."""
+    t = min(max((pressure - 100) / 100, 0.0), 1.0)
+    return (1 - t) * (100 - 400 * strain) + t * (200 - 500 * strain)

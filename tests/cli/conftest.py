@@ -1,0 +1,77 @@
+"""How the command line is called in tests."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cli_samples import hand_model, write_study
+from typer.testing import CliRunner, Result
+
+from mapmore_cli.cli.app import app
+
+Call = Callable[..., Result]
+
+
+@pytest.fixture(scope="session")
+def mapmore() -> Call:
+    """Calls the command in this process."""
+
+    def call(*args: object, stdin: str | bytes | None = None) -> Result:
+        return CliRunner().invoke(app, [str(arg) for arg in args], input=stdin, prog_name="mapmore")
+
+    return call
+
+
+@pytest.fixture(scope="session")
+def document(mapmore: Call) -> Callable[..., Any]:
+    """Calls the command with `--json` where stderr has to stay empty, and reads the one document that it prints."""
+
+    def call(*args: object) -> Any:
+        result = mapmore(*args, "--json")
+        assert (result.exit_code, result.stderr) == (0, "")
+        return json.loads(result.stdout)
+
+    return call
+
+
+@pytest.fixture(scope="session")
+def shell() -> Callable[..., subprocess.CompletedProcess[str]]:
+    """Calls the command in a process of its own."""
+
+    def call(*args: object, **options: Any) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-m", "mapmore_cli", *map(str, args)]
+        return subprocess.run(command, capture_output=True, text=True, check=False, **options)
+
+    return call
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Path:
+    """A study that has not run yet."""
+    return write_study(tmp_path)
+
+
+@pytest.fixture(scope="session")
+def finished(tmp_path_factory: pytest.TempPathFactory, mapmore: Call) -> tuple[Path, Path]:
+    """A study that has run: its spec and its folder of runs; not to be changed."""
+    folder = tmp_path_factory.mktemp("finished")
+    spec = write_study(folder)
+    result = mapmore("run", spec, "--runs", folder / "runs", "-q")
+    assert result.exit_code == 0, result.stderr
+    return spec, folder / "runs"
+
+
+@pytest.fixture(scope="session")
+def model_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """`hand_model` as a file."""
+    from mapmore_cli.storage.artefacts import write_model
+
+    path = tmp_path_factory.mktemp("model") / "model.h5"
+    write_model(path, hand_model())
+    return path

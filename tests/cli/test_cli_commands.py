@@ -1,0 +1,112 @@
+"""`check`, `simulate`, `schema` and `batch`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from cli_samples import write_study
+
+from mapmore_cli.spec.schema import json_schema
+
+RIG = Path(__file__).parents[2] / "datasets/mckibben/load_cycles.yaml"
+
+
+def test_check_says_what_was_found_and_writes_nothing(study, document, mapmore) -> None:
+    before = sorted(study.parent.rglob("*"))
+    found = document("check", study, "-q")
+    assert found["name"] == "bench"
+    assert [(r["rows_read"], r["rows_kept"]) for r in found["recordings"]] == [(40, 40)] * 3
+    assert [(c["id"], c["train"], c["validate"]) for c in found["curves"]] == [
+        ("pressure=100", 40, 0),
+        ("pressure=200", 0, 40),
+        ("pressure=300", 40, 0),
+    ]
+    assert "Rows of every recording" in mapmore("check", study).stdout
+    assert sorted(study.parent.rglob("*")) == before
+
+
+def test_check_of_a_wrong_spec(study, mapmore) -> None:
+    study.write_text(study.read_text().replace("dictionary", "dictionery"))
+    result = mapmore("check", study)
+    assert (result.exit_code, result.stdout) == (3, "")
+    assert "bench.yaml:10:1" in result.stderr
+
+
+def test_check_of_wrong_data(study, mapmore) -> None:
+    with (study.parent / "bench_200.csv").open("a") as file:
+        file.write("200,0.1,much\n")
+    result = mapmore("check", study)
+    assert (result.exit_code, result.stdout) == (4, "")
+    assert "bench_200.csv" in result.stderr
+    assert "row 42" in result.stderr
+
+
+def test_warnings_go_to_stderr_and_quiet_silences_them(study, mapmore) -> None:
+    arguments = ("check", study, "--set", "data.levels.at=[100, 200]")
+    assert "warning: bench_300.csv" in mapmore(*arguments).stderr
+    assert mapmore(*arguments, "-q").stderr == ""
+
+
+def test_simulate_writes_where_it_is_told(tmp_path: Path, document) -> None:
+    told = document("simulate", RIG, "-o", tmp_path / "out", "--set", "experiment.pressures=[100]", "-q")
+    assert told["files"] == [str(tmp_path / "out/load_cycle_100.csv")]
+    assert Path(told["files"][0]).read_text().startswith("t,P,eps,F\n")
+
+
+def test_simulate_writes_beside_its_spec_by_default(tmp_path: Path, mapmore) -> None:
+    spec = tmp_path / "rig.yaml"
+    spec.write_bytes(RIG.read_bytes())
+    result = mapmore("simulate", spec, "--set", "experiment.pressures=[100, 150]")
+    assert result.stdout.splitlines() == [str(tmp_path / f"load_cycle_{p}.csv") for p in (100, 150)]
+
+
+def test_simulate_of_an_experiment_spec(study, mapmore) -> None:
+    assert mapmore("simulate", study).exit_code == 3
+
+
+def test_schema(mapmore) -> None:
+    result = mapmore("schema")
+    assert json.loads(result.stdout) == json_schema()
+
+
+def test_batch_goes_on_after_a_failure_and_ends_with_the_highest_code(tmp_path: Path, shell) -> None:
+    good, broken = write_study(tmp_path, "good"), write_study(tmp_path, "broken")
+    (tmp_path / "broken_200.csv").write_text("")
+    done = shell("batch", broken, good, tmp_path / "none.yaml", "--runs", tmp_path / "runs", "--jobs", 2)
+    assert done.returncode == 4
+    assert "good  mapmore       validate" in done.stdout
+    assert done.stdout.endswith(f"page: {tmp_path / 'runs/good/report/index.html'}\n")
+    assert "broken_200.csv" in done.stderr
+    assert "none.yaml" in done.stderr
+    assert "good: done" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_batch_has_one_document_in_the_order_of_the_specs(tmp_path: Path, shell) -> None:
+    specs = [write_study(tmp_path, name) for name in ("b", "a")]
+    override = ("--set", "validate.require.nrmse=1e-9", "--set", "report.formats=[csv]")
+    done = shell("batch", *specs, "--runs", tmp_path / "runs", "--json", "-q", *override)
+    assert done.returncode == 6
+    runs = json.loads(done.stdout)["runs"]
+    assert [run["name"] for run in runs] == ["b", "a"]
+    assert all(run["exit_code"] == 6 and run["scores"] and len(run["missed"]) == 1 for run in runs)
+    assert all(line.startswith(("a: error: nrmse", "b: error: nrmse")) for line in done.stderr.splitlines())
+
+
+def test_batch_refuses_two_runs_of_one_name(tmp_path: Path, mapmore) -> None:
+    spec = write_study(tmp_path)
+    twin = tmp_path / "twin.yaml"
+    twin.write_bytes(spec.read_bytes())
+    result = mapmore("batch", spec, twin, "--runs", tmp_path / "runs")
+    assert result.exit_code == 2
+    assert "the same name, 'bench'" in result.stderr
+    assert not (tmp_path / "runs").exists()
+
+
+@pytest.mark.parametrize("command", ["run", "batch"])
+def test_a_batch_of_one_is_a_run(command: str, tmp_path: Path, shell) -> None:
+    spec = write_study(tmp_path)
+    assert shell(command, spec, "--runs", tmp_path / "runs", "-q", "--set", "report.formats=[csv]").returncode == 0
+    assert (tmp_path / "runs/bench/scores.json").is_file()

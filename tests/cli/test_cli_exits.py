@@ -1,0 +1,162 @@
+"""Every way in which a command ends has its code and one message; no traceback reaches a user who did not ask for it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from subprocess import PIPE
+from typing import NoReturn
+
+import pytest
+from cli_samples import write_study
+
+from mapmore_cli.domain import errors
+from mapmore_cli.stages import runner
+
+COMMAND = [sys.executable, "-m", "mapmore_cli"]
+MENDABLE = [
+    (errors.UsageError, 2),
+    (errors.SpecError, 3),
+    (errors.DataError, 4),
+    (errors.FitError, 5),
+    (errors.LimitMissed, 6),
+    (errors.WriteError, 7),
+]
+
+
+def failing(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
+    def fail(*_: object, **__: object) -> NoReturn:
+        raise error
+
+    monkeypatch.setattr(runner, "bring_up_to_date", fail)
+
+
+@pytest.mark.parametrize(("kind", "code"), MENDABLE)
+def test_errors_that_a_user_can_mend(kind: type[errors.MapmoreError], code: int, study, mapmore, monkeypatch) -> None:
+    failing(monkeypatch, kind("trace.csv:7: it is broken", "mend it"))
+    result = mapmore("run", study)
+    assert (result.exit_code, result.stdout) == (code, "")
+    assert result.stderr == "error: trace.csv:7: it is broken\n  mend it\n"
+
+
+def test_there_is_a_test_for_every_error_class() -> None:
+    assert {kind for kind, _ in MENDABLE} == set(errors.MapmoreError.__subclasses__())
+
+
+def test_internal_fault_is_one_line(study, mapmore, monkeypatch) -> None:
+    failing(monkeypatch, ZeroDivisionError("division by zero\nand more"))
+    result = mapmore("run", study)
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert result.stderr == "internal fault: ZeroDivisionError: division by zero; run again with --debug to see where\n"
+
+
+@pytest.mark.parametrize("place", ["front", "end"])
+def test_debug_shows_the_traceback(place: str, study, mapmore, monkeypatch) -> None:
+    failing(monkeypatch, ZeroDivisionError("division by zero"))
+    result = mapmore("--debug", "run", study) if place == "front" else mapmore("run", study, "--debug")
+    assert result.exit_code == 1
+    assert "Traceback (most recent call last)" in result.stderr
+    assert "in fail" in result.stderr
+
+
+def test_interrupted(study, mapmore, monkeypatch) -> None:
+    failing(monkeypatch, KeyboardInterrupt())
+    result = mapmore("run", study)
+    assert (result.exit_code, result.stdout, result.stderr) == (130, "", "interrupted\n")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [("run",), ("rum", "x.yaml"), ("run", "x.yaml", "--no-such-option"), ("batch", "x.yaml", "--jobs", "0"), ("run", "x.yaml", "-q", "-v")],
+)
+def test_usage(arguments: tuple[str, ...], mapmore, tmp_path: Path, study, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    study.rename(tmp_path / "x.yaml")
+    result = mapmore(*arguments)
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert "Traceback" not in result.stderr
+
+
+def test_a_spec_that_is_missing(mapmore, tmp_path: Path) -> None:
+    result = mapmore("run", tmp_path / "none.yaml")
+    assert result.exit_code == 3
+    assert "none.yaml" in result.stderr
+
+
+def test_a_run_folder_that_is_a_file(study, mapmore) -> None:
+    (study.parent / "runs").write_text("kept")
+    result = mapmore("run", study, "--runs", study.parent / "runs")
+    assert result.exit_code == 7
+    assert (study.parent / "runs").read_text() == "kept"
+
+
+def test_broken_pipe(model_file: Path) -> None:
+    """`mapmore predict ... | head -1` ends without complaint, like any other filter."""
+    grid = "pressure=100:200:0.01,strain=0:0.1:0.001"
+    with subprocess.Popen([*COMMAND, "predict", model_file, "--grid", grid], stdout=PIPE, stderr=PIPE) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        assert process.stdout.readline() == b"pressure,strain,force_predicted,outside_range\n"
+        process.stdout.close()
+        assert process.stderr.read() == b""
+    assert process.returncode == 141
+
+
+def test_broken_pipe_that_only_the_last_flush_notices(finished) -> None:
+    spec, runs = finished
+    line = f'"{sys.executable}" -m mapmore_cli run "{spec}" --runs "{runs}" -q | true; echo "${{PIPESTATUS[0]}}"'
+    done = subprocess.run(["bash", "-c", line], capture_output=True, text=True, check=True)
+    assert (done.stdout, done.stderr) == ("141\n", "")
+
+
+def test_interrupted_by_the_keyboard(model_file: Path) -> None:
+    with subprocess.Popen([*COMMAND, "predict", model_file, "-"], stdin=PIPE, stdout=PIPE, stderr=PIPE) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        process.stdin.write(b"pressure,strain\n" + b"150,0.05\n" * 25_000)
+        process.stdin.flush()
+        process.stdout.readline()  # it is at work now
+        process.send_signal(signal.SIGINT)
+        _, stderr = process.communicate(timeout=20)
+    assert (process.returncode, stderr) == (130, b"interrupted\n")
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="looks for its workers in /proc")
+@pytest.mark.parametrize("pause", [0.1, 0.8])
+def test_interrupting_a_batch_ends_its_workers(pause: float, tmp_path: Path) -> None:
+    """Whether they are still starting or already at work: no traceback, and nobody goes on."""
+    specs = [write_study(tmp_path, f"study{number}") for number in range(6)]
+    command = [*COMMAND, "batch", *specs, "--runs", tmp_path / "runs", "--jobs", "2"]
+    with subprocess.Popen(command, stdout=PIPE, stderr=PIPE, text=True, start_new_session=True) as process:
+        children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+        while len(children.read_text().split()) < 3:  # two workers, and a helper of Python's
+            time.sleep(0.01)
+        time.sleep(pause)
+        os.killpg(process.pid, signal.SIGINT)
+        stdout, stderr = process.communicate(timeout=60)
+    assert (process.returncode, stdout) == (130, "")
+    assert stderr.splitlines()[-1] == "interrupted"
+    assert "Traceback" not in stderr
+    assert len(list(tmp_path.glob("runs/*/scores.json"))) < 3
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_stdout_on_a_full_disk(finished) -> None:
+    _, runs = finished
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run([*COMMAND, "show", runs / "bench"], stdout=full, stderr=PIPE, text=True, check=False)
+    assert done.returncode == 7
+    assert done.stderr.startswith("error: stdout: cannot be written")
+
+
+def test_a_terminal_with_few_letters(finished) -> None:
+    """The tables have a few signs that some encodings lack."""
+    _, runs = finished
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    for arguments in ([], ["--json"]):
+        done = subprocess.run([*COMMAND, "show", runs / "bench", *arguments], env=environment, capture_output=True, check=False)
+        assert (done.returncode, done.stderr) == (0, b"")

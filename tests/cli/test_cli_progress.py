@@ -1,0 +1,128 @@
+"""The voice on stderr: patient, plain where it is no terminal, silent on request."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+
+import pytest
+
+from mapmore_cli.cli import progress
+from mapmore_cli.cli.progress import Reporter
+from mapmore_cli.domain.errors import UsageError
+
+
+class Clock:
+    """A clock that stands still until it is told."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    stopped = Clock()
+    monkeypatch.setattr(progress, "time", stopped)
+    return stopped
+
+
+@pytest.fixture
+def terminal(capsys, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(type(sys.stderr), "isatty", lambda _: True, raising=False)
+    monkeypatch.setenv("TERM", "xterm-256color")
+
+
+def work(reporter: Reporter, clock: Clock, seconds: float, steps: int = 100) -> None:
+    for done in range(steps + 1):
+        reporter.progress("fit", done, steps)
+        clock.now += seconds / steps
+
+
+def test_quick_work_makes_no_noise(clock: Clock, capsys) -> None:
+    with Reporter() as reporter:
+        work(reporter, clock, 0.9)
+    assert capsys.readouterr().err == ""
+
+
+def test_plain_lines_where_stderr_is_no_terminal(clock: Clock, capsys) -> None:
+    with Reporter() as reporter:
+        work(reporter, clock, 20)
+    err = capsys.readouterr().err
+    assert "\x1b" not in err
+    assert "\r" not in err
+    assert err.splitlines() == ["fit: 5 of 100", "fit: 30 of 100", "fit: 55 of 100", "fit: 80 of 100"]
+
+
+def test_patience_starts_anew_with_each_piece_of_work(clock: Clock, capsys) -> None:
+    with Reporter() as reporter:
+        for number in range(10):
+            reporter.progress(f"part {number}", 0, 1)
+            clock.now += 0.5
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.usefixtures("terminal")
+def test_a_bar_on_a_terminal_is_gone_at_the_end(clock: Clock, capsys) -> None:
+    with Reporter() as reporter:
+        work(reporter, clock, 20)
+        reporter.warn("few samples")
+    err = capsys.readouterr().err
+    assert "━" in err
+    assert "\x1b[3" in err  # in colour
+    assert err.endswith("warning: few samples\n")
+    assert "\x1b[2K" in err  # the bar is erased before the warning
+
+
+@pytest.mark.usefixtures("terminal")
+def test_no_colour_on_request(clock: Clock, capsys, monkeypatch) -> None:
+    monkeypatch.setenv("NO_COLOR", "1")
+    with Reporter() as reporter:
+        work(reporter, clock, 20)
+    err = capsys.readouterr().err
+    assert "fit" in err
+    assert "\x1b[3" not in err
+
+
+def test_quiet_is_silent_but_for_failures(clock: Clock, capsys) -> None:
+    with Reporter(quiet=True) as reporter:
+        work(reporter, clock, 20)
+        reporter.stage("fit", "never ran")
+        reporter.warn("few samples")
+        warnings.warn("a library's opinion", stacklevel=1)
+        reporter.complain("one of the runs failed")
+    assert capsys.readouterr().err == "one of the runs failed\n"
+
+
+def test_verbose_times_the_stages_that_ran(clock: Clock, capsys) -> None:
+    with Reporter(verbose=True) as reporter:
+        reporter.stage("ingest", None)
+        reporter.stage("segment", "never ran")
+        clock.now += 2.5
+        reporter.stage("fit", "follows from segment")
+        clock.now += 0.25
+    assert capsys.readouterr().err.splitlines() == [
+        "ingest: up-to-date",
+        "segment: never ran",
+        "segment: done in 2.50 s",
+        "fit: follows from segment",
+        "fit: done in 0.25 s",
+    ]
+
+
+def test_a_stage_that_failed_is_not_called_done(clock: Clock, capsys) -> None:
+    def fail() -> None:
+        with Reporter(verbose=True) as reporter:
+            reporter.stage("fit", "never ran")
+            raise RuntimeError("no fit")
+
+    with pytest.raises(RuntimeError, match="no fit"):
+        fail()
+    assert capsys.readouterr().err == "fit: never ran\n"
+
+
+def test_quiet_and_verbose_exclude_each_other() -> None:
+    with pytest.raises(UsageError):
+        Reporter(quiet=True, verbose=True)

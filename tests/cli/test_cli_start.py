@@ -1,0 +1,75 @@
+"""The command starts quickly, and says what it can do."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import mapmore_cli
+
+HEAVY = ("numpy", "scipy", "h5py", "pydantic", "matplotlib", "yaml", "pint", "jinja2", "multiprocessing")
+COMMANDS = ["ingest", "segment", "fit", "fuse", "validate", "report", "run", "batch", "predict", "show", "simulate", "check", "schema"]
+
+
+def modules_loaded_by(option: str) -> set[str]:
+    code = f"""
+import sys
+sys.argv = ["mapmore", {option!r}]
+from mapmore_cli.cli.app import main
+try:
+    main()
+except SystemExit as end:
+    assert end.code in (0, None), end.code
+print(*{{name.split(".")[0] for name in sys.modules}}, file=sys.stderr)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return set(done.stderr.split())
+
+
+def test_version_loads_nothing_heavy() -> None:
+    assert modules_loaded_by("--version").isdisjoint({*HEAVY, "rich"})
+
+
+def test_help_loads_nothing_heavy() -> None:
+    assert modules_loaded_by("--help").isdisjoint(HEAVY)
+
+
+@pytest.mark.parametrize("option", ["--version", "--help"])
+def test_start_is_quick(option: str, shell) -> None:
+    taken = []
+    for _ in range(3):  # the best of three: the machine may be busy
+        start = time.perf_counter()
+        assert shell(option).returncode == 0
+        taken.append(time.perf_counter() - start)
+    assert min(taken) < 0.3
+
+
+def test_version_is_that_of_the_project(shell) -> None:
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
+    assert mapmore_cli.__version__ == project["version"]
+    assert shell("--version").stdout == f"mapmore {project['version']}\n"
+
+
+def test_help_lists_the_commands_in_the_order_of_the_work(mapmore) -> None:
+    listed = mapmore("--help").stdout.split("Commands:")[1]
+    assert [line.split()[0] for line in listed.strip().splitlines()] == COMMANDS
+    assert "..." not in listed  # every summary is short enough to be shown whole
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_help(command: str, mapmore) -> None:
+    result = mapmore(command, "--help")
+    assert result.exit_code == 0
+    assert result.stdout.startswith(f"Usage: mapmore {command}")
+
+
+def test_shell_completion_knows_the_commands() -> None:
+    environment = {**os.environ, "_MAPMORE_COMPLETE": "complete_bash", "COMP_WORDS": "mapmore se", "COMP_CWORD": "1"}
+    done = subprocess.run([sys.executable, "-m", "mapmore_cli"], env=environment, capture_output=True, text=True, check=False)
+    assert done.stdout.split() == ["segment"]

@@ -1,0 +1,111 @@
+"""What a run promises: nothing chosen on held-out data, nothing done twice, the same bytes for the same input."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from cli_samples import write_study
+
+LATER = ["fuse", "validate", "report"]
+
+
+def arrays(path: Path) -> dict[str, np.ndarray]:
+    found: dict[str, np.ndarray] = {}
+    with h5py.File(path) as file:
+        file.visititems(lambda name, node: found.update({name: node[()]}) if isinstance(node, h5py.Dataset) else None)
+    return found
+
+
+def permute_held_out_forces(folder: Path) -> None:
+    path = folder / "bench_200.csv"
+    header, *rows = path.read_text().splitlines()
+    cells = [row.split(",") for row in rows]
+    forces = np.random.default_rng(0).permutation([c[2] for c in cells])
+    path.write_text("\n".join([header, *(f"{c[0]},{c[1]},{force}" for c, force in zip(cells, forces, strict=True))]))
+
+
+def test_permuted_held_out_forces_leave_the_model_unchanged(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    for settings in ([], ["--set", "model.backbone=sarosi", "--set", "fit.max_terms=3", "--set", "fit.stop=bic"]):
+        folder = tmp_path / str(len(settings))
+        folder.mkdir()
+        spec = write_study(folder)
+        model = folder / "runs" / "bench" / "model.h5"
+        assert mapmore("run", spec, "--runs", folder / "runs", "-q", *settings).exit_code == 0
+        before, scores = arrays(model), (model.parent / "scores.json").read_bytes()
+        permute_held_out_forces(folder)
+        assert mapmore("run", spec, "--runs", folder / "runs", "-q", *settings).exit_code == 0
+        after = arrays(model)
+        assert before.keys() == after.keys()
+        for name, values in before.items():
+            np.testing.assert_array_equal(after[name], values)
+        assert (model.parent / "scores.json").read_bytes() != scores
+
+
+def stages(mapmore: Callable[..., Any], spec: Path, runs: Path, *more: str) -> dict[str, str]:
+    result = mapmore("run", spec, "--runs", runs, "--json", "-q", *more)
+    assert result.exit_code == 0, result.stderr
+    return dict(json.loads(result.stdout)["stages"])
+
+
+def test_a_change_redoes_what_depends_on_it_and_says_why(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    spec, runs = write_study(tmp_path), tmp_path / "runs"
+    assert set(stages(mapmore, spec, runs).values()) == {"done"}
+    assert set(stages(mapmore, spec, runs).values()) == {"up-to-date"}
+    explained = mapmore("run", spec, "--runs", runs, "--explain", "--set", "fuse.z_s=0.4").stdout
+    assert "fuse.z_s: 0.25 -> 0.4" in explained
+    again = stages(mapmore, spec, runs, "--set", "fuse.z_s=0.4")
+    assert [stage for stage, status in again.items() if status == "done"] == LATER
+    (tmp_path / "bench_300.csv").write_text((tmp_path / "bench_300.csv").read_text().replace("300,", "300.5,"))
+    assert "bench_300.csv" in mapmore("run", spec, "--runs", runs, "--explain", "--set", "fuse.z_s=0.4").stdout
+    assert set(stages(mapmore, spec, runs, "--set", "fuse.z_s=0.4").values()) == {"done"}
+
+
+def test_the_same_input_gives_the_same_bytes(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    spec = write_study(tmp_path)
+    digests = []
+    for runs in (tmp_path / "a", tmp_path / "b"):
+        stages(mapmore, spec, runs)
+        files = sorted(path for path in (runs / "bench").rglob("*") if path.is_file() and path.name not in ("run.json", ".lock"))
+        digests.append({path.relative_to(runs).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() for path in files})
+    assert digests[0] == digests[1]
+    assert "bench/scores.json" in digests[0]
+
+
+def test_a_missed_limit_is_exit_6_and_loses_nothing(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    spec, runs = write_study(tmp_path), tmp_path / "runs"
+    result = mapmore("run", spec, "--runs", runs, "--json", "--set", "validate.require.nrmse=1e-9")
+    assert result.exit_code == 6
+    assert json.loads(result.stdout)["scores"]
+    assert "nrmse of mapmore" in result.stderr
+    assert (runs / "bench" / "report" / "index.html").is_file()
+    assert mapmore("run", spec, "--runs", runs, "--set", "validate.require.nrmse=0.5").exit_code == 0
+
+
+def test_a_backbone_that_says_it_all_is_kept_alone(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    """The data are a plane: polynomial_2 has it, and a residual of noise must not help on left-out levels."""
+    spec, runs = write_study(tmp_path), tmp_path / "runs"
+    result = mapmore("run", spec, "--runs", runs, "--set", "model.backbone=polynomial_2", "--set", "fit.max_terms=3")
+    assert result.exit_code == 0, result.stderr
+    shown = json.loads(mapmore("show", runs / "bench" / "model.h5", "--json").stdout)
+    rows = {row["model"]: row for row in json.loads((runs / "bench" / "scores.json").read_text())["scores"] if row["split"] == "validate"}
+    if "keeps polynomial_2 alone" in result.stderr:
+        assert shown["segments"] == []
+        assert rows["mapmore"]["rmse"] == rows["polynomial_2"]["rmse"]
+    else:
+        assert shown["segments"]
+        assert rows["mapmore"]["rmse"] < 1.0
+
+
+def test_a_formula_as_the_runs_own_model(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    spec, runs = write_study(tmp_path), tmp_path / "runs"
+    result = mapmore("run", spec, "--runs", runs, "--json", "-q", "--set", "model={type: literature, name: polynomial_2}")
+    assert result.exit_code == 0, result.stderr
+    rows = [row for row in json.loads(result.stdout)["scores"] if row["curve"] == "all"]
+    own, other = ([r["rmse"] for r in rows if r["model"] == name] for name in ("mapmore", "polynomial_2"))
+    assert own == other
