@@ -115,6 +115,11 @@ def test_certified_digits_without_starting_values(problem: Certified, method: st
     assert digits(fit.sse, problem.sse) > 9
 
 
+def test_variable_projection_is_refused_for_two_nonlinear_parameters() -> None:
+    with pytest.raises(ValueError, match="one nonlinear parameter"):
+        RAT42.formula.fit({"x": np.array(RAT42.x)}, np.array(RAT42.y), "variable_projection")
+
+
 def test_wampler_polynomials_have_their_certified_digits() -> None:
     """Wampler1 and Wampler2: exact polynomials of order five on 0..20 (coefficients one, and powers of a tenth)."""
     x = np.arange(21.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import cmath
+import math
 import operator
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -25,7 +26,6 @@ _OPERATIONS = {
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,
     ast.Div: operator.truediv,
-    ast.Pow: operator.pow,
     ast.USub: operator.neg,
     ast.UAdd: operator.pos,
 }
@@ -52,28 +52,39 @@ def analytic_texts() -> st.SearchStrategy[str]:
     return texts(_ANALYTIC, max_leaves=8)
 
 
-def by_python(text: str, values: Mapping[str, complex]) -> complex:
-    """Value of `text` by Python's parser and complex arithmetic; raises ArithmeticError or ValueError where it has none."""
+def by_python(text: str, values: Mapping[str, complex], nudge: float = 0.0) -> complex:
+    """Value of `text` by Python's parser and complex arithmetic; raises ArithmeticError or ValueError where it has none.
+
+    `nudge` changes every number and name a little, each occurrence differently, to tell where rounding decides.
+    """
     functions = {name: getattr(cmath, name) for name in _ANALYTIC}
     functions |= {"abs": lambda z: complex(abs(z.real)), "sign": lambda z: complex((z.real > 0) - (z.real < 0))}
-    return _walk(ast.parse(text.replace("^", "**"), mode="eval").body, values, functions, complex)
+    return _walk(_body(text), values, functions, lambda value, place: complex(value) * (1 + nudge * math.sin(place + 1)))
 
 
 def by_numpy(text: str, values: Mapping[str, float]) -> float:
     """Value of `text` by Python's parser and NumPy's real numbers, without any simplification; NaN or infinite where it has none."""
     functions = {name: function.compute for name, function in FUNCTIONS.items()}
     with np.errstate(all="ignore"):
-        return float(_walk(ast.parse(text.replace("^", "**"), mode="eval").body, values, functions, np.float64))
+        return float(_walk(_body(text), values, functions, lambda value, _: np.float64(value)))
 
 
-def _walk(node: ast.expr, values: Mapping[str, Any], functions: Mapping[str, Callable[[Any], Any]], number: Callable[[Any], Any]) -> Any:
+def _body(text: str) -> ast.expr:
+    return ast.parse(text.replace("^", "**"), mode="eval").body
+
+
+def _walk(
+    node: ast.expr, values: Mapping[str, Any], functions: Mapping[str, Callable[[Any], Any]], number: Callable[[Any, int], Any]
+) -> Any:
     match node:
         case ast.Constant(value):
-            return number(value)
+            return number(value, node.col_offset)
         case ast.Name(name):
-            return number(values[name])
+            return number(values[name], node.col_offset)
         case ast.UnaryOp(op, operand):
             return _OPERATIONS[type(op)](_walk(operand, values, functions, number))
+        case ast.BinOp(base, ast.Pow(), exponent):
+            return _walk(base, values, functions, number) ** float(_walk(exponent, {}, {}, lambda value, _: np.float64(value)))
         case ast.BinOp(left, op, right):
             return _OPERATIONS[type(op)](_walk(left, values, functions, number), _walk(right, values, functions, number))
         case ast.Call(ast.Name(function), [argument]):

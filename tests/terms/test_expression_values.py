@@ -37,7 +37,7 @@ def oracle(text, point) -> complex:
     """Python's value; the example is dropped where there is none, or where rounding decides about it."""
     try:
         value = by_python(text, point)
-        nearby = by_python(text, {name: v * (1 + 1e-9) for name, v in point.items()})
+        nearby = by_python(text, point, nudge=1e-9)
     except (ArithmeticError, ValueError):
         assume(False)
     assume(math.isfinite(abs(value)) and abs(value - nearby) <= 1e-4 * abs(value) + 1e-9)

@@ -1,12 +1,10 @@
 """Variable projection: a formula that is linear in all but one parameter, fitted without starting values.
 
 For every coordinate c of the nonlinear parameter the linear ones follow by least squares, so that `r(c) = Phi(c) Phi(c)^+ y - y`
-depends on one number alone. Its sum of squares is scanned over all that the parameter may be, and the deepest valleys are refined.
+depends on one number alone. Its sum of squares is scanned over all that the parameter may be, and the deepest valley is refined.
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
@@ -17,7 +15,6 @@ from mapmore_cli.modelling.literature.problem import Problem
 from mapmore_cli.modelling.literature.solution import Solution
 
 SCAN_POINTS = 24  # in each interval of the coordinate
-VALLEYS = 3
 HALF_DIGITS = 1e-4  # relative distance within which the lowest sum of squares surely places the minimum
 FLAT = 1e-10  # relative change of the sum of squares over the whole scan
 ROUNDING = 1e-24  # of y'y: sums of squares below are rounding
@@ -35,32 +32,15 @@ def fit(problem: Problem) -> Solution:
         straight = linear.solve(problem.regressors(np.empty(0)), problem.y)
         return Solution(straight.beta, np.empty(0), "converged", "linear least squares")
     parameter = problem.nonlinear[0]
-    scans = [_scan(problem, *interval) for interval in parameter.intervals]
-    if _flat(np.concatenate([scan.sse for scan in scans]), problem.y):
-        c = min((c for scan in scans for c in scan.c), key=lambda c: abs(np.log(abs(c))))
+    grids = np.array([np.geomspace(*interval, SCAN_POINTS) for interval in parameter.intervals])
+    sse = np.array([[_sse(problem, c) for c in grid] for grid in grids])
+    if _flat(sse, problem.y):
+        c = min(grids.flat, key=lambda c: abs(np.log(abs(c))))
         return _solution(problem, c, "converged", (f"{parameter.name} is arbitrary: every value fits these data equally well",))
-    valleys = sorted((scan.sse[i], s, i) for s, scan in enumerate(scans) for i in scan.valleys())[:VALLEYS]
-    refined = [_refine(problem, scans[s].c, i) for _, s, i in valleys]
-    c, status = min(refined, key=lambda found: (_sse(problem, found[0]), abs(found[0])))
+    interval, i = np.unravel_index(np.argmin(sse), sse.shape)
+    c, status = _refine(problem, grids[interval], int(i))
     limit = f"{parameter.name} runs to the limit of what is sought, {c:g}" + (f"/max|{parameter.per}|" if parameter.per else "")
     return _solution(problem, c, status, (limit,) if status == "at_bound" else ())
-
-
-@dataclass(frozen=True)
-class _Scan:
-    """Sum of squares on a geometric grid of coordinates."""
-
-    c: Array
-    sse: Array
-
-    def valleys(self) -> list[int]:
-        padded = np.concatenate([[np.inf], self.sse, [np.inf]])
-        return [int(i) for i in np.flatnonzero((self.sse <= padded[:-2]) & (self.sse <= padded[2:]))]
-
-
-def _scan(problem: Problem, lower: float, upper: float) -> _Scan:
-    grid = np.geomspace(lower, upper, SCAN_POINTS)
-    return _Scan(grid, np.array([_sse(problem, c) for c in grid]))
 
 
 def _flat(sse: Array, y: Array) -> bool:

@@ -43,6 +43,7 @@ class Number(Expression):
     def __post_init__(self) -> None:
         if not math.isfinite(self.value):
             raise ExpressionError(f"{self.value} is not a finite number")
+        object.__setattr__(self, "value", self.value + 0.0)  # there is one zero: -0.0 would have a sign that its text cannot keep
 
 
 @dataclass(frozen=True)
