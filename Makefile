@@ -22,6 +22,7 @@ lint: .venv/development
 
 schema: .venv/program
 	$(BIN)/python -m mapmore_cli.spec.schema
+	$(BIN)/python -m mapmore_cli.spec.reference
 
 datasets: .venv/program
 	$(BIN)/mapmore simulate datasets/mckibben/load_cycles.yaml

@@ -1,0 +1,80 @@
+"""The reference of the spec's keys, made from the models so that it cannot go stale.
+
+`python -m mapmore_cli.spec.reference FILE` writes it below the marker of the page; the one in `docs/spec.md` is checked in.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from mapmore_cli.spec.schema import json_schema
+
+MARKER = "<!-- made by python -m mapmore_cli.spec.reference; everything below is overwritten -->"
+
+
+def reference() -> str:
+    """Every section with its keys, their values and defaults, as Markdown."""
+    schema = json_schema()
+    sections = {"Top level": schema, **{_heading(name): section for name, section in schema["$defs"].items()}}
+    return "\n".join(_section(title, section) for title, section in sections.items() if "properties" in section)
+
+
+def page(text: str) -> str:
+    """The page with the part below the marker made anew."""
+    return text.partition(MARKER)[0] + f"{MARKER}\n\n{reference()}"
+
+
+def _section(title: str, section: dict[str, Any]) -> str:
+    required = section.get("required", [])
+    rows = [
+        f"| `{key}` | {_values(value)} | {_default(value, key in required)} |"
+        for key, value in section["properties"].items()
+        if key != "schema_version"
+    ]
+    return "\n".join([f"### {title}", "", section.get("description", ""), "", "| key | value | default |", "|---|---|---|", *rows, ""])
+
+
+def _values(value: dict[str, Any]) -> str:
+    """What may stand at a key, in one cell."""
+    for several in ("anyOf", "oneOf"):
+        if several in value:
+            return " or ".join(dict.fromkeys(text for part in value[several] if (text := _values(part)) != "nothing"))
+    if "$ref" in value:
+        name = _heading(value["$ref"].rpartition("/")[2])
+        return f"[{name}](#{name.lower().replace(' ', '-')})"
+    if "enum" in value or "const" in value:
+        return " or ".join(f"`{word}`" for word in value.get("enum", [value.get("const")]))
+    if value.get("type") == "array":
+        return f"list of {_values(value.get('items', {})) or 'values'}"
+    if value.get("type") == "object":
+        inner = value.get("additionalProperties")
+        return f"mapping to {_values(inner)}" if isinstance(inner, dict) else "mapping"
+    if value.get("type") == "string" and str(value.get("pattern", "")).startswith(r"^\s*[-+]?"):
+        return "with unit"
+    words = {"string": "text", "number": "number", "integer": "whole number", "boolean": "`true` or `false`", "null": "nothing"}
+    return words.get(value.get("type", ""), "value") + _bounds(value)
+
+
+def _bounds(value: dict[str, Any]) -> str:
+    signs = {"minimum": "≥", "exclusiveMinimum": ">", "maximum": "≤", "exclusiveMaximum": "<"}
+    return "".join(f" {sign} {value[key]:g}" for key, sign in signs.items() if key in value)
+
+
+def _default(value: dict[str, Any], required: bool) -> str:
+    if required:
+        return "*required*"
+    default = value.get("default")
+    return "" if default is None or isinstance(default, dict) else f"`{json.dumps(default, ensure_ascii=False)}`"
+
+
+def _heading(name: str) -> str:
+    """`DictionaryEntry` as words."""
+    return "".join(f" {letter.lower()}" if letter.isupper() and place else letter for place, letter in enumerate(name))
+
+
+if __name__ == "__main__":
+    target = Path(sys.argv[1] if len(sys.argv) > 1 else "docs/spec.md")
+    target.write_text(page(target.read_text(encoding="utf-8")), encoding="utf-8")

@@ -1,0 +1,66 @@
+"""Every shipped study loads and runs; those on simulated data give the scores that README shows."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+import yaml
+
+from mapmore_cli.spec.loader import load
+from mapmore_cli.spec.schema import json_schema
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+STUDIES = sorted(path for path in CONFIGS.rglob("*.yaml") if not path.name.startswith("_") and "campaigns" not in path.parts)
+MEASURED = [path for path in STUDIES if "MAPMORE_DATA" in load(path).resolved or path.parent.name in ("festo", "bellows")]
+SIMULATED = [path for path in STUDIES if path not in MEASURED]
+
+NRMSE = {
+    "dmsp-20-88-static": {"mapmore": 0.0170, "sarosi": 0.0092, "polynomial_2": 0.0346},
+    "peano-static": {"mapmore": 0.0091, "sarosi": 0.0144, "polynomial_2": 0.0410},
+}
+"""Validation scores on the committed recordings; a change of these is a change of numbers and belongs in the changelog."""
+
+
+def names(paths: list[Path]) -> list[str]:
+    return [path.stem for path in paths]
+
+
+def test_there_are_studies_of_both_kinds() -> None:
+    assert len(SIMULATED) >= 2
+    assert len(MEASURED) >= 3
+
+
+@pytest.mark.parametrize("path", STUDIES, ids=names(STUDIES))
+def test_a_study_is_named_after_its_file_and_follows_the_schema(path: Path) -> None:
+    loaded = load(path)
+    assert loaded.spec.name == path.stem
+    assert path.read_text().startswith("# yaml-language-server: $schema=")
+    assert (path.parent / path.read_text().splitlines()[0].split("=", 1)[1]).resolve() == CONFIGS / "experiment.schema.json"
+    jsonschema.validate(yaml.safe_load(loaded.resolved), json_schema())
+
+
+def run(mapmore: Callable[..., Any], path: Path, runs: Path) -> dict[str, Any]:
+    result = mapmore("run", path, "--runs", runs, "--json", "-q")
+    assert result.exit_code == 0, result.stderr
+    document = json.loads(result.stdout)
+    assert (runs / path.stem / "report" / "index.html").is_file()
+    return {row["model"]: row for row in document["scores"] if (row["split"], row["curve"]) == ("validate", "all")}
+
+
+@pytest.mark.parametrize("path", SIMULATED, ids=names(SIMULATED))
+def test_a_simulated_study_gives_its_scores(path: Path, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    rows = run(mapmore, path, tmp_path)
+    for model, nrmse in NRMSE[path.stem].items():
+        assert rows[model]["nrmse"] == pytest.approx(nrmse, abs=1e-4)
+
+
+@pytest.mark.parametrize("path", MEASURED, ids=names(MEASURED))
+def test_a_measured_study_runs(path: Path, tmp_path: Path, mapmore: Callable[..., Any], measured_data: Path) -> None:
+    rows = run(mapmore, path, tmp_path)
+    assert 0 < rows["mapmore"]["nrmse"] < 0.6
+    assert rows["mapmore"]["n"] >= 10
