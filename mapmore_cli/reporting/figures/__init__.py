@@ -1,0 +1,1 @@
+"""Figures of the report: data chosen, drawn on given axes, saved as SVG."""

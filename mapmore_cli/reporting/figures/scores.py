@@ -1,0 +1,94 @@
+"""Bars of the normalised errors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from mapmore_cli.domain.scores import Score
+from mapmore_cli.reporting.figures.drawing import Drawing
+from mapmore_cli.reporting.figures.style import BLACK, SINGLE, ModelStyle, model_styles, shortened
+from mapmore_cli.reporting.inputs import ReportInputs
+
+BAR = 0.36
+SPLITS = {"validate": "held out", "train": "training"}
+DIAMOND: dict[str, Any] = {"linestyle": "none", "marker": "D", "markersize": 4.5, "color": BLACK, "markerfacecolor": "white"}
+
+
+@dataclass(frozen=True)
+class NrmseBars:
+    """NRMSE in per cent by model and then by split, absent for a failed model; published values by model."""
+
+    values: Mapping[str, Mapping[str, float]]
+    published: Mapping[str, float]
+
+    @property
+    def splits(self) -> tuple[str, ...]:
+        """The splits that have scores, held-out data first."""
+        return tuple(split for split in SPLITS if any(split in by_split for by_split in self.values.values()))
+
+
+def nrmse_bars(models: Sequence[str], scores: Sequence[Score], published: Mapping[str, float]) -> NrmseBars:
+    """Pooled scores of the models in their order."""
+    values = {
+        model: {s.split: 100 * s.nrmse for s in scores if s.model == model and s.curve == "all" and math.isfinite(s.nrmse)}
+        for model in models
+    }
+    return NrmseBars(values, {model: 100 * published[model] for model in models if model in published})
+
+
+def draw_nrmse(ax: Axes, bars: NrmseBars, styles: Mapping[str, ModelStyle]) -> None:
+    """A pair of bars a model, solid for held-out and hatched for training data, values at the right, published ones as diamonds."""
+    first = -(len(bars.splits) - 1) / 2 * BAR
+    for place, (model, by_split) in enumerate(bars.values.items()):
+        for j, split in enumerate(bars.splits):
+            at, solid = place + first + j * BAR, j == 0
+            published = f" (published {bars.published[model]:.3g})" if solid and model in bars.published else ""
+            _write_beside(ax, at, (f"{by_split[split]:.2f}" if split in by_split else "failed") + published)
+            if split in by_split:
+                look = _bar_look(styles[model].colour, solid)
+                ax.barh(at, by_split[split], BAR * 0.9, linewidth=0.8, **look)
+    places = {model: place for place, model in enumerate(bars.values)}
+    if bars.published:
+        ax.plot([*bars.published.values()], [places[model] + first for model in bars.published], zorder=5, clip_on=False, **DIAMOND)
+    ax.set_yticks(range(len(places)), [shortened(model, 24) for model in places])
+    ax.tick_params(axis="y", length=0)
+    ax.invert_yaxis()
+    ax.set_xlim(left=0)
+
+
+def _bar_look(colour: str, solid: bool) -> dict[str, Any]:
+    return {"facecolor": colour if solid else "white", "edgecolor": colour, "hatch": None if solid else "////"}
+
+
+def _write_beside(ax: Axes, at: float, text: str) -> None:
+    ax.annotate(text, (1.0, at), (5, 0), xycoords=("axes fraction", "data"), textcoords="offset points", va="center", fontsize=7)
+
+
+def nrmse_figures(inputs: ReportInputs) -> list[Drawing]:
+    """One figure for all models."""
+    bars = nrmse_bars(inputs.models, inputs.validation.scores, inputs.published.nrmse if inputs.published else {})
+    if not bars.splits:
+        return []
+    figure = Figure(figsize=(SINGLE, 0.75 + 0.42 * len(bars.values)), layout="constrained")
+    ax = figure.subplots()
+    draw_nrmse(ax, bars, model_styles(inputs.models))
+    ax.set_xlabel("NRMSE (%)")
+    handles: list[Patch | Line2D] = [Patch(label=SPLITS[split], **_bar_look(BLACK, j == 0)) for j, split in enumerate(bars.splits)]
+    if bars.published:
+        handles.append(Line2D([], [], label="published", **DIAMOND))
+    figure.legend(handles=handles, loc="outside upper left", ncols=3)
+    normalisers = dict.fromkeys(f"{s.split}: {s.normaliser_name}" for s in inputs.validation.scores if s.curve == "all")
+    source = f" Diamonds: {inputs.published.source}." if inputs.published and bars.published else ""
+    caption = f"Normalised root mean square error of all curves pooled (normaliser of {'; '.join(normalisers)}).{source}"
+    shown = bars.splits[0]
+    results = {model: f"{by_split[shown]:.2f} %" if shown in by_split else "failed" for model, by_split in bars.values.items()}
+    spoken = ", ".join(f"{model} {result}" for model, result in results.items())
+    return [Drawing("nrmse", caption, f"NRMSE on {SPLITS[shown]} data: {spoken}.", figure)]

@@ -1,0 +1,137 @@
+"""What all figures share: sizes, colours, labels, thinning for the eye."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.reporting.figures.thinning import MOST_ON_A_LINE, band
+
+SINGLE, DOUBLE = 3.5, 7.16
+"""Widths of one and of two columns of a journal page, inches."""
+
+DOTS_A_CURVE = 180
+SOME_DOTS = " Dots are some of the samples, the extremes among them."
+
+RC: dict[Any, Any] = {
+    "axes.labelsize": 8,
+    "axes.linewidth": 0.6,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlelocation": "left",
+    "axes.titlesize": 8,
+    "axes.xmargin": 0.02,
+    "figure.facecolor": "white",
+    "font.family": "sans-serif",
+    "font.size": 8,
+    "legend.fontsize": 7,
+    "legend.frameon": False,
+    "legend.columnspacing": 1.4,
+    "legend.handlelength": 2.2,
+    "lines.linewidth": 1.1,
+    "svg.fonttype": "none",  # text stays text: searchable, and small
+    "text.parse_math": False,  # a `$` in a name is a `$`
+    "xtick.labelsize": 7,
+    "xtick.major.width": 0.6,
+    "ytick.labelsize": 7,
+    "ytick.major.width": 0.6,
+}
+
+BLACK, GREY, LIGHT = "#000000", "#6e6e6e", "#b8b8b8"
+ORANGE, SKY, GREEN, BLUE, VERMILLION, PURPLE = "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7"
+"""Okabe and Ito's colours, which colour-blind readers tell apart; their yellow is too pale for a line on white."""
+
+SEGMENT_COLOURS = (BLUE, ORANGE, GREEN, PURPLE)
+SEGMENT_MARKERS = ("o", "s", "^", "D")
+
+
+@dataclass(frozen=True)
+class ModelStyle:
+    """How one model looks in every figure."""
+
+    colour: str
+    dashes: Any
+    width: float
+    marker: str
+    zorder: float
+
+
+OWN_STYLE = ModelStyle(VERMILLION, "-", 1.6, "o", 3.0)
+"""Solid and wide, under the thinner dashed lines of the others, so that both are seen where they coincide."""
+_OTHERS = (
+    ModelStyle(BLUE, (0, (5, 2)), 1.1, "s", 4.0),
+    ModelStyle(GREEN, (0, (6, 1.5, 1, 1.5)), 1.1, "^", 4.0),
+    ModelStyle(PURPLE, (0, (1.2, 1.2)), 1.3, "D", 4.0),
+    ModelStyle(ORANGE, (0, (3, 1)), 1.1, "v", 4.0),
+    ModelStyle(SKY, (0, (5, 1, 1, 1, 1, 1)), 1.1, "P", 4.0),
+    ModelStyle(GREY, (0, (8, 2)), 1.1, "X", 4.0),
+)
+
+
+def model_styles(models: Sequence[str]) -> dict[str, ModelStyle]:
+    """One style a model: the first, the run's own, always the same; the others in turn."""
+    return {name: OWN_STYLE if i == 0 else _OTHERS[(i - 1) % len(_OTHERS)] for i, name in enumerate(models)}
+
+
+def axis_label(quantity: Quantity, prefix: str = "") -> str:
+    """`Pressure (kPa)`; `(–)` where there is no dimension."""
+    words = f"{prefix} {quantity.name}".strip().replace("_", " ")
+    return f"{words[:1].upper()}{words[1:]} ({'–' if quantity.unit in ('', '1') else quantity.unit})"
+
+
+def shortened(text: str, length: int) -> str:
+    """The text, its middle left out where it is longer than `length`."""
+    if len(text) <= length:
+        return text
+    head = (length - 1) // 2
+    return f"{text[:head]}…{text[head + 1 - length :]}"
+
+
+def two_lines(text: str, length: int) -> str:
+    """The text in two lines where it is longer than `length`, broken after a separator if there is one; longer ones are shortened."""
+    if len(text) <= length:
+        return text
+    text = shortened(text, 2 * length)
+    cut = max(text.rfind(mark, 0, length) for mark in "_-./ ,") + 1
+    if cut <= 0 or len(text) - cut > length:
+        cut = length
+    return f"{text[:cut]}\n{text[cut:]}"
+
+
+def some_of(shown: int, count: int, what: str) -> str:
+    """A sentence that says what was left out; nothing where all is shown."""
+    return "" if shown == count else f" {shown} of {count} {what} are drawn, evenly spread."
+
+
+def level_colours(count: int) -> list[str]:
+    """Blues for ordered curves, from pale (but not too pale for white paper) to dark: they stay apart from the model's own colour."""
+    return [to_hex(colour) for colour in colormaps["Blues"](np.linspace(0.45, 1.0, count) if count > 1 else np.array([0.8]))]
+
+
+def zero_line(ax: Axes) -> None:
+    """A thin line at an error of zero."""
+    ax.axhline(0.0, color=GREY, linewidth=0.5, zorder=0)
+
+
+def draw_band(ax: Axes, x: Array, y: Array, colour: str, **look: Any) -> None:
+    """`y` over sorted `x` as a line; of many samples the mean, with their range as a pale band."""
+    line = band(x, y)
+    if not line.drawn_whole:
+        ax.fill_between(line.x, line.low, line.high, color=colour, alpha=0.15, linewidth=0, zorder=1)
+    ax.plot(line.x, line.mean, color=colour, **look)
+
+
+def thinned(sizes: Sequence[int]) -> str:
+    """A sentence about how curves of so many samples are drawn; nothing where every sample is."""
+    if max(sizes) <= DOTS_A_CURVE:
+        return ""
+    lines = " Lines are means over short stretches, pale bands the range of the samples." if max(sizes) > MOST_ON_A_LINE else ""
+    return SOME_DOTS + lines

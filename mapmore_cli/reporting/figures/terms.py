@@ -1,0 +1,98 @@
+"""How each segment's terms were chosen: what they leave unexplained, and what the runner-up would have left."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter, NullFormatter
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.fits import SegmentFit
+from mapmore_cli.reporting.figures.drawing import Drawing
+from mapmore_cli.reporting.figures.style import DOUBLE, GREY, LIGHT, OWN_STYLE, shortened, some_of
+from mapmore_cli.reporting.figures.thinning import spread
+from mapmore_cli.reporting.inputs import ReportInputs
+
+MOST_SEGMENTS, MOST_SPOKEN = 40, 12
+LEAST = 1e-6
+"""Unexplained shares in per cent below this one are drawn at it."""
+
+
+@dataclass(frozen=True)
+class TermSteps:
+    """One segment: per cent of the sum of squares left after each step `(k,)`, and with the step's runner-up instead (NaN: none)."""
+
+    segment: str
+    terms: str
+    left: Array
+    left_by_runner_up: Array
+
+
+def term_steps(fit: SegmentFit) -> TermSteps:
+    """From the stored error reduction ratios of every candidate."""
+    chosen = fit.selection
+    left = 100 * (1 - np.cumsum(chosen.err))
+    before = np.concatenate([[100.0], left[:-1]])
+    rival = [chosen.err_all[step, second] if second >= 0 else np.nan for step, second in enumerate(chosen.runner_up)]
+    return TermSteps(fit.id, ", ".join(fit.terms), left, before - 100 * np.array(rival, dtype=float))
+
+
+def whole_curves(fits: Sequence[SegmentFit], most: int) -> list[SegmentFit]:
+    """The segments of some curves, evenly spread, so that there are about `most` of them."""
+    curves = list(dict.fromkeys(fit.curve for fit in fits))
+    if len(fits) <= most:
+        return list(fits)
+    chosen = {curves[i] for i in spread(len(curves), max(2, most * len(curves) // len(fits)))}
+    return [fit for fit in fits if fit.curve in chosen]
+
+
+def draw_terms(ax: Axes, segments: Sequence[TermSteps]) -> None:
+    """One row a segment: a filled dot for every chosen term, an open one for its runner-up, the names at the right."""
+    for row, segment in enumerate(segments):
+        left, rival = (np.maximum(values, LEAST) for values in (segment.left, segment.left_by_runner_up))
+        ax.plot([*left, np.nan, left[-1], rival[-1]], [row] * (len(left) + 3), color=LIGHT, linewidth=0.8, zorder=1)
+        ax.plot(rival, [row] * len(rival), linestyle="none", marker="o", markersize=4, color=GREY, markerfacecolor="white", zorder=2)
+        ax.plot(left, [row] * len(left), linestyle="none", marker="o", markersize=4, color=OWN_STYLE.colour, zorder=3)
+        ax.annotate(
+            shortened(segment.terms, 46),
+            (1.0, row),
+            (6, 0),
+            xycoords=("axes fraction", "data"),
+            textcoords="offset points",
+            va="center",
+            fontsize=7,
+        )
+    ax.set_xscale("log")
+    low, high = np.log10(ax.get_xlim())
+    ax.set_xlim(10.0 ** np.floor(low), 10.0 ** np.ceil(high))
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    ax.xaxis.set_minor_formatter(NullFormatter())
+    ax.set_yticks(range(len(segments)), [shortened(segment.segment, 34) for segment in segments])
+    ax.tick_params(axis="y", length=0)
+    ax.set_ylim(len(segments) - 0.4, -0.6)
+
+
+def terms_figures(inputs: ReportInputs) -> list[Drawing]:
+    """One figure for all segments; none where the model has no segments."""
+    fits = inputs.fit.fits
+    segments = [term_steps(fit) for fit in whole_curves(fits, MOST_SEGMENTS) if fit.terms]
+    if not segments:
+        return []
+    figure = Figure(figsize=(DOUBLE, 0.75 + 0.17 * len(segments)), layout="constrained")
+    ax = figure.subplots()
+    draw_terms(ax, segments)
+    ax.set_xlabel("Sum of squares left unexplained (%)")
+    marks = (("chosen term", OWN_STYLE.colour, OWN_STYLE.colour), ("its runner-up", GREY, "white"))
+    handles = [Line2D([], [], linestyle="none", marker="o", markersize=4, color=c, markerfacecolor=f, label=label) for label, c, f in marks]
+    figure.legend(handles=handles, loc="outside upper left", ncols=2)
+    caption = (
+        "What the chosen terms (named at the right, in the order of selection) leave unexplained in every segment, and what the runner-up "
+        f"of each step would have left: the distance is the margin of the choice.{some_of(len(segments), len(fits), 'segments')}"
+    )
+    spoken = "; ".join(f"{segment.segment}: {segment.terms}, {segment.left[-1]:.2g} % left" for segment in segments[:MOST_SPOKEN])
+    return [Drawing("terms", caption, f"Unexplained sum of squares by segment. {spoken}.", figure)]

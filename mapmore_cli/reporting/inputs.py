@@ -1,0 +1,95 @@
+"""What a report is made of: the results of the earlier stages, in one frozen bundle."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from mapmore_cli.domain.fits import FitResult, SegmentedCurve
+from mapmore_cli.domain.models import Equation, Model
+from mapmore_cli.domain.recording import Curve, Dataset, Quantity
+from mapmore_cli.domain.scores import Validation
+
+
+@dataclass(frozen=True)
+class Published:
+    """Numbers of a publication, shown beside ours and used in no computation.
+
+    `nrmse` (fractions) and `rmse` (the target's unit) are by model; `source` says where they were printed.
+    """
+
+    source: str
+    nrmse: Mapping[str, float] = field(default_factory=dict)
+    rmse: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class ReportInputs:
+    """Everything that the report shows; no number is computed from it that is not a summary of what is here.
+
+    Attributes
+    ----------
+    muscle
+        Labels of the muscle as the spec gives them (`name`, `kind`, `length`, ...), ready to print.
+    target
+        What is modelled, with the unit of every prediction and error.
+    spec_text
+        The resolved spec.
+    provenance
+        Versions, hashes and the like, in the order in which to print them.
+    """
+
+    name: str
+    muscle: Mapping[str, str]
+    target: Quantity
+    dataset: Dataset
+    segmentation: tuple[SegmentedCurve, ...]
+    fit: FitResult
+    model: Model
+    validation: Validation
+    equations: tuple[Equation, ...]
+    published: Published | None
+    spec_text: str
+    provenance: Mapping[str, str]
+    notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def models(self) -> tuple[str, ...]:
+        """Names of the compared models, the run's own first."""
+        return tuple(self.validation.predictions)
+
+    @property
+    def own(self) -> str:
+        """Name of the run's own model."""
+        return self.models[0]
+
+    @property
+    def failed(self) -> tuple[str, ...]:
+        """Names of the competitors that could not be fitted: they have no predictions and no scores."""
+        return tuple(name for name, formula in self.validation.formulas.items() if formula.failed)
+
+    @property
+    def has_pieces(self) -> bool:
+        """False where the model is a formula alone."""
+        return any(curve.segments for curve in self.model.curves)
+
+    @property
+    def in_curve(self) -> Quantity:
+        """The quantity that varies within a curve: the first segmented one, else the first input that is not the level."""
+        free = [q for q in self.model.inputs if q.name != self.model.level]
+        name = self.model.variables[0] if self.model.variables else (free or self.model.inputs)[0].name
+        return self.dataset.quantities[name]
+
+    @property
+    def all_notes(self) -> tuple[str, ...]:
+        """Notes of the run and of every stage, each once."""
+        return tuple(dict.fromkeys((*self.notes, *self.dataset.notes, *self.fit.notes, *self.model.notes)))
+
+    def curve_label(self, curve: Curve) -> str:
+        """Short name of a curve: its level with the unit (`150 kPa`, `strain 0.04`), else its id."""
+        level = self.dataset.level
+        if curve.level is None or level is None:
+            return curve.id
+        unit = self.dataset.unit(level)
+        return f"{level} {curve.level:.4g}" if unit == "1" else f"{curve.level:.4g} {unit}"

@@ -1,0 +1,157 @@
+"""What the report says in numbers about the model: segments, selected terms, coefficients, formulas."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.fits import FitResult, FormulaFit, SegmentFit
+from mapmore_cli.domain.models import Equation, FoldError
+from mapmore_cli.reporting.inputs import ReportInputs
+from mapmore_cli.reporting.table import Cell, Column, Table
+
+CONFIDENCE = 0.95
+INDEPENDENCE_CAVEAT = (
+    "The intervals take the samples to be independent. Neighbouring samples of a smooth curve are not, so the true intervals are wider."
+)
+
+
+def segments_table(inputs: ReportInputs) -> Table:
+    """Where every segment lies, how it was scaled, and how well its own function fits it (training RMSE, before fusion)."""
+    places = {
+        s.id: tuple(b[c - 1 : c + 1] for b, c in zip(curve.boundaries, s.cell, strict=True))
+        for curve in inputs.segmentation
+        for s in curve.segments
+    }
+    variables = inputs.segmentation[0].variables if inputs.segmentation else ()
+    bounds = [Column(f"{v} {end}", inputs.dataset.unit(v)) for v in variables for end in ("from", "to")]
+    columns = (
+        Column("segment"),
+        Column("samples"),
+        *bounds,
+        Column("RMSE", inputs.target.unit),
+        Column("scaling"),
+        Column("origin"),
+        Column("condition", "", ".3g"),
+    )
+    rows: list[tuple[Cell, ...]] = []
+    for fit in inputs.fit.fits:
+        chosen = fit.selection
+        ends = [float(end) for pair in places[fit.id] for end in pair]
+        rmse = math.sqrt(max(chosen.sse, 0.0) / chosen.samples) * abs(fit.scaling.y_slope)
+        rows.append((fit.id, chosen.samples, *ends, rmse, fit.scaling.rule, fit.scaling.placement, chosen.condition))
+    return Table("segments", "Segments", columns, tuple(rows))
+
+
+def terms_table(fit: FitResult) -> Table:
+    """Terms in the order of selection: error reduction ratio, running sum, runner-up and the margin over it."""
+    columns = (
+        Column("segment"),
+        Column("step"),
+        Column("term"),
+        Column("ERR", "%", ".4f"),
+        Column("sum of ERR", "%", ".4f"),
+        Column("runner-up"),
+        Column("its ERR", "%", ".4f"),
+        Column("margin", "%", ".4f"),
+        Column("tied"),
+        Column("stop"),
+    )
+    rows = tuple(row for segment in fit.fits for row in _term_rows(segment))
+    share = "share of the segment's uncentred sum of squares, in scaled coordinates, that a term explains when it is chosen"
+    notes: tuple[str, ...] = (f"ERR: {share}.",)
+    if any(np.any(segment.selection.tied > 0) for segment in fit.fits):
+        notes += ("Tied: other candidates whose ERR was the same within 1e-9; the first of the dictionary was taken.",)
+    return Table("terms", "Selected terms", columns, rows, notes)
+
+
+def _term_rows(segment: SegmentFit) -> list[tuple[Cell, ...]]:
+    chosen = segment.selection
+    running = np.cumsum(chosen.err)
+    rows: list[tuple[Cell, ...]] = []
+    for step, term in enumerate(segment.terms):
+        second = int(chosen.runner_up[step])
+        rival, rival_err = (segment.candidates[second], float(chosen.err_all[step, second])) if second >= 0 else (None, math.nan)
+        last = step == len(segment.terms) - 1
+        share = (100 * float(value) for value in (chosen.err[step], running[step]))
+        margin = 100 * (float(chosen.err[step]) - rival_err)
+        tied = int(chosen.tied[step]) or None
+        rows.append((segment.id, step + 1, term, *share, rival, 100 * rival_err, margin, tied, chosen.stop if last else None))
+    return rows
+
+
+def interval_half_width(theta_error: Array, freedom: int) -> Array:
+    """Half width `t(0.975; n-k) s(theta)` of the 95 % confidence intervals `(k,)`; NaN where no degree of freedom is left."""
+    from scipy.special import stdtrit
+
+    quantile = float(stdtrit(freedom, 0.5 + CONFIDENCE / 2)) if freedom > 0 else math.nan
+    return quantile * np.asarray(theta_error, dtype=float)
+
+
+def coefficients_table(inputs: ReportInputs) -> Table:
+    """Coefficients of every segment with 95 % confidence intervals, in scaled coordinates and in the target's unit."""
+    unit = inputs.target.unit
+    columns = (
+        Column("segment"),
+        Column("term"),
+        Column("theta"),
+        Column("± 95 %", "", ".3g"),
+        Column("lower"),
+        Column("upper"),
+        Column("theta × y_slope", unit),
+        Column("± 95 %", unit, ".3g"),
+    )
+    rows: list[tuple[Cell, ...]] = []
+    for segment in inputs.fit.fits:
+        chosen, slope = segment.selection, segment.scaling.y_slope
+        half = interval_half_width(chosen.theta_error, chosen.samples - len(chosen.theta))
+        for term, theta, width in zip(segment.terms, chosen.theta.tolist(), half.tolist(), strict=True):
+            rows.append((segment.id, term, theta, width, theta - width, theta + width, theta * slope, width * abs(slope)))
+    return Table("coefficients", "Coefficients with 95 % confidence intervals", columns, tuple(rows), (INDEPENDENCE_CAVEAT,))
+
+
+def equations_table(equations: Sequence[Equation]) -> Table:
+    """The model in physical units, as text and as LaTeX source."""
+    rows = tuple((equation.id, equation.text, equation.latex) for equation in equations)
+    return Table("equations", "Equations in physical units", (Column("id"), Column("equation"), Column("latex")), rows)
+
+
+def formulas_table(inputs: ReportInputs) -> Table:
+    """Parameters ± standard error of every fitted formula; a failed fit has one row, and no number."""
+    own = inputs.fit.backbone or inputs.model.backbone
+    fitted = [(own.name, "backbone" if inputs.has_pieces else "own model", own)] if own is not None else []
+    fitted += [(name, "competitor", formula) for name, formula in inputs.validation.formulas.items()]
+    columns = (
+        Column("formula"),
+        Column("role"),
+        Column("status"),
+        Column("parameter"),
+        Column("value", "", "#.6g"),
+        Column("standard error", "", ".3g"),
+        Column("method"),
+        Column("rank"),
+        Column("condition", "", ".3g"),
+        Column("samples"),
+    )
+    rows = tuple(row for name, role, formula in fitted for row in _formula_rows(name, role, formula))
+    notes = tuple(f"{name} ({role}): {note}" for name, role, formula in fitted for note in formula.notes)
+    return Table("formulas", "Parameters of the fitted formulas", columns, rows, notes)
+
+
+def _formula_rows(name: str, role: str, formula: FormulaFit) -> list[tuple[Cell, ...]]:
+    head: tuple[Cell, ...] = (name, role, formula.status.replace("_", " "))
+    if formula.failed:
+        return [(*head, None, None, None, formula.method, None, None, formula.samples)]
+    tail: tuple[Cell, ...] = (formula.method, formula.rank, formula.condition, formula.samples)
+    return [(*head, key, value, formula.errors.get(key), *tail) for key, value in formula.parameters.items()]
+
+
+def folds_table(choices: Sequence[FoldError], unit: str) -> Table:
+    """Cross-validation errors behind the decision between the formula alone and the formula with segments."""
+    best = min((choice.rmse for choice in choices), default=math.nan)
+    columns = (Column("choice"), Column("RMSE of left-out samples", unit), Column("folds"), Column("least error"))
+    rows = tuple((c.choice, c.rmse, c.folds, "yes" if c.rmse == best else "no") for c in choices)
+    return Table("cross_validation", "Is the residual worth its segments? Errors on left-out training data", columns, rows)

@@ -1,0 +1,157 @@
+"""A table as data, and its renderings: CSV, plain text, Markdown, LaTeX and HTML over the same object."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+
+Cell = str | int | float | None
+"""What stands in a table; None (and NaN) is a number that there is not."""
+
+MISSING = "–"
+LONG_TEXT = 24
+_LATEX = str.maketrans(
+    {
+        "\\": r"\textbackslash{}",
+        "^": r"\textasciicircum{}",
+        "~": r"\textasciitilde{}",
+        "–": "--",
+        "²": r"\textsuperscript{2}",
+        "±": r"$\pm$",
+        "Σ": r"$\Sigma$",
+    }
+    | {c: f"\\{c}" for c in "&%$#_{}"}
+)
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column: `unit` is empty where there is none to name, `spec` formats its floats for people."""
+
+    name: str
+    unit: str = ""
+    spec: str = "#.4g"
+
+    @property
+    def heading(self) -> str:
+        """Name with unit, `RMSE [N]`."""
+        return f"{self.name} [{self.unit}]" if self.unit not in ("", "1") else self.name
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows under named columns.
+
+    Attributes
+    ----------
+    name
+        Stem of its file, as `scores`.
+    rows
+        One tuple a row, as long as `columns`.
+    notes
+        What a reader has to know, one sentence each.
+    """
+
+    name: str
+    title: str
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if any(len(row) != len(self.columns) for row in self.rows):
+            raise ValueError(f"table {self.name!r}: a row is not as long as the {len(self.columns)} columns")
+
+    @property
+    def headings(self) -> tuple[str, ...]:
+        """Column headings with their units."""
+        return tuple(column.heading for column in self.columns)
+
+    @property
+    def numeric(self) -> tuple[bool, ...]:
+        """Which columns hold numbers, and are aligned to the right."""
+        return tuple(any(isinstance(row[j], int | float) for row in self.rows) for j in range(len(self.columns)))
+
+    @property
+    def shown(self) -> tuple[tuple[str, ...], ...]:
+        """Cells as people read them, row for row."""
+        return tuple(tuple(_show(cell, column) for cell, column in zip(row, self.columns, strict=True)) for row in self.rows)
+
+
+def _show(cell: Cell, column: Column) -> str:
+    if cell is None or (isinstance(cell, float) and math.isnan(cell)):
+        return MISSING
+    return format(cell, column.spec).removesuffix(".") if isinstance(cell, float) else str(cell)
+
+
+def to_csv(table: Table) -> str:
+    """Comma-separated, units in the header, 12 significant digits, an empty field where there is no number."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(table.headings)
+    writer.writerows([_csv_cell(cell) for cell in row] for row in table.rows)
+    return text.getvalue()
+
+
+def _csv_cell(cell: Cell) -> str:
+    if cell is None or (isinstance(cell, float) and math.isnan(cell)):
+        return ""
+    return format(cell, ".12g") if isinstance(cell, float) else str(cell)
+
+
+def to_text(table: Table) -> str:
+    """Plain text with aligned columns, title above and notes below."""
+    lines = [table.headings, *table.shown]
+    widths = [max(len(line[j]) for line in lines) for j in range(len(table.columns))]
+    rule = tuple("-" * width for width in widths)
+    body = [_pad(line, widths, table.numeric) for line in (table.headings, rule, *table.shown)]
+    return "\n".join([table.title, "", *("  ".join(line).rstrip() for line in body), *table.notes]) + "\n"
+
+
+def to_markdown(table: Table) -> str:
+    """A pipe table with its title in bold and its notes below."""
+    rule = tuple("---:" if number else "---" for number in table.numeric)
+    escaped = [tuple(cell.replace("\\", "\\\\").replace("|", "\\|") for cell in line) for line in (table.headings, *table.shown)]
+    lines = [f"| {' | '.join(line)} |" for line in (escaped[0], rule, *escaped[1:])]
+    return "\n".join([f"**{table.title}**", "", *lines, *(f"\n{note}" for note in table.notes)]) + "\n"
+
+
+def to_latex(table: Table) -> str:
+    """A `tabular` with booktabs rules, its title as a comment."""
+    lines = [" & ".join(cell.translate(_LATEX) for cell in line) + r" \\" for line in (table.headings, *table.shown)]
+    align = "".join("r" if number else "l" for number in table.numeric)
+    frame = [f"% {table.title}", rf"\begin{{tabular}}{{{align}}}", r"\toprule", lines[0], r"\midrule"]
+    return "\n".join([*frame, *lines[1:], r"\bottomrule", r"\end{tabular}"]) + "\n"
+
+
+def to_html(table: Table) -> str:
+    """A `<table>` with its title as caption; the first cell of a row is the row's heading."""
+    kinds = [' class="number"' if number else "" for number in table.numeric]
+    head = "".join(f'<th scope="col"{kind}>{_html_heading(column)}</th>' for column, kind in zip(table.columns, kinds, strict=True))
+    body = "\n".join(_html_row(line, kinds) for line in table.shown)
+    return f"<table>\n<caption>{escape(table.title)}</caption>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>\n</table>"
+
+
+def _html_heading(column: Column) -> str:
+    """The heading, which may break before its unit but not within it."""
+    unit = column.heading.removeprefix(column.name).strip()
+    return escape(column.name) + (f' <span class="unit">{escape(unit)}</span>' if unit else "")
+
+
+def _html_row(line: Sequence[str], kinds: Sequence[str]) -> str:
+    cells = [f'<th scope="row"{kinds[0]}>{_html_text(line[0])}</th>']
+    cells += [f"<td{kind}>{_html_text(text)}</td>" for text, kind in zip(line[1:], kinds[1:], strict=True)]
+    return f"<tr>{''.join(cells)}</tr>"
+
+
+def _html_text(text: str) -> str:
+    """The text; a long path may break after its slashes."""
+    return escape(text).replace("/", "/<wbr>") if len(text) > LONG_TEXT else escape(text)
+
+
+def _pad(line: Sequence[str], widths: Sequence[int], numeric: Sequence[bool]) -> list[str]:
+    return [text.rjust(width) if number else text.ljust(width) for text, width, number in zip(line, widths, numeric, strict=True)]

@@ -1,0 +1,126 @@
+"""What the report says in numbers about the data and the scores."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.domain.scores import Score
+from mapmore_cli.reporting.inputs import Published, ReportInputs
+from mapmore_cli.reporting.model_tables import (
+    coefficients_table,
+    equations_table,
+    folds_table,
+    formulas_table,
+    segments_table,
+    terms_table,
+)
+from mapmore_cli.reporting.table import Cell, Column, Table, to_csv, to_html, to_latex, to_markdown, to_text
+
+__all__ = [
+    "Cell",
+    "Column",
+    "Table",
+    "all_tables",
+    "curve_scores_table",
+    "levels_table",
+    "recordings_table",
+    "score_table",
+    "terms_table",
+    "to_csv",
+    "to_html",
+    "to_latex",
+    "to_markdown",
+    "to_text",
+]
+
+
+def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
+    """Every table of the report, in the order of the page."""
+    scores, units = inputs.validation.scores, inputs.validation.units
+    return (
+        score_table(scores, units, inputs.published, inputs.failed),
+        recordings_table(inputs.dataset),
+        levels_table(inputs.dataset),
+        curve_scores_table(scores, units),
+        segments_table(inputs),
+        terms_table(inputs.fit),
+        coefficients_table(inputs),
+        equations_table(inputs.equations),
+        formulas_table(inputs),
+        folds_table(inputs.model.cross_validation, inputs.target.unit),
+    )
+
+
+def score_table(scores: Sequence[Score], units: Mapping[str, str], published: Published | None = None, failed: Sequence[str] = ()) -> Table:
+    """Pooled scores, the held-out data first, every model in the order given.
+
+    `units` has the unit of every target. Where a publication's numbers are given they stand beside ours: beside the validation rows, or
+    beside the training rows where nothing was held out. Models in `failed` have no scores; they get a row that says so.
+    """
+    pooled = sorted((s for s in scores if s.curve == "all"), key=lambda s: s.split != "validate")
+    unit = units[pooled[0].target] if pooled else ""
+    compared = pooled[0].split if pooled else ""
+    columns = [Column("model"), Column("data"), *_metric_columns(unit)]
+    rows = [_score_cells(s) for s in pooled] + [(name, "failed", *[None] * (len(columns) - 2)) for name in failed]
+    full_scales = dict.fromkeys((s.split, f"{s.normaliser_name} = {s.normaliser:.4g} {unit}".rstrip()) for s in pooled)
+    notes = [f"NRMSE {split}: RMSE / FS, the full scale FS = {full_scale}." for split, full_scale in full_scales]
+    if published is not None:
+        for heading, of, factor, unit_of in (("NRMSE", published.nrmse, 100.0, "%"), ("RMSE", published.rmse, 1.0, unit)):
+            if of:
+                columns.append(Column(f"published {heading}", unit_of, ".3g"))
+                rows = [(*row, factor * of[str(row[0])] if row[1] in (compared, "failed") and row[0] in of else None) for row in rows]
+        notes.append(f"Published: {published.source}.")
+    title = f"Scores (target: {pooled[0].target}), all curves pooled" if pooled else "Scores"
+    return Table("scores", title, tuple(columns), tuple(rows), tuple(notes))
+
+
+def curve_scores_table(scores: Sequence[Score], units: Mapping[str, str]) -> Table:
+    """Scores of every curve by itself, the models beside each other."""
+    order = {curve: place for place, curve in enumerate(dict.fromkeys(s.curve for s in scores))}
+    single = sorted((s for s in scores if s.curve != "all"), key=lambda s: (s.split != "validate", order[s.curve]))
+    unit = units[single[0].target] if single else ""
+    columns = (Column("curve"), Column("model"), Column("data"), *_metric_columns(unit))
+    return Table("curve_scores", "Scores by curve", columns, tuple((s.curve, *_score_cells(s)) for s in single))
+
+
+def _metric_columns(unit: str) -> tuple[Column, ...]:
+    return (
+        Column("samples"),
+        Column("RMSE", unit),
+        Column("NRMSE", "%", ".2f"),
+        Column("max error", unit),
+        Column("max error", "% FS", ".2f"),
+        Column("R²", "", ".4f"),
+    )
+
+
+def _score_cells(score: Score) -> tuple[Cell, ...]:
+    errors = (score.rmse, 100 * score.nrmse, score.max_abs_error, 100 * score.max_abs_error_fs)
+    return (score.model, score.split, score.n, *errors, score.r2)
+
+
+def recordings_table(dataset: Dataset) -> Table:
+    """Rows read, kept and dropped by reason, of every file."""
+    reasons = tuple(dict.fromkeys(reason for recording in dataset.recordings for reason in recording.dropped))
+    columns = (Column("recording"), Column("file"), Column("read"), Column("kept"), *(Column(f"dropped: {reason}") for reason in reasons))
+    rows: list[tuple[Cell, ...]] = []
+    for recording in dataset.recordings:
+        dropped = (recording.dropped.get(reason, 0) for reason in reasons)
+        rows.append((recording.id, recording.source, recording.rows_read, recording.rows_kept, *dropped))
+    uneven = [r.id for r in dataset.recordings if r.rows_read != r.rows_kept + sum(r.dropped.values())]
+    notes = (f"Resampled, so that kept and dropped rows do not add up to those read: {', '.join(uneven)}.",) if uneven else ()
+    return Table("recordings", "Rows of every recording", columns, tuple(rows), notes)
+
+
+def levels_table(dataset: Dataset) -> Table:
+    """The curves found, with the samples that train and that validate."""
+    level = Column("level", dataset.unit(dataset.level), ".6g") if dataset.level else Column("level")
+    columns = (Column("curve"), level, Column("train"), Column("validate"), Column("recordings"))
+    rows: list[tuple[Cell, ...]] = []
+    for curve in dataset.curves:
+        held_out = int(np.count_nonzero(curve.held_out))
+        rows.append((curve.id, curve.level, curve.size - held_out, held_out, ", ".join(curve.recordings)))
+    return Table("levels", f"Samples of every curve{f', levels of {dataset.level}' if dataset.level else ''}", columns, tuple(rows))

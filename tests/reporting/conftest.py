@@ -1,0 +1,32 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from report_builder import build, surface
+
+from mapmore_cli.reporting.inputs import Published, ReportInputs
+
+PUBLISHED = Published("M2, section 5.1", {"mapmore": 0.022, "sarosi": 0.025, "polynomial_2": 0.07})
+
+
+@pytest.fixture(scope="session")
+def inputs() -> ReportInputs:
+    return build(published=PUBLISHED)
+
+
+@pytest.fixture(scope="session")
+def mixed() -> ReportInputs:
+    """Strains between 0.02 and 0.035 held out of every curve."""
+    return build(held_out=lambda _level, strain: (strain > 0.02) & (strain < 0.035))
+
+
+@pytest.fixture(scope="session")
+def failed() -> ReportInputs:
+    """Sarosi's model could not be fitted, another could."""
+    return build(competitors={"sarosi": lambda p, _e: np.full_like(p, np.nan), "flat": lambda p, e: surface(p, e) + 20})
+
+
+@pytest.fixture(scope="session")
+def alone() -> ReportInputs:
+    """One curve, nothing held out, no competitor."""
+    return build(levels=[250], held_out=lambda _level, strain: np.zeros(len(strain), dtype=bool), competitors={})

@@ -1,0 +1,251 @@
+from __future__ import annotations
+
+import csv
+import re
+import time
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from html.parser import HTMLParser
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from report_builder import build
+
+from mapmore_cli.domain.models import Equation
+from mapmore_cli.reporting.figures.registry import FIGURES
+from mapmore_cli.reporting.report import write_report
+
+EVERYTHING = {"figures": tuple(FIGURES), "formats": ("html", "csv", "svg")}
+VOID = {"meta", "wbr"}
+
+
+class Page(HTMLParser):
+    """Checks that tags are balanced, and collects what the tests look at."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.text = ""
+        self.feed(html)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text += data
+
+    def named(self, tag: str) -> list[dict[str, str | None]]:
+        return [attrs for name, attrs in self.tags if name == tag]
+
+
+@pytest.fixture(scope="module")
+def folder(inputs, tmp_path_factory) -> Path:
+    out = tmp_path_factory.mktemp("report") / "new" / "report"
+    write_report(inputs, out, **EVERYTHING)
+    return out
+
+
+@pytest.fixture(scope="module")
+def page(folder) -> Page:
+    return Page((folder / "index.html").read_text(encoding="utf-8"))
+
+
+def page_of(inputs, out: Path, figures=tuple(FIGURES)) -> Page:
+    write_report(inputs, out, figures, ("html",))
+    return Page((out / "index.html").read_text(encoding="utf-8"))
+
+
+def test_files(folder):
+    assert {path.name for path in folder.glob("*.svg")} == {
+        "data.svg",
+        "fit.svg",
+        "fit_training.svg",
+        "error.svg",
+        "nrmse.svg",
+        "segments.svg",
+        "segments_levels.svg",
+        "terms.svg",
+    }
+    names = {path.stem for path in (folder / "tables").glob("*.csv")}
+    assert {"scores", "recordings", "levels", "segments", "terms", "coefficients", "equations", "formulas"} <= names
+
+
+def test_only_the_formats_and_figures_asked_for(inputs, tmp_path):
+    write_report(inputs, tmp_path / "a", ("nrmse",), ("svg",))
+    assert [path.name for path in (tmp_path / "a").iterdir()] == ["nrmse.svg"]
+    write_report(inputs, tmp_path / "b", ("nrmse",), ("csv",))
+    assert [path.name for path in (tmp_path / "b").iterdir()] == ["tables"]
+    write_report(inputs, tmp_path / "c", ("nrmse",), ("html",))
+    assert [path.name for path in (tmp_path / "c").iterdir()] == ["index.html"]
+    assert len(Page((tmp_path / "c" / "index.html").read_text(encoding="utf-8")).named("svg")) == 1
+
+
+def test_same_inputs_same_bytes(inputs, folder, tmp_path):
+    write_report(inputs, tmp_path, **EVERYTHING)
+    for path in (path for path in folder.rglob("*") if path.is_file()):
+        assert path.read_bytes() == (tmp_path / path.relative_to(folder)).read_bytes(), path.name
+
+
+def test_svg_files_are_well_formed_and_without_dates(folder):
+    for path in folder.glob("*.svg"):
+        root = ET.parse(path).getroot()
+        assert root.tag == "{http://www.w3.org/2000/svg}svg"
+        assert root.get("aria-label")
+        assert not list(root.iter("{http://www.w3.org/2000/svg}metadata"))
+        assert list(root.iter("{http://www.w3.org/2000/svg}text")), "text is text, not outlines"
+
+
+def test_nothing_is_fetched_and_nothing_runs(page, folder):
+    assert not page.named("script")
+    assert not page.named("link")
+    assert not page.named("img")
+    for tag, attrs in page.tags:
+        for name in ("src", "href", "xlink:href"):
+            assert (attrs.get(name) or "#").startswith("#"), (tag, attrs)
+        assert not any(name.startswith("on") for name in attrs)
+    html = (folder / "index.html").read_text(encoding="utf-8")
+    assert not re.search(r"@import|url\((?!#)", html)
+
+
+def test_accessible(page):
+    assert page.named("html") == [{"lang": "en"}]
+    assert all(attrs.get("role") == "img" and attrs.get("aria-label") for attrs in page.named("svg"))
+    assert all(attrs.get("scope") in ("col", "row") for attrs in page.named("th"))
+    assert len(page.named("caption")) == len(page.named("table"))
+    headings = [int(tag[1]) for tag, _ in page.tags if re.fullmatch(r"h\d", tag)]
+    assert headings[0] == 1
+    assert headings.count(1) == 1
+    assert all(after <= before + 1 for before, after in pairwise(headings))
+
+
+def test_links_lead_somewhere_and_section_ids_are_unique(page):
+    ids = [attrs["id"] for _, attrs in page.tags if attrs.get("id")]
+    sections = [attrs["id"] for attrs in page.named("h2")]
+    assert len(sections) == len(set(sections)) == 8
+    assert all(ids.count(name) == 1 for name in sections)
+    for attrs in page.named("a"):
+        assert attrs["href"].removeprefix("#") in sections
+    for attrs in page.named("use"):
+        assert attrs["xlink:href"].removeprefix("#") in ids
+
+
+def test_order_of_the_sections(page):
+    titles = [
+        "Scores (target: force)",
+        "Rows of every recording",
+        "Scores by curve",
+        "Errors of all models",
+        "Segments and their weights",
+        "Coefficients with 95 %",
+        "The model in physical units",
+        "Parameters of the fitted formulas",
+        "Provenance",
+    ]
+    places = [page.text.rindex(title) for title in titles]
+    assert places == sorted(places)
+
+
+def test_says_what_it_should(page, inputs):
+    for words in ("mapmore is worse", "M2, section 5.1", "Festo DMSP-20-88N", *inputs.notes, *inputs.warnings, *inputs.dataset.notes):
+        assert words in page.text
+    assert inputs.spec_text in page.text
+    assert inputs.equations[0].text in page.text
+
+
+def test_scores_in_the_csv_are_those_of_the_validation(folder, inputs):
+    rows = list(csv.DictReader((folder / "tables" / "scores.csv").read_text(encoding="utf-8").splitlines()))
+    pooled = {(s.model, s.split): s for s in inputs.validation.scores if s.curve == "all"}
+    assert len(rows) == len(pooled)
+    for row in rows:
+        assert float(row["RMSE [N]"]) == pytest.approx(pooled[row["model"], row["data"]].rmse, rel=1e-11)
+
+
+HOSTILE = "<script>alert('1')</script>&\"$x_1$ ü 力"
+
+
+def test_names_with_special_characters_are_escaped(tmp_path):
+    inputs = build(name=HOSTILE, rename=lambda text: text + HOSTILE, competitors={HOSTILE: lambda p, e: p * (2.5 - 10 * e)})
+    inputs = replace(
+        inputs,
+        muscle={"name": HOSTILE},
+        equations=(Equation(HOSTILE, HOSTILE, HOSTILE),),
+        spec_text=HOSTILE,
+        provenance={HOSTILE: HOSTILE},
+        notes=(HOSTILE,),
+        warnings=(HOSTILE,),
+    )
+    write_report(inputs, tmp_path, **EVERYTHING)
+    page = Page((tmp_path / "index.html").read_text(encoding="utf-8"))
+    assert not page.named("script")
+    assert page.text.count(HOSTILE) > 12
+    for path in tmp_path.glob("*.svg"):
+        assert not list(ET.parse(path).getroot().iter("{http://www.w3.org/2000/svg}script"))
+    with (tmp_path / "tables" / "formulas.csv").open(encoding="utf-8", newline="") as file:
+        assert {row["formula"] for row in csv.DictReader(file)} == {HOSTILE}
+
+
+def test_failed_fits_show_as_failed_and_never_as_numbers(failed, tmp_path):
+    write_report(failed, tmp_path, **EVERYTHING)
+    page = Page((tmp_path / "index.html").read_text(encoding="utf-8"))
+    assert "Failed, and without a prediction: sarosi." in page.text
+    assert "the solver found no step" in page.text
+    for path in (path for path in tmp_path.rglob("*") if path.is_file()):
+        assert not re.search(r"\bnan\b", path.read_text(encoding="utf-8"), re.IGNORECASE), path.name
+
+
+def test_one_curve_no_competitor_nothing_held_out(alone, tmp_path):
+    page = page_of(alone, tmp_path)
+    assert "Nothing was held out" in page.text
+    assert "compared with no other model" in page.text
+    assert "No formula was fitted." in page.text
+
+
+def test_a_formula_as_the_runs_own_model(inputs, tmp_path):
+    own = inputs.validation.formulas["sarosi"]
+    model = replace(inputs.model, curves=(), variables=(), backbone=own)
+    alone = replace(inputs, segmentation=(), fit=replace(inputs.fit, fits=(), backbone=own), model=model)
+    page = page_of(alone, tmp_path)
+    assert "it is a formula alone" in page.text
+    assert "No terms were selected." in page.text
+    assert "own model" in page.text
+
+
+def test_segments_that_cross_validation_dropped_are_called_unused(inputs, tmp_path):
+    own = inputs.validation.formulas["sarosi"]
+    model = replace(inputs.model, curves=tuple(replace(curve, segments=()) for curve in inputs.model.curves), backbone=own)
+    page = page_of(replace(inputs, fit=replace(inputs.fit, backbone=own), model=model), tmp_path)
+    assert "did not help on left-out" in page.text
+
+
+def test_without_levels_and_without_figures(inputs, tmp_path):
+    curves = tuple(replace(curve, level=None, id=curve.recordings[0]) for curve in inputs.dataset.curves)
+    dataset = replace(inputs.dataset, level=None, curves=curves)
+    plain = replace(
+        inputs, dataset=dataset, segmentation=(), fit=replace(inputs.fit, fits=()), model=replace(inputs.model, level=None, curves=())
+    )
+    page = page_of(plain, tmp_path, figures=())
+    assert not page.named("svg")
+    assert "load_cycle_250" in page.text
+
+
+def test_forty_levels(tmp_path):
+    inputs = build(levels=list(range(60, 460, 10)), held_out=lambda _level, strain: np.arange(len(strain)) % 5 == 0)
+    start = time.perf_counter()
+    page = page_of(inputs, tmp_path)
+    assert time.perf_counter() - start < 30
+    assert len(page.named("details")) >= 4  # long tables are folded
+    assert "9 of 40 curves with held-out samples are drawn" in page.text
+    assert (tmp_path / "index.html").stat().st_size < 3e6

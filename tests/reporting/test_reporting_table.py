@@ -1,0 +1,113 @@
+from __future__ import annotations
+
+import csv
+import io
+import math
+from html.parser import HTMLParser
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mapmore_cli.reporting.tables import Column, Table, to_csv, to_html, to_latex, to_markdown, to_text
+
+TABLE = Table(
+    "demo",
+    "A & B",
+    (Column("model"), Column("RMSE", "N"), Column("ratio", "1", ".2f"), Column("n")),
+    (("a_1", 12.345678901234567, 0.5, 3), ("b|<i>", math.nan, None, 12)),
+    ("A note.",),
+)
+
+
+def test_units_stand_in_the_headings_but_not_the_unit_one():
+    assert TABLE.headings == ("model", "RMSE [N]", "ratio", "n")
+
+
+def test_people_see_rounded_numbers_and_a_dash_where_there_is_none():
+    assert TABLE.shown == (("a_1", "12.35", "0.50", "3"), ("b|<i>", "–", "–", "12"))
+
+
+def test_rounding_keeps_trailing_zeros_but_no_bare_point():
+    table = Table("t", "t", (Column("x"),), ((6.85,), (1011.0,), (20.0,)))
+    assert [row[0] for row in table.shown] == ["6.850", "1011", "20.00"]
+
+
+def test_csv_has_twelve_digits_and_empty_fields():
+    lines = to_csv(TABLE).splitlines()
+    assert lines == ["model,RMSE [N],ratio,n", "a_1,12.3456789012,0.5,3", "b|<i>,,,12"]
+
+
+def test_ragged_rows_are_refused():
+    with pytest.raises(ValueError, match="as long as the 2 columns"):
+        Table("t", "t", (Column("x"), Column("y")), ((1,),))
+
+
+def test_text_columns_line_up():
+    lines = to_text(TABLE).splitlines()
+    assert lines[0] == "A & B"
+    assert lines[-1] == "A note."
+    heading, rule, *rows = lines[2:-1]
+    assert {len(line) for line in (heading, rule, *rows)} == {len(heading)}
+    assert rows[0].index("12.35") + 5 == heading.index("RMSE [N]") + 8  # numbers end where their heading ends
+
+
+def test_markdown_escapes_the_pipe_and_aligns_numbers():
+    lines = to_markdown(TABLE).splitlines()
+    assert lines[3] == "| --- | ---: | ---: | ---: |"
+    assert "b\\|<i>" in lines[5]
+
+
+def test_latex_escapes_what_latex_reads():
+    text = to_latex(Table("t", "t", (Column("50 % of a_b"),), (("x^2 & {y}\\",),)))
+    assert r"50 \% of a\_b \\" in text
+    assert r"x\textasciicircum{}2 \& \{y\}\textbackslash{} \\" in text
+
+
+def test_long_paths_may_break_and_short_ones_may_not():
+    html = to_html(Table("t", "t", (Column("file"), Column("model")), (("../data/a_b/<recording>_12.csv", "a/b"),)))
+    assert "../<wbr>data/<wbr>a_b/<wbr>&lt;recording&gt;_12.csv" in html
+    assert "<td>a/b</td>" in html
+
+
+class Cells(HTMLParser):
+    def __init__(self) -> None:
+        super().__init__()
+        self.scopes: list[str | None] = []
+        self.rows: list[list[str]] = []
+
+    def handle_starttag(self, tag, attrs):
+        if tag == "tr":
+            self.rows.append([])
+        if tag in ("td", "th"):
+            self.rows[-1].append("")
+        if tag == "th":
+            self.scopes.append(dict(attrs).get("scope"))
+
+    def handle_data(self, data):
+        if self.rows and self.rows[-1]:
+            self.rows[-1][-1] += data.strip("\n")
+
+
+def test_html_cells_are_the_shown_ones_with_scoped_headings():
+    cells = Cells()
+    cells.feed(to_html(TABLE))
+    assert [tuple(row) for row in cells.rows] == [TABLE.headings, *TABLE.shown]
+    assert cells.scopes == ["col"] * 4 + ["row"] * 2
+
+
+texts = st.text(st.characters(codec="utf-8", exclude_characters="\0\r"), max_size=12)
+numbers = st.floats(allow_nan=False, allow_infinity=False)
+
+
+@settings(deadline=None)
+@given(st.lists(st.tuples(texts, numbers, st.integers(), st.none()), min_size=1, max_size=5))
+def test_csv_parses_back(rows):
+    table = Table("t", "t", (Column("text"), Column("x", "N"), Column("n"), Column("none")), tuple(rows))
+    read = list(csv.reader(io.StringIO(to_csv(table))))
+    assert read[0] == ["text", "x [N]", "n", "none"]
+    for (text, x, n, _), cells in zip(rows, read[1:], strict=True):
+        assert cells[0] == text
+        assert float(cells[1]) == pytest.approx(x, rel=1e-11, abs=0)
+        assert int(cells[2]) == n
+        assert cells[3] == ""

@@ -1,0 +1,182 @@
+from __future__ import annotations
+
+import csv
+import io
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mapmore_cli.domain.fits import FormulaFit
+from mapmore_cli.domain.models import FoldError
+from mapmore_cli.domain.recording import Dataset, Quantity, Recording
+from mapmore_cli.reporting.inputs import Published
+from mapmore_cli.reporting.model_tables import interval_half_width
+from mapmore_cli.reporting.tables import Table, all_tables, levels_table, recordings_table, score_table, terms_table, to_csv
+
+
+def tables_of(inputs) -> dict[str, Table]:
+    return {table.name: table for table in all_tables(inputs)}
+
+
+def column(table: Table, heading: str) -> list:
+    j = table.headings.index(heading)
+    return [row[j] for row in table.rows]
+
+
+def test_every_table_parses_back_as_csv(inputs):
+    for table in all_tables(inputs):
+        heading, *rows = csv.reader(io.StringIO(to_csv(table)))
+        assert tuple(heading) == table.headings
+        assert len(rows) == len(table.rows)
+
+
+def test_tables_have_the_promised_names(inputs):
+    assert {"scores", "recordings", "levels", "segments", "terms", "coefficients", "equations", "formulas"} <= set(tables_of(inputs))
+
+
+class TestScores:
+    def test_pooled_rows_held_out_first_in_per_cent(self, inputs):
+        table = score_table(inputs.validation.scores, {"force": "N"})
+        assert column(table, "data") == ["validate"] * 3 + ["train"] * 3
+        assert column(table, "model") == ["mapmore", "sarosi", "polynomial_2"] * 2
+        pooled = next(s for s in inputs.validation.scores if (s.model, s.split, s.curve) == ("sarosi", "validate", "all"))
+        assert column(table, "NRMSE [%]")[1] == 100 * pooled.nrmse
+        assert column(table, "RMSE [N]")[1] == pooled.rmse
+        assert column(table, "max error [% FS]")[1] == 100 * pooled.max_abs_error_fs
+
+    def test_the_normaliser_is_named_with_its_value(self, inputs):
+        score = next(s for s in inputs.validation.scores if s.split == "validate" and s.curve == "all")
+        notes = " ".join(score_table(inputs.validation.scores, {"force": "N"}).notes)
+        assert f"max|force| over validate = {score.normaliser:.4g} N" in notes
+
+    def test_published_numbers_stand_beside_the_validation_rows_only(self, inputs):
+        table = tables_of(inputs)["scores"]
+        assert column(table, "published NRMSE [%]") == [pytest.approx(2.2), pytest.approx(2.5), pytest.approx(7.0), None, None, None]
+        assert any("M2, section 5.1" in note for note in table.notes)
+
+    def test_published_numbers_stand_beside_training_rows_where_nothing_is_held_out(self, alone):
+        table = score_table(alone.validation.scores, {"force": "N"}, Published("somewhere", rmse={"mapmore": 3.0}))
+        assert column(table, "published RMSE [N]") == [3.0]
+
+    def test_no_published_column_where_nothing_is_published(self, mixed):
+        assert not any("published" in heading for heading in tables_of(mixed)["scores"].headings)
+
+    def test_a_failed_model_has_a_row_without_numbers(self, failed):
+        rows = [row for row in tables_of(failed)["scores"].rows if row[0] == "sarosi"]
+        assert rows == [("sarosi", "failed", None, None, None, None, None, None)]
+
+    def test_no_scores_at_all(self):
+        assert score_table([], {}).rows == ()
+
+
+class TestData:
+    def test_reasons_of_all_recordings_become_columns(self, inputs):
+        table = recordings_table(inputs.dataset)
+        assert column(table, "dropped: missing value") == [3, 1, 1, 1]
+        assert column(table, "dropped: outside `keep`") == [20, 0, 0, 0]
+        assert table.notes == ()
+        for row in table.rows:
+            assert row[2] == row[3] + sum(row[4:])
+
+    def test_resampled_recordings_are_named(self):
+        recording = Recording("r1", "r1.csv", {"force": np.zeros(5)}, 100, {"missing value": 2})
+        table = recordings_table(Dataset("force", None, {"force": Quantity("force", "N")}, (recording,), ()))
+        assert "r1" in table.notes[0]
+
+    def test_levels_count_training_and_validation_samples(self, mixed):
+        table = levels_table(mixed.dataset)
+        for curve, train, validate in zip(mixed.dataset.curves, column(table, "train"), column(table, "validate"), strict=True):
+            assert validate == np.sum(curve.held_out) > 0
+            assert train + validate == curve.size
+        assert column(table, "level [kPa]") == [80, 150, 250, 350]
+
+
+class TestModel:
+    def test_terms_show_runner_up_and_margin(self, inputs):
+        table = terms_table(inputs.fit)
+        assert len(table.rows) == len(inputs.fit.fits)
+        for fit, row in zip(inputs.fit.fits, table.rows, strict=True):
+            best, second = np.argsort(-fit.selection.err_all[0])[:2]
+            assert row[2] == fit.candidates[best]
+            assert row[5] == fit.candidates[second]
+            assert row[7] == pytest.approx(100 * (fit.selection.err_all[0, best] - fit.selection.err_all[0, second]))
+            assert row[9] == "max_terms"
+
+    def test_a_single_candidate_has_no_runner_up_and_ties_are_flagged(self, inputs):
+        first = inputs.fit.fits[0]
+        only = replace(first, selection=replace(first.selection, runner_up=np.array([-1]), tied=np.array([2])))
+        table = terms_table(replace(inputs.fit, fits=(only,)))
+        assert table.shown[0][5:9] == ("–", "–", "–", "2")
+        assert any("Tied" in note for note in table.notes)
+
+    def test_running_sum_and_stop_reason_of_several_terms(self, inputs):
+        first = inputs.fit.fits[0]
+        err = np.array([0.7, 0.2, 0.05])
+        selection = replace(
+            first.selection,
+            chosen=np.array([2, 0, 1]),
+            err=err,
+            err_all=np.full((3, 5), 0.01),
+            runner_up=np.array([4, 4, -1]),
+            tied=np.zeros(3, int),
+            stop="tolerance",
+        )
+        rows = terms_table(replace(inputs.fit, fits=(replace(first, selection=selection),))).rows
+        assert [row[2] for row in rows] == ["strain^2", "1", "strain"]
+        assert [row[4] for row in rows] == pytest.approx([70, 90, 95])
+        assert [row[9] for row in rows] == [None, None, "tolerance"]
+
+    def test_intervals_use_students_t(self):
+        assert interval_half_width(np.array([1.0, 2.0]), 10) == pytest.approx([2.228139, 4.456278], rel=1e-6)  # printed tables
+        assert interval_half_width(np.array([1.0]), 1) == pytest.approx([12.706205], rel=1e-6)
+        assert np.isnan(interval_half_width(np.array([1.0]), 0)).all()
+
+    def test_coefficients_in_the_targets_unit(self, inputs):
+        table = tables_of(inputs)["coefficients"]
+        for fit, row in zip(inputs.fit.fits, table.rows, strict=True):
+            theta, half, lower, upper, physical, physical_half = row[2:]
+            assert (lower, upper) == (pytest.approx(theta - half), pytest.approx(theta + half))
+            assert physical == pytest.approx(fit.selection.theta[0] * fit.scaling.y_slope)
+            assert physical_half == pytest.approx(half * abs(fit.scaling.y_slope))
+            assert physical_half > 0
+        assert any("independent" in note for note in table.notes)
+
+    def test_segments_show_their_bounds_and_error(self, inputs):
+        table = tables_of(inputs)["segments"]
+        for cut, rows in zip(inputs.segmentation, np.array_split(np.arange(len(table.rows)), len(inputs.segmentation)), strict=True):
+            assert [table.rows[i][2] for i in rows] == pytest.approx(cut.boundaries[0][:-1])
+            assert [table.rows[i][3] for i in rows] == pytest.approx(cut.boundaries[0][1:])
+        fit = inputs.fit.fits[0]
+        assert column(table, "RMSE [N]")[0] == pytest.approx(math.sqrt(fit.selection.sse / 50) * abs(fit.scaling.y_slope))
+
+
+class TestFormulas:
+    def test_a_failed_fit_shows_no_number_but_its_reason(self, failed):
+        table = tables_of(failed)["formulas"]
+        (row,) = [row for row in table.rows if row[0] == "sarosi"]
+        assert row[2] == "failed"
+        assert row[3:6] == (None, None, None)
+        assert "sarosi (competitor): the solver found no step" in table.notes
+        assert "a1" not in [cell for r in table.shown if r[0] == "sarosi" for cell in r]
+
+    def test_a_formula_under_another_name_keeps_that_name(self, inputs):
+        formulas = {"sarosi_lm": replace(inputs.validation.formulas["sarosi"], method="levenberg_marquardt")}
+        table = tables_of(replace(inputs, validation=replace(inputs.validation, formulas=formulas)))["formulas"]
+        assert {row[0] for row in table.rows} == {"sarosi_lm"}
+
+    def test_backbone_and_competitor_of_the_same_name_both_appear(self, inputs):
+        backbone = FormulaFit("sarosi", {"a1": 9.0}, {"a1": 0.1}, "at_bound", "variable projection", 1, 2.0, 3.0, 600)
+        with_backbone = replace(inputs, fit=replace(inputs.fit, backbone=backbone))
+        roles = [row[:3] for row in tables_of(with_backbone)["formulas"].rows if row[0] == "sarosi"]
+        assert roles[0] == ("sarosi", "backbone", "at bound")
+        assert ("sarosi", "competitor", "converged") in roles
+        bare = replace(with_backbone, model=replace(inputs.model, curves=()))
+        assert tables_of(bare)["formulas"].rows[0][1] == "own model"
+
+    def test_cross_validation_marks_the_least_error(self, inputs):
+        errors = (FoldError("backbone", 5.0, 3), FoldError("backbone + residual", 4.0, 3))
+        table = tables_of(replace(inputs, model=replace(inputs.model, cross_validation=errors)))["cross_validation"]
+        assert column(table, "least error") == ["no", "yes"]
+        assert column(table, "RMSE of left-out samples [N]") == [5.0, 4.0]
