@@ -144,10 +144,10 @@ def test_links_lead_somewhere_and_section_ids_are_unique(page):
 
 def test_order_of_the_sections(page):
     titles = [
-        "Scores (target: force)",
         "Rows of every recording",
         "Scores by curve",
-        "Errors of all models",
+        "Scores of all models",
+        "Scores (target: force)",
         "Segments and their weights",
         "Coefficients with 95 %",
         "The model in physical units",

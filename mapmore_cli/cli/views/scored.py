@@ -36,4 +36,5 @@ def pooled_table(validation: Validation, published: Published | None = None) -> 
     from mapmore_cli.reporting.tables import score_table
 
     beside = None if published is None else PublishedNumbers(published.source, published.nrmse, published.rmse)
-    return score_table(validation.scores, validation.units, beside)
+    failed = [name for name, formula in validation.formulas.items() if formula.failed]
+    return score_table(validation.scores, validation.units, beside, failed)
