@@ -39,3 +39,8 @@ def stop(path: Array, yields: Array) -> Array:
     for k, step in enumerate(np.diff(path), start=1):
         states[k] = np.minimum(1.0, np.maximum(-1.0, states[k - 1] + step / yields))
     return states
+
+
+def stop_rates(states: Array, yields: Array, rate: float) -> Array:
+    """Rates `(m,)`, 1/s, of the same operators while their input moves at `rate`: `x'/y_j`, zero where they slide."""
+    return np.where((np.abs(states) >= 1.0) & (states * rate > 0.0), 0.0, rate / yields)

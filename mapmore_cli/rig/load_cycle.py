@@ -6,18 +6,13 @@ out again. Recorded is the loop at constant pressure; pressurising before it and
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.rig.hysteresis import Hysteresis
-from mapmore_cli.rig.muscle import StaticMuscle, softplus, zero_force_strain
-from mapmore_cli.rig.sensors import Sensor
-
-SLACK_WIDTH = 0.5
-"""Force, N, over which a slack muscle's pull fades out: it buckles, and cannot push on the load cell."""
+from mapmore_cli.rig.muscle import SLACK_WIDTH, StaticMuscle, softplus, zero_force_strain
 
 
 @dataclass(frozen=True)
@@ -84,8 +79,3 @@ def regulated_pressure(regulation: Regulation, sample_time: float, pressure: flo
     driven = np.sqrt(1.0 - memory**2) * shocks
     driven[0] = shocks[0]
     return np.asarray(pressure * (1.0 + regulation.ripple * lfilter([1.0], [1.0, -memory], driven)))
-
-
-def measure(truth: Columns, sensors: Mapping[str, Sensor], rng: np.random.Generator) -> Columns:
-    """The columns as logged, in the units of `truth`; a column without a sensor (the clock) is passed on."""
-    return {name: sensors[name].read(values, rng) if name in sensors else values for name, values in truth.items()}

@@ -5,6 +5,7 @@ The rig computes in SI units: Pa, N, m, s, and strain as a fraction of the start
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Protocol
 
@@ -15,6 +16,9 @@ from mapmore_cli.domain.errors import SpecError
 
 STRAIN_RANGE = (-0.02, 0.36)
 """Strains between which a force is looked for: a little stretch, to just short of the geometric limit of both muscles."""
+
+SLACK_WIDTH = 0.5
+"""Force, N, over which a slack muscle's pull fades out: it buckles, and cannot push on the load cell."""
 
 
 class StaticMuscle(Protocol):
@@ -33,6 +37,11 @@ def softplus(x: Array | float, width: float) -> Array:
 def effective_pressure(pressure: Array | float, threshold: float, width: float) -> Array:
     """Pressure left after the muscle's wall has been unfolded, Pa: `softplus(P - P_th; w) - softplus(-P_th; w)`, zero at P = 0."""
     return softplus(np.asarray(pressure) - threshold, width) - softplus(-threshold, width)
+
+
+def effective_pressure_slope(pressure: float, threshold: float, width: float) -> float:
+    """`dP_e/dP = 1/(1 + exp(-(P - P_th)/w))`."""
+    return 0.5 * (1.0 + math.tanh(0.5 * (pressure - threshold) / width))
 
 
 def zero_force_strain(force: Callable[[float], float]) -> float:

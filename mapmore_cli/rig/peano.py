@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,8 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.rig.muscle import effective_pressure
 
 _HALVINGS = 60  # of (0, pi/2): down to the last bit of alpha
+_FLAT = 1e-9  # rad, of a tube without any water
+_SMALL = 1e-2  # rad, below which the series is exact to the last digits
 
 
 @dataclass(frozen=True)
@@ -42,6 +45,13 @@ def geometric_strain(alpha: Array) -> Array:
     return np.asarray(1.0 - np.sinc(alpha / np.pi))
 
 
+def geometric_slope_ratio(alpha: float) -> float:
+    """`e_g'(alpha)/alpha = (sin(alpha) - alpha cos(alpha))/alpha^3`; by its series where the difference would lose its digits."""
+    if alpha < _SMALL:
+        return 1.0 / 3.0 - alpha**2 / 30.0
+    return (math.sin(alpha) - alpha * math.cos(alpha)) / alpha**3
+
+
 def opening(muscle: Peano, driving: Array, strain: Array) -> Array:
     """Angle alpha, rad, at which arc and fabric carry the same force at `strain`; `driving` is P_e >= 0 in Pa.
 
@@ -58,7 +68,17 @@ def opening(muscle: Peano, driving: Array, strain: Array) -> Array:
     return np.asarray(0.5 * (low + high))
 
 
-def _excess(muscle: Peano, driving: Array, strain: Array, alpha: Array) -> Array:
+def opening_angle(muscle: Peano, driving: float, strain: float) -> float:
+    """`opening` of a single pressure and strain, faster; at least 1e-9 rad."""
+    from scipy.optimize import brentq
+
+    def excess(alpha: float) -> float:
+        return float(_excess(muscle, driving, strain, alpha))
+
+    return float(brentq(excess, _FLAT, np.pi / 2.0, xtol=1e-12)) if excess(_FLAT) < 0.0 else _FLAT
+
+
+def _excess(muscle: Peano, driving: Array | float, strain: Array | float, alpha: Array | float) -> Array:
     """`alpha (1 - e) - sin(alpha) - alpha F(alpha)/K`."""
     width = muscle.tube_width
     bulge = driving * width * (muscle.tube_length - 2.0 * muscle.end_loss * width * np.sin(alpha)) * np.cos(alpha)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, Columns
 
 
 @dataclass(frozen=True)
@@ -25,3 +26,8 @@ class Sensor:
 def recording_generator(seed: int, recording: str) -> np.random.Generator:
     """Random numbers of one recording, by its name: they stay the same whatever other recordings are made beside it."""
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=tuple(recording.encode())))
+
+
+def measure(truth: Columns, sensors: Mapping[str, Sensor], rng: np.random.Generator) -> Columns:
+    """The columns as logged, in the units of `truth`; a column without a sensor (the clock) is passed on."""
+    return {name: sensors[name].read(values, rng) if name in sensors else values for name, values in truth.items()}

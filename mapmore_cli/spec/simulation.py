@@ -10,15 +10,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from mapmore_cli.spec.models import Name, Positive, Section
-
-NonNegative = Annotated[float, Field(ge=0)]
-Pressure = Annotated[float, Field(ge=0, le=2000)]  # kPa, gauge; above, the geometry of the muscles means nothing
-
-
-def pressure_label(pressure: float) -> str:
-    """Name of a pressure in file names: `080`, `350`, `82.5`."""
-    return f"{pressure:03g}"
+from mapmore_cli.spec.fields import Name, Positive, Section
+from mapmore_cli.spec.simulated_experiments import LoadCycles, Perturbations, StepResponses
+from mapmore_cli.spec.water_rig import NonNegative
 
 
 class McKibbenMuscle(Section):
@@ -51,6 +45,7 @@ class PeanoMuscle(Section):
     end_loss: Annotated[float, Field(ge=0, lt=1)] = 0.33  # beta: share of the bulge that the closed ends take away
     stiffness: Positive = 26000.0  # of the fabric, N
     bending: NonNegative = 26.0  # N per rad
+    tubes: Annotated[int, Field(ge=1)] = 4  # side by side; the wet rig has to fill them all
     threshold: NonNegative = 6.0  # kPa
     threshold_width: Positive = 3.0  # kPa
 
@@ -77,35 +72,6 @@ class HysteresisSpec(Section):
         return self
 
 
-class Regulation(Section):
-    """Slow wander of the regulated pressure."""
-
-    ripple: NonNegative  # standard deviation as a fraction of the set pressure
-    correlation_time: Positive  # s
-
-
-class LoadCycles(Section):
-    """One slow contraction and extension at each pressure (M1 section IV.A)."""
-
-    type: Literal["load_cycles"]
-    pressures: Annotated[list[Pressure], Field(min_length=1)]  # kPa
-    duration: Positive  # of each recording, s
-    sample_time: Positive  # s
-    dwell: NonNegative  # rest before, between and after the moves, s
-    least_stroke: Annotated[float, Field(gt=0, le=0.2)]  # strain reached even where the muscle has no force
-    regulation: Regulation
-
-    @model_validator(mode="after")
-    def _possible(self) -> LoadCycles:
-        if len({pressure_label(pressure) for pressure in self.pressures}) != len(self.pressures):
-            raise ValueError("each pressure makes one recording: name it once")
-        if 3 * self.dwell >= self.duration:
-            raise ValueError("three rests of `dwell` leave no time to move: lengthen `duration`")
-        if 100 * self.sample_time > self.duration:
-            raise ValueError("fewer than 100 samples: shorten `sample_time` or lengthen `duration`")
-        return self
-
-
 class SensorSpec(Section):
     """White noise (standard deviation) and quantisation step, in the unit of the column."""
 
@@ -119,6 +85,8 @@ class Sensors(Section):
     pressure: SensorSpec  # kPa
     strain: SensorSpec
     force: SensorSpec  # N
+    flow: SensorSpec | None = None  # L/min; of the wet experiments
+    muscle_pressure: SensorSpec | None = None  # kPa; of the wet experiments
 
 
 class SimulationSpec(Section):
@@ -128,7 +96,14 @@ class SimulationSpec(Section):
     name: Name
     muscle: Annotated[McKibbenMuscle | PeanoMuscle, Field(discriminator="kind")]
     hysteresis: HysteresisSpec
-    experiment: LoadCycles
+    experiment: Annotated[LoadCycles | StepResponses | Perturbations, Field(discriminator="type")]
     sensors: Sensors
     seed: Annotated[int, Field(ge=0)]
     output: Name
+
+    @model_validator(mode="after")
+    def _sensed(self) -> SimulationSpec:
+        wet = not isinstance(self.experiment, LoadCycles)
+        if any((sensor is not None) != wet for sensor in (self.sensors.flow, self.sensors.muscle_pressure)):
+            raise ValueError("`sensors.flow` and `sensors.muscle_pressure` go with step responses and perturbations, and with these only")
+        return self

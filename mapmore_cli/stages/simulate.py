@@ -12,21 +12,21 @@ from pathlib import Path
 import numpy as np
 
 from mapmore_cli.domain.arrays import Columns
-from mapmore_cli.rig.hysteresis import Hysteresis
-from mapmore_cli.rig.load_cycle import LoadCycle, Regulation, load_cycle, measure
-from mapmore_cli.rig.mckibben import McKibben
-from mapmore_cli.rig.muscle import StaticMuscle
-from mapmore_cli.rig.peano import Peano
-from mapmore_cli.rig.sensors import Sensor, recording_generator
-from mapmore_cli.spec.simulation import HysteresisSpec, McKibbenMuscle, PeanoMuscle, SimulationSpec, pressure_label
+from mapmore_cli.rig.load_cycle import load_cycle
+from mapmore_cli.rig.perturbation import perturbation
+from mapmore_cli.rig.sensors import Sensor, measure, recording_generator
+from mapmore_cli.rig.step_response import step_response
+from mapmore_cli.spec.simulated_experiments import LoadCycles, Perturbations, StepResponses, pressure_label
+from mapmore_cli.spec.simulation import SensorSpec, SimulationSpec
+from mapmore_cli.stages.rig_parts import KPA, hysteresis_of, load_cycle_of, muscle_of, step_rig_of, strokes_of, wet_muscle_of
 from mapmore_cli.stages.stage import Progress
 from mapmore_cli.storage.atomic import refusals_told, write_text
 
-KPA = 1e3
-"""Pa; the rig computes in Pa, specs and recordings say kPa."""
+UNITS = {"pressure": KPA, "muscle_pressure": KPA, "flow": 1e-3 / 60.0}
+"""Of the recordings, in SI units: kPa, L/min; the other columns have the rig's own."""
 
-HEADER = {"time": "t", "pressure": "P", "strain": "eps", "force": "F"}
-"""Column of the file for each quantity: s, kPa, 1, N."""
+HEADER = {"time": "t", "pressure": "P", "strain": "eps", "force": "F", "flow": "Q", "muscle_pressure": "Pm"}
+"""Column of the file for each quantity: s, kPa, 1, N, L/min, kPa."""
 
 
 def simulate(spec: SimulationSpec, folder: Path, progress: Progress) -> list[Path]:
@@ -48,61 +48,35 @@ def simulate(spec: SimulationSpec, folder: Path, progress: Progress) -> list[Pat
 
 
 def recording(spec: SimulationSpec, pressure: float) -> Columns:
-    """Readings of one load cycle at `pressure` (kPa): time s, pressure kPa, strain, force N, each `(n,)`."""
-    experiment = spec.experiment
-    cycle = LoadCycle(experiment.duration, experiment.sample_time, experiment.dwell, experiment.least_stroke)
-    regulation = Regulation(experiment.regulation.ripple, experiment.regulation.correlation_time)
+    """Readings at `pressure` (kPa), each `(n,)`, by the names and in the units of `HEADER`; the wet experiments alone have the last two."""
     rng = recording_generator(spec.seed, f"pressure={pressure:g}")
-    truth = load_cycle(muscle_of(spec.muscle), hysteresis_of(spec.hysteresis), cycle, regulation, pressure * KPA, rng)
-    in_kpa = {**truth, "pressure": truth["pressure"] / KPA}
-    sensors = {name: Sensor(sensor.noise, sensor.resolution) for name, sensor in spec.sensors}
-    return measure(in_kpa, sensors, rng)
+    in_units = {name: values / UNITS.get(name, 1.0) for name, values in truth(spec, pressure, rng).items()}
+    return measure(in_units, {name: Sensor(sensor.noise, sensor.resolution) for name, sensor in sensors(spec).items()}, rng)
 
 
-def muscle_of(muscle: McKibbenMuscle | PeanoMuscle) -> StaticMuscle:
-    """The rig's muscle, in SI units."""
-    if isinstance(muscle, PeanoMuscle):
-        return Peano(
-            tube_width=muscle.tube_width,
-            tube_length=muscle.tube_length,
-            end_loss=muscle.end_loss,
-            stiffness=muscle.stiffness,
-            bending=muscle.bending,
-            threshold=muscle.threshold * KPA,
-            threshold_width=muscle.threshold_width * KPA,
-        )
-    return McKibben(
-        length=muscle.length,
-        radius=0.5 * muscle.diameter,
-        braid_angle=float(np.deg2rad(muscle.braid_angle)),
-        taper=muscle.taper,
-        wall=muscle.wall,
-        c10=muscle.c10 * KPA,
-        c01=muscle.c01 * KPA,
-        threshold=muscle.threshold * KPA,
-        threshold_width=muscle.threshold_width * KPA,
-        crimp_force=muscle.crimp_force,
-        crimp_pressure=muscle.crimp_pressure * KPA,
-        crimp_strain=muscle.crimp_strain,
-        crimp_exponent=muscle.crimp_exponent,
-        stretch_stiffness=muscle.stretch_stiffness,
-        stretch_strain=muscle.stretch_strain,
-    )
+def truth(spec: SimulationSpec, pressure: float, rng: np.random.Generator) -> Columns:
+    """What happens at `pressure` (kPa) in the spec's experiment, in SI units."""
+    match spec.experiment:
+        case LoadCycles() as experiment:
+            cycle, regulation = load_cycle_of(experiment)
+            return load_cycle(muscle_of(spec.muscle), hysteresis_of(spec.hysteresis), cycle, regulation, pressure * KPA, rng)
+        case StepResponses() as experiment:
+            rig, times = step_rig_of(spec, experiment)
+            weight = next(step.weight for step in experiment.steps if step.pressure == pressure)
+            return step_response(rig, times, pressure * KPA, weight)
+        case Perturbations() as experiment:
+            muscle = wet_muscle_of(spec, experiment.rig)
+            return perturbation(muscle, strokes_of(experiment), pressure * KPA, experiment.rig.load_cell)
 
 
-def hysteresis_of(hysteresis: HysteresisSpec) -> Hysteresis:
-    """The rig's friction, in SI units."""
-    return Hysteresis(
-        base=hysteresis.base,
-        per_pressure=hysteresis.per_pressure / KPA,
-        yield_strains=np.array([stop.yield_strain for stop in hysteresis.stops]),
-        shares=np.array([stop.share for stop in hysteresis.stops]),
-    )
+def sensors(spec: SimulationSpec) -> dict[str, SensorSpec]:
+    """The sensors that the experiment has, by quantity."""
+    return {name: sensor for name, sensor in spec.sensors if sensor is not None}
 
 
 def decimals(spec: SimulationSpec) -> dict[str, int]:
     """Digits after the point that each column needs: those of its quantisation step, none more."""
-    steps = {"time": spec.experiment.sample_time, **{name: sensor.resolution for name, sensor in spec.sensors}}
+    steps = {"time": spec.experiment.sample_time, **{name: sensor.resolution for name, sensor in sensors(spec).items()}}
     return {name: _digits(step) for name, step in steps.items()}
 
 
@@ -113,6 +87,7 @@ def _digits(step: float) -> int:
 
 def csv_text(columns: Columns, digits: Mapping[str, int]) -> str:
     """The file: a header, and a line for each sample."""
-    formatted = [[f"{value:.{digits[name]}f}" for value in columns[name]] for name in HEADER]
-    lines = [",".join(HEADER.values()), *map(",".join, zip(*formatted, strict=True))]
+    names = [name for name in HEADER if name in columns]
+    formatted = [[f"{value:.{digits[name]}f}" for value in columns[name]] for name in names]
+    lines = [",".join(HEADER[name] for name in names), *map(",".join, zip(*formatted, strict=True))]
     return "\n".join(lines) + "\n"

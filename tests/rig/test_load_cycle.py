@@ -5,11 +5,10 @@ import pytest
 from scipy.integrate import trapezoid
 
 from mapmore_cli.rig.hysteresis import Hysteresis
-from mapmore_cli.rig.load_cycle import LoadCycle, Regulation, load_cycle, measure, regulated_pressure
+from mapmore_cli.rig.load_cycle import LoadCycle, Regulation, load_cycle, regulated_pressure
 from mapmore_cli.rig.muscle import free_strain
-from mapmore_cli.rig.sensors import Sensor
 from mapmore_cli.spec.simulation import McKibbenMuscle, PeanoMuscle
-from mapmore_cli.stages.simulate import muscle_of
+from mapmore_cli.stages.rig_parts import muscle_of
 
 MUSCLES = {"mckibben": muscle_of(McKibbenMuscle(kind="mckibben")), "peano": muscle_of(PeanoMuscle(kind="peano"))}
 FRICTION = Hysteresis(base=3.0, per_pressure=3e-5, yield_strains=np.array([0.001, 0.01]), shares=np.array([0.5, 0.5]))
@@ -83,10 +82,3 @@ def test_the_muscle_feels_the_ripple():
     steady, rippled = run("mckibben", 350), run("mckibben", 350, regulation=Regulation(0.0025, 2.0))
     slope = np.polyfit(rippled["pressure"][:25] - 350e3, rippled["force"][:25] - steady["force"][:25], 1)[0]
     assert slope == pytest.approx(2.6e-3, rel=0.1)  # dF/dP at zero strain
-
-
-def test_only_sensed_columns_are_read():
-    truth = {"time": np.array([0.0, 0.02]), "force": np.array([1.234, 5.678])}
-    logged = measure(truth, {"force": Sensor(0.0, 0.1)}, np.random.default_rng(1))
-    np.testing.assert_array_equal(logged["time"], truth["time"])
-    np.testing.assert_allclose(logged["force"], [1.2, 5.7])

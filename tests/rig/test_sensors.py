@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mapmore_cli.rig.sensors import Sensor, recording_generator
+from mapmore_cli.rig.sensors import Sensor, measure, recording_generator
 
 
 @settings(deadline=None)
@@ -32,3 +32,10 @@ def test_seed_and_name_fix_the_numbers():
     np.testing.assert_array_equal(first, recording_generator(1, "pressure=80").standard_normal(5))
     for seed, name in ((2, "pressure=80"), (1, "pressure=150")):
         assert not np.any(first == recording_generator(seed, name).standard_normal(5))
+
+
+def test_only_sensed_columns_are_read():
+    truth = {"time": np.array([0.0, 0.02]), "force": np.array([1.234, 5.678])}
+    logged = measure(truth, {"force": Sensor(0.0, 0.1)}, np.random.default_rng(1))
+    np.testing.assert_array_equal(logged["time"], truth["time"])
+    np.testing.assert_allclose(logged["force"], [1.2, 5.7])

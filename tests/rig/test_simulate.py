@@ -11,12 +11,18 @@ import yaml
 from pydantic import ValidationError
 
 from mapmore_cli.domain.errors import WriteError
+from mapmore_cli.spec.simulated_experiments import pressure_label
 from mapmore_cli.spec.simulation import McKibbenMuscle, PeanoMuscle, SimulationSpec
-from mapmore_cli.stages.simulate import csv_text, decimals, recording, simulate
+from mapmore_cli.stages.simulate import csv_text, decimals, recording, sensors, simulate
 
 DATASETS = Path(__file__).parents[2] / "datasets"
 DOCUMENTS = {kind: yaml.safe_load((DATASETS / kind / "load_cycles.yaml").read_text("utf-8")) for kind in ("mckibben", "peano")}
 SPECS = {kind: SimulationSpec.model_validate(document) for kind, document in DOCUMENTS.items()}
+WET = {
+    (kind, experiment): SimulationSpec.model_validate(yaml.safe_load((DATASETS / kind / f"{experiment}.yaml").read_text("utf-8")))
+    for kind in SPECS
+    for experiment in ("step_responses", "perturbations")
+}
 shipped = pytest.mark.parametrize("kind", list(SPECS))
 
 
@@ -30,19 +36,47 @@ def changed(kind="peano", **experiment):
     return SimulationSpec.model_validate(document)
 
 
+def assert_regenerated(made, committed, spec, most_flips):
+    """Another machine's libm may round a value to the neighbouring step: a few may differ, each by one step."""
+    if made == committed:
+        return
+    ours, theirs = (np.loadtxt(text.decode().splitlines()[1:], delimiter=",") for text in (made, committed))
+    steps = [spec.experiment.sample_time, *(sensor.resolution for sensor in sensors(spec).values())]
+    flips = np.abs(np.round((ours - theirs) / steps))
+    assert flips.max() <= 1
+    assert flips.mean() < most_flips
+
+
 @shipped
 def test_the_committed_recordings_regenerate(kind, tmp_path):
-    """Another machine's libm may round a value to the neighbouring step: a few may differ, each by one step."""
-    spec = SPECS[kind]
-    steps = [spec.experiment.sample_time, spec.sensors.pressure.resolution, spec.sensors.strain.resolution, spec.sensors.force.resolution]
-    for path in simulate(spec, tmp_path, silent):
-        made, committed = path.read_bytes(), (DATASETS / kind / path.name).read_bytes()
-        if made == committed:
-            continue
-        ours, theirs = (np.loadtxt(text.decode().splitlines()[1:], delimiter=",") for text in (made, committed))
-        flips = np.abs(np.round((ours - theirs) / steps))
-        assert flips.max() <= 1, path.name
-        assert flips.mean() < 1e-3, path.name
+    for path in simulate(SPECS[kind], tmp_path, silent):
+        assert_regenerated(path.read_bytes(), (DATASETS / kind / path.name).read_bytes(), SPECS[kind], 1e-3)
+
+
+@pytest.mark.parametrize(("kind", "experiment", "pressure"), [("mckibben", "step_responses", 150.0), ("peano", "perturbations", 80.0)])
+def test_committed_wet_recordings_regenerate(kind, experiment, pressure):
+    spec = WET[kind, experiment]
+    made = csv_text(recording(spec, pressure), decimals(spec)).encode()
+    committed = (DATASETS / kind / f"{spec.output}_{pressure_label(pressure)}.csv").read_bytes()
+    assert made.startswith(b"t,P,eps,F,Q,Pm\n0.000,")
+    assert_regenerated(made, committed, spec, 1e-2)
+
+
+@pytest.mark.parametrize(("kind", "experiment"), list(WET))
+def test_the_wet_specs_and_their_recordings_belong_together(kind, experiment):
+    spec = WET[kind, experiment]
+    named = {f"{spec.output}_{pressure_label(pressure)}.csv" for pressure in spec.experiment.pressures}
+    assert named == {path.name for path in (DATASETS / kind).glob(f"{spec.output}_*.csv")}
+    assert spec.muscle == SPECS[kind].muscle
+    assert (spec.hysteresis.base, spec.hysteresis.per_pressure) == (SPECS[kind].hysteresis.base, SPECS[kind].hysteresis.per_pressure)
+
+
+def test_the_steps_are_those_of_the_paper():
+    """M2 table 3."""
+    weights = [42, 66, 115, 213]
+    for kind, pressures in (("mckibben", [80, 150, 250, 350]), ("peano", [80, 200, 350, 500])):
+        steps = WET[kind, "step_responses"].experiment.steps
+        assert [(step.pressure, step.weight) for step in steps] == list(zip(pressures, weights, strict=True))
 
 
 @shipped
@@ -134,4 +168,39 @@ def test_a_bad_spec_is_refused(where, value, message):
         part = part[key]
     part[where[-1]] = value
     with pytest.raises(ValidationError, match=message):
+        SimulationSpec.model_validate(document)
+
+
+@pytest.mark.parametrize(
+    ("experiment", "where", "value", "message"),
+    [
+        ("step_responses", ("experiment", "steps", 1, "pressure"), 80, "name it once"),
+        ("step_responses", ("experiment", "steps", 1, "pressure"), 0, "greater than 0"),
+        ("step_responses", ("experiment", "steps", 1, "weight"), 0.5, "exceed the `pretension`"),
+        ("step_responses", ("experiment", "rest"), 0.005, "ten samples"),
+        ("step_responses", ("experiment", "rig", "tube", "diameter"), -1, "greater than 0"),
+        ("step_responses", ("experiment", "reservoir", "critical_ratio"), 1.0, "less than 0.99"),
+        ("step_responses", ("sensors", "flow"), None, r"sensors\.flow"),
+        ("perturbations", ("experiment", "between"), [0.8, 0.2], "stretched end first"),
+        ("perturbations", ("experiment", "between"), [0.8], "Field required"),
+        ("perturbations", ("experiment", "moves"), [], "at least 1"),
+        ("perturbations", ("experiment", "moves"), [0.5, 0.001], "ten samples"),
+        ("perturbations", ("experiment", "pressures"), [80, 80.0], "name it once"),
+        ("perturbations", ("experiment", "type"), "vibration", "type"),
+    ],
+)
+def test_a_bad_wet_spec_is_refused(experiment, where, value, message):
+    document = yaml.safe_load((DATASETS / "peano" / f"{experiment}.yaml").read_text("utf-8"))
+    part = document
+    for key in where[:-1]:
+        part = part[key]
+    part[where[-1]] = value
+    with pytest.raises(ValidationError, match=message):
+        SimulationSpec.model_validate(document)
+
+
+def test_a_dry_experiment_has_no_water_sensors():
+    document = copy.deepcopy(DOCUMENTS["peano"])
+    document["sensors"]["flow"] = {"noise": 0.02, "resolution": 0.01}
+    with pytest.raises(ValidationError, match="with these only"):
         SimulationSpec.model_validate(document)

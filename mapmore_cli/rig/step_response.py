@@ -1,0 +1,102 @@
+"""The step response (M2 section 4.1): a weight rests on a stop, below a slightly tensioned muscle that is suddenly put under pressure.
+
+The muscle lifts the weight, holds it until it has come to rest, is exhausted, and the weight draws it out again until it falls on the stop.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.rig.air import Reservoir
+from mapmore_cli.rig.muscle import zero_force_strain
+from mapmore_cli.rig.observation import observe
+from mapmore_cli.rig.wet_muscle import TOLERANCE, WetMuscle, integrate
+
+GRAVITY = 9.81
+"""m/s2."""
+
+ABOVE_WATER = (1e5, 0.1, 1.0)
+"""Size of the states that stand before the wet muscle's: reservoir pressure (Pa), strain, strain rate (1/s)."""
+
+
+@dataclass(frozen=True)
+class Bumper:
+    """Stop below the weight; Hunt and Crossley's contact."""
+
+    stiffness: float  # k, N/m
+    damping: float  # c, s/m
+    pretension: float  # of the muscle while the weight rests on the stop, N
+
+    def push(self, depth: float, speed: float) -> float:
+        """Force on the weight, N: `k d (1 + c d')` at depth d > 0 (m) and speed d' (m/s) into the stop; it never holds the weight back."""
+        return max(self.stiffness * depth * (1.0 + self.damping * speed), 0.0) if depth > 0.0 else 0.0
+
+
+@dataclass(frozen=True)
+class StepTimes:
+    """When the valve is switched, and when is sampled."""
+
+    rest: float  # before the supply opens, s
+    hold: float  # until the exhaust opens, s
+    fall: float  # until the recording ends, s
+    sample_time: float  # s
+
+    def clock(self) -> tuple[Array, Array, Array]:
+        """Sample times, s, of the three phases; each ends with the sample that begins the next."""
+        switches = np.cumsum([0.0, self.rest, self.hold, self.fall])
+        counts = np.round(switches / self.sample_time).astype(int)
+        rest, hold, fall = (self.sample_time * np.arange(first, last + 1) for first, last in pairwise(counts))
+        return rest, hold, fall
+
+
+@dataclass(frozen=True)
+class StepRig:
+    """The rig of M2's figure 8, set up for step responses; its states are those of `ABOVE_WATER`, then the wet muscle's."""
+
+    muscle: WetMuscle
+    reservoir: Reservoir
+    bumper: Bumper
+    load_cell: float  # cut-off of its amplifier, Hz
+
+    @property
+    def scales(self) -> Array:
+        """Size of each state."""
+        return np.concatenate([ABOVE_WATER, self.muscle.scales])
+
+    def at_rest(self) -> Array:
+        """States without pressure: the muscle pulls with its pretension, the stop carries the rest of the weight."""
+        wet = self.muscle.at_rest(0.0)
+
+        def excess(strain: float) -> float:
+            return self.muscle.respond(wet, 0.0, strain, 0.0)[0] - self.bumper.pretension
+
+        return np.concatenate([[0.0, zero_force_strain(excess), 0.0], wet])
+
+    def rates(self, _time: float, states: Array, supply: float | None, weight: float, touch: float) -> Array:
+        """Rates of the states, with the valve on a `supply` pressure (Pa) or, None, on exhaust; the `weight` (N) touches at `touch`."""
+        pressure, strain, strain_rate = states[: len(ABOVE_WATER)].tolist()
+        wet = states[len(ABOVE_WATER) :]
+        length = self.muscle.chamber.length
+        pull, wet_rates = self.muscle.respond(wet, pressure, strain, strain_rate)
+        inflow = self.reservoir.exhausted(pressure) if supply is None else self.reservoir.supplied(pressure, supply)
+        push = self.bumper.push(length * (touch - strain), -length * strain_rate)
+        acceleration = (pull + push - weight) * GRAVITY / (weight * length)
+        return np.concatenate([[self.reservoir.rate(pressure, float(wet[0]), inflow), strain_rate, acceleration], wet_rates])
+
+
+def step_response(rig: StepRig, times: StepTimes, pressure: float, weight: float, tolerance: float = TOLERANCE) -> Columns:
+    """Truth of one recording, columns `(n,)` as those of `observe`, for a supply at `pressure` (Pa) and a hanging `weight` (N)."""
+    states = rig.at_rest()
+    touch = states[1] + (weight - rig.bumper.pretension) / (rig.bumper.stiffness * rig.muscle.chamber.length)
+    clocks, path = times.clock(), [states[np.newaxis]]
+    for clock, supply in zip(clocks, (None, pressure, None), strict=True):
+        motion = partial(rig.rates, supply=supply, weight=weight, touch=touch)
+        path.append(integrate(motion, path[-1][-1], clock, rig.scales, tolerance)[1:])
+    time = np.concatenate([clocks[0][:1], *(clock[1:] for clock in clocks)])
+    along = np.concatenate(path)
+    return observe(rig.muscle, time, along[:, 1], along[:, len(ABOVE_WATER) :], rig.load_cell)

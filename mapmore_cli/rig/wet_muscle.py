@@ -1,0 +1,146 @@
+"""A muscle at the end of M2's water line: reservoir, line, pressure sensor, tube, muscle (M2 section 4.1 and 6.3).
+
+The sensor sits before the tube. What M2 calls damping force is for the most part what the tube's flow takes from the pressure on its
+way to the muscle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.rig.air import bubble_compliance
+from mapmore_cli.rig.chamber import Chamber
+from mapmore_cli.rig.hysteresis import Hysteresis, stop_rates
+from mapmore_cli.rig.muscle import SLACK_WIDTH, softplus
+from mapmore_cli.rig.water import Pipe
+
+TOLERANCE = 1e-6
+"""Of each step of the integration, relative to a state and to its scale."""
+
+LONGEST_STEP = 0.01
+"""s; so that no step of the integration passes over a short motion."""
+
+
+@dataclass(frozen=True)
+class Rubber:
+    """Maxwell element beside the muscle: `s' = E e' - s/tau`, s in N."""
+
+    stiffness: float  # E, N per strain
+    relaxation_time: float  # tau, s
+
+
+@dataclass(frozen=True)
+class Wall:
+    """Soft wall of hose or muscle: it bulges by a volume W, late; `P = (W + tau W')/C` (Kelvin and Voigt)."""
+
+    compliance: float  # C, m3/Pa
+    relaxation_time: float  # tau, s
+
+    def pressure(self, bulge: float, growth: float) -> float:
+        """P, Pa, at W (m3) and W' (m3/s)."""
+        return (bulge + self.relaxation_time * growth) / self.compliance
+
+    def growth(self, bulge: float, pressure: float) -> float:
+        """W', m3/s, at W (m3) and P (Pa)."""
+        return (self.compliance * pressure - bulge) / self.relaxation_time
+
+
+@dataclass(frozen=True)
+class Plumbing:
+    """Water between reservoir and muscle."""
+
+    line: Pipe  # reservoir to sensor
+    hose: Wall  # of the line, where the sensor sits
+    tube: Pipe  # sensor to muscle
+    trapped_air: float  # in the muscle, m3 at no gauge pressure
+
+
+class Water(NamedTuple):
+    """State of water and walls; the states of the stop operators follow it."""
+
+    line_flow: float  # Q1, m3/s
+    hose: float  # W1, m3
+    tube_flow: float  # Q2, m3/s
+    pressure: float  # Pm in the muscle, Pa
+    bulge: float  # W of the muscle's wall, m3
+    rubber: float  # s, N
+
+
+WATER_SCALES = Water(1e-4, 1e-7, 1e-4, 1e5, 1e-7, 10.0)
+"""Size of each, for the tolerance of the integration."""
+
+STOPS = len(WATER_SCALES)
+"""Where the stop operators' states begin."""
+
+
+@dataclass(frozen=True)
+class WetMuscle:
+    """Muscle, friction, rubber and the water that drives it; `(k,)` states: `Water`, then the m stop operators."""
+
+    chamber: Chamber
+    hysteresis: Hysteresis
+    rubber: Rubber
+    wall: Wall
+    plumbing: Plumbing
+
+    @property
+    def scales(self) -> Array:
+        """Size of each state, `(k,)`."""
+        return np.concatenate([WATER_SCALES, np.ones(len(self.hysteresis.yield_strains))])
+
+    def at_rest(self, pressure: float) -> Array:
+        """States `(k,)` of still water at `pressure` (Pa), with relaxed friction and rubber."""
+        water = Water(0.0, self.plumbing.hose.compliance * pressure, 0.0, pressure, self.wall.compliance * pressure, 0.0)
+        return np.concatenate([water, np.zeros(len(self.hysteresis.yield_strains))])
+
+    def sensor_pressure(self, water: Water) -> float:
+        """P1, Pa, in the hose between line and tube."""
+        return self.plumbing.hose.pressure(water.hose, water.line_flow - water.tube_flow)
+
+    def respond(self, states: Array, source: float, strain: float, strain_rate: float) -> tuple[float, Array]:
+        """Pull (N) and rates `(k,)` of the states behind a `source` pressure (Pa), at `strain`, moving at `strain_rate` (1/s).
+
+        `I1 Q1' = P_a - P1 - dp1(Q1)`, `W1' = Q1 - Q2`, `I2 Q2' = P1 - Pm - dp2(Q2)`, `(dV/dP + C_air) Pm' = Q2 - V_e e' - W'`; pull
+        `softplus(tension - friction - s)`, all at the pressure in the muscle.
+        """
+        water, pipes = Water(*states[:STOPS].tolist()), self.plumbing
+        stops = np.clip(states[STOPS:], -1.0, 1.0)  # the integration may overstep by its tolerance
+        chamber = self.chamber.respond(water.pressure, strain)
+        sensor = self.sensor_pressure(water)
+        growth = self.wall.growth(water.bulge, water.pressure)
+        compliance = chamber.filling + bubble_compliance(pipes.trapped_air, water.pressure)
+        changes = Water(
+            line_flow=(source - sensor - pipes.line.drop(water.line_flow)) / pipes.line.inertance,
+            hose=water.line_flow - water.tube_flow,
+            tube_flow=(sensor - water.pressure - pipes.tube.drop(water.tube_flow)) / pipes.tube.inertance,
+            pressure=(water.tube_flow - chamber.displacement * strain_rate - growth) / compliance,
+            bulge=growth,
+            rubber=self.rubber.stiffness * strain_rate - water.rubber / self.rubber.relaxation_time,
+        )
+        friction = float(self.hysteresis.half_width(max(water.pressure, 0.0)) * (stops @ self.hysteresis.shares))
+        pull = float(softplus(chamber.tension - friction - water.rubber, SLACK_WIDTH))
+        return pull, np.concatenate([changes, stop_rates(stops, self.hysteresis.yield_strains, strain_rate)])
+
+
+def integrate(rates: Callable[[float, Array], Array], start: Array, time: Array, scales: Array, tolerance: float = TOLERANCE) -> Array:
+    """States `(n, k)` at the times `(n,)`, from `start` `(k,)` at the first of them.
+
+    Raises `SpecError` where the equations cannot be solved.
+    """
+    from scipy.integrate import solve_ivp
+
+    solution = solve_ivp(
+        rates, (time[0], time[-1]), start, method="RK45", t_eval=time, rtol=tolerance, atol=tolerance * scales, max_step=LONGEST_STEP
+    )
+    if not solution.success or not np.all(np.isfinite(solution.y)):
+        raise SpecError(
+            f"the simulated rig's equations could not be solved: {solution.message}",
+            "bring the parameters of `muscle` and `rig` nearer to their defaults",
+        )
+    return np.asarray(solution.y.T)

@@ -1,0 +1,111 @@
+"""The experiments that a simulation can run: slow load cycles, step responses, perturbations at constant pressure."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field, model_validator
+
+from mapmore_cli.spec.fields import Positive, Section
+from mapmore_cli.spec.water_rig import BumperSpec, NonNegative, ReservoirSpec, WaterRig
+
+Pressure = Annotated[float, Field(ge=0, le=2000)]  # kPa, gauge; above, the geometry of the muscles means nothing
+DrivingPressure = Annotated[float, Field(gt=0, le=1000)]  # kPa, gauge; that fills a muscle with water
+
+
+def pressure_label(pressure: float) -> str:
+    """Name of a pressure in file names: `080`, `350`, `82.5`."""
+    return f"{pressure:03g}"
+
+
+def _once(pressures: list[float]) -> list[float]:
+    if len({pressure_label(pressure) for pressure in pressures}) != len(pressures):
+        raise ValueError("each pressure makes one recording: name it once")
+    return pressures
+
+
+class Regulation(Section):
+    """Slow wander of the regulated pressure."""
+
+    ripple: NonNegative  # standard deviation as a fraction of the set pressure
+    correlation_time: Positive  # s
+
+
+class LoadCycles(Section):
+    """One slow contraction and extension at each pressure (M1 section IV.A)."""
+
+    type: Literal["load_cycles"]
+    pressures: Annotated[list[Pressure], Field(min_length=1), AfterValidator(_once)]  # kPa
+    duration: Positive  # of each recording, s
+    sample_time: Positive  # s
+    dwell: NonNegative  # rest before, between and after the moves, s
+    least_stroke: Annotated[float, Field(gt=0, le=0.2)]  # strain reached even where the muscle has no force
+    regulation: Regulation
+
+    @model_validator(mode="after")
+    def _possible(self) -> LoadCycles:
+        if 3 * self.dwell >= self.duration:
+            raise ValueError("three rests of `dwell` leave no time to move: lengthen `duration`")
+        if 100 * self.sample_time > self.duration:
+            raise ValueError("fewer than 100 samples: shorten `sample_time` or lengthen `duration`")
+        return self
+
+
+class Step(Section):
+    """One recording."""
+
+    pressure: DrivingPressure  # of the supply, kPa
+    weight: Positive  # that hangs on the muscle, N
+
+
+def _each_once(steps: list[Step]) -> list[Step]:
+    _once([step.pressure for step in steps])
+    return steps
+
+
+class StepResponses(Section):
+    """A weight is suddenly lifted and dropped again, once for each step (M2 section 4.1, table 3)."""
+
+    type: Literal["step_responses"]
+    steps: Annotated[list[Step], Field(min_length=1), AfterValidator(_each_once)]
+    rest: Positive  # before the supply opens, s
+    hold: Positive  # until the exhaust opens, s
+    fall: Positive  # until the recording ends, s
+    sample_time: Positive  # s
+    reservoir: ReservoirSpec
+    bumper: BumperSpec
+    rig: WaterRig
+
+    @property
+    def pressures(self) -> list[float]:
+        """One for each recording, kPa."""
+        return [step.pressure for step in self.steps]
+
+    @model_validator(mode="after")
+    def _possible(self) -> StepResponses:
+        if any(step.weight <= self.bumper.pretension for step in self.steps):
+            raise ValueError("each weight must exceed the `pretension`, or it would hang free of its stop from the start")
+        if 10 * self.sample_time > min(self.rest, self.hold, self.fall):
+            raise ValueError("`rest`, `hold` and `fall` need ten samples each: shorten `sample_time` or lengthen them")
+        return self
+
+
+class Perturbations(Section):
+    """The muscle is stretched and released at constant pressure, at several speeds (M2 section 6.2)."""
+
+    type: Literal["perturbation"]
+    pressures: Annotated[list[DrivingPressure], Field(min_length=1), AfterValidator(_once)]  # kPa
+    between: Annotated[tuple[float, float], Field(strict=False)]  # stretched and contracted end, as fractions of the free strain
+    moves: Annotated[list[Positive], Field(min_length=1)]  # duration of each stretch, and of the release after it, s
+    dwell: Positive  # before, between and after the moves, s
+    sample_time: Positive  # s
+    rig: WaterRig
+
+    @model_validator(mode="after")
+    def _possible(self) -> Perturbations:
+        stretched, contracted = self.between
+        if not 0.0 <= stretched < contracted <= 1.0:
+            raise ValueError("`between` needs two fractions of the free strain, the stretched end first: [0.2, 0.8]")
+        if 10 * self.sample_time > min(self.dwell, *self.moves):
+            raise ValueError("each move and `dwell` need ten samples: shorten `sample_time` or lengthen them")
+        return self

@@ -1,0 +1,116 @@
+"""From the spec of a simulation to the rig's parts, in SI units."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mapmore_cli.rig.air import Reservoir
+from mapmore_cli.rig.chamber import Braid, Chamber, Tubes
+from mapmore_cli.rig.hysteresis import Hysteresis
+from mapmore_cli.rig.load_cycle import LoadCycle, Regulation
+from mapmore_cli.rig.mckibben import McKibben
+from mapmore_cli.rig.muscle import StaticMuscle
+from mapmore_cli.rig.peano import Peano
+from mapmore_cli.rig.perturbation import Strokes
+from mapmore_cli.rig.step_response import Bumper, StepRig, StepTimes
+from mapmore_cli.rig.water import Pipe
+from mapmore_cli.rig.wet_muscle import Plumbing, Rubber, Wall, WetMuscle
+from mapmore_cli.spec.simulated_experiments import LoadCycles, Perturbations, StepResponses
+from mapmore_cli.spec.simulation import HysteresisSpec, McKibbenMuscle, PeanoMuscle, SimulationSpec
+from mapmore_cli.spec.water_rig import WaterRig
+
+KPA = 1e3
+"""Pa; the rig computes in Pa, specs and recordings say kPa."""
+
+
+def muscle_of(muscle: McKibbenMuscle | PeanoMuscle) -> StaticMuscle:
+    """The muscle at rest."""
+    return braid_of(muscle) if isinstance(muscle, McKibbenMuscle) else tube_of(muscle)
+
+
+def chamber_of(muscle: McKibbenMuscle | PeanoMuscle) -> Chamber:
+    """The same muscle, full of water."""
+    return Braid(braid_of(muscle)) if isinstance(muscle, McKibbenMuscle) else Tubes(tube_of(muscle), muscle.tubes)
+
+
+def tube_of(muscle: PeanoMuscle) -> Peano:
+    """One tube."""
+    return Peano(
+        tube_width=muscle.tube_width,
+        tube_length=muscle.tube_length,
+        end_loss=muscle.end_loss,
+        stiffness=muscle.stiffness,
+        bending=muscle.bending,
+        threshold=muscle.threshold * KPA,
+        threshold_width=muscle.threshold_width * KPA,
+    )
+
+
+def braid_of(muscle: McKibbenMuscle) -> McKibben:
+    """The braid and its rubber."""
+    return McKibben(
+        length=muscle.length,
+        radius=0.5 * muscle.diameter,
+        braid_angle=float(np.deg2rad(muscle.braid_angle)),
+        taper=muscle.taper,
+        wall=muscle.wall,
+        c10=muscle.c10 * KPA,
+        c01=muscle.c01 * KPA,
+        threshold=muscle.threshold * KPA,
+        threshold_width=muscle.threshold_width * KPA,
+        crimp_force=muscle.crimp_force,
+        crimp_pressure=muscle.crimp_pressure * KPA,
+        crimp_strain=muscle.crimp_strain,
+        crimp_exponent=muscle.crimp_exponent,
+        stretch_stiffness=muscle.stretch_stiffness,
+        stretch_strain=muscle.stretch_strain,
+    )
+
+
+def hysteresis_of(hysteresis: HysteresisSpec) -> Hysteresis:
+    """Its friction."""
+    return Hysteresis(
+        base=hysteresis.base,
+        per_pressure=hysteresis.per_pressure / KPA,
+        yield_strains=np.array([stop.yield_strain for stop in hysteresis.stops]),
+        shares=np.array([stop.share for stop in hysteresis.stops]),
+    )
+
+
+def load_cycle_of(experiment: LoadCycles) -> tuple[LoadCycle, Regulation]:
+    """The slow cycle and its regulator."""
+    cycle = LoadCycle(experiment.duration, experiment.sample_time, experiment.dwell, experiment.least_stroke)
+    return cycle, Regulation(**experiment.regulation.model_dump())
+
+
+def wet_muscle_of(spec: SimulationSpec, rig: WaterRig) -> WetMuscle:
+    """The muscle at the end of its water line."""
+    return WetMuscle(
+        chamber=chamber_of(spec.muscle),
+        hysteresis=hysteresis_of(spec.hysteresis),
+        rubber=Rubber(**rig.rubber.model_dump()),
+        wall=Wall(**rig.wall.model_dump()),
+        plumbing=Plumbing(
+            line=Pipe(**rig.line.model_dump()),
+            hose=Wall(**rig.hose.model_dump()),
+            tube=Pipe(**rig.tube.model_dump()),
+            trapped_air=rig.trapped_air,
+        ),
+    )
+
+
+def step_rig_of(spec: SimulationSpec, experiment: StepResponses) -> tuple[StepRig, StepTimes]:
+    """The rig of the step responses, and when its valve is switched."""
+    rig = StepRig(
+        muscle=wet_muscle_of(spec, experiment.rig),
+        reservoir=Reservoir(**experiment.reservoir.model_dump()),
+        bumper=Bumper(**experiment.bumper.model_dump()),
+        load_cell=experiment.rig.load_cell,
+    )
+    return rig, StepTimes(experiment.rest, experiment.hold, experiment.fall, experiment.sample_time)
+
+
+def strokes_of(experiment: Perturbations) -> Strokes:
+    """The actuator's moves."""
+    stretched, contracted = experiment.between
+    return Strokes(stretched, contracted, tuple(experiment.moves), experiment.dwell, experiment.sample_time)
