@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.optimize import brentq
 
 from mapmore_cli.domain.arrays import Array, Columns
 
@@ -21,6 +22,26 @@ def wrist_force(columns: Columns) -> Array:
     a, b, c, d, e, f = WRIST.values()
     p, x = columns["pressure"], columns["strain"]
     return (a * p + b) * np.exp(c * x) + d * p * x + e * p + f
+
+
+def wrist_points() -> tuple[dict[str, Array], Array]:
+    """W's table rebuilt from its eq 12: the strains at 1 to 7 bar, in kPa, under 0 to 30 kg in steps of 2.5 kg (W section II)."""
+    pressures, loads = np.meshgrid(np.arange(1.0, 8.0), 9.81 * np.arange(0.0, 30.1, 2.5), indexing="ij")
+
+    def strain(pressure: float, load: float) -> float:
+        return float(brentq(lambda x: wrist_force({"pressure": pressure, "strain": x}) - load, -0.5, 0.5, xtol=1e-14))
+
+    strains = np.array([strain(pressure, load) for pressure, load in zip(pressures.flat, loads.flat, strict=True)])
+    return {"pressure": 100.0 * pressures.ravel(), "strain": strains}, loads.ravel()
+
+
+def slack_muscle(seed: int, strains: Array, rows: int = 400) -> tuple[dict[str, Array], Array]:
+    """A muscle with a slack foot, in kPa and N: a force that sets in smoothly above a threshold pressure, with sensor noise of 1 N."""
+    rng = np.random.default_rng(seed)
+    columns = {"pressure": rng.uniform(0, 600, rows), "strain": rng.choice(strains, rows)}
+    threshold = 60.0 + 2500.0 * columns["strain"]
+    rise = np.sqrt((columns["pressure"] - threshold) ** 2 + 30.0**2) + columns["pressure"] - threshold
+    return columns, 0.3 * rise * (0.45 + 0.55 * np.exp(-25.0 * columns["strain"])) - 5.0 + rng.standard_normal(rows)
 
 
 def noisy_wrist(seed: int, noise: float = 5.0, rows: int = 300) -> tuple[dict[str, Array], Array]:

@@ -16,7 +16,8 @@ WRIST_GRID = grid(np.arange(1.0, 8.0), np.linspace(0.0, 0.2, 13))
 
 
 def test_there_is_a_formula_for_every_name() -> None:
-    assert {"sarosi", "polynomial_2", "polynomial_5"} <= set(names())
+    geometric = {"chou_hannaford", "tondu_lopez", "tondu_lopez_corrected", "kerscher"}
+    assert {"sarosi", "sarosi_hinged", "polynomial_2", "polynomial_5", *geometric} <= set(names())
     assert [get(name).name for name in names()] == list(names())
 
 
@@ -66,7 +67,7 @@ def test_any_curvature_is_recovered(curvature: float, weights: tuple[float, ...]
     assert fit.parameters["a3"] * widest == pytest.approx(curvature, rel=1e-6)
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(4))
 def test_both_methods_reach_the_same_sum_of_squares(seed: int) -> None:
     columns, y = noisy_wrist(seed)
     projected, marquardt = (get("sarosi").fit(columns, y, method) for method in ("variable_projection", "levenberg_marquardt"))
@@ -120,13 +121,15 @@ def test_units_change_the_numbers_but_not_the_fit(name: str, method: str, pressu
     np.testing.assert_allclose(formula.predict(other.parameters, changed) / force, predicted, rtol=0, atol=1e-6 * np.abs(y).max())
 
 
-@pytest.mark.parametrize("name", ["sarosi", "polynomial_2", "polynomial_5"])
-@pytest.mark.parametrize("method", ["variable_projection", "levenberg_marquardt"])
-def test_row_order_does_not_change_a_digit(name: str, method: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "method"), [*((name, None) for name in names()), ("sarosi", "levenberg_marquardt"), ("polynomial_5", "levenberg_marquardt")]
+)
+def test_row_order_does_not_change_a_digit(name: str, method: str | None) -> None:
     columns, y = noisy_wrist(5, rows=60)
     order = np.random.default_rng(0).permutation(len(y))
     shuffled = {quantity: column[order] for quantity, column in columns.items()}
-    assert get(name).fit(shuffled, y[order], method) == get(name).fit(columns, y, method)
+    fit, other = get(name).fit(columns, y, method), get(name).fit(shuffled, y[order], method)
+    assert str(other) == str(fit)  # as text, where NaN equals NaN
 
 
 @pytest.mark.parametrize(("pressures", "rank"), [(1, 6), (2, 11), (3, 15), (4, 18), (5, 20), (6, 21), (7, 21)])
@@ -164,9 +167,10 @@ def test_polynomial_2_is_eq_15() -> None:
     assert dict(fit.parameters) == pytest.approx(published, rel=1e-9)
 
 
-@pytest.mark.parametrize("name", ["sarosi", "polynomial_2", "polynomial_5"])
+@pytest.mark.parametrize("name", names())
 def test_the_equation_is_the_prediction(name: str) -> None:
     columns, y = noisy_wrist(1)
+    columns["pressure"] *= 100.0
     formula = get(name)
     fit = formula.fit(columns, y)
     equation = formula.equation(fit)

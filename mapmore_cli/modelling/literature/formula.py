@@ -37,8 +37,7 @@ class Formula:
     text
         The formula as an expression of inputs and parameters.
     nonlinear
-        The parameters in which it is not linear, and where to seek them. With at most one, every term must be linear in one of
-        the others, and variable projection applies; with more, Levenberg-Marquardt does.
+        The parameters in which it is not linear, and where to seek them; every term must be linear in one of the others.
     """
 
     name: str
@@ -51,8 +50,9 @@ class Formula:
     def __post_init__(self) -> None:
         if self.expression.names != {*self.inputs, *self.parameters}:
             raise ValueError(f"{self.name}: the names in the text are not the inputs and parameters")
-        if len(self.nonlinear) > 1:
-            return
+        self._check_linearity()
+
+    def _check_linearity(self) -> None:
         if substitute(self.expression, dict.fromkeys(self.linear, Number(0.0))) != Number(0.0):
             raise ValueError(f"{self.name}: a term has no linear parameter")
         if any(self.gradient[name].names & {*self.linear} for name in self.linear):
@@ -76,8 +76,9 @@ class Formula:
     def fit(self, columns: Columns, y: Array, method: str | None = None) -> FormulaFit:
         """Least-squares fit to the target `y`, `(n,)`, with the inputs among `columns`.
 
-        `method` is `variable_projection` (needs no starting values; for a linear formula, linear least squares) or
-        `levenberg_marquardt`; None takes the first that applies. A poor fit is told by the status and the notes, never raised.
+        `method` is `variable_projection` (the default: no starting values with at most one nonlinear parameter, bounds and ten starts with
+        more; for a linear formula, linear least squares) or `levenberg_marquardt` (ten starts, no bounds). A poor fit is told by the
+        status and the notes, never raised.
 
         Raises
         ------
@@ -86,7 +87,7 @@ class Formula:
         ValueError
             For an unknown method.
         """
-        method = method or (VARIABLE_PROJECTION if len(self.nonlinear) <= 1 else LEVENBERG_MARQUARDT)
+        method = method or VARIABLE_PROJECTION
         if method not in _SOLVERS:
             raise ValueError(f"unknown method `{method}`; there are {', '.join(_SOLVERS)}")
         problem = self._problem(columns, y)
@@ -116,17 +117,15 @@ class Formula:
 
     def _result(self, problem: Problem, solution: Solution) -> FormulaFit:
         values = problem.values(solution.beta, solution.c)
-        samples, count = len(problem.y), len(self.parameters)
+        count = len(self.parameters)
         if solution.status == "failed":
-            nothing = dict.fromkeys(self.parameters, float("nan"))
-            return FormulaFit(
-                self.name, nothing, nothing, "failed", solution.method, 0, float("nan"), float("nan"), samples, solution.notes
-            )
+            return self._failed(solution.method, len(problem.y), solution.notes)
         residual = problem.residual(solution.beta, solution.c)
         sse = float(residual @ residual)
         deviations, rank, condition = linear.standard_errors(problem.jacobian(solution.beta, solution.c), sse)
         errors = problem.values(deviations[: len(self.linear)], deviations[len(self.linear) :])
-        notes = solution.notes if rank == count else (*solution.notes, _dependence(rank, count, problem.columns))
+        choice = "the solution of least norm was taken" if len(self.nonlinear) <= 1 else "one of many equally good solutions was taken"
+        notes = solution.notes if rank == count else (*solution.notes, dependence(rank, count, problem.columns, choice))
         return FormulaFit(
             name=self.name,
             parameters={name: values[name] for name in self.parameters},
@@ -136,16 +135,21 @@ class Formula:
             rank=rank,
             condition=condition,
             sse=sse,
-            samples=samples,
+            samples=len(problem.y),
             notes=notes,
         )
 
+    def _failed(self, method: str, samples: int, notes: tuple[str, ...]) -> FormulaFit:
+        nothing = dict.fromkeys(self.parameters, float("nan"))
+        return FormulaFit(self.name, nothing, nothing, "failed", method, 0, float("nan"), float("nan"), samples, notes)
 
-def _dependence(rank: int, count: int, inputs: Columns) -> str:
+
+def dependence(rank: int, count: int, inputs: Columns, choice: str) -> str:
+    """The note for data that leave parameters undetermined, and what was chosen then."""
     distinct = ", ".join(f"{len(np.unique(column))} of {name}" for name, column in inputs.items())
     return (
         f"rank {rank} of {count}: the data do not tell all parameters apart (distinct values: {distinct}); "
-        "the solution of least norm was taken, and values between the training levels are not to be trusted"
+        f"{choice}, and values between the training levels are not to be trusted"
     )
 
 

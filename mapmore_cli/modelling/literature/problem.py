@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.modelling.literature.cells import condensed
 from mapmore_cli.modelling.terms import Expression, dictionary_matrix, evaluate
 
 
@@ -22,6 +23,11 @@ class Nonlinear:
     name: str
     per: str | None
     intervals: tuple[tuple[float, float], ...]
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Lowest and highest coordinate."""
+        return self.intervals[0][0], self.intervals[-1][1]
 
 
 @dataclass(frozen=True)
@@ -40,6 +46,8 @@ class Problem:
         Derivative of the formula for every parameter, linear and nonlinear; those for `linear` are the regressors.
     columns, y
         The inputs and the target, each `(n,)`.
+    counts
+        Number of samples that each row stands for, `(n,)`; None where each is one.
     """
 
     expression: Expression
@@ -48,10 +56,16 @@ class Problem:
     gradient: Mapping[str, Expression]
     columns: Columns
     y: Array
+    counts: Array | None = None
+
+    @property
+    def target(self) -> Array:
+        """`y`, `(n,)`, times the roots of the counts, as every residual and regressor is."""
+        return self._weighted(self.y)
 
     def residual(self, beta: Array, c: Array) -> Array:
         """Formula minus target, `(n,)`; not finite where the formula overflows."""
-        return evaluate(self.expression, self._with(self.values(beta, c)), len(self.y)) - self.y
+        return self._weighted(evaluate(self.expression, self._with(self.values(beta, c)), len(self.y)) - self.y)
 
     def regressors(self, c: Array) -> Array:
         """`Phi(c)`, `(n, m)`; raises `NotFinite` where it overflows."""
@@ -75,8 +89,16 @@ class Problem:
         spans = [1.0 if p.per is None else float(np.abs(self.columns[p.per]).max()) for p in self.nonlinear]
         return np.array([span or 1.0 for span in spans])
 
+    def condensed(self) -> Problem:
+        """The problem over means of neighbouring samples, where there are many: quick, and nearly the same."""
+        cells = condensed(self.columns, self.y)
+        return self if len(cells.y) == len(self.y) else replace(self, columns=cells.columns, y=cells.y, counts=cells.counts)
+
     def _matrix(self, names: tuple[str, ...], values: Mapping[str, float]) -> Array:
-        return dictionary_matrix([self.gradient[name] for name in names], self._with(values), len(self.y))
+        return self._weighted(dictionary_matrix([self.gradient[name] for name in names], self._with(values), len(self.y)))
+
+    def _weighted(self, rows: Array) -> Array:
+        return rows if self.counts is None else (rows.T * np.sqrt(self.counts)).T
 
     def _with(self, values: Mapping[str, float]) -> Columns:
         return {**self.columns, **{name: np.asarray(value) for name, value in values.items()}}

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from mapmore_cli.domain.arrays import Array
+from mapmore_cli.modelling.literature.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -16,3 +19,14 @@ class Solution:
     status: str
     method: str
     notes: tuple[str, ...] = ()
+
+
+def failure(problem: Problem, method: str) -> Solution:
+    """The solution where the formula overflows from every start: NaN throughout."""
+    nothing = np.full(len(problem.linear), np.nan), np.full(len(problem.nonlinear), np.nan)
+    return Solution(*nothing, "failed", method, ("every start overflowed",))
+
+
+def at_limit(name: str, limit: float, per: str | None) -> str:
+    """The note for a parameter that ends at the `limit` of its coordinate."""
+    return f"{name} runs to the limit of what is sought, {limit:g}" + (f"/max|{per}|" if per else "")

@@ -1,4 +1,4 @@
-"""Variable projection: a formula that is linear in all but one parameter, fitted without starting values.
+"""Variable projection: a formula that is linear in all but one parameter, fitted without starting values (with more: `bounded`).
 
 For every coordinate c of the nonlinear parameter the linear ones follow by least squares, so that `r(c) = Phi(c) Phi(c)^+ y - y`
 depends on one number alone. Its sum of squares is scanned over all that the parameter may be, and the deepest valley is refined.
@@ -10,9 +10,11 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.modelling.literature import linear
+from mapmore_cli.modelling.literature import bounded, linear
 from mapmore_cli.modelling.literature.problem import Problem
-from mapmore_cli.modelling.literature.solution import Solution
+from mapmore_cli.modelling.literature.solution import Solution, at_limit
+
+METHOD = "variable projection"
 
 SCAN_POINTS = 24  # in each interval of the coordinate
 HALF_DIGITS = 1e-4  # relative distance within which the lowest sum of squares surely places the minimum
@@ -21,15 +23,14 @@ ROUNDING = 1e-24  # of y'y: sums of squares below are rounding
 
 
 def fit(problem: Problem) -> Solution:
-    """Solve `problem`, whose formula has at most one nonlinear parameter.
+    """Solve `problem`, over the whole interval of the nonlinear parameter where there is one, and from several starts where there are more.
 
-    The solution's status is `converged` or `at_bound`; a parameter that the data do not show is noted.
-    Raises `ValueError` for a formula with more.
+    With one, the solution's status is `converged` or `at_bound`; a parameter that the data do not show is noted.
     """
     if len(problem.nonlinear) > 1:
-        raise ValueError("variable projection is for one nonlinear parameter")
+        return bounded.fit(problem)
     if not problem.nonlinear:
-        straight = linear.solve(problem.regressors(np.empty(0)), problem.y)
+        straight = linear.solve(problem.regressors(np.empty(0)), problem.target)
         return Solution(straight.beta, np.empty(0), "converged", "linear least squares")
     parameter = problem.nonlinear[0]
     grids = np.array([np.geomspace(*interval, SCAN_POINTS) for interval in parameter.intervals])
@@ -39,8 +40,7 @@ def fit(problem: Problem) -> Solution:
         return _solution(problem, c, "converged", (f"{parameter.name} is arbitrary: every value fits these data equally well",))
     interval, i = np.unravel_index(np.argmin(sse), sse.shape)
     c, status = _refine(problem, grids[interval], int(i))
-    limit = f"{parameter.name} runs to the limit of what is sought, {c:g}" + (f"/max|{parameter.per}|" if parameter.per else "")
-    return _solution(problem, c, status, (limit,) if status == "at_bound" else ())
+    return _solution(problem, c, status, (at_limit(parameter.name, c, parameter.per),) if status == "at_bound" else ())
 
 
 def _flat(sse: Array, y: Array) -> bool:
@@ -62,7 +62,7 @@ def _refine(problem: Problem, grid: Array, i: int) -> tuple[float, str]:
 
 
 def _sse(problem: Problem, c: float) -> float:
-    return linear.least_sse(problem.regressors(np.array([c])), problem.y)
+    return linear.least_sse(problem.regressors(np.array([c])), problem.target)
 
 
 def _slope(problem: Problem, c: float) -> float:
@@ -72,8 +72,8 @@ def _slope(problem: Problem, c: float) -> float:
 
 
 def _project(problem: Problem, c: float) -> linear.LinearFit:
-    return linear.solve(problem.regressors(np.array([c])), problem.y)
+    return linear.solve(problem.regressors(np.array([c])), problem.target)
 
 
 def _solution(problem: Problem, c: float, status: str, notes: tuple[str, ...]) -> Solution:
-    return Solution(_project(problem, c).beta, np.array([c]), status, "variable projection", notes)
+    return Solution(_project(problem, c).beta, np.array([c]), status, METHOD, notes)

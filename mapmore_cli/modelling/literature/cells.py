@@ -1,0 +1,51 @@
+"""Many samples as few: means over the cells of a grid, for searches that would else go over every sample of a long recording."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, Columns
+
+LIMIT = 4096
+"""Most cells; tables of no more rows are left as they are."""
+
+FINEST = 512
+"""Cells along the range of an input, halved until there are no more than `LIMIT` in all."""
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Mean inputs and mean target of every occupied cell, each `(cells,)`, and the number of rows that each stands for."""
+
+    columns: Columns
+    y: Array
+    counts: Array
+
+
+def condensed(columns: Columns, y: Array) -> Cells:
+    """`columns` and `y`, each `(n,)`, averaged over the finest grid that leaves at most `LIMIT` cells.
+
+    A sum of squares weighted by the counts is that of the rows, less their scatter within the cells, up to the curvature of the model
+    over a cell: a hinge of slope one and width w is missed by 1/(96 w 512^2) of the full scale, 4e-6 where w = 0.01.
+    """
+    if len(y) <= LIMIT:
+        return Cells(columns, y, np.ones(len(y)))
+    places = [_place(column) for column in columns.values()]
+    bins = FINEST
+    while True:
+        keys = np.zeros(len(y), dtype=np.int64)
+        for place in places:
+            keys = keys * (bins + 1) + np.floor(place * bins).astype(np.int64)
+        cells, cell, counts = np.unique(keys, return_inverse=True, return_counts=True)
+        if len(cells) <= LIMIT:
+            break
+        bins //= 2
+    means = {name: np.bincount(cell, column) / counts for name, column in columns.items()}
+    return Cells(means, np.bincount(cell, y) / counts, counts.astype(float))
+
+
+def _place(column: Array) -> Array:
+    """Place of every row within the range of the column, 0 to 1."""
+    return np.asarray((column - column.min()) / (float(np.ptp(column)) or 1.0))

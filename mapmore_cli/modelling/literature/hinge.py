@@ -1,0 +1,63 @@
+"""Sárosi's formula with a slack foot, on normalised data: its values, its derivatives, its units.
+
+With p = P/max|P|, x = strain/max|strain|, f = F/max|F| (any target F):
+
+    f = lo + w ln(1 + exp((hi - lo)/w)),   hi = (a1 p + a2) exp(a3 x) + a4 x p + a5 p + a6,   lo = b0 + b1 p + b2 x
+
+is Sárosi's `hi` above the foot and the plane `lo` on it, joined by a hinge of width w. Coordinates q, `(10,)`, are the parameters in the
+order of `NAMES`, but for ln w in place of w.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+
+NAMES = ("a1", "a2", "a3", "a4", "a5", "a6", "b0", "b1", "b2", "w")
+A, A3, B, B1, LN_W = [0, 1, 3, 4, 5], 2, [6, 7, 8], 7, 9
+"""Places of the parameters in q: the linear ones of `hi`, its curvature, those of `lo`, the foot's slope with pressure, the width."""
+
+
+def force(q: Array, p: Array, x: Array) -> Array:
+    """The normalised force, `(n,)`."""
+    _, high, low = _sides(q, p, x)
+    w = np.exp(q[LN_W])
+    return np.asarray(low + w * np.logaddexp(0.0, (high - low) / w))
+
+
+def jacobian(q: Array, p: Array, x: Array) -> Array:
+    """Derivative of `force` for q, `(n, 10)`."""
+    w = np.exp(q[LN_W])
+    decay, high, low = _sides(q, p, x)
+    above = (high - low) / w
+    share = 0.5 * (1.0 + np.tanh(0.5 * above))  # d force / d hi
+    columns = np.empty((len(p), len(NAMES)))
+    columns[:, A] = upper_regressors(q[A3], p, x) * share[:, None]
+    columns[:, A3] = (q[0] * p + q[1]) * x * decay * share
+    columns[:, B] = foot_regressors(p, x) * (1.0 - share)[:, None]
+    columns[:, LN_W] = w * (np.logaddexp(0.0, above) - share * above)
+    return columns
+
+
+def upper_regressors(a3: float, p: Array, x: Array) -> Array:
+    """Regressors of `hi`, `(n, 5)`, for a given curvature."""
+    decay = np.exp(a3 * x)
+    return np.stack([p * decay, decay, x * p, p, np.ones_like(p)], axis=1)
+
+
+def foot_regressors(p: Array, x: Array) -> Array:
+    """Regressors of `lo`, `(n, 3)`."""
+    return np.stack([np.ones_like(p), p, x], axis=1)
+
+
+def units(pressure: float, strain: float, target: float) -> Array:
+    """What one of every parameter is in the units of the data, `(10,)`, with the scales that the data were divided by."""
+    upper = [target / pressure, target, 1 / strain, target / (pressure * strain), target / pressure, target]
+    return np.array([*upper, target, target / pressure, target / strain, target])
+
+
+def _sides(q: Array, p: Array, x: Array) -> tuple[Array, Array, Array]:
+    """`exp(a3 x)`, `hi` and `lo`, each `(n,)`."""
+    regressors = upper_regressors(q[A3], p, x)
+    return regressors[:, 1], regressors @ q[A], foot_regressors(p, x) @ q[B]

@@ -1,0 +1,34 @@
+"""Descents from several starting values (W: ten), and how many of them end at the same place."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from scipy.optimize import OptimizeResult
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.modelling.literature.problem import Nonlinear
+
+STARTS = 10
+SEED = 20170714  # any fixed number: the same data give the same fit
+AGREEMENT = 1e-6  # relative difference between sums of squares that are called equal
+
+
+def draw(nonlinear: tuple[Nonlinear, ...]) -> Iterator[Array]:
+    """`STARTS` seeded places in the intervals, each `(k,)` and log-uniform in magnitude; a single empty one without parameters."""
+    rng = np.random.default_rng(SEED)
+    for _ in range(STARTS if nonlinear else 1):
+        yield np.array([_place(parameter, rng) for parameter in nonlinear])
+
+
+def lowest(ends: Sequence[OptimizeResult], starts: int) -> tuple[OptimizeResult, str]:
+    """The end with the lowest cost of those that the `starts` have reached, and a note on how many came to it."""
+    best = min(ends, key=lambda end: float(end.cost))
+    agreeing = sum(end.cost <= (1 + AGREEMENT) * best.cost + 1e-20 for end in ends)
+    return best, f"{agreeing} of {starts} starts agree on the sum of squares"
+
+
+def _place(parameter: Nonlinear, rng: np.random.Generator) -> float:
+    lower, upper = parameter.intervals[rng.integers(len(parameter.intervals))]
+    return float(lower * (upper / lower) ** rng.random())

@@ -1,0 +1,15 @@
+"""One thread for linear algebra, as the stages run it: two threads on a busy machine wait for each other most of the time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from threadpoolctl import threadpool_limits
+
+
+@pytest.fixture(autouse=True, scope="module")
+def one_thread() -> Iterator[None]:
+    """Hold the limit over a file of tests."""
+    with threadpool_limits(limits=1):
+        yield

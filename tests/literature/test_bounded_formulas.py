@@ -1,0 +1,167 @@
+"""Formulas with bounded parameters: planted ones are found, nothing better is nearby, ends at a bound are named, many samples are quick."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from literature_cases import grid
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.modelling.literature import cells, get
+from mapmore_cli.modelling.literature.problem import Problem
+from mapmore_cli.modelling.literature.trust_region import descend, onto_bounds
+
+PLANTED = {
+    "chou_hannaford": {"c1": 2.4, "c2": 1.8},
+    "tondu_lopez": {"area": 1.05, "theta": 0.8},
+    "tondu_lopez_corrected": {"area": 0.6, "theta": 0.6, "a_k": 3.0, "b_k": -1.4},
+    "kerscher": {"theta": 0.6, "a_k": 3.5, "b_k": -1.2, "a_e": 0.3, "b_e": -0.5},
+}
+SEVERAL = ["tondu_lopez_corrected", "kerscher"]
+
+
+def scattered(seed: int, rows: int) -> dict[str, Array]:
+    rng = np.random.default_rng(seed)
+    return {"pressure": rng.uniform(50, 600, rows), "strain": rng.uniform(-0.01, 0.25, rows)}
+
+
+def noisy(name: str, seed: int, rows: int = 200, noise: float = 3.0) -> tuple[dict[str, Array], Array]:
+    columns = scattered(seed, rows)
+    return columns, get(name).predict(PLANTED[name], columns) + noise * np.random.default_rng(seed + 1000).standard_normal(rows)
+
+
+@pytest.mark.parametrize("name", PLANTED)
+def test_planted_parameters_are_recovered_without_starting_values(name: str) -> None:
+    columns = grid(np.linspace(60, 600, 8), np.linspace(0, 0.25, 15))
+    fit = get(name).fit(columns, get(name).predict(PLANTED[name], columns))
+    assert fit.status == "converged"
+    assert fit.rank == len(PLANTED[name])
+    assert dict(fit.parameters) == pytest.approx(PLANTED[name], rel=1e-6)
+
+
+@settings(deadline=None, max_examples=8)
+@given(st.floats(0.3, 1.3), st.floats(0.5, 8), st.floats(-3, -0.3), st.floats(0.1, 5))
+def test_any_corrected_braid_is_predicted(theta: float, a_k: float, b_k: float, area: float) -> None:
+    """The parameters may be hard to tell apart, the force is not."""
+    formula = get("tondu_lopez_corrected")
+    columns = grid(np.linspace(60, 600, 6), np.linspace(0, 0.25, 9))
+    y = formula.predict({"area": area, "theta": theta, "a_k": a_k, "b_k": b_k}, columns)
+    fit = formula.fit(columns, y)
+    np.testing.assert_allclose(formula.predict(fit.parameters, columns), y, rtol=0, atol=1e-6 * np.abs(y).max())
+
+
+@pytest.mark.parametrize("name", SEVERAL)
+def test_no_random_parameters_within_the_bounds_fit_better(name: str) -> None:
+    """Noise as large as the force puts the minimum anywhere; the linear parameters of every trial are the best ones."""
+    formula = get(name)
+    columns, y = noisy(name, 7, rows=60, noise=150.0)
+    fit = formula.fit(columns, y)
+    rng = np.random.default_rng(0)
+    for _ in range(1500):
+        trial = {"theta": rng.uniform(0.0873, 1.48), "a_k": 10 ** rng.uniform(-1.3, 2.6), "b_k": -(10 ** rng.uniform(-1.3, 1.6))}
+        basis = np.eye(len(formula.linear))
+        phi = np.stack([formula.predict({**trial, **dict(zip(formula.linear, row, strict=True))}, columns) for row in basis], axis=1)
+        lengths = np.linalg.norm(phi, axis=0)
+        residual = phi / lengths @ np.linalg.lstsq(phi / lengths, y, rcond=None)[0] - y
+        assert fit.sse <= residual @ residual * (1 + 1e-9)
+
+
+def test_standard_errors_of_several_nonlinear_parameters() -> None:
+    """Over repeated noise the deviations divided by the standard errors have a variance of about one."""
+    name = "tondu_lopez_corrected"
+    fits = [get(name).fit(*noisy(name, seed, rows=80, noise=0.3)) for seed in range(16)]
+    deviations = [(fit.parameters[key] - value) / fit.errors[key] for fit in fits for key, value in PLANTED[name].items()]
+    assert 0.6 < np.std(deviations) < 1.4
+
+
+@pytest.mark.parametrize("name", ["chou_hannaford", "tondu_lopez"])
+@pytest.mark.parametrize("scale", [1e-3, 6.895])
+def test_lumped_parameters_carry_the_units(name: str, scale: float) -> None:
+    """Nothing but the scale of the area changes with the units of pressure and force."""
+    columns, y = noisy(name, 0)
+    fit, other = get(name).fit(columns, y), get(name).fit({**columns, "pressure": columns["pressure"] * scale}, 4.448 * y)
+    area = get(name).linear
+    assert [other.parameters[key] for key in area] == pytest.approx([fit.parameters[key] * 4.448 / scale for key in area], rel=1e-7)
+    assert [other.parameters[n.name] for n in get(name).nonlinear] == pytest.approx([fit.parameters[n.name] for n in get(name).nonlinear])
+
+
+def test_the_pressure_of_eq_10_must_be_in_kpa() -> None:
+    """In other units the same data do not fit: the formula has a pressure of its own."""
+    columns, y = noisy("kerscher", 0, rows=80)
+    fit, other = get("kerscher").fit(columns, y), get("kerscher").fit({**columns, "pressure": columns["pressure"] / 100}, y)
+    assert other.sse > 2 * fit.sse
+
+
+def test_levenberg_marquardt_reaches_the_same_minimum_inside_of_the_bounds() -> None:
+    columns, y = noisy("kerscher", 3, rows=80)
+    fit, other = get("kerscher").fit(columns, y), get("kerscher").fit(columns, y, "levenberg_marquardt")
+    assert fit.status == other.status == "converged"
+    assert "of 10 starts agree" in other.notes[0]
+    assert other.sse == pytest.approx(fit.sse, rel=1e-8)
+
+
+def test_a_parameter_that_ends_at_its_bound_is_put_there_and_named() -> None:
+    """A factor on the strain that does not depend on the pressure has a_k at its least."""
+    columns = scattered(0, 150)
+    y = get("tondu_lopez").predict({"area": 0.6, "theta": 0.6}, {**columns, "strain": 1.4 * columns["strain"]})
+    fit = get("tondu_lopez_corrected").fit(columns, y + np.where(columns["pressure"] < 200, 20.0, 0.0) * columns["strain"])
+    assert fit.status == "at_bound"
+    assert fit.parameters["a_k"] * np.abs(columns["strain"]).max() == 0.01
+    assert any("a_k runs to the limit of what is sought, 0.01/max|strain|" in note for note in fit.notes)
+
+
+@pytest.mark.parametrize("name", SEVERAL)
+def test_starts_over_cells_end_at_the_minimum_of_all_samples(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    columns, y = noisy(name, 5, rows=3 * cells.LIMIT)
+    quick = get(name).fit(columns, y)
+    monkeypatch.setattr(cells, "LIMIT", len(y))
+    assert quick.sse == pytest.approx(get(name).fit(columns, y).sse, rel=1e-12)
+
+
+def test_a_condensed_problem_weighs_its_rows_by_their_samples() -> None:
+    """So that its sum of squares is that of the full one, however unevenly the samples lie."""
+    formula = get("kerscher")
+    columns = scattered(0, 9000)
+    columns["pressure"] = 50 + 550 * ((columns["pressure"] - 50) / 550) ** 4
+    y = formula.predict(PLANTED["kerscher"], columns)
+    full = Problem(formula.expression, formula.linear, formula.nonlinear, formula.gradient, columns, y)
+    few = full.condensed()
+    assert len(few.y) <= cells.LIMIT < len(y)
+    beta, c = np.array([0.5, -0.4]), np.array([0.9, 1.0, -0.5])
+    for problem in (full, few):
+        jacobian = problem.jacobian(beta, c)
+        slope = problem.residual(beta + np.array([1.0, 0.0]), c) - problem.residual(beta, c)  # exact, as the formula is linear in it
+        np.testing.assert_allclose(jacobian[:, 0], slope, rtol=1e-8, atol=1e-8 * np.abs(slope).max())
+    assert np.sum(few.residual(beta, c) ** 2) == pytest.approx(np.sum(full.residual(beta, c) ** 2), rel=2e-3)
+    assert np.sum(few.target**2) == pytest.approx(np.sum(y**2), rel=2e-3)
+    assert few.regressors(c).T @ few.target == pytest.approx(full.regressors(c).T @ y, rel=2e-3)
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.integers(0, 10**6), st.integers(1, 3), st.sampled_from([1, 7, 4096, 4097, 20000]), st.booleans())
+def test_cells_keep_sums_and_ranges(seed: int, inputs: int, rows: int, levels: bool) -> None:
+    rng = np.random.default_rng(seed)
+    columns = {str(i): rng.choice([0.0, 0.1, 0.5], rows) if levels and i == 0 else rng.standard_normal(rows) for i in range(inputs)}
+    y = rng.standard_normal(rows)
+    few = cells.condensed(columns, y)
+    assert len(few.y) <= cells.LIMIT
+    assert few.counts.sum() == rows
+    assert few.counts @ few.y == pytest.approx(y.sum(), abs=1e-9 * rows)
+    for name, column in columns.items():
+        assert few.counts @ few.columns[name] == pytest.approx(column.sum(), abs=1e-9 * rows)
+        assert column.min() - 1e-12 <= few.columns[name].min() <= few.columns[name].max() <= column.max() + 1e-12
+    if levels:
+        np.testing.assert_allclose(np.unique(few.columns["0"].round(12)), np.unique(columns["0"]))
+    if rows <= cells.LIMIT:
+        assert few.y is y
+
+
+def test_trust_region_stays_within_the_bounds_and_says_where_it_touches() -> None:
+    """The distance to a point outside of the unit box, in the first coordinate; the third has no upper end."""
+    bounds = np.array([0.0, 0.0, 0.0]), np.array([1.0, 1.0, np.inf])
+    found = descend(lambda x: x - np.array([2.0, 0.3, -1.0]), lambda _: np.eye(3), np.array([0.5, 0.5, 0.5]), bounds, 1e-12)
+    moved, touched = onto_bounds(found.x, bounds)
+    assert touched == [0, 2]
+    assert moved == pytest.approx([1.0, 0.3, 0.0], abs=1e-9)
