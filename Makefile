@@ -6,7 +6,7 @@ export OMP_NUM_THREADS := 1
 
 STUDIES := configs/m2/dmsp-20-88-static.yaml configs/m2/peano-static.yaml
 
-.PHONY: demo test lint schema datasets clean
+.PHONY: demo test lint schema datasets bench clean
 
 demo: .venv/program
 	$(BIN)/mapmore batch $(STUDIES)
@@ -28,6 +28,9 @@ datasets: .venv/program
 	$(BIN)/mapmore simulate datasets/mckibben/load_cycles.yaml
 	$(BIN)/mapmore simulate datasets/peano/load_cycles.yaml
 
+bench: .venv/program .venv-bench/peers
+	$(BIN)/python tests/bench/run.py $(BENCH)
+
 clean:
 	rm -rf .venv runs build *.egg-info
 
@@ -38,4 +41,9 @@ clean:
 
 .venv/development: .venv/program
 	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[dev]"
+	touch $@
+
+.venv-bench/peers: tests/bench/peers.txt
+	$(PYTHON) -m venv .venv-bench
+	while read -r peer; do .venv-bench/bin/pip install --quiet --disable-pip-version-check "$$peer" || true; done < $<
 	touch $@

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.cli.views.view import View
     from mapmore_cli.reporting.tables import Table
+    from mapmore_cli.spec.campaign import Entry
     from mapmore_cli.stages.batch import Finished
 
 
@@ -26,7 +27,7 @@ def add_to(app: typer.Typer) -> None:
 
 
 def batch(
-    configs: Annotated[list[Path], typer.Argument(metavar="CONFIG...", help="Experiment specs (YAML).", show_default=False)],
+    configs: Annotated[list[Path], typer.Argument(metavar="CONFIG...", help="Experiment specs or campaigns (YAML).", show_default=False)],
     runs: Runs = RUNS,
     jobs: Annotated[int, typer.Option("--jobs", "-j", metavar="N", min=1, help="Runs at a time.")] = os.cpu_count() or 1,
     overrides: Overrides = NO_OVERRIDES,
@@ -35,40 +36,45 @@ def batch(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Run several specs at a time.
+    """Run several specs, or the runs of campaigns, at a time.
 
-    One that fails does not stop the rest; the exit code is the highest of all.
+    One that fails does not stop the rest; the exit code is the highest of all. A campaign gets a page of its own.
     """
+    from mapmore_cli.cli.campaigns import expanded, write_page
     from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.stages.batch import Job, run_all
 
-    _refuse_repeated_names(configs, overrides)
-    todo = [Job(config, runs, tuple(overrides), force, rehash) for config in configs]
+    campaigns, entries = expanded(configs, overrides)
+    _refuse_repeated_names(entries)
+    todo = [Job(entry.config, runs, entry.overrides, force, rehash) for entry in entries]
     results: dict[int, Finished | BaseException] = {}
     with Reporter(quiet) as reporter:
         for number, result in run_all(todo, jobs):
             results[number] = result
-            _tell(reporter, configs[number], result, f"{len(results)} of {len(todo)}")
-    ordered = [(config, results[number]) for number, config in enumerate(configs)]
-    print_view(_joint(ordered), as_json)
+            _tell(reporter, entries[number].config, result, f"{len(results)} of {len(todo)}")
+    ordered = [(entry.config, results[number]) for number, entry in enumerate(entries)]
+    view = _joint(ordered)
+    for campaign in campaigns:
+        view = write_page(campaign, [results[number] for number in campaign.jobs], runs, view)
+    print_view(view, as_json)
     if code := max(_code(result) for _, result in ordered):
         raise typer.Exit(code)
 
 
-def _refuse_repeated_names(configs: Sequence[Path], overrides: Sequence[str]) -> None:
+def _refuse_repeated_names(entries: Sequence[Entry]) -> None:
     """Two runs of one name would write the same folder."""
     from mapmore_cli.spec.loader import load
 
     names: dict[str, Path] = {}
-    for config in configs:
+    for entry in entries:
         try:
-            name = load(config, overrides).spec.name
+            name = load(entry.config, entry.overrides).spec.name
         except SpecError:
             continue  # its own run will say so
         if name in names:
-            raise UsageError(f"{names[name]} and {config} have the same name, '{name}'", "give each spec a `name` of its own")
-        names[name] = config
+            raise UsageError(f"{names[name]} and {entry.config} have the same name, '{name}'", "give each spec a `name` of its own")
+        names[name] = entry.config
 
 
 def _tell(reporter: Reporter, config: Path, result: Finished | BaseException, count: str) -> None:

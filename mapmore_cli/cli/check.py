@@ -1,4 +1,4 @@
-"""`mapmore check`: is the spec right, and do its recordings hold what it says?"""
+"""`mapmore check`: is the spec right, do its recordings hold what it says, and does anything look like a mistake?"""
 
 from __future__ import annotations
 
@@ -21,12 +21,13 @@ def check(
     """Check a spec and its data; compute nothing."""
     from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.progress import Reporter
-    from mapmore_cli.cli.views import measured
+    from mapmore_cli.cli.views import inspected
     from mapmore_cli.spec.loader import load
-    from mapmore_cli.stages.ingestion.dataset import build_dataset
-    from mapmore_cli.stages.ingestion.slice import slice_of
+    from mapmore_cli.stages.inspection.lint import inspect
 
     loaded = load(config, overrides)
     with Reporter(quiet) as reporter:
-        dataset = build_dataset(slice_of(loaded.spec), loaded.folder, progress=reporter.progress, warn=reporter.warn)
-    print_view(measured.of_dataset(dataset).under({"name": loaded.spec.name}), as_json)
+        inspection = inspect(loaded, progress=reporter.progress, warn=reporter.warn)
+    print_view(inspected.of_inspection(inspection).under({"name": loaded.spec.name}), as_json)
+    if inspection.verdict is not None:
+        raise inspection.verdict

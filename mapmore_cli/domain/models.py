@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import FormulaFit, Scaling
@@ -17,7 +17,8 @@ Side = str | float
 class SegmentFunction:
     """`f(x) = y_slope sum_k theta_k D_k(slope x + intercept) + y_intercept` (M2 eq 8).
 
-    `theta`, its standard errors, `g` and `err` are `(k,)` in the order of selection, in scaled coordinates.
+    `theta`, its standard errors, `g` and `err` are `(k,)` in the order of selection, in scaled coordinates. `limits` is the range of its
+    samples along every segmented variable.
     """
 
     id: str
@@ -31,6 +32,7 @@ class SegmentFunction:
     samples: int
     condition: float
     stop: str
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -42,22 +44,30 @@ class CurveFunction:
     boundaries: tuple[Array, ...]  # one for each of the model's segmented variables
     limits: Mapping[str, tuple[float, float]]
     segments: tuple[SegmentFunction, ...]
+    threshold: float | None = None  # along the aligned variable, where there is one
 
 
 @dataclass(frozen=True)
 class Fusion:
-    """How the pieces are joined (M2 eq 9-12)."""
+    """How the pieces are joined (M2 eq 9-12).
+
+    `shrink` is the share g of the pieces on a backbone that is carried to the middle between two levels: `g + (1 - g)(1 - 2t)^2` at the
+    place t between them.
+    """
 
     transition: str  # linear | quadratic | cubic
     z_s: float
     extrapolation: Mapping[str, tuple[Side, Side]]  # below and above, for every input
+    levels: str = "linear"  # linear | pchip
+    aligned: str | None = None  # variable along which curves are aligned at their thresholds before they are interpolated
+    shrink: float = 1.0
 
 
 @dataclass(frozen=True)
 class FoldError:
     """Cross-validation error of one choice: RMSE pooled over all left-out training samples, in the target's unit."""
 
-    choice: str  # backbone | backbone + residual
+    choice: str  # backbone | backbone + residual | backbone + shrunken residual
     rmse: float
     folds: int
 
@@ -67,8 +77,8 @@ class Model:
     """A static model `output = backbone(inputs) + sum_i f_i(E(x)) prod_j w_ij(x_j)` (M2 eq 9).
 
     Where the model is a formula alone, its curves have no segments but still say the training range; `backbone` is None where MAPMORE
-    stands by itself. `cross_validation` says on what grounds the residual on a backbone was kept or dropped; it is empty where there was
-    no choice.
+    stands by itself. `cross_validation` says on what grounds the residual on a backbone was kept, shrunk or dropped; it is empty where
+    nobody asked.
     """
 
     name: str

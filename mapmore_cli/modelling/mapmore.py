@@ -7,14 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from mapmore_cli.domain.fits import FitResult, FormulaFit, SegmentedCurve, SegmentFit
+import numpy as np
+
+from mapmore_cli.domain.arrays import IntArray
+from mapmore_cli.domain.fits import FitResult, FormulaFit, Segment, SegmentedCurve, SegmentFit
 from mapmore_cli.domain.models import CurveFunction, Fusion, Model, SegmentFunction, Side
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.backbone import residual_of
-from mapmore_cli.modelling.recipe import Cut, Recipe
-from mapmore_cli.modelling.regression import dictionary_inputs, fit_segments
-from mapmore_cli.modelling.segmentation import segment_curve, training_curves
+from mapmore_cli.modelling.fusion.alignment import threshold
+from mapmore_cli.modelling.recipe import Recipe
+from mapmore_cli.modelling.regression import dictionary_inputs, fit_segment, fit_segments
+from mapmore_cli.modelling.segmentation import samples_of, segment_curve, training_curves
+from mapmore_cli.modelling.terms import parse
 
 
 def model_inputs(recipe: Recipe, backbone: FormulaFit | None) -> tuple[str, ...]:
@@ -27,9 +32,26 @@ def model_inputs(recipe: Recipe, backbone: FormulaFit | None) -> tuple[str, ...]
     return tuple(sorted(names))
 
 
-def segment(curves: Sequence[Curve], cuts: Mapping[str, Cut], by_level: bool) -> tuple[SegmentedCurve, ...]:
-    """Cut every training curve."""
-    return tuple(segment_curve(curve, cuts) for curve in training_curves(curves, by_level))
+def segment(curves: Sequence[Curve], recipe: Recipe, backbone: FormulaFit | None = None) -> tuple[SegmentedCurve, ...]:
+    """Cut every training curve: by its measured course, or (`Optimal`) by what the fits of its segments would leave.
+
+    Raises
+    ------
+    DataError
+        Where a segment holds no sample, or a curve has too few for the cut.
+    """
+    terms = [parse(text) for text in recipe.dictionary]
+    training = training_curves(curves, recipe.level is not None)
+    fitted = {curve.id: residual_of(curve, recipe.target, backbone) for curve in training}
+
+    def cost(curve: Curve, rows: IntArray) -> float:
+        if len(rows) <= recipe.max_terms:
+            return float("inf")
+        trial = Segment(f"{curve.id}/trial", curve.id, (), rows)
+        found = fit_segment(trial, samples_of(fitted[curve.id], rows), terms, recipe)
+        return found.selection.sse * found.scaling.y_slope**2
+
+    return tuple(segment_curve(curve, recipe.cuts, recipe.target, cost) for curve in training)
 
 
 def fit(
@@ -46,18 +68,32 @@ def fit(
 
 def fuse(
     name: str,
+    curves: Sequence[Curve],
     segmentation: Sequence[SegmentedCurve],
     result: FitResult,
     recipe: Recipe,
     quantities: Mapping[str, Quantity],
 ) -> Model:
-    """Join the segment functions; curves come in the order of their levels."""
+    """Join the segment functions; curves come in the order of their levels.
+
+    Where the recipe leaves it open how far a residual is carried between levels, all of it is: see `shrinkage`.
+    """
     inputs = model_inputs(recipe, result.backbone)
+    limits = _segment_limits(curves, segmentation, recipe)
+    along = _aligned_variable(recipe, inputs)
+    thresholds = _thresholds(curves, recipe, along) if along else {}
     fits: dict[str, list[SegmentFit]] = {}
     for one in result.fits:
         fits.setdefault(one.curve, []).append(one)
-    curves = [
-        CurveFunction(s.curve, s.level, s.boundaries, {i: s.limits[i] for i in inputs}, tuple(_function(f) for f in fits.get(s.curve, ())))
+    functions = [
+        CurveFunction(
+            curve=s.curve,
+            level=s.level,
+            boundaries=s.boundaries,
+            limits={i: s.limits[i] for i in inputs},
+            segments=tuple(_function(f, limits[f.id]) for f in fits.get(s.curve, ())),
+            threshold=thresholds.get(s.curve),
+        )
         for s in sorted(segmentation, key=lambda s: (s.level is not None, s.level))
     ]
     sides = _extrapolation(recipe, result, inputs)
@@ -67,8 +103,8 @@ def fuse(
         inputs=tuple(quantities[i] for i in inputs),
         level=recipe.level,
         variables=tuple(recipe.cuts),
-        curves=tuple(curves),
-        fusion=Fusion(recipe.transition, recipe.z_s, sides),
+        curves=tuple(functions),
+        fusion=Fusion(recipe.transition, recipe.z_s, sides, recipe.levels, along, _shrink(recipe, result.backbone)),
         backbone=result.backbone,
         notes=(*result.notes, *_remarks(recipe, result, sides)),
     )
@@ -78,11 +114,42 @@ def build(
     name: str, curves: Sequence[Curve], recipe: Recipe, quantities: Mapping[str, Quantity], backbone: FormulaFit | None = None
 ) -> Model:
     """A model from curves in one go."""
-    segmentation = segment(curves, recipe.cuts, recipe.level is not None)
-    return fuse(name, segmentation, FitResult(fit(curves, segmentation, recipe, backbone), backbone), recipe, quantities)
+    segmentation = segment(curves, recipe, backbone)
+    return fuse(name, curves, segmentation, FitResult(fit(curves, segmentation, recipe, backbone), backbone), recipe, quantities)
 
 
-def _function(fit: SegmentFit) -> SegmentFunction:
+def _shrink(recipe: Recipe, backbone: FormulaFit | None) -> float:
+    """Without a backbone there is nothing to shrink towards."""
+    return 1.0 if backbone is None or recipe.shrink is None else recipe.shrink
+
+
+def _aligned_variable(recipe: Recipe, inputs: Sequence[str]) -> str | None:
+    """The variable along which thresholds are looked for: the first that is cut, else the first input that is not the level."""
+    if recipe.align == "none" or recipe.level is None:
+        return None
+    return next(iter([*recipe.cuts, *(name for name in inputs if name != recipe.level)]), None)
+
+
+def _thresholds(curves: Sequence[Curve], recipe: Recipe, along: str) -> dict[str, float]:
+    """Thresholds of the measured curves, also where segments explain what a backbone leaves of them."""
+    measured = [(curve.id, samples_of(curve, np.flatnonzero(~curve.held_out))) for curve in curves if not curve.held_out.all()]
+    return {name: threshold(samples[along], samples[recipe.target]) for name, samples in measured}
+
+
+def _segment_limits(
+    curves: Sequence[Curve], segmentation: Sequence[SegmentedCurve], recipe: Recipe
+) -> dict[str, dict[str, tuple[float, float]]]:
+    """Range of every segment's samples along every segmented variable, by the segment's id."""
+    by_id = {curve.id: curve for curve in training_curves(curves, recipe.level is not None)}
+    ranges = {}
+    for segmented in segmentation:
+        for one in segmented.segments:
+            samples = {name: by_id[segmented.curve].columns[name][one.rows] for name in segmented.variables}
+            ranges[one.id] = {name: (float(x.min()), float(x.max())) for name, x in samples.items()}
+    return ranges
+
+
+def _function(fit: SegmentFit, limits: Mapping[str, tuple[float, float]]) -> SegmentFunction:
     chosen = fit.selection
     return SegmentFunction(
         id=fit.id,
@@ -96,6 +163,7 @@ def _function(fit: SegmentFit) -> SegmentFunction:
         samples=chosen.samples,
         condition=chosen.condition,
         stop=chosen.stop,
+        limits=limits,
     )
 
 

@@ -9,7 +9,9 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.models import CurveFunction, Model, SegmentFunction, Side
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.fusion import cell_weights, level_weights
+from mapmore_cli.modelling.extrapolation import clamped, zeroed
+from mapmore_cli.modelling.fusion import carried_share, cell_weights, level_weights, shape_preserving
+from mapmore_cli.modelling.fusion.alignment import aligned
 from mapmore_cli.modelling.scaling import scaled
 from mapmore_cli.modelling.terms import Expression, derivative, evaluate, parse
 
@@ -78,45 +80,83 @@ def extrapolation(model: Model, name: str) -> tuple[Side, Side]:
 
 
 def _pieces(model: Model, inputs: Columns) -> Array:
-    n = len(next(iter(inputs.values())))
     if model.level is None:
         return evaluate_curve(model, model.curves[0], inputs)
     levels = level_values(model)
     below, above = extrapolation(model, model.level)
     held = ("continue", "continue_linear", "zero")  # these act on the weights; only `saturate` and a value move the level itself
     moved = tuple("continue" if side in held else side for side in (below, above))
-    at_level = _clamped(inputs[model.level], (levels[0], levels[-1]), (moved[0], moved[1]))
-    weights = level_weights(at_level, levels, str(below), str(above))
+    at_level = clamped(inputs[model.level], (levels[0], levels[-1]), (moved[0], moved[1]))
     inputs = {**inputs, model.level: at_level}
-    y = np.zeros(n)
+    weights = level_weights(at_level, levels, str(below), str(above))
+    if model.fusion.levels == "linear":
+        y: Array = np.einsum("nl,nl->n", weights, _curve_values(model, inputs, weights != 0))
+    else:
+        values = _curve_values(model, inputs, np.ones(weights.shape, dtype=bool))
+        y = shape_preserving(at_level, levels, values, str(below), str(above))
+    return y * carried_share(at_level, levels, model.fusion.shrink)
+
+
+def _curve_values(model: Model, inputs: Columns, needed: BoolArray) -> Array:
+    """Values of all curves at all rows, (n, L), each looked up at its own place where curves are aligned; zero where not needed."""
+    values = np.zeros(needed.shape)
+    places = _aligned_places(model, inputs)
     for number, curve in enumerate(model.curves):
-        rows = np.flatnonzero(weights[:, number])
+        rows = np.flatnonzero(needed[:, number])
         if len(rows):
-            y[rows] += weights[rows, number] * evaluate_curve(model, curve, {name: x[rows] for name, x in inputs.items()})
-    return y
+            own = {**inputs, **{name: at[:, number] for name, at in places.items()}}
+            values[rows, number] = evaluate_curve(model, curve, {name: x[rows] for name, x in own.items()})
+    return values
+
+
+def _aligned_places(model: Model, inputs: Columns) -> dict[str, Array]:
+    """Where each curve is looked up along the aligned variable, (n, L); empty where there is none."""
+    name = model.fusion.aligned
+    if name is None or model.level is None:
+        return {}
+    own = np.array([[curve.limits[name][0], curve.threshold, curve.limits[name][1]] for curve in model.curves], dtype=np.float64)
+    marks = level_weights(inputs[model.level], level_values(model)) @ own
+    return {name: np.column_stack([aligned(inputs[name], marks, curve) for curve in own])}
 
 
 def evaluate_curve(model: Model, curve: CurveFunction, inputs: Columns) -> Array:
     """The fused segments of one curve, (n,), with the extrapolation of every input but the level."""
     free = [quantity.name for quantity in model.inputs if quantity.name != model.level]
     sides = {name: extrapolation(model, name) for name in free}
-    clamped = {**inputs, **{name: _clamped(inputs[name], curve.limits[name], sides[name]) for name in free}}
+    within = {**inputs, **{name: clamped(inputs[name], curve.limits[name], sides[name]) for name in free}}
     linear = [name for name in free if "continue_linear" in sides[name]]
     y = np.zeros(len(next(iter(inputs.values()))))
-    for segment, weight in zip(curve.segments, _segment_weights(model, curve, clamped), strict=True):
+    for segment, weight in zip(curve.segments, _segment_weights(model, curve, within), strict=True):
         rows = np.flatnonzero(weight)
         if len(rows) == 0:
             continue
-        at = {name: x[rows] for name, x in clamped.items()}
+        at = _in_reach(model, curve, segment, {name: x[rows] for name, x in within.items()})
         value = segment_value(segment, at)
         for name in linear:
-            beyond = inputs[name][rows] - at[name]
+            beyond = (inputs[name] - within[name])[rows]
             if beyond.any():
                 value += segment_slope(segment, at, name) * beyond
         y[rows] += weight[rows] * value
     for name in free:
-        y[_zeroed(inputs[name], curve.limits[name], sides[name])] = 0.0
+        y[zeroed(inputs[name], curve.limits[name], sides[name])] = 0.0
     return y
+
+
+def _in_reach(model: Model, curve: CurveFunction, segment: SegmentFunction, inputs: Columns) -> Columns:
+    """Inputs held where a segment function is carried beyond its samples by more than z_s of their width.
+
+    M2 eq 10 and 11 make a transition zone z_s of *both* neighbours' widths: in the zone beside a wide segment, the function of a narrow one
+    would be carried several times its width beyond its data, where a polynomial explodes. Segments of one width that are full of samples
+    are not held. The outer ends of a curve are left to `extrapolation`.
+    """
+    held = dict(inputs)
+    for name, boundaries, place in zip(model.variables, curve.boundaries, segment.cell, strict=True):
+        low, high = segment.limits.get(name, (-np.inf, np.inf))
+        reach = model.fusion.z_s * (high - low)
+        lowest = -np.inf if place == 1 else low - reach
+        highest = np.inf if place == len(boundaries) - 1 else high + reach
+        held[name] = np.clip(inputs[name], lowest, highest)
+    return held
 
 
 def _segment_weights(model: Model, curve: CurveFunction, inputs: Columns) -> list[Array]:
@@ -133,21 +173,6 @@ def _segment_weights(model: Model, curve: CurveFunction, inputs: Columns) -> lis
             weight = weight * table[:, place - 1]
         weights.append(weight)
     return weights
-
-
-def _clamped(x: Array, limits: tuple[float, float], sides: tuple[Side, Side]) -> Array:
-    """The extrapolation function E (M2 eq 12)."""
-    (low, high), (below, above) = limits, sides
-    if below != "continue":
-        x = np.where(x < low, below if isinstance(below, float) else low, x)
-    if above != "continue":
-        x = np.where(x > high, above if isinstance(above, float) else high, x)
-    return x
-
-
-def _zeroed(x: Array, limits: tuple[float, float], sides: tuple[Side, Side]) -> BoolArray:
-    """Rows where the outermost weight steps to zero at the limit (M2 figure 7d)."""
-    return ((x < limits[0]) & (sides[0] == "zero")) | ((x > limits[1]) & (sides[1] == "zero"))
 
 
 def segment_value(segment: SegmentFunction, columns: Columns) -> Array:

@@ -9,12 +9,43 @@ from mapmore_cli.domain.models import Side
 
 
 @dataclass(frozen=True)
-class Cut:
-    """How one variable is cut into segments: `even` into `count`, or `breakpoints` at the inner boundaries `at`."""
+class Even:
+    """`count` segments of one width."""
 
-    method: str
-    count: int = 1
-    at: tuple[float, ...] = ()
+    count: int
+
+
+@dataclass(frozen=True)
+class Breakpoints:
+    """Segments between given inner boundaries."""
+
+    at: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Gradient:
+    """`count` segments that meet where the slope of the target changes most (M1 section IV.A).
+
+    `window` is the width of the features to be seen, `separation` the least distance of boundaries, both in the variable's unit; None
+    stands for a tenth of the curve's range and for the window.
+    """
+
+    count: int
+    window: float | None = None
+    separation: float | None = None
+
+
+@dataclass(frozen=True)
+class Optimal:
+    """`count` segments whose fits leave the least, with boundaries on an even grid of `grid` cells and `min_samples` in each segment."""
+
+    count: int
+    grid: int = 20
+    min_samples: int = 10
+
+
+Cut = Even | Breakpoints | Gradient | Optimal
+"""How one variable is cut into segments."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +62,12 @@ class Recipe:
         Segmentation of each segmented variable.
     dictionary
         Candidate terms as text, in scaled coordinates.
+    levels
+        Interpolation between the curves: `linear` or `pchip`.
+    align
+        `none`, or `threshold`: curves are interpolated between points at the same place relative to their thresholds.
+    shrink
+        Share of a backbone's residual that is carried to the middle between two levels; None asks left-out training levels.
     extrapolation
         Below and above, for every variable that is named. What is not named, or None, takes `beyond`, and where that is None the
         default: `continue` where every segment has one term, else `saturate`.
@@ -46,5 +83,8 @@ class Recipe:
     stop: str = "tolerance"
     transition: str = "linear"
     z_s: float = 0.25
+    levels: str = "linear"
+    align: str = "none"
+    shrink: float | None = None
     extrapolation: Mapping[str, tuple[Side | None, Side | None]] = field(default_factory=dict)
     beyond: Side | None = None

@@ -11,6 +11,8 @@ from mapmore_cli.spec.diagnostics import Finding, did_you_mean
 from mapmore_cli.spec.models import ExperimentSpec, Rate, TargetColumn
 from mapmore_cli.spec.tree import Loc
 
+NO_TIME = "add `time` to `columns`, or `sample_time` to `data`"
+
 
 def names(spec: ExperimentSpec) -> Iterator[Finding]:
     """Every quantity that is used must be one of the study."""
@@ -62,12 +64,12 @@ def derived(spec: ExperimentSpec) -> Iterator[Finding]:
     needs: dict[str, set[str]] = {}
     for name, rule in spec.data.derive.items():
         loc = ("data", "derive", name)
-        if name in spec.data.columns:
+        if name in spec.data.measured:
             yield Finding(loc, f"`{name}` is a column and derived as well", "give the column another name", on_key=True)
         if isinstance(rule, Rate):
             needs[name] = {rule.rate_of}
             if "time" not in spec.data.quantities:
-                yield Finding(loc, f"the rate `{name}` needs the time", "add `time` to `columns`", on_key=True)
+                yield Finding(loc, f"the rate `{name}` needs the time", NO_TIME, on_key=True)
             continue
         try:
             needs[name] = set(parse(rule).names)
@@ -78,6 +80,24 @@ def derived(spec: ExperimentSpec) -> Iterator[Finding]:
     except graphlib.CycleError as error:
         circle = [str(name) for name in error.args[1]]
         yield Finding(("data", "derive", circle[0]), f"derived in a circle: {' <- '.join(circle)}", "break the circle", on_key=True)
+
+
+def clocks(spec: ExperimentSpec) -> Iterator[Finding]:
+    """What goes by the clock needs a time; joined quantities have names of their own."""
+    data = spec.data
+    has_time = "time" in data.measured
+    needing = {"gaps": data.gaps is not None, "resample": data.resample is not None}
+    for key in [key for key, given in needing.items() if given and not has_time]:
+        yield Finding(("data", key), f"`{key}` needs the time", NO_TIME, on_key=True)
+    taken = set(data.columns)
+    for i, join in enumerate(data.join):
+        if join.on == "time" and not has_time:
+            yield Finding(("data", "join", i), "a join on time needs the time of the first log", NO_TIME)
+        for name in join.quantities:
+            if name in taken:
+                loc = ("data", "join", i, "columns", name)
+                yield Finding(loc, f"`{name}` is a column already", "give one of both another name", on_key=True)
+        taken.update(join.quantities)
 
 
 def expressions(spec: ExperimentSpec) -> Iterator[Finding]:

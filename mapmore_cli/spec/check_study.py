@@ -8,7 +8,7 @@ from typing import get_type_hints
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.scores import Score
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean
-from mapmore_cli.spec.models import Competitor, Cuts, ExperimentSpec, TargetColumn
+from mapmore_cli.spec.models import Competitor, Cuts, ExperimentSpec, Fuse, Table, TargetColumn
 from mapmore_cli.spec.tree import Loc
 from mapmore_cli.spec.units import CANONICAL, check_unit, convert, default_unit, is_canonical
 
@@ -29,6 +29,19 @@ def levels(spec: ExperimentSpec) -> Iterator[Finding]:
             yield Finding(("segment", name), f"`{name}` is constant within a curve and cannot be cut", remedy, on_key=True)
     if spec.data.split.leave_one_level_out and level is None:
         yield Finding(("data", "split", "leave_one_level_out"), "there are no levels to leave out", "add `levels` to `data`", on_key=True)
+
+
+def joining(spec: ExperimentSpec) -> Iterator[Finding]:
+    """What is set about the way between levels, or about a residual, has something to act on."""
+    defaults = Fuse()
+    pooled = spec.data.levels is None or spec.segment.get(spec.data.levels.of) == "none"
+    for key in ("levels", "align"):
+        if pooled and getattr(spec.fuse, key) != getattr(defaults, key):
+            yield Finding(
+                ("fuse", key), "there are no levels to interpolate between", f"remove `{key}`, or add `levels` to `data`", on_key=True
+            )
+    if spec.model.backbone is None and spec.fuse.shrink != defaults.shrink:
+        yield Finding(("fuse", "shrink"), "there is no residual to carry", "remove it, or give the `model` a `backbone`", on_key=True)
 
 
 def held_out(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -75,7 +88,7 @@ def formulas(spec: ExperimentSpec) -> Iterator[Finding]:
             )
     shown = [OWN]
     for i, competitor in enumerate(spec.validation.against):
-        name = (competitor.as_ or competitor.model) if isinstance(competitor, Competitor) else competitor
+        name = competitor.label if isinstance(competitor, Competitor) else competitor
         if name in shown:
             remedy = "give this one a name: `{model: ..., as: NAME}`"
             yield Finding(("validate", "against", i), f"two models of the scores are named `{name}`", remedy)
@@ -88,10 +101,10 @@ def _formula_uses(spec: ExperimentSpec) -> Iterator[tuple[str, Loc]]:
     if spec.model.name is not None:
         yield spec.model.name, ("model", "name")
     for i, competitor in enumerate(spec.validation.against):
-        if isinstance(competitor, Competitor):
-            yield competitor.model, ("validate", "against", i, "model")
-        else:
+        if isinstance(competitor, str):
             yield competitor, ("validate", "against", i)
+        elif competitor.model is not None:
+            yield competitor.model, ("validate", "against", i, "model")
 
 
 def metrics(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -112,10 +125,12 @@ def units(spec: ExperimentSpec) -> Iterator[Finding]:
         found = list(_unit(("units", name), unit, default_unit(name) if is_canonical(name) else unit))
         wrong += [name] if found else []
         yield from found
-    for name, column in spec.data.columns.items():
-        if column.unit is not None and name not in wrong:
-            remedy = None if is_canonical(name) or name in spec.units else f"say `units: {{{name}: {column.unit}}}`"
-            yield from _unit(("data", "columns", name, "unit"), column.unit, default_unit(name, spec.units), remedy)
+    tables: list[tuple[Loc, Table]] = [(("data",), spec.data), *((("data", "join", i), join) for i, join in enumerate(spec.data.join))]
+    for loc, table in tables:
+        for name, column in table.columns.items():
+            if column.unit is not None and name not in wrong:
+                remedy = None if is_canonical(name) or name in spec.units else f"say `units: {{{name}: {column.unit}}}`"
+                yield from _unit((*loc, "columns", name, "unit"), column.unit, default_unit(name, spec.units), remedy)
 
 
 def _unit(loc: Loc, unit: str, wanted: str, remedy: str | None = None) -> Iterator[Finding]:

@@ -10,14 +10,11 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, model_validator
 
 from mapmore_cli.spec.fields import (
-    InColumnUnit,
     Keyed,
     Many,
     Measured,
-    Number,
     OfKey,
     Quantity,
-    RelativePath,
     Seconds,
     Section,
     Text,
@@ -25,27 +22,10 @@ from mapmore_cli.spec.fields import (
     contradiction,
     of_sibling,
 )
+from mapmore_cli.spec.table_section import FileEntry, Join, Table
 
-FilePattern = Annotated[str, RelativePath()]
 OfQuantity = Annotated[float, of_sibling("quantity")]
 OfLevel = Annotated[float, of_sibling("of")]
-
-
-class FileEntry(Section):
-    """A glob (`path`) with quantities that no column holds (`set`), and the recording's `id` where one file matches."""
-
-    path: FilePattern
-    set: dict[Quantity, OfKey] = {}
-    id: str | None = None
-
-
-class Column(Section):
-    """Where a quantity comes from: a `column` by name or 0-based index, as `value * scale + offset` in `unit`."""
-
-    column: Annotated[Annotated[str, Text] | Annotated[int, Number], by_shape]
-    unit: str | None = None
-    scale: float = 1.0
-    offset: InColumnUnit = 0.0
 
 
 class Rate(Section):
@@ -185,31 +165,43 @@ class Split(Section):
         return self
 
 
-class Data(Section):
-    """The recordings, and how they become curves.
+class Gaps(Section):
+    """Gaps between samples `longer_than` seconds are an error, or split the recording.
 
-    `files` are globs that start at the folder of the spec; `columns` say which column holds which quantity, `derive` what follows from
-    them. `keep` chooses samples; `cycles` splits loops into branches, `levels` names what is constant within one curve, and `split`
-    separates the validation data.
+    With `split`, pieces are recordings of their own, `<id>#1`, `<id>#2`, ...; a clock that is set back splits as well.
     """
 
-    files: Annotated[
-        list[Annotated[Annotated[FilePattern, Text] | Annotated[FileEntry, Keyed], by_shape]],
-        Field(min_length=1),
-    ]
-    reader: Literal["csv"] = "csv"
-    header: bool = True
-    columns: Annotated[dict[Quantity, Column], Field(min_length=1)]
+    longer_than: Seconds
+    action: Literal["error", "split"] = "error"
+
+
+class Data(Table):
+    """The recordings, and how they become curves.
+
+    `columns` say which column holds which quantity, `join` adds those of a second log, `derive` what follows from them. `gaps` are
+    where a recording breaks off, `resample` brings it onto even time steps. `keep` chooses samples; `cycles` splits loops into
+    branches, `levels` names what is constant within one curve, and `split` separates the validation data.
+    """
+
+    join: list[Join] = []
     derive: dict[Quantity, Annotated[Annotated[str, Text] | Annotated[Rate, Keyed], by_shape]] = {}
     keep: list[Keep] = []
     missing: Literal["error", "drop"] = "error"
     repeated_time: Literal["error", "average", "spread"] = "error"
+    gaps: Gaps | None = None
+    resample: Seconds | None = None
     cycles: Cycles | None = None
     levels: Levels | None = None
     split: Split = Split()
 
     @property
+    def measured(self) -> tuple[str, ...]:
+        """Every quantity that comes from a column, or is the time made from `sample_time`."""
+        joined = (name for join in self.join for name in join.quantities)
+        return tuple(dict.fromkeys((*self.columns, *(["time"] if self.sample_time is not None else []), *joined)))
+
+    @property
     def quantities(self) -> tuple[str, ...]:
-        """Every quantity that the samples have: of columns, set beside files, derived."""
+        """Every quantity that the samples have: of columns and joined logs, set beside files, derived."""
         beside = (name for entry in self.files if isinstance(entry, FileEntry) for name in entry.set)
-        return tuple(dict.fromkeys((*self.columns, *beside, *self.derive)))
+        return tuple(dict.fromkeys((*self.measured, *beside, *self.derive)))

@@ -51,6 +51,7 @@ def shape(value: Any) -> str:
 by_shape = Discriminator(shape)
 """Chooses the member of a union, so that a mistake gives one message instead of one for every member."""
 Text, Number, Many, Keyed = Tag("<text>"), Tag("<a number>"), Tag("<a list>"), Tag("<a mapping>")
+TrueFalse = Tag("<true or false>")
 
 
 # Numbers with units ------------------------------------------------------------------------------------------------------------------
@@ -106,6 +107,7 @@ def _metric_unit(around: Surroundings) -> str | None:
 
 Metres = Annotated[float, Field(gt=0), Measured(lambda _: "m")]
 Seconds = Annotated[float, Field(gt=0), Measured(lambda _: "s")]
+SignedSeconds = Annotated[float, Measured(lambda _: "s")]
 OfKey = Annotated[float, Measured(lambda around: around.unit_of(around.key))]
 OfTarget = Annotated[float, Measured(lambda around: around.unit_of(around.target))]
 InColumnUnit = Annotated[float, Measured(_column_unit)]

@@ -9,16 +9,16 @@ Units: every number here is already in the model's unit; the loader turns `250 k
 from __future__ import annotations
 
 from itertools import pairwise
+from pathlib import PurePosixPath
 from typing import Annotated, Literal
 
 from pydantic import Field, ValidationInfo, model_validator
 
 from mapmore_cli.spec.data_section import (
     Between,
-    Column,
     Cycles,
     Data,
-    FileEntry,
+    Gaps,
     Holdout,
     Keep,
     Levels,
@@ -36,12 +36,14 @@ from mapmore_cli.spec.fields import (
     OfTarget,
     Positive,
     Quantity,
+    RelativePath,
     Section,
     Share,
     Text,
     by_shape,
     contradiction,
 )
+from mapmore_cli.spec.table_section import Column, FileEntry, Join, Table
 
 __all__ = [
     "BelowAbove",
@@ -57,7 +59,9 @@ __all__ = [
     "FileEntry",
     "Fit",
     "Fuse",
+    "Gaps",
     "Holdout",
+    "Join",
     "Keep",
     "Levels",
     "ModelChoice",
@@ -70,6 +74,7 @@ __all__ = [
     "Report",
     "Section",
     "Split",
+    "Table",
     "TargetColumn",
     "Validate",
 ]
@@ -96,22 +101,37 @@ class TargetColumn(Section):
 
 
 class Cuts(Section):
-    """How one variable is cut: `even` needs `count`; `breakpoints` needs the inner boundaries, `at`."""
+    """How one variable is cut into segments.
 
-    method: Literal["even", "breakpoints"]
+    `even` needs `count`; `breakpoints` needs the inner boundaries, `at`; `gradient` puts `count - 1` boundaries where the slope of the
+    target changes most, seen through a `window` (a tenth of each curve's range) and `separation` apart (the window); `optimal` puts them
+    where the fits of the segments leave the least, on a `grid` of equal cells (20) with `min_samples` in each segment (10).
+    """
+
+    method: Literal["even", "breakpoints", "gradient", "optimal"]
     count: Annotated[int, Field(ge=1)] | None = None
     at: Annotated[list[OfKey], Field(min_length=1)] | None = None
+    window: Annotated[OfKey, Field(gt=0)] | None = None
+    separation: Annotated[OfKey, Field(gt=0)] | None = None
+    grid: Annotated[int, Field(ge=1, le=200)] | None = None
+    min_samples: Annotated[int, Field(ge=1)] | None = None
 
     @model_validator(mode="after")
     def _whole(self) -> Cuts:
-        needed, other = ("count", "at") if self.method == "even" else ("at", "count")
+        needed = "at" if self.method == "breakpoints" else "count"
         if getattr(self, needed) is None:
             example = "count: 4" if needed == "count" else "at: [0.05, 0.1]"
             raise contradiction(f"method `{self.method}` needs `{needed}`", f"add it, as `{example}`", "method")
-        if getattr(self, other) is not None:
-            raise contradiction(f"method `{self.method}` has no use for `{other}`", f"remove `{other}`", other)
+        useful = {"gradient": {"window", "separation"}, "optimal": {"grid", "min_samples"}}.get(self.method, set()) | {"method", needed}
+        for other in type(self).model_fields:
+            if other not in useful and getattr(self, other) is not None:
+                raise contradiction(f"method `{self.method}` has no use for `{other}`", f"remove `{other}`", other)
         if self.at is not None and any(after <= before for before, after in pairwise(self.at)):
             raise contradiction("the breakpoints do not increase", f"write `at: {sorted(set(self.at))}`", "at")
+        if self.method == "optimal" and self.count is not None and self.count > (self.grid or self.count):
+            raise contradiction(
+                f"{self.count} segments do not fit on a grid of {self.grid} cells", "raise `grid`, or lower `count`", "grid"
+            )
         return self
 
 
@@ -182,21 +202,44 @@ Sides = Annotated[Annotated[ExtrapolationWord, Text] | Annotated[BelowAbove, Key
 class Fuse(Section):
     """How pieces are joined (M2 eq 9-12).
 
-    Transition zones reach `z_s` of a segment's width to each side of a boundary. `extrapolation` is a word for all variables, or a
-    mapping from variable to word or `{below, above}`; without it, `continue` for one-term fits, else `saturate`.
+    Transition zones reach `z_s` of a segment's width to each side of a boundary. Between levels, curves are interpolated by triangles
+    (`levels: linear`) or keeping their shape (`pchip`), and with `align: threshold` between places that lie alike relative to their
+    thresholds. `shrink` is the share of the residual on a backbone that is carried to the middle between two levels: `auto` asks left-out
+    training levels, 1 carries all of it, 0 leaves the backbone alone there. `extrapolation` is a word for all variables, or a mapping from
+    variable to word or `{below, above}`; without it, `continue` for one-term fits, else `saturate`.
     """
 
     transition: Literal["linear", "quadratic", "cubic"] = "linear"
     z_s: Annotated[float, Field(ge=0, le=0.5)] = 0.25
+    levels: Literal["linear", "pchip"] = "linear"
+    align: Literal["none", "threshold"] = "none"
+    shrink: Annotated[Annotated[Literal["auto"], Text] | Annotated[Annotated[float, Field(ge=0, le=1)], Number], by_shape] = "auto"
     extrapolation: Annotated[Annotated[ExtrapolationWord, Text] | Annotated[dict[str, Sides], Keyed], by_shape] | None = None
 
 
 class Competitor(Section):
-    """A literature model with settings of its own: how it is fitted, and the name (`as`) of its scores."""
+    """A competitor with settings of its own: a literature `model`, or the model of another `run` (the path of its spec).
 
-    model: str
+    `method` says how a literature model is fitted, `as` is the name of the scores; a run's is else the name of its file.
+    """
+
+    model: str | None = None
+    run: Annotated[str, RelativePath()] | None = None
     method: Literal["variable_projection", "levenberg_marquardt"] | None = None
-    as_: str | None = Field(default=None, alias="as")
+    as_: Name | None = Field(default=None, alias="as")
+
+    @model_validator(mode="after")
+    def _one_model(self) -> Competitor:
+        if (self.model is None) == (self.run is None):
+            raise contradiction("a competitor is a `model` or a `run`", "give one of the two, as `{model: sarosi}`", "model", "run")
+        if self.run is not None and self.method is not None:
+            raise contradiction("another run has a fit of its own", "remove `method`", "method")
+        return self
+
+    @property
+    def label(self) -> str:
+        """The name of its scores."""
+        return self.as_ or self.model or PurePosixPath(str(self.run)).stem
 
 
 class Validate(Section):

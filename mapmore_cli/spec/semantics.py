@@ -11,8 +11,10 @@ from mapmore_cli.spec.models import ExperimentSpec
 CHECKS = (
     check_names.names,
     check_names.derived,
+    check_names.clocks,
     check_names.expressions,
     check_study.levels,
+    check_study.joining,
     check_study.held_out,
     check_study.target,
     check_study.formulas,

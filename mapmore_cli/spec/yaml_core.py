@@ -49,6 +49,9 @@ class CoreLoader(yaml.SafeLoader):
         return node
 
 
+_BOOLEANS_OF_1_1 = frozenset({"y", "n", "yes", "no", "on", "off"})
+
+
 class _CoreDumper(yaml.SafeDumper):
     """Quotes what `CoreLoader` would otherwise read as something else; writes no anchors."""
 
@@ -58,8 +61,11 @@ class _CoreDumper(yaml.SafeDumper):
         return True
 
     def represent_str(self, data: str) -> yaml.ScalarNode:
-        """Escapes the line breaks that only Unicode knows; PyYAML would write them out, to be read back as spaces."""
-        style = '"' if any(char in data for char in "\x85\u2028\u2029") else None
+        """Escapes the line breaks that only Unicode knows; PyYAML would write them out, to be read back as spaces.
+
+        Words that readers of YAML 1.1 take for true or false, as the key `on`, are quoted for their sake.
+        """
+        style = '"' if any(char in data for char in "\x85\u2028\u2029") or data.lower() in _BOOLEANS_OF_1_1 else None
         return self.represent_scalar(f"{_TAG}str", data, style)
 
 

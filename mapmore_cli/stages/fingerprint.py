@@ -52,7 +52,7 @@ def place_in_spec(key: str, stage: str) -> str:
     if key in sections:
         return key
     homes = [name for name, section in sections.items() if isinstance(section, type) and key in getattr(section, "model_fields", {})]
-    return f"{homes[0] if len(homes) == 1 else stage}.{key}"
+    return f"{homes[0] if homes else stage}.{key}"  # `levels` of fuse stands inside its own section, so the first home is the one
 
 
 def _differences(place: str, old: Any, new: Any) -> Iterator[str]:

@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 from mapmore_cli.spec.models import DictionaryEntry, ExperimentSpec, Fit, Fuse, Levels, ModelChoice
 from mapmore_cli.stages.fingerprint import plain
 from mapmore_cli.stages.recipes import SegmentSection, recipe_of
 from mapmore_cli.stages.stage import Stage, Workspace
-
-if TYPE_CHECKING:
-    from mapmore_cli.domain.models import Model
-    from mapmore_cli.domain.recording import Dataset
-    from mapmore_cli.modelling.recipe import Recipe
 
 
 @dataclass(frozen=True)
@@ -35,17 +29,20 @@ def reads(spec: ExperimentSpec) -> Slice:
 
 
 def run(part: Slice, workspace: Workspace) -> None:
-    """Fuse; on a backbone, keep the residual only where cross-validation on the training data says that it helps."""
+    """Fuse; on a backbone, keep as much of the residual as left-out training data support, unless the spec says how much."""
     from mapmore_cli.modelling.mapmore import fuse
+    from mapmore_cli.modelling.shrinkage import with_trusted_residual
     from mapmore_cli.storage.artefacts import read_dataset, read_fit, read_segmentation, write_model
 
     dataset = read_dataset(workspace.run_dir / "ingest.h5")
     segmentation = read_segmentation(workspace.run_dir / "segment.h5")
     result = read_fit(workspace.run_dir / "fit.h5")
     recipe = recipe_of(dataset.target, part.levels, part.segment, part.dictionary, part.fit, part.fuse)
-    model = fuse(part.name, segmentation, result, recipe, dataset.quantities)
-    if result.backbone is not None and result.fits:
-        model = _with_residual_if_it_helps(model, dataset, recipe, workspace)
+    model = fuse(part.name, dataset.curves, segmentation, result, recipe, dataset.quantities)
+    if result.backbone is not None and result.fits and recipe.shrink is None:
+        model = with_trusted_residual(
+            model, dataset.curves, recipe, dataset.quantities, lambda done, total: workspace.progress("folds", done, total)
+        )
     for note in model.notes:
         workspace.warn(note)
     write_model(workspace.out / "model.h5", model, _provenance(part))
@@ -60,22 +57,4 @@ def _provenance(part: Slice) -> dict[str, str]:
     return {**tool_versions(), "spec": json.dumps(plain(part), indent=1)}
 
 
-def _with_residual_if_it_helps(model: Model, dataset: Dataset, recipe: Recipe, workspace: Workspace) -> Model:
-    from mapmore_cli.modelling.cross_validation import cross_validate
-
-    assert model.backbone is not None
-    errors = cross_validate(
-        dataset.curves, recipe, dataset.quantities, model.backbone.name, lambda done, total: workspace.progress("folds", done, total)
-    )
-    alone, both = errors
-    if both.rmse < alone.rmse:
-        return replace(model, cross_validation=errors)
-    note = (
-        f"cross-validation keeps {model.backbone.name} alone: {alone.rmse:.4g} {model.output.unit}, "
-        f"with the residual {both.rmse:.4g} {model.output.unit} ({alone.folds} folds)"
-    )
-    bare = tuple(replace(curve, segments=()) for curve in model.curves)
-    return replace(model, curves=bare, cross_validation=errors, notes=(*model.notes, note))
-
-
-STAGE = Stage(name="fuse", revision=1, outputs=("model.h5",), reads=reads, run=run)
+STAGE = Stage(name="fuse", revision=2, outputs=("model.h5",), reads=reads, run=run)

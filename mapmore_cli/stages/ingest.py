@@ -20,8 +20,9 @@ def run(part: IngestSlice, workspace: Workspace) -> None:
 
 
 def sources(spec: ExperimentSpec, folder: Path) -> list[Path]:
-    """The recordings that the spec names."""
-    return [source.path for source in find_sources(spec.data.files, folder)]
+    """The recordings that the spec names, and the logs that are joined to them."""
+    found = find_sources(spec.data.files, folder, spec.data.join)
+    return list(dict.fromkeys(log.path for source in found for log in (source, *source.joined)))
 
 
 STAGE = Stage(name="ingest", revision=1, outputs=("ingest.h5",), reads=slice_of, run=run, sources=sources)

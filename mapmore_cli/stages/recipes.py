@@ -21,9 +21,21 @@ def level_of(levels: Levels | None, segment: SegmentSection) -> str | None:
 
 def cuts_of(segment: SegmentSection) -> dict[str, Cut]:
     """The segmented variables; words (`none`, `levels`) are about the level quantity."""
-    from mapmore_cli.modelling.recipe import Cut
+    return {name: _cut(cuts) for name, cuts in segment.items() if isinstance(cuts, Cuts)}
 
-    return {name: Cut(cut.method, cut.count or 1, tuple(cut.at or ())) for name, cut in segment.items() if isinstance(cut, Cuts)}
+
+def _cut(cuts: Cuts) -> Cut:
+    from mapmore_cli.modelling.recipe import Breakpoints, Even, Gradient, Optimal
+
+    if cuts.method == "breakpoints":
+        return Breakpoints(tuple(cuts.at or ()))
+    assert cuts.count is not None
+    if cuts.method == "gradient":
+        return Gradient(cuts.count, cuts.window, cuts.separation)
+    if cuts.method == "optimal":
+        chosen = {"grid": cuts.grid, "min_samples": cuts.min_samples}
+        return Optimal(cuts.count, **{name: value for name, value in chosen.items() if value is not None})
+    return Even(cuts.count)
 
 
 def terms_of(dictionary: Sequence[DictionaryEntry]) -> tuple[str, ...]:
@@ -56,6 +68,9 @@ def recipe_of(
         stop=fit.stop,
         transition=fuse.transition,
         z_s=fuse.z_s,
+        levels=fuse.levels,
+        align=fuse.align,
+        shrink=None if fuse.shrink == "auto" else fuse.shrink,
         extrapolation=_sides(fuse),
         beyond=fuse.extrapolation if isinstance(fuse.extrapolation, str) else None,
     )

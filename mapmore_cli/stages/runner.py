@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mapmore_cli.stages.needs import MODEL_STAGE
 from mapmore_cli.stages.stage import Progress, Stage, Workspace
 from mapmore_cli.stages.staleness import Plan, plan_stages
 from mapmore_cli.storage.atomic import refusals_told, write_text
@@ -77,10 +78,12 @@ def bring_up_to_date(
     warn: Warn = lambda _message: None,
     on_stage: OnStage = lambda _stage, _reason: None,
     stages: Sequence[Stage] | None = None,
+    heirs: tuple[Path, ...] = (),
 ) -> RunOutcome:
     """Run the stages up to `until` that are not up to date (all of them with `force`), in the folder `runs/NAME`.
 
     `rehash` reads sources and outputs again even where size and time are as they were. `stages` are those of `pipeline()` by default.
+    Runs whose models a stage needs come first, in the same folder of runs; `heirs` are the specs that need this one.
 
     Raises
     ------
@@ -95,11 +98,11 @@ def bring_up_to_date(
     with run_lock(run_dir):
         recover(run_dir)
         records = load_records(run_dir, warn)
-        plans = list(plan_stages(_up_to(until, every), loaded, run_dir, records, rehash, force))
+        plans = list(plan_stages(_up_to(until, every), loaded, run_dir, records, rehash, force, heirs))
         kept = _refreshed(records, plans)
         if kept != records:
             save_records(run_dir, loaded.spec.name, kept)
-        run = _Run(loaded, run_dir, progress, warn)
+        run = _Run(loaded, run_dir, every, progress, warn, on_stage)
         for plan in plans:
             if plan.stage is every[-1]:
                 run.write_spec()  # the last stage shows it; all results before are this spec's by now
@@ -122,16 +125,36 @@ class _Run:
 
     loaded: LoadedSpec
     run_dir: Path
+    every: Sequence[Stage]
     progress: Progress
     warn: Warn
+    on_stage: OnStage
+
+    def needed(self, plan: Plan) -> dict[str, Path]:
+        """Bring the runs up to date that a stage needs; their folders by their path in the spec."""
+        folders = {}
+        for other in plan.needed:
+            name = other.loaded.spec.name
+            outcome = bring_up_to_date(
+                other.loaded,
+                self.run_dir.parent,
+                MODEL_STAGE,
+                progress=self.progress,
+                warn=lambda message, name=name: self.warn(f"{name}: {message}"),  # type: ignore[misc]
+                on_stage=lambda stage, reason, name=name: self.on_stage(f"{name}: {stage}", reason),  # type: ignore[misc]
+                stages=self.every,
+                heirs=other.heirs,
+            )
+            folders[other.path] = outcome.run_dir
+        return folders
 
     def stage(self, plan: Plan, why: str, records: Mapping[str, StageRecord]) -> dict[str, StageRecord]:
         """Run one stage and commit it; the records with its entry."""
         started = time.perf_counter()
-        stage = plan.stage
+        stage, needed = plan.stage, self.needed(plan)
         with refusals_told(self.run_dir), stage_folder(self.run_dir, stage.name) as out:
             with _one_blas_thread():
-                stage.run(plan.part, Workspace(self.run_dir, out, self.loaded.folder, self.progress, self.warn))
+                stage.run(plan.part, Workspace(self.run_dir, out, self.loaded.folder, self.progress, self.warn, needed))
             _check_outputs(stage, out)
             outputs = stamps_of(out, stage.outputs)
             swap_in(out, self.run_dir, stage.outputs)

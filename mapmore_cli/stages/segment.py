@@ -4,33 +4,53 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mapmore_cli.spec.models import ExperimentSpec, Levels
-from mapmore_cli.stages.recipes import SegmentSection, cuts_of, level_of
+from mapmore_cli.spec.models import Cuts, DictionaryEntry, ExperimentSpec, Fit, Fuse, Levels, ModelChoice
+from mapmore_cli.stages.recipes import SegmentSection, recipe_of
 from mapmore_cli.stages.stage import Stage, Workspace
 
 
 @dataclass(frozen=True)
+class Trial:
+    """What the costs of intervals depend on."""
+
+    dictionary: list[DictionaryEntry]
+    model: ModelChoice
+    fit: Fit
+
+
+@dataclass(frozen=True)
 class Slice:
-    """What the segments depend on."""
+    """What the segments depend on; `trial` is None where no boundary is placed by trying out fits."""
 
     levels: Levels | None
     segment: SegmentSection
+    trial: Trial | None
 
 
 def reads(spec: ExperimentSpec) -> Slice:
     """The stage's slice of the spec."""
-    return Slice(spec.data.levels, spec.segment)
+    tries = any(isinstance(cut, Cuts) and cut.method == "optimal" for cut in spec.segment.values())
+    return Slice(spec.data.levels, spec.segment, Trial(spec.dictionary, spec.model, spec.fit) if tries else None)
 
 
 def run(part: Slice, workspace: Workspace) -> None:
-    """Segment every curve over its own range."""
+    """Segment every curve over its own range; what is fitted there is what the backbone leaves."""
+    from mapmore_cli.modelling.backbone import fit_formula
     from mapmore_cli.modelling.mapmore import segment
     from mapmore_cli.storage.artefacts import read_dataset, units_of, write_segmentation
 
     dataset = read_dataset(workspace.run_dir / "ingest.h5")
-    by_level = level_of(part.levels, part.segment) is not None
-    segmentation = segment(dataset.curves, cuts_of(part.segment), by_level)
+    trial = part.trial or Trial([], ModelChoice(), Fit())
+    recipe = recipe_of(dataset.target, part.levels, part.segment, trial.dictionary, trial.fit, Fuse())
+    backbone = trial.model.backbone
+    formula = fit_formula(backbone, dataset.curves, dataset.target) if backbone else None
+    segmentation = segment(dataset.curves, recipe, formula)
+    for curve in segmentation:
+        for name, boundaries in zip(curve.variables, curve.boundaries, strict=True):
+            wanted = getattr(recipe.cuts[name], "count", None)
+            if wanted is not None and len(boundaries) <= wanted:
+                workspace.warn(f"curve {curve.curve}: {len(boundaries) - 1} segment(s) along {name} instead of {wanted}")
     write_segmentation(workspace.out / "segment.h5", segmentation, units_of(dataset))
 
 
-STAGE = Stage(name="segment", revision=1, outputs=("segment.h5",), reads=reads, run=run)
+STAGE = Stage(name="segment", revision=2, outputs=("segment.h5",), reads=reads, run=run)

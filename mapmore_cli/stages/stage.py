@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,8 @@ class Workspace:
     """Where a stage works.
 
     `run_dir` holds the committed outputs of the stages before; a stage writes its own into `out` under their final names, and the
-    runner swaps them in whole. `spec_dir` is the folder of the spec, from which the recordings are found.
+    runner swaps them in whole. `spec_dir` is the folder of the spec, from which the recordings are found. `needed` has the run folders of
+    the specs that the stage needs, by their path in the spec.
     """
 
     run_dir: Path
@@ -26,6 +27,7 @@ class Workspace:
     spec_dir: Path
     progress: Progress
     warn: Callable[[str], None]
+    needed: Mapping[str, Path] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,8 @@ class Stage:
         Does the work, given the slice.
     sources
         Files outside of the run folder that it reads (recordings), given the spec and its folder.
+    needs
+        Specs whose models it reads, as paths from the folder of the spec.
     """
 
     name: str
@@ -54,3 +58,4 @@ class Stage:
     reads: Callable[[ExperimentSpec], Any]
     run: Callable[[Any, Workspace], None]
     sources: Callable[[ExperimentSpec, Path], Sequence[Path]] = lambda _spec, _folder: ()
+    needs: Callable[[ExperimentSpec], Sequence[str]] = lambda _spec: ()

@@ -10,12 +10,16 @@ from typing import TYPE_CHECKING, Any
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.stages.fingerprint import fingerprint, plain, slice_differences
+from mapmore_cli.stages.needs import MODEL_STAGE, Needed, needed_runs
 from mapmore_cli.stages.stage import Stage
 from mapmore_cli.storage.hashing import Stamp, take_stamp
-from mapmore_cli.storage.run_record import StageRecord
+from mapmore_cli.storage.run_record import StageRecord, load_records
 
 if TYPE_CHECKING:
     from mapmore_cli.spec.loader import LoadedSpec
+
+SHORT_MARK = 12
+"""Digits of the fingerprint of another run that a reason shows."""
 
 LONGEST_REASON = 6
 """Changes that a reason lists before it only counts the rest."""
@@ -36,13 +40,20 @@ class Plan:
     before: str
     inputs: Mapping[str, Stamp]
     outputs: Mapping[str, Stamp]
+    needed: tuple[Needed, ...] = ()
     reason: str | None = None
 
 
 def plan_stages(
-    stages: Sequence[Stage], loaded: LoadedSpec, run_dir: Path, records: Mapping[str, StageRecord], rehash: bool, force: bool
+    stages: Sequence[Stage],
+    loaded: LoadedSpec,
+    run_dir: Path,
+    records: Mapping[str, StageRecord],
+    rehash: bool,
+    force: bool,
+    heirs: tuple[Path, ...] = (),
 ) -> Iterator[Plan]:
-    """The plan of every stage, in order, from the files as they are now.
+    """The plan of every stage, in order, from the files as they are now; `heirs` are the specs that need this one.
 
     Raises
     ------
@@ -53,15 +64,24 @@ def plan_stages(
     for stage in stages:
         known = records.get(stage.name)
         part = stage.reads(loaded.spec)
-        chosen = plain(part)
+        needed = needed_runs(stage, loaded, heirs)
+        chosen = {**plain(part), **{f"run {run.path}": _mark_of(run, stages, run_dir.parent, rehash) for run in needed}}
         before = previous.fingerprint if previous else ""
         inputs = _source_stamps(stage, loaded, known, rehash)
         mark = fingerprint(stage.name, stage.revision, chosen, before, {path: stamp.sha256 for path, stamp in inputs.items()})
         outputs = _output_stamps(run_dir, known, rehash)
-        plan = Plan(stage, part, chosen, mark, before, inputs, outputs)
+        plan = Plan(stage, part, chosen, mark, before, inputs, outputs, tuple(needed))
         reasons = ["forced"] if force else _reasons(plan, known, previous)
         previous = replace(plan, reason=_joined(reasons) if reasons else None)
         yield previous
+
+
+def _mark_of(run: Needed, stages: Sequence[Stage], runs: Path, rehash: bool) -> str:
+    """Fingerprint of the model of another run, whether it exists yet or not."""
+    run_dir = runs / run.loaded.spec.name
+    records = load_records(run_dir, lambda _message: None)
+    plans = plan_stages(stages, run.loaded, run_dir, records, rehash, False, run.heirs)
+    return next(plan.fingerprint for plan in plans if plan.stage.name == MODEL_STAGE)[:SHORT_MARK]
 
 
 def _reasons(plan: Plan, known: StageRecord | None, previous: Plan | None) -> list[str]:

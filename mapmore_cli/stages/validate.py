@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mapmore_cli.spec.models import Competitor, ExperimentSpec
@@ -12,6 +13,7 @@ from mapmore_cli.stages.stage import Stage, Workspace
 if TYPE_CHECKING:
     from mapmore_cli.domain.arrays import Array
     from mapmore_cli.domain.fits import FormulaFit
+    from mapmore_cli.domain.models import Model
     from mapmore_cli.domain.recording import Dataset
     from mapmore_cli.domain.scores import Score
 
@@ -47,11 +49,13 @@ def run(part: Slice, workspace: Workspace) -> None:
     predictions = {OWN: tuple(predict(model, curve.columns) for curve in dataset.curves)}
     formulas: dict[str, FormulaFit] = {}
     for number, competitor in enumerate(part.against):
-        name, formula = _fitted(competitor, dataset)
-        formulas[name] = formula
-        predictions[name] = _predicted(formula, dataset)
-        if formula.failed:
-            workspace.warn(f"{name}: the fit failed, its rows are left out: {'; '.join(formula.notes)}")
+        if isinstance(competitor, Competitor) and competitor.run is not None:
+            predictions[competitor.label] = _of_other_run(workspace.needed[competitor.run], model, dataset)
+        else:
+            name, formula = _fitted(competitor, dataset)
+            formulas[name], predictions[name] = formula, _predicted(formula, dataset)
+            if formula.failed:
+                workspace.warn(f"{name}: the fit failed, its rows are left out: {'; '.join(formula.notes)}")
         workspace.progress("competitors", number + 1, len(part.against))
     scored = [name for name in predictions if name not in formulas or not formulas[name].failed]
     scores = tuple(row for name in scored for row in _scores(name, part.target, predictions[name], dataset))
@@ -65,8 +69,30 @@ def _fitted(competitor: str | Competitor, dataset: Dataset) -> tuple[str, Formul
 
     if isinstance(competitor, str):
         return competitor, fit_formula(competitor, dataset.curves, dataset.target)
-    formula = fit_formula(competitor.model, dataset.curves, dataset.target, competitor.method)
-    return competitor.as_ or competitor.model, formula
+    assert competitor.model is not None
+    return competitor.label, fit_formula(competitor.model, dataset.curves, dataset.target, competitor.method)
+
+
+def _of_other_run(run_dir: Path, own: Model, dataset: Dataset) -> tuple[Array, ...]:
+    """Predictions of another run's model on this run's curves.
+
+    Raises
+    ------
+    SpecError
+        Where that model is of another quantity or unit, or needs an input that this study lacks.
+    """
+    from mapmore_cli.domain.errors import SpecError
+    from mapmore_cli.modelling.model import predict
+    from mapmore_cli.storage.artefacts import read_model
+
+    other = read_model(run_dir / "model.h5")
+    differing = [q.name for q in (other.output, *other.inputs) if dataset.quantities.get(q.name) != q]
+    if other.output != own.output or differing:
+        raise SpecError(
+            f"validate.against: the model of {other.name} is of other quantities or units ({', '.join(differing) or other.output.name})",
+            "compare runs of the same quantities in the same units",
+        )
+    return tuple(predict(other, curve.columns) for curve in dataset.curves)
 
 
 def _predicted(formula: FormulaFit, dataset: Dataset) -> tuple[Array, ...]:
@@ -116,4 +142,9 @@ def missed_limits(require: Mapping[str, float], scores: Sequence[Score]) -> list
     return missed
 
 
-STAGE = Stage(name="validate", revision=1, outputs=("validate.h5", "scores.csv", "scores.json"), reads=reads, run=run)
+def needs(spec: ExperimentSpec) -> list[str]:
+    """The specs of the other runs that this one is compared with."""
+    return [c.run for c in spec.validation.against if isinstance(c, Competitor) and c.run is not None]
+
+
+STAGE = Stage(name="validate", revision=1, outputs=("validate.h5", "scores.csv", "scores.json"), reads=reads, run=run, needs=needs)

@@ -155,7 +155,7 @@ def test_gzip_in_and_out(model_file: Path, tmp_path: Path, mapmore) -> None:
     assert outs[0].read_bytes() == outs[1].read_bytes()
 
 
-@pytest.mark.parametrize("content", [gzip.compress(TABLE.encode() * 99)[:-20], b"not gzip at all"])
+@pytest.mark.parametrize("content", [gzip.compress(TABLE.encode() * 99)[:-20], b"not gzip at all"], ids=["truncated", "foreign"])
 def test_damaged_gzip(content: bytes, model_file: Path, tmp_path: Path, mapmore) -> None:
     table = tmp_path / "t.csv.gz"
     table.write_bytes(content)

@@ -12,7 +12,22 @@ import pytest
 import mapmore_cli
 
 HEAVY = ("numpy", "scipy", "h5py", "pydantic", "matplotlib", "yaml", "pint", "jinja2", "multiprocessing")
-COMMANDS = ["ingest", "segment", "fit", "fuse", "validate", "report", "run", "batch", "predict", "show", "simulate", "check", "schema"]
+COMMANDS = [
+    "ingest",
+    "segment",
+    "fit",
+    "fuse",
+    "validate",
+    "report",
+    "run",
+    "batch",
+    "predict",
+    "simulate",
+    "show",
+    "init",
+    "check",
+    "schema",
+]
 
 
 def modules_loaded_by(option: str) -> set[str]:

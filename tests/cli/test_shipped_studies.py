@@ -22,6 +22,10 @@ SIMULATED = [path for path in STUDIES if path not in MEASURED]
 NRMSE = {
     "dmsp-20-88-static": {"mapmore": 0.0170, "sarosi": 0.0092, "polynomial_2": 0.0346},
     "peano-static": {"mapmore": 0.0091, "sarosi": 0.0144, "polynomial_2": 0.0410},
+    "dmsp-20-88-m1-static": {"mapmore": 0.0279, "sarosi": 0.0139, "polynomial_5": 0.4083},
+    "peano-m1-static": {"mapmore": 0.0102, "sarosi": 0.0144, "polynomial_5": 0.1995},
+    "dmsp-20-88-m1-hysteresis": {"mapmore": 0.1509, "sarosi": 0.1306},
+    "peano-m1-hysteresis": {"mapmore": 0.0876, "sarosi": 0.7104},
 }
 """Validation scores on the committed recordings; a change of these is a change of numbers and belongs in the changelog."""
 
@@ -56,7 +60,7 @@ def run(mapmore: Callable[..., Any], path: Path, runs: Path) -> dict[str, Any]:
 def test_a_simulated_study_gives_its_scores(path: Path, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
     rows = run(mapmore, path, tmp_path)
     for model, nrmse in NRMSE[path.stem].items():
-        assert rows[model]["nrmse"] == pytest.approx(nrmse, abs=1e-4)
+        assert rows[model]["nrmse"] == pytest.approx(nrmse, abs=1e-4, rel=5e-3)
 
 
 @pytest.mark.parametrize("path", MEASURED, ids=names(MEASURED))

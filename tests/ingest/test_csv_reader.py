@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import gzip
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,9 +16,10 @@ from mapmore_cli.storage.readers.table import SourceColumn
 GOOD = b"t,P,F\n0,80,1.5\n1,81,2.5\n"
 
 
-def read(path: Path, content: bytes, *columns: SourceColumn, header: bool = True) -> RawTable:
+def read(path: Path, content: bytes, *columns: SourceColumn, header: int = 1, **dialect: Any) -> RawTable:
     path.write_bytes(content)
-    return READERS["csv"](path, TableRequest("a.csv", columns, header))
+    (table,) = READERS["csv"](path, TableRequest("a.csv", columns, header, **dialect))
+    return table
 
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -112,4 +114,4 @@ def test_every_cut_of_a_gz_file_is_noticed(tmp_path: Path) -> None:
 
 def test_file_that_vanished(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="cannot be read"):
-        READERS["csv"](tmp_path / "gone.csv", TableRequest("gone.csv", (0,), False))
+        READERS["csv"](tmp_path / "gone.csv", TableRequest("gone.csv", (0,), header=0))

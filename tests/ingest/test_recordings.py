@@ -169,7 +169,12 @@ BROKEN: dict[str, tuple[str, dict[str, Any], type[MapmoreError], list[str]]] = {
         DataError,
         ["a.csv: the window of 0.5 s", "wider `window`"],
     ),
-    "given twice": (HEAD + ROW, {"files": [{"path": "a.csv", "set": {"strain": 0.1}}]}, SpecError, ["'strain' is set", "`columns`"]),
+    "given twice": (
+        HEAD + ROW,
+        {"files": [{"path": "a.csv", "set": {"strain": 0.1}}]},
+        SpecError,
+        ["'strain' is set for a file and measured"],
+    ),
     "set for some": (
         HEAD + ROW,
         {"files": ["a.csv", {"path": "b.csv", "set": {"load": 2.0}}]},

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mapmore_cli.domain.recording import Curve, Quantity
-from mapmore_cli.modelling.recipe import Cut, Recipe
+from mapmore_cli.modelling.recipe import Even, Recipe
 
 QUANTITIES = {
     "pressure": Quantity("pressure", "kPa"),
@@ -37,5 +37,5 @@ def curves(levels=(80.0, 150.0, 250.0, 350.0), held_out=(250.0,), n=120, noise=1
 
 def recipe(**changes):
     """M2's default configuration."""
-    default = {"target": "force", "level": "pressure", "cuts": {"strain": Cut("even", 4)}, "dictionary": POWERS}
+    default = {"target": "force", "level": "pressure", "cuts": {"strain": Even(4)}, "dictionary": POWERS}
     return Recipe(**{**default, **changes})

@@ -30,7 +30,7 @@ class Slice:
 def test_slices_become_json_under_the_names_of_the_file() -> None:
     part = Slice(Fuse(z_s=0.1), {"strain": Cuts(method="even", count=4)}, [Competitor(model="sarosi", as_="LM")])
     chosen = plain(part)
-    assert chosen["fuse"] == {"transition": "linear", "z_s": 0.1, "extrapolation": None}
+    assert chosen["fuse"] == {**Fuse().model_dump(), "z_s": 0.1}
     assert chosen["segment"]["strain"]["count"] == 4
     assert chosen["against"][0]["as"] == "LM"
 

@@ -84,6 +84,31 @@ validate:
 report: {published: {source: W, nrmse: {sarosi: 2.5 %}, rmse: {sarosi: 12}}}
 """
 
+LOGS = """\
+name: logs
+data:
+  files: ["*.txt"]
+  header: 2
+  skip_rows: 1
+  delimiter: ";"
+  decimal: ","
+  encoding: latin-1
+  columns: {time: {column: t, unit: ms}, force: {column: F, unit: N}}
+  join:
+    - files: [two.mat]
+      reader: mat
+      root: "train[*]"
+      columns: {pressure: {column: "run.P", unit: psi, offset: 1 bar}, time: {column: "t[:,0]"}}
+      on: time
+      shift: -40.2 s
+      max_gap: 100 ms
+    - {files: [three.xlsx], reader: xlsx, sheet: Run1, columns: {strain: {column: 2}}, on: row}
+  gaps: {longer_than: 10 ms, action: split}
+  resample: 0.5 ms
+target: static
+model: {type: literature, name: sarosi}
+"""
+
 FORMULA = """\
 name: formula
 data: {files: [a.csv], columns: {pressure: {column: 1}, strain: {column: 2}, force: {column: 3}}}
@@ -91,7 +116,7 @@ target: static
 model: {type: literature, name: sarosi}
 """
 
-GOOD = {"static": STATIC, "measured": MEASURED, "formula": FORMULA}
+GOOD = {"static": STATIC, "measured": MEASURED, "logs": LOGS, "formula": FORMULA}
 
 
 def load_text(folder: Path, text: str | bytes, overrides: Sequence[str] = ()) -> LoadedSpec:

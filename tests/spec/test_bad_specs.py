@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from spec_examples import FORMULA, MEASURED, STATIC, refusal
+from spec_examples import FORMULA, LOGS, MEASURED, STATIC, refusal
 
 # What the static study says, what it says instead with ▸ before the place of the mistake, words of message and remedy.
 SLIPS = [
@@ -29,7 +29,7 @@ SLIPS = [
     ("length: 88 mm", "length: ▸-88 mm", ["`muscle.length` should be greater than 0"]),
     ("length: 88 mm", "length: ▸long", ["should be a number, but is the text 'long'"]),
     ("kind: mckibben", "kind: ▸3", ["`muscle.kind` should be text, but is 3", "put it in quotes"]),
-    ("reader: csv", "header: ▸no", ["`data.header` should be true or false, but is the text 'no'"]),
+    ("reader: csv", "header: ▸no", ["`data.header` should be true or false or a number, but is the text 'no'"]),
     ("[strain], order", "▸strain, order", ["should be a list, but is the text 'strain'", "write `[strain]`"]),
     ("fit:  {", "fit: ▸3 #{", ["`fit` should be a mapping, but is 3"]),
     ("fit:  {", "fit:▸ #{", ["`fit` should be a mapping, but is empty"]),
@@ -112,6 +112,41 @@ SLIPS = [
 
 
 OTHER_SLIPS = [
+    # how files are read
+    (LOGS, "header: 2", "header: ▸0", ["`data.header` should be at least 1, but is 0"]),
+    (LOGS, "skip_rows: 1", "skip_rows: ▸-1", ["`data.skip_rows` should be at least 0"]),
+    (LOGS, 'delimiter: ";"', "▸delimiter: semicolon", ["'semicolon' cannot separate fields", "`tab`, or `whitespace`"]),
+    (LOGS, '  delimiter: ";"\n  decimal', "  ▸decimal", ["the decimal point also separates the fields", 'delimiter: ";"']),
+    (LOGS, "encoding: latin-1", "▸encoding: latin-one", ["encoding 'latin-one' is unknown", "`latin-1`"]),
+    (LOGS, "encoding: latin-1", "▸encoding: base64", ["encoding 'base64' is unknown"]),
+    (
+        LOGS,
+        "  header: 2",
+        "  ▸sheet: Run1\n  header: 2",
+        ["reader `csv` has no use for `sheet`", "belongs to `xlsx`"],
+    ),
+    (LOGS, "  header: 2", "  reader: ▸excel\n  header: 2", ["`data.reader` cannot be the text 'excel'", "`xlsx`"]),
+    (LOGS, "reader: mat\n      root", "reader: xlsx\n      ▸root", ["reader `xlsx` has no use for `root`", "`mat` and `hdf5`"]),
+    (LOGS, "reader: xlsx, sheet: Run1, columns", "reader: tdms, ▸columns", ["finds channels by name", "Group/Channel"]),
+    (LOGS, "  resample:", "  ▸sample_time: 1 ms\n  resample:", ["`time` is a column, and `sample_time`", "keep one"]),
+    # joined logs and the clock
+    (LOGS, "shift: -40.2 s", "shift: ▸-40.2 kPa", ["'s' (a time)"]),
+    (LOGS, "on: row", "on: ▸rows", ["`data.join[1].on` cannot be the text 'rows'", "did you mean `row`?"]),
+    (LOGS, "on: row", "on: row, ▸max_gap: 1 s", ["has no use for `shift` and `max_gap`"]),
+    (LOGS, "on: row", "▸on: time", ["a join on time needs the time of the second log"]),
+    (LOGS, "strain: {column: 2}", "▸force: {column: 2}, strain: {column: 3}", ["`force` is a column already", "another name"]),
+    (LOGS, "strain: {column: 2}", "strain: {column: 2, unit: ▸mm}", ["'mm' (a length)"]),
+    (
+        FORMULA,
+        "columns: {pressure",
+        "join: [▸{files: [b.csv], columns: {time: {column: 0}, load: {column: 1}}}], columns: {pressure",
+        ["a join on time needs the time of the first log"],
+    ),
+    (LOGS, "longer_than: 10 ms", "longer_than: ▸10 mm", ["'s' (a time)"]),
+    (LOGS, "action: split", "action: ▸splitt", ["did you mean `split`?"]),
+    (LOGS, "resample: 0.5 ms", "resample: ▸0 ms", ["`data.resample` should be greater than 0"]),
+    (FORMULA, "columns: {pressure", "▸resample: 1 s, columns: {pressure", ["`resample` needs the time", "`sample_time`"]),
+    (FORMULA, "columns: {pressure", "▸gaps: {longer_than: 1 s}, columns: {pressure", ["`gaps` needs the time"]),
     (FORMULA, "name: formula", "▸nam: formula", ["unknown key `nam`", "did you mean `name`?"]),
     (FORMULA, "name: formula\n", "▸units: {}\n", ["the spec lacks the key `name`", "add `name: ...`"]),
     (FORMULA, "target: static", "target: ▸hysteresis", ["`hysteresis` needs load cycles", "add `cycles"]),

@@ -96,11 +96,19 @@ FORMULAS = st.builds(FormulaFit, NAMES, table(REAL), table(REAL), NAMES, NAMES, 
 FITS = st.builds(FitResult, some(segment_fits()), st.none() | FORMULAS, NOTES)
 
 SIDE = st.sampled_from(["continue", "continue_linear", "saturate", "zero"]) | st.floats(allow_nan=False)
-FUSIONS = st.builds(Fusion, st.sampled_from(["linear", "cubic"]), REAL, table(st.tuples(SIDE, SIDE)))
-FUNCTIONS = st.integers(0, 3).flatmap(
-    lambda k: st.builds(SegmentFunction, NAMES, CELLS, NOTES, reals(k), reals(k), reals(k), reals(k), SCALINGS, COUNT, REAL, NAMES)
+FUSIONS = st.builds(
+    Fusion,
+    st.sampled_from(["linear", "cubic"]),
+    REAL,
+    table(st.tuples(SIDE, SIDE)),
+    st.sampled_from(["linear", "pchip"]),
+    st.none() | NAMES,
+    st.floats(0, 1),
 )
-CURVE_FUNCTIONS = st.builds(CurveFunction, NAMES, st.none() | REAL, BOUNDARIES, LIMITS, some(FUNCTIONS))
+FUNCTIONS = st.integers(0, 3).flatmap(
+    lambda k: st.builds(SegmentFunction, NAMES, CELLS, NOTES, reals(k), reals(k), reals(k), reals(k), SCALINGS, COUNT, REAL, NAMES, LIMITS)
+)
+CURVE_FUNCTIONS = st.builds(CurveFunction, NAMES, st.none() | REAL, BOUNDARIES, LIMITS, some(FUNCTIONS), st.none() | REAL)
 MODELS = st.builds(
     Model,
     name=NAMES,

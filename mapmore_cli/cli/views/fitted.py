@@ -72,6 +72,10 @@ def _weights(model: Model) -> dict[str, Any]:
         "z_s": model.fusion.z_s,
         "extrapolation": model.fusion.extrapolation,
         "levels": [curve.level for curve in model.curves if curve.level is not None],
+        "between_levels": model.fusion.levels,
+        "aligned": model.fusion.aligned,
+        "thresholds": {curve.curve: curve.threshold for curve in model.curves if curve.threshold is not None},
+        "shrink": model.fusion.shrink,
         "curves": [_curve_weights(model, curve) for curve in model.curves],
     }
 
@@ -94,4 +98,6 @@ def _formula_lines(formula: FormulaFit | None) -> tuple[str, ...]:
 
 def _fusion_lines(fusion: Fusion) -> tuple[str, ...]:
     sides = "; ".join(f"{name}: {below} below, {above} above" for name, (below, above) in fusion.extrapolation.items())
-    return (f"Transition: {fusion.transition}, z_s = {fusion.z_s:g}. Extrapolation: {sides}.",)
+    between = fusion.levels + (f", aligned at the threshold along {fusion.aligned}" if fusion.aligned else "")
+    carried = f", {fusion.shrink:.0%} of the residual midway" if fusion.shrink < 1 else ""
+    return (f"Transition: {fusion.transition}, z_s = {fusion.z_s:g}. Between levels: {between}{carried}. Extrapolation: {sides}.",)

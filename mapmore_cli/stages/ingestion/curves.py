@@ -13,7 +13,7 @@ from mapmore_cli.domain.recording import Curve, Recording
 from mapmore_cli.modelling.signals.cycles import split_cycles
 from mapmore_cli.modelling.signals.levels import default_within, find_levels, match_levels
 from mapmore_cli.spec.models import Cycles, Levels
-from mapmore_cli.stages.ingestion.recording import located
+from mapmore_cli.stages.ingestion.samples import located
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class LevelSet:
 
 @dataclass(frozen=True)
 class Part:
-    """Samples of one recording at one level, `(n,)` each; `position` runs from 0 to 1 in the order of the recording."""
+    """Samples of one recording at one level, `(n,)` each; `position` runs from 0 to 1 in the order of the log."""
 
     recording: Recording
     level: float | None
@@ -61,14 +61,17 @@ def level_set(levels: Levels, recordings: Sequence[Recording]) -> LevelSet:
     return LevelSet(of, at, levels.within if levels.within is not None else default_within(at))
 
 
-def cut_by_level(recordings: Sequence[Recording], levels: LevelSet | None) -> tuple[list[Recording], list[Part]]:
+def cut_by_level(logs: Sequence[Sequence[Recording]], levels: LevelSet | None) -> tuple[list[Recording], list[Part]]:
     """Return the recordings without the samples that are at no level, and their parts, each in the order of the levels.
 
-    Without levels every recording is one part. Raises DataError for a level that no sample is at.
+    A log is the pieces of one recording in order of time. Without levels every piece is one part. Raises DataError for a level that no
+    sample is at.
     """
+    placed = [pair for log in logs for pair in zip(log, _places(log), strict=True)]
+    recordings = [recording for recording, _ in placed]
     if levels is None:
-        return list(recordings), [Part(recording, None, recording.columns, _place(recording)) for recording in recordings]
-    pairs = [_cut(recording, levels) for recording in recordings]
+        return recordings, [Part(recording, None, recording.columns, place) for recording, place in placed]
+    pairs = [_cut(recording, place, levels) for recording, place in placed]
     parts = [part for _, cut in pairs for part in cut]
     empty = [level for level in levels.at if not any(part.level == level for part in parts)]
     if empty:
@@ -80,19 +83,20 @@ def cut_by_level(recordings: Sequence[Recording], levels: LevelSet | None) -> tu
     return [recording for recording, _ in pairs], parts
 
 
-def _cut(recording: Recording, levels: LevelSet) -> tuple[Recording, list[Part]]:
+def _cut(recording: Recording, place: Array, levels: LevelSet) -> tuple[Recording, list[Part]]:
     level = levels.match(recording.columns[levels.of])
     at_none = int(np.count_nonzero(np.isnan(level)))
     reason = f"no level within {levels.within:g} of {levels.of}"
     columns = {name: values[np.isfinite(level)] for name, values in recording.columns.items()}
     kept = replace(recording, columns=columns, dropped={**recording.dropped, reason: at_none} if at_none else recording.dropped)
     masks = [(float(value), level == value) for value in np.unique(level[np.isfinite(level)])]
-    place = _place(recording)
     return kept, [Part(kept, value, {n: v[mask] for n, v in recording.columns.items()}, place[mask]) for value, mask in masks]
 
 
-def _place(recording: Recording) -> Array:
-    return (np.arange(recording.rows_kept) + 0.5) / max(recording.rows_kept, 1)
+def _places(log: Sequence[Recording]) -> list[Array]:
+    """Where each sample stands in its log, from 0 to 1 over all pieces."""
+    ends = np.cumsum([piece.rows_kept for piece in log])
+    return np.split((np.arange(ends[-1]) + 0.5) / max(ends[-1], 1), ends[:-1])
 
 
 def join_branches(part: Part, cycles: Cycles, target: str) -> Part:

@@ -10,7 +10,7 @@ from mapmore_cli.domain.recording import Dataset, Quantity, Recording
 from mapmore_cli.spec.models import Data, FileEntry
 from mapmore_cli.stages.ingestion.curves import cut_by_level, join_branches, joined_curves, level_set
 from mapmore_cli.stages.ingestion.files import Source, find_sources
-from mapmore_cli.stages.ingestion.recording import read_recording
+from mapmore_cli.stages.ingestion.recording import Reading, read_recordings
 from mapmore_cli.stages.ingestion.slice import IngestSlice
 from mapmore_cli.stages.ingestion.split import held_out
 from mapmore_cli.stages.stage import Progress
@@ -33,9 +33,11 @@ def build_dataset(
     """
     data = slice_.data
     _check(data)
-    recordings = _read_all(find_sources(data.files, spec_dir), slice_, progress)
-    levels = level_set(data.levels, recordings) if data.levels else None
-    recordings, parts = cut_by_level(recordings, levels)
+    readings = _read_all(find_sources(data.files, spec_dir, data.join), slice_, progress)
+    levels = level_set(data.levels, [piece for reading in readings for piece in reading.pieces]) if data.levels else None
+    recordings, parts = cut_by_level([reading.pieces for reading in readings], levels)
+    for warning in (warning for reading in readings for warning in reading.warnings):
+        warn(warning)
     for recording in recordings:
         _warn_of_losses(recording, warn)
     units = dict(slice_.units)
@@ -49,7 +51,7 @@ def build_dataset(
         quantities={name: Quantity(name, unit) for name, unit in units.items()},
         recordings=tuple(recordings),
         curves=joined_curves(parts, masks, levels),
-        notes=(levels.describe(),) if levels else (),
+        notes=(*(note for reading in readings for note in reading.notes), *([levels.describe()] if levels else [])),
     )
 
 
@@ -57,27 +59,28 @@ def _check(data: Data) -> None:
     """Refuse constants that not every recording has, or that are columns or derived as well, and an order of time that is given up."""
     constants = [set(entry.set) if isinstance(entry, FileEntry) else set() for entry in data.files]
     for name in sorted(set().union(*constants)):
-        if name in data.columns or name in data.derive:
-            raise SpecError(f"files: '{name}' is set for a file and given by `columns` or `derive` as well", "Keep one of both.")
+        if name in data.measured or name in data.derive:
+            raise SpecError(f"files: '{name}' is set for a file and measured or derived as well", "Keep one of both.")
         if not all(name in given for given in constants):
             raise SpecError(f"files: '{name}' is set for some entries only", "Set it for every entry of `files`.")
     if data.cycles and data.split.hold_out and data.split.hold_out.last is not None:
         raise SpecError("split.validate: `last` needs samples in the order of time, which `cycles` gives up", "Hold out levels or files.")
 
 
-def _read_all(sources: Sequence[Source], slice_: IngestSlice, progress: Progress) -> list[Recording]:
-    recordings = []
+def _read_all(sources: Sequence[Source], slice_: IngestSlice, progress: Progress) -> list[Reading]:
+    readings: list[Reading] = []
     for done, source in enumerate(sources):
         progress("reading", done, len(sources))
-        recordings.append(read_recording(source, slice_.data, slice_.units))
+        readings += read_recordings(source, slice_.data, slice_.units)
     progress("reading", len(sources), len(sources))
-    return recordings
+    return readings
 
 
 def _warn_of_losses(recording: Recording, warn: Callable[[str], None]) -> None:
+    kept, lost = recording.rows_kept, sum(recording.dropped.values())
     reasons = "; ".join(f"{count}: {reason}" for reason, count in recording.dropped.items())
-    if recording.rows_kept < FEW:
-        warn(f"{recording.source}: only {recording.rows_kept} of {recording.rows_read} samples kept ({reasons or 'the file has no more'})")
-    elif recording.rows_kept < (1 - MUCH) * recording.rows_read:
-        share = 1 - recording.rows_kept / recording.rows_read
-        warn(f"{recording.source}: {share:.0%} of {recording.rows_read} samples left out ({reasons})")
+    name = f"{recording.source} ({recording.id})" if recording.id.rpartition("#")[2].isdigit() else recording.source
+    if kept < FEW:
+        warn(f"{name}: only {kept} of {kept + lost} samples kept ({reasons or 'the file has no more'})")
+    elif kept < (1 - MUCH) * (kept + lost):
+        warn(f"{name}: {lost / (kept + lost):.0%} of {kept + lost} samples left out ({reasons})")

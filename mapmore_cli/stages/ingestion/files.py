@@ -7,26 +7,48 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mapmore_cli.domain.errors import DataError, SpecError
-from mapmore_cli.spec.models import FileEntry
+from mapmore_cli.spec.models import FileEntry, Join
 from mapmore_cli.storage.readers.files import expand, relative_name, unique_ids
 
 
 @dataclass(frozen=True)
-class Source:
-    """A file to read: its recording's id, its name relative to the spec's folder, and quantities that no column of it holds."""
+class Log:
+    """A file to read, and its name relative to the spec's folder."""
 
     path: Path
     name: str
+
+
+@dataclass(frozen=True)
+class Source(Log):
+    """A file of `data.files`: its recording's id, quantities that no column of it holds, and the logs that are joined to it."""
+
     id: str
     constants: Mapping[str, float]
+    joined: tuple[Log, ...] = ()
 
 
-def find_sources(entries: Sequence[str | FileEntry], folder: Path) -> tuple[Source, ...]:
-    """Return the files of `data.files` in the order of the entries, those of one glob sorted by path.
+Entries = Sequence[str | FileEntry]
 
-    Raises DataError where a glob finds nothing or a file is named twice, SpecError where recordings share an id.
+
+def find_sources(entries: Entries, folder: Path, joins: Sequence[Join] = ()) -> tuple[Source, ...]:
+    """Return the files of `data.files` in the order of the entries, those of one glob sorted by path, each with its joined logs.
+
+    Raises DataError where a glob finds nothing, a file is named twice, or joined logs cannot be paired; SpecError where recordings
+    share an id.
     """
-    found: dict[str, tuple[Path, FileEntry]] = {}
+    found = _found(entries, folder)
+    ids = [entry.id or automatic for (_, entry), automatic in zip(found, unique_ids([log.name for log, _ in found]), strict=True)]
+    for name in ids:
+        if ids.count(name) > 1:
+            raise SpecError(f"files: {ids.count(name)} recordings have the id '{name}'", "Give each an `id` of its own.")
+    logs = [_paired(join, len(found), folder) for join in joins]
+    return tuple(Source(log.path, log.name, ids[i], entry.set, tuple(joined[i] for joined in logs)) for i, (log, entry) in enumerate(found))
+
+
+def _found(entries: Entries, folder: Path) -> list[tuple[Log, FileEntry]]:
+    """Every file with the entry that names it."""
+    found: dict[str, tuple[Log, FileEntry]] = {}
     for entry in (FileEntry(path=entry) if isinstance(entry, str) else entry for entry in entries):
         paths = expand(entry.path, folder)
         if entry.id is not None and len(paths) > 1:
@@ -37,9 +59,18 @@ def find_sources(entries: Sequence[str | FileEntry], folder: Path) -> tuple[Sour
                 raise DataError(
                     f"{name}: named twice, by '{found[name][1].path}' and '{entry.path}'", "Make the patterns of `files` disjoint."
                 )
-            found[name] = (path, entry)
-    ids = [given.id or automatic for (_, given), automatic in zip(found.values(), unique_ids(list(found)), strict=True)]
-    for name in ids:
-        if ids.count(name) > 1:
-            raise SpecError(f"files: {ids.count(name)} recordings have the id '{name}'", "Give each an `id` of its own.")
-    return tuple(Source(path, name, id_, entry.set) for (name, (path, entry)), id_ in zip(found.items(), ids, strict=True))
+            found[name] = (Log(path, name), entry)
+    return list(found.values())
+
+
+def _paired(join: Join, count: int, folder: Path) -> list[Log]:
+    """The log to join to each of `count` files: the same for all, or one for each, in order."""
+    logs = [log for log, _ in _found(join.files, folder)]
+    if len(logs) == 1:
+        return logs * count
+    if len(logs) != count:
+        raise DataError(
+            f"join: {len(logs)} files cannot be paired with {count} of `data.files`: {', '.join(log.name for log in logs[:4])} ...",
+            "Name one for each, in the same order, or a single one for all.",
+        )
+    return logs

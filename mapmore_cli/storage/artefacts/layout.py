@@ -231,6 +231,7 @@ SEGMENT_FUNCTION = Schema(
         Field("samples", COUNT, "samples fitted to"),
         Field("condition", REAL, "2-norm condition number of the chosen regressors"),
         Field("stop", TEXT, "why selection stopped", NO_UNIT),
+        Field("limits", LIMITS, "least and greatest training value of each segmented variable in the segment", "[*]"),
     ),
 )
 
@@ -243,6 +244,7 @@ CURVE_FUNCTION = Schema(
         Field("boundaries", numbered(REALS), "segment locations of each segmented variable, both ends included", "[variables.*]"),
         Field("limits", LIMITS, "least and greatest training value of each input", "[*]"),
         Field("segments", numbered(record(SEGMENT_FUNCTION)), "segment functions", NO_UNIT),
+        Field("threshold", OPTIONAL_REAL, "threshold along the aligned variable, where there is one", "[aligned]"),
     ),
 )
 
@@ -253,6 +255,9 @@ FUSION = Schema(
         Field("transition", TEXT, "`linear`, `quadratic` or `cubic`", NO_UNIT),
         Field("z_s", REAL, "half-width of a transition zone, as a fraction of the segment"),
         Field("extrapolation", SIDES, "behaviour below and above the limits of each input: a word, or the value it takes", NO_UNIT),
+        Field("levels", TEXT, "interpolation between curves, `linear` or `pchip`", NO_UNIT),
+        Field("aligned", OPTIONAL_TEXT, "variable along which curves are aligned at their thresholds", NO_UNIT),
+        Field("shrink", REAL, "share of the pieces on a backbone that is carried to the middle between two levels"),
     ),
 )
 
@@ -276,6 +281,7 @@ MODEL = Schema(
         **{f"variables.{place}": f"[{name}]" for place, name in enumerate(model.variables)},
         "target": model.output.unit,
         "level": f"[{model.level}]" if model.level else NO_UNIT,
+        "aligned": f"[{model.fusion.aligned}]" if model.fusion.aligned else NO_UNIT,
     },
 )
 

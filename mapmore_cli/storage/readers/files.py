@@ -11,6 +11,7 @@ from pathlib import Path, PurePosixPath
 from mapmore_cli.domain.errors import DataError
 
 SHOWN = 4  # names listed in a message
+SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".xlsx", ".mat", ".h5", ".hdf5", ".tdms")
 
 
 def expand(pattern: str, folder: Path) -> list[Path]:
@@ -36,7 +37,7 @@ def relative_name(path: Path, folder: Path) -> str:
 
 
 def unique_ids(sources: Sequence[str]) -> list[str]:
-    """Name recordings after their files, without `.csv` and `.gz`; where names repeat, with as many parent folders as it takes."""
+    """Name recordings after their files, without `.gz` and the format's suffix; with parent folders where names repeat."""
     parts = [PurePosixPath(_without_suffix(source)).parts for source in sources]
     depth = [1] * len(parts)
     while True:
@@ -48,7 +49,8 @@ def unique_ids(sources: Sequence[str]) -> list[str]:
 
 
 def _without_suffix(source: str) -> str:
-    return source.removesuffix(".gz").removesuffix(".csv") or source
+    stem = source.removesuffix(".gz")
+    return next((stem.removesuffix(suffix) for suffix in SUFFIXES if stem.endswith(suffix)), stem) or source
 
 
 def _what_exists(path: Path) -> str:

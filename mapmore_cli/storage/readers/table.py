@@ -10,28 +10,65 @@ from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.errors import DataError
 
 SourceColumn = str | int
-"""A column of a file, by the name in its header or by 0-based index."""
+"""A column of a file: the name in its header, its 0-based index, or an address as `run.P`."""
 
 
 @dataclass(frozen=True)
 class TableRequest:
-    """Which columns of a file are wanted; `label` is how messages name the file."""
+    """Which columns of a file are wanted, and what its reader has to know; `label` is how messages name the file.
+
+    Attributes
+    ----------
+    columns
+        The wanted columns.
+    header
+        Number of header lines, the first of which holds the names (text, sheets).
+    skip_rows
+        Lines before the header (text, sheets).
+    delimiter
+        One character, `tab`, or `whitespace`: any run of blanks and tabs (text).
+    decimal
+        The decimal point of the numbers (text).
+    encoding
+        Of the characters (text); a byte order mark of UTF-8 is swallowed.
+    sheet
+        Name of the sheet; the first where None (workbooks).
+    root
+        Where the columns start; `train[*]` makes every element a recording (MAT, HDF5).
+    incomplete
+        True where records that break off are missing values, False where they are errors.
+    """
 
     label: str
     columns: tuple[SourceColumn, ...]
-    header: bool
+    header: int = 1
+    skip_rows: int = 0
+    delimiter: str = ","
+    decimal: str = "."
+    encoding: str = "utf-8"
+    sheet: str | None = None
+    root: str | None = None
+    incomplete: bool = False
 
 
 @dataclass(frozen=True)
 class RawTable:
     """Columns as the file holds them, before scaling and units.
 
-    `columns` has one `(n,)` array for each column of the request, NaN where a cell is empty; `rows` is `(n,)`, where each sample
-    stands in the file (line of a text file, row of a sheet, both from 1), for messages.
+    `columns` has one `(n,)` array for each column of the request, NaN where a cell is empty. `label` names the table in messages (the
+    file, and the part of it); `rows` is `(n,)`, where each sample stands: its `place` is a `row` (line of a text file, row of a sheet,
+    both from 1) or an `index` (of an array, from 0). `element` numbers the recordings of one file, None where it holds a single one.
     """
 
     columns: Mapping[SourceColumn, Array]
     rows: IntArray
+    label: str
+    place: str = "row"
+    element: int | None = None
+
+    def at(self, sample: int) -> str:
+        """Where a sample stands, for messages: `a.csv:row 17`."""
+        return f"{self.label}:{self.place} {self.rows[sample]}"
 
 
 def locate_columns(request: TableRequest, names: Sequence[str] | None, width: int, hint: str | None = None) -> dict[SourceColumn, int]:
@@ -57,6 +94,12 @@ def _locate(column: SourceColumn, label: str, names: Sequence[str] | None, width
         return names.index(column)
     if column in names:
         raise DataError(f"{label}: column '{column}' stands {names.count(column)} times in the header", "Give its 0-based index instead.")
-    near = difflib.get_close_matches(column, names, n=1) or [name for name in names if name.lower() == column.lower()]
+    raise DataError(f"{label}: there is no column '{column}'", hint or known_names(column, names, "The header has"))
+
+
+def known_names(name: str, known: Sequence[str], introduction: str, most: int = 12) -> str:
+    """Return a remedy for a name that does not exist: the nearest one, and which there are."""
+    near = [other for other in known if other.lower() == name.lower()] or difflib.get_close_matches(name, known, n=1)
     guess = f"Did you mean '{near[0]}'? " if near else ""
-    raise DataError(f"{label}: there is no column '{column}'", hint or f"{guess}The header has: {', '.join(names)}.")
+    more = ", ..." if len(known) > most else ""
+    return f"{guess}{introduction}: {', '.join(known[:most])}{more}."

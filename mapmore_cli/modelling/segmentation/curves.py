@@ -1,4 +1,4 @@
-"""Cutting training curves into segments."""
+"""Training curves cut into a grid of cells, one segment each."""
 
 from __future__ import annotations
 
@@ -7,11 +7,13 @@ from itertools import pairwise, product
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, IntArray
+from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Segment, SegmentedCurve
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.recipe import Cut
+from mapmore_cli.modelling.segmentation.cuts import IntervalCost, cut_points
+from mapmore_cli.modelling.segmentation.samples import samples_of
 
 
 def training_curves(curves: Sequence[Curve], by_level: bool) -> tuple[Curve, ...]:
@@ -31,7 +33,7 @@ def training_curves(curves: Sequence[Curve], by_level: bool) -> tuple[Curve, ...
     )
 
 
-def segment_curve(curve: Curve, cuts: Mapping[str, Cut]) -> SegmentedCurve:
+def segment_curve(curve: Curve, cuts: Mapping[str, Cut], target: str, cost: IntervalCost) -> SegmentedCurve:
     """Cut one curve's training samples over its own range: a grid of cells, one segment each.
 
     A sample on a boundary belongs to both segments, since segments include both ends.
@@ -39,11 +41,11 @@ def segment_curve(curve: Curve, cuts: Mapping[str, Cut]) -> SegmentedCurve:
     Raises
     ------
     DataError
-        Where a segment holds no sample.
+        Where a segment holds no sample, or the curve has too few for the cut.
     """
     rows = np.flatnonzero(~curve.held_out)
     values = samples_of(curve, rows)
-    boundaries = {name: cut_points(values[name], cut) for name, cut in cuts.items()}
+    boundaries = {name: cut_points(curve, rows, name, target, cut, cost) for name, cut in cuts.items()}
     inside = {name: _members(values[name], boundaries[name]) for name in cuts}
     segments = []
     for cell in product(*(range(1, len(b)) for b in boundaries.values())):
@@ -67,21 +69,6 @@ def segment_id(curve: str, variables: Sequence[str], cell: Sequence[int]) -> str
     return f"{curve}/" + (";".join(f"{name}:{place}" for name, place in zip(variables, cell, strict=True)) or "all")
 
 
-def cut_points(x: Array, cut: Cut) -> Array:
-    """Segment locations `seg_i` of one variable, both ends of the range included, (count + 1,).
-
-    Given breakpoints that lie outside of the curve's own range are left out: a low-pressure curve ends at a smaller strain.
-    """
-    low, high = float(x.min()), float(x.max())
-    if low == high:
-        return np.array([low, high])
-    if cut.method == "even":
-        return np.linspace(low, high, cut.count + 1)
-    if cut.method == "breakpoints":
-        return np.array([low, *(b for b in cut.at if low < b < high), high])
-    raise ValueError(f"unknown segmentation method {cut.method!r}: even or breakpoints")
-
-
 def _members(x: Array, boundaries: Array) -> list[Array]:
     return [(x >= low) & (x <= high) for low, high in pairwise(boundaries)]
 
@@ -93,8 +80,3 @@ def _refuse_empty(segments: Sequence[Segment]) -> None:
                 f"segment {segment.id}: no training sample lies in it",
                 "use fewer segments, move the breakpoints, or keep more samples of this curve",
             )
-
-
-def samples_of(curve: Curve, rows: IntArray) -> dict[str, Array]:
-    """Columns of a curve at the given rows."""
-    return {name: column[rows] for name, column in curve.columns.items()}

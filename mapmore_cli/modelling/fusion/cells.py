@@ -1,4 +1,4 @@
-"""Weights that join the pieces: a partition of unity (M1 eq 5-6, M2 eq 9-11)."""
+"""Weights of the segments along one variable: a partition of unity (M1 eq 5-6, M2 eq 9-11)."""
 
 from __future__ import annotations
 
@@ -38,32 +38,7 @@ def cell_weights(x: Array, boundaries: Array, transition: str, z_s: float) -> Ar
     rise[:, -1] = 0.0
     for i, (low, high) in enumerate(zip(start, end, strict=True), start=1):
         if high > low:
-            rise[:, i] = TRANSITIONS[transition](np.clip((x - low) / (high - low), 0.0, 1.0))
+            rise[:, i] = TRANSITIONS[transition]((np.clip(x, low, high) - low) / (high - low))
         else:
             rise[:, i] = x > low
     return rise[:, :-1] - rise[:, 1:]
-
-
-def level_weights(x: Array, levels: Array, below: str = "continue", above: str = "continue") -> Array:
-    """Weight of every curve at the level values x, (n, L): triangles between neighbouring levels (M1 figure 2).
-
-    Beyond the outermost level, `continue` and `saturate` hold its curve, `continue_linear` goes on with the slope of the last triangle
-    (rows still sum to one), and `zero` lets the weight drop to zero (M2 figure 7d).
-    """
-    if len(levels) == 1:
-        return np.ones((len(x), 1))
-    left = np.clip(np.searchsorted(levels, x, side="right") - 1, 0, len(levels) - 2)
-    t = (x - levels[left]) / (levels[left + 1] - levels[left])
-    if below != "continue_linear":
-        t = np.maximum(t, 0.0)
-    if above != "continue_linear":
-        t = np.minimum(t, 1.0)
-    weights = np.zeros((len(x), len(levels)))
-    rows = np.arange(len(x))
-    weights[rows, left] = 1 - t
-    weights[rows, left + 1] = t
-    if below == "zero":
-        weights[x < levels[0]] = 0.0
-    if above == "zero":
-        weights[x > levels[-1]] = 0.0
-    return weights

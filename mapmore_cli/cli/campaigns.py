@@ -1,0 +1,59 @@
+"""Campaigns on the command line: which runs they stand for, and the page over all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mapmore_cli.cli.exits import message
+from mapmore_cli.cli.views.view import View
+
+if TYPE_CHECKING:
+    from mapmore_cli.spec.campaign import Campaign, Entry
+    from mapmore_cli.stages.batch import Finished
+
+
+@dataclass(frozen=True)
+class Expanded:
+    """A campaign with the numbers of its runs among all jobs, and their names for messages."""
+
+    campaign: Campaign
+    jobs: tuple[int, ...]
+    names: tuple[str, ...]
+
+
+def expanded(configs: Sequence[Path], overrides: Sequence[str]) -> tuple[list[Expanded], list[Entry]]:
+    """Every campaign among the files, and every run to do: a spec stands for itself. `overrides` come last."""
+    from mapmore_cli.spec.campaign import Entry, is_campaign, load_campaign
+
+    campaigns: list[Expanded] = []
+    entries: list[Entry] = []
+    for config in configs:
+        if not is_campaign(config):
+            entries.append(Entry(config, tuple(overrides)))
+            continue
+        campaign, runs = load_campaign(config)
+        names = tuple(run.name or entry.config.stem for run, entry in zip(campaign.runs, runs, strict=True))
+        campaigns.append(Expanded(campaign, tuple(range(len(entries), len(entries) + len(runs))), names))
+        entries += [Entry(entry.config, (*entry.overrides, *overrides)) for entry in runs]
+    return campaigns, entries
+
+
+def write_page(expanded: Expanded, results: Sequence[Finished | BaseException], runs: Path, view: View) -> View:
+    """Write `RUNS/CAMPAIGN/index.html`; the view with the campaign's table in place of the long one, and the page's path."""
+    from mapmore_cli.cli.views.files import PAGE
+    from mapmore_cli.reporting.campaign import nrmse_table, render_campaign
+    from mapmore_cli.storage.atomic import refusals_told, write_text
+
+    campaign = expanded.campaign
+    finished = [result for result in results if not isinstance(result, BaseException)]
+    table = nrmse_table({run.name: run.validation.scores for run in finished}, campaign.relative_to)
+    failed = {name: message(r) for name, r in zip(expanded.names, results, strict=True) if isinstance(r, BaseException)}
+    pages = {run.name: f"../{run.name}/{PAGE.as_posix()}" for run in finished}
+    folder = runs / campaign.campaign
+    with refusals_told(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        write_text(folder / "index.html", render_campaign(campaign.title or campaign.campaign, [table], pages, failed))
+    return View(view.document, (table,), (*view.lines, f"campaign page: {folder / 'index.html'}"))

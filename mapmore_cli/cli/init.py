@@ -1,0 +1,72 @@
+"""`mapmore init`: a first spec for recordings that nobody has described yet."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mapmore_cli.cli.options import Quiet
+from mapmore_cli.domain.errors import UsageError, WriteError
+
+STDOUT = Path("-")
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(init)
+
+
+def init(
+    path: Annotated[Path, typer.Argument(metavar="PATH", help="A recording, or a folder of recordings.", show_default=False)],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", help="Where to write; NAME.yaml here by default, - for stdout.", show_default=False),
+    ] = None,
+    name: Annotated[str | None, typer.Option("--name", metavar="NAME", help="Name of the study.", show_default=False)] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace specs that exist.")] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Start a spec from recordings.
+
+    Columns, units, levels and load cycles are guessed, and every guess says why. A folder with recordings of several studies gives a
+    spec for each; with -o, one for the largest.
+    """
+    from mapmore_cli.cli.progress import Reporter
+    from mapmore_cli.stages.drafting.start import start
+
+    if name is not None:
+        _check_name(name)
+    folder = Path() if output is None or output == STDOUT else output.parent
+    with Reporter(quiet) as reporter:
+        found = start(path, folder, name, single=output is not None)
+        for remark in found.remarks:
+            reporter.say(f"left out: {remark}")
+    if output == STDOUT:
+        print(found.drafts[0].text(), end="")
+    else:
+        _write({output or Path(f"{draft.name}.yaml"): draft.text() for draft in found.drafts}, force)
+
+
+def _check_name(name: str) -> None:
+    from pydantic import TypeAdapter, ValidationError
+
+    from mapmore_cli.spec.fields import Name
+
+    try:
+        TypeAdapter(Name).validate_python(name)
+    except ValidationError as fault:
+        raise UsageError(f"--name: {name!r} is no name for a study", "use letters, digits, `.`, `_` and `-`, as bench-2") from fault
+
+
+def _write(texts: dict[Path, str], force: bool) -> None:
+    """Write all files or, where one exists already, none; print their paths."""
+    from mapmore_cli.storage.atomic import write_text
+
+    taken = [str(path) for path in texts if path.exists()]
+    if taken and not force:
+        raise WriteError(f"{', '.join(taken)}: exists already", "say --force to replace it, or -o to write elsewhere")
+    for path, text in texts.items():
+        write_text(path, text)
+        print(path)

@@ -1,0 +1,28 @@
+"""Views of what `mapmore check` found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+from mapmore_cli.cli.views import measured
+from mapmore_cli.cli.views.view import View
+
+if TYPE_CHECKING:
+    from mapmore_cli.stages.inspection.issue import Issue
+    from mapmore_cli.stages.inspection.lint import Inspection
+
+
+def of_inspection(inspection: Inspection) -> View:
+    """The curves where there are any, then the issues with their remedies, the worst first."""
+    found = View({}) if inspection.dataset is None else measured.of_dataset(inspection.dataset)
+    issues = [asdict(issue) for issue in inspection.issues]
+    return View({**found.document, "issues": issues}, found.tables, (*found.lines, *_lines(inspection.issues)))
+
+
+def _lines(issues: Sequence[Issue]) -> tuple[str, ...]:
+    if not issues:
+        return ("No issues.",)
+    blocks = [(f"{issue.severity}: {issue.place}: {issue.message} [{issue.id}]", f"  {issue.remedy}") for issue in issues]
+    return tuple(line for block in blocks for line in block)

@@ -1,0 +1,13 @@
+"""Forward regression with orthogonal least squares (FROLS), the engine of MAPMORE.
+
+M1 eq 2-4, M2 eq 2-8; S. A. Billings, *Nonlinear System Identification*, Wiley 2013, chapter 3.
+
+One greedy choice (`select`); two forms of what is left of the candidates: their products alone (`gram`), or an orthonormal basis beside the
+dictionary (`basis`), which for a tall dictionary may be its triangular factor (`triangle`). `engine` decides which.
+"""
+
+from mapmore_cli.modelling.frols.blocks import Blocks
+from mapmore_cli.modelling.frols.engine import frols, frols_streamed
+from mapmore_cli.modelling.frols.select import TIE_TOLERANCE
+
+__all__ = ["TIE_TOLERANCE", "Blocks", "frols", "frols_streamed"]

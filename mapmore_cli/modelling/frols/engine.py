@@ -1,0 +1,126 @@
+"""`frols` and `frols_streamed`: which form of the method reads the dictionary is decided here, and nowhere else."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.fits import Selection
+from mapmore_cli.modelling.frols.basis import SMALL, BasisRemainders, column_squares
+from mapmore_cli.modelling.frols.blocks import Blocks, checked, gathered, row_blocks, safe_scale, scaled
+from mapmore_cli.modelling.frols.gram import GramRemainders
+from mapmore_cli.modelling.frols.products import Gram, gram
+from mapmore_cli.modelling.frols.result import finished
+from mapmore_cli.modelling.frols.select import DigitsLost, Stopping, greedy
+from mapmore_cli.modelling.frols.triangle import triangle
+
+GRAM_COLUMNS_PER_TERM = 16
+"""One `syrk` over 16 columns takes about as long as one matrix-vector product with them, of which the basis needs one a term."""
+
+
+def frols(P: ArrayLike, y: ArrayLike, max_terms: int | None = None, tolerance: float = 0.0, *, stop: str = "tolerance") -> Selection:
+    """Select the few columns of `P` that explain `y`, one after the other by error reduction ratio.
+
+    In each iteration every unselected regressor is orthogonalised against the selected ones (M2 eq 2), its coefficient is
+    `g = y'q / q'q` (eq 3) and its error reduction ratio `ERR = g^2 q'q / y'y` (eq 4), with the uncentred `y'y`; the highest wins
+    (eq 5). The coefficients of the original regressors follow from `A theta = g`.
+
+    A tall dictionary is read once, for `P'P`; where that loses digits, once more, for its triangular factor. A small or wide one is read
+    for every term. The selection does not depend on which; neither `P` nor `y` is changed, or copied unless its squares overflow.
+
+    Parameters
+    ----------
+    P
+        Candidate regressors, (n, M), in either memory order.
+    y
+        Dependent variable, (n,).
+    max_terms
+        Limit on the number of terms (M2 eq 7 read as: stop after that many); None for no limit.
+    tolerance
+        Stop when `1 - sum ERR <= tolerance` (M2 eq 6).
+    stop
+        `tolerance`; or `bic`, `aicc`, `press`: go on to `max_terms` (or the tolerance) and keep the number of terms at which the
+        criterion is least. `press` reads `P` once more.
+
+    Raises
+    ------
+    DataError
+        Where `P` or `y` has a value that is not finite, with its column and row.
+    ValueError
+        Where the shapes do not fit or `max_terms` is below one.
+
+    Examples
+    --------
+    >>> x = np.linspace(0, 1, 50)
+    >>> chosen = frols(np.column_stack([x**0, x, x**2]), 3 * x**2 - 1, max_terms=2)
+    >>> chosen.chosen.tolist(), chosen.theta.round(12).tolist()
+    ([2, 0], [3.0, -1.0])
+    """
+    stopping = Stopping(max_terms, tolerance, stop)
+    P, y = np.asarray(P, dtype=np.float64), np.asarray(y, dtype=np.float64)
+    if P.ndim != 2 or y.ndim != 1 or len(P) != len(y) or P.size == 0:
+        raise ValueError(f"P must be (n, M) and y (n,), neither empty; they are {P.shape} and {y.shape}")
+    n, M = P.shape
+    if prefers_gram(n, M, stopping.limit(n, M)):
+        return _by_gram(row_blocks(P, y), stopping)
+    return _by_basis(P, y, stopping)
+
+
+def frols_streamed(blocks: Blocks, max_terms: int | None = None, tolerance: float = 0.0, *, stop: str = "tolerance") -> Selection:
+    """`frols` of a dictionary that comes in row blocks and never as a whole: memory O(M^2 + block), whatever n is.
+
+    Parameters
+    ----------
+    blocks
+        Called to start a pass over the rows; yields `P (b, M)` and `y (b,)` of one block after the other, the same ones in every pass.
+        Most records need one pass. There is another where the normal equations lose digits (an ill-conditioned or dependent dictionary,
+        a residual sum of squares below 1e-9 of `y'y`), two where squares of the values overflow or vanish, and one for `press`.
+        Blocks of a few thousand rows are best.
+    max_terms, tolerance, stop
+        As in `frols`, and so is the result.
+
+    Raises
+    ------
+    DataError
+        Where a value is not finite, with its column and its row counted over all blocks.
+    ValueError
+        Where the shapes do not fit, there is no row, or `max_terms` is below one.
+    """
+    return _by_gram(checked(blocks), Stopping(max_terms, tolerance, stop))
+
+
+def prefers_gram(n: int, M: int, terms: int) -> bool:
+    """Whether to form `P'P`: not for a small dictionary, which costs nothing anyway and keeps more digits on the basis; nor for one so wide
+    that reading it once for every term costs less.
+    """
+    return n * M > SMALL and n > M and GRAM_COLUMNS_PER_TERM * (terms + 2) >= M
+
+
+def _by_gram(blocks: Blocks, stopping: Stopping) -> Selection:
+    """On the Gram matrix as long as it has the digits, otherwise on explicit remainders."""
+    normal = gram(blocks)
+    rows, limit = scaled(blocks, normal.scale), stopping.limit(normal.samples, len(normal.scale) - 1)
+    try:
+        path = greedy(GramRemainders(normal.matrix, rows), stopping, limit)
+    except DigitsLost:
+        path = greedy(_with_digits(normal, rows, limit), stopping, limit)
+    return finished(path, normal.scale, normal.samples, blocks, stopping)
+
+
+def _with_digits(normal: Gram, blocks: Blocks, limit: int) -> BasisRemainders:
+    if normal.samples * len(normal.scale) <= SMALL:
+        return BasisRemainders(*gathered(blocks), limit)
+    return BasisRemainders(*triangle(blocks), limit)
+
+
+def _by_basis(P: Array, y: Array, stopping: Stopping) -> Selection:
+    """On the dictionary itself."""
+    blocks, limit = row_blocks(P, y), stopping.limit(*P.shape)
+    with np.errstate(over="ignore", invalid="ignore"):  # `safe_scale` looks for the cause
+        squares = np.append(column_squares(P), y @ y)
+    scale = safe_scale(squares, blocks)
+    if (scale != 1.0).any():
+        P, y = P / scale[:-1], y / scale[-1]
+    path = greedy(BasisRemainders(P, y, limit), stopping, limit)
+    return finished(path, scale, len(y), blocks, stopping)

@@ -1,0 +1,74 @@
+"""A campaign: one spec run in several variants, or several specs, with one page over all."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from mapmore_cli.spec.fields import Name, RelativePath, Section, contradiction
+from mapmore_cli.spec.loader import load_as
+
+SpecPath = Annotated[str, RelativePath()]
+
+
+class Variant(Section):
+    """One run of a campaign: a spec (the campaign's `base` by default), the run's `name`, and keys to `set` as `--set` does."""
+
+    base: SpecPath | None = None
+    name: Name | None = None
+    set: dict[str, Any] = {}  # noqa: RUF012 (pydantic copies it)
+
+    @model_validator(mode="after")
+    def _named(self) -> Variant:
+        if self.base is None and self.name is None:
+            raise contradiction("a variant of the campaign's base needs a `name`", "add it: every run has a folder of its own")
+        return self
+
+
+class Campaign(Section):
+    """The runs of a campaign, in the order of its tables; `relative_to` names the model that ratios are taken to."""
+
+    schema_version: Literal[1] = 1
+    campaign: Name
+    title: str | None = None
+    base: SpecPath | None = None
+    runs: Annotated[list[Variant], Field(min_length=1)]
+    relative_to: str | None = None
+
+    @model_validator(mode="after")
+    def _has_specs(self) -> Campaign:
+        if self.base is None and any(run.base is None for run in self.runs):
+            raise contradiction("a run has no spec", "give the campaign a `base`, or each run one", "runs")
+        return self
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A spec to run, with overrides as on the command line."""
+
+    config: Path
+    overrides: tuple[str, ...]
+
+
+def is_campaign(path: Path) -> bool:
+    """True where a YAML file has the key `campaign` at its top level."""
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError):
+        return False  # loading it says why
+    return any(line.startswith("campaign:") for line in lines)
+
+
+def load_campaign(path: Path) -> tuple[Campaign, tuple[Entry, ...]]:
+    """Read a campaign and the runs that it stands for; raises SpecError as `spec.loader.load` does."""
+    loaded = load_as(path, Campaign)
+    entries = []
+    for run in loaded.spec.runs:
+        named = {} if run.name is None else {"name": run.name}
+        sets = tuple(f"{key}={json.dumps(value)}" for key, value in {**named, **run.set}.items())
+        entries.append(Entry(loaded.folder / str(run.base or loaded.spec.base), sets))
+    return loaded.spec, tuple(entries)

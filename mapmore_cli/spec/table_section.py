@@ -1,0 +1,147 @@
+"""Which files are read and how: the keys that `data` and each entry of `join` share."""
+
+# ruff: noqa: RUF012 (pydantic copies the default of a field for every instance)
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from mapmore_cli.spec.fields import (
+    InColumnUnit,
+    Keyed,
+    Number,
+    OfKey,
+    Quantity,
+    RelativePath,
+    Seconds,
+    Section,
+    SignedSeconds,
+    Text,
+    TrueFalse,
+    by_shape,
+    contradiction,
+)
+
+FilePattern = Annotated[str, RelativePath()]
+ReaderName = Literal["csv", "xlsx", "mat", "hdf5", "tdms"]
+
+READERS_OF: Mapping[str, tuple[ReaderName, ...]] = {
+    "header": ("csv", "xlsx"),
+    "skip_rows": ("csv", "xlsx"),
+    "delimiter": ("csv",),
+    "decimal": ("csv",),
+    "encoding": ("csv",),
+    "sheet": ("xlsx",),
+    "root": ("mat", "hdf5"),
+}
+"""The readers that have a use for a key."""
+
+
+class FileEntry(Section):
+    """A glob (`path`) with quantities that no column holds (`set`), and the recording's `id` where one file matches."""
+
+    path: FilePattern
+    set: dict[Quantity, OfKey] = {}
+    id: str | None = None
+
+
+class Column(Section):
+    """Where a quantity comes from: a `column` by name, 0-based index or address, as `value * scale + offset` in `unit`.
+
+    An address leads into MAT and HDF5 files, as `run.P` or `y[:,0]`; a TDMS channel is `Group/Channel`.
+    """
+
+    column: Annotated[Annotated[str, Text] | Annotated[int, Number], by_shape]
+    unit: str | None = None
+    scale: float = 1.0
+    offset: InColumnUnit = 0.0
+
+
+class Table(Section):
+    """Files of one kind and the columns in them.
+
+    `files` are globs that start at the folder of the spec. `header` is the number of header lines (`true` is one), the first with the
+    names, after `skip_rows` lines. `delimiter` is a character, `tab` or `whitespace`. `sheet` names the sheet of a workbook, `root`
+    the place in a MAT or HDF5 file from which columns are addressed: with `[*]` at its end every element is a recording of its own.
+    `sample_time` makes the time where no column holds it.
+    """
+
+    files: Annotated[
+        list[Annotated[Annotated[FilePattern, Text] | Annotated[FileEntry, Keyed], by_shape]],
+        Field(min_length=1),
+    ]
+    reader: ReaderName = "csv"
+    header: Annotated[Annotated[bool, TrueFalse] | Annotated[int, Number, Field(ge=1)], by_shape] = True
+    skip_rows: Annotated[int, Field(ge=0)] = 0
+    delimiter: str = ","
+    decimal: Literal[".", ","] = "."
+    encoding: str = "utf-8"
+    sheet: str | None = None
+    root: str | None = None
+    columns: Annotated[dict[Quantity, Column], Field(min_length=1)]
+    sample_time: Seconds | None = None
+
+    @model_validator(mode="after")
+    def _reader_has_use(self) -> Table:
+        for key, readers in READERS_OF.items():
+            if self.reader not in readers and getattr(self, key) != Table.model_fields[key].default:
+                owners = " and ".join(f"`{reader}`" for reader in readers)
+                raise contradiction(f"reader `{self.reader}` has no use for `{key}`", f"remove it: it belongs to {owners}", key)
+        if self.reader == "tdms" and any(isinstance(column.column, int) for column in self.columns.values()):
+            raise contradiction("reader `tdms` finds channels by name", "write `column: Group/Channel`", "columns")
+        if self.sample_time is not None and "time" in self.columns:
+            raise contradiction("`time` is a column, and `sample_time` makes it as well", "keep one of both", "sample_time")
+        return self
+
+    @model_validator(mode="after")
+    def _dialect(self) -> Table:
+        if not re.fullmatch(r"tab|whitespace|[^\w\s\"'.+-]|[\t ]", self.delimiter):
+            raise contradiction(
+                f"{self.delimiter!r} cannot separate fields", 'write one character, as `";"`, or `tab`, or `whitespace`', "delimiter"
+            )
+        if self.delimiter == self.decimal:
+            remedy = 'say what separates the fields, as `delimiter: ";"`'
+            raise contradiction("the decimal point also separates the fields", remedy, "decimal")
+        try:
+            "a".encode(self.encoding)
+        except (LookupError, ValueError):  # ValueError: a zero byte in the name
+            remedy = "write `utf-8`, `utf-16`, `latin-1`, `cp1252`, ..."
+            raise contradiction(f"encoding {self.encoding!r} is unknown", remedy, "encoding") from None
+        return self
+
+
+class Join(Table):
+    """A second log of the same tests: its quantities are brought onto the samples of the first.
+
+    `on: time` interpolates linearly, after `shift` has been added to the second log's time; samples that lie outside of the second log, or
+    in a gap of it longer than `max_gap`, have no value: `missing` says what becomes of them. `on: row` puts row beside row. One file
+    serves all recordings, several are paired with those of `data.files` in order.
+    """
+
+    on: Literal["time", "row"] = "time"
+    shift: SignedSeconds = 0.0
+    max_gap: Seconds | None = None
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """What it adds to the recording."""
+        return tuple(name for name in self.columns if name != "time")
+
+    @model_validator(mode="after")
+    def _clock(self) -> Join:
+        if self.on == "time" and "time" not in self.columns and self.sample_time is None:
+            remedy = "add `time` to its `columns`, or say `on: row`"
+            raise contradiction("a join on time needs the time of the second log", remedy, "on", "columns")
+        if self.on == "row" and (self.shift != 0 or self.max_gap is not None):
+            raise contradiction("a join on rows has no use for `shift` and `max_gap`", "remove them", "shift", "max_gap")
+        if self.on == "row" and ("time" in self.columns or self.sample_time is not None):
+            raise contradiction("a join on rows takes the time of the first log", "remove the second", "columns")
+        if not self.quantities:
+            raise contradiction("the join adds no quantity", "name one besides `time`", "columns")
+        if any(isinstance(entry, FileEntry) and (entry.set or entry.id) for entry in self.files):
+            raise contradiction("`set` and `id` belong to `data.files`", "move them there", "files")
+        return self

@@ -1,0 +1,140 @@
+"""Which column holds which quantity: by its title, and where that says nothing by its values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.stages.inspection.labels import Label, read_label
+
+STATES = 6  # different values, up to which a column is a state and not a measurement
+LOGGED = 1000  # samples of a record that a logger took
+SLOWEST = 0.2  # s between samples of a logger
+LARGEST_FRACTION = 1.5
+BAR, PSI, PASCAL = 12.0, 150.0, 5000.0  # largest pressures in bar, psi and kPa
+CLEAN_ZERO = 0.05  # of the largest value, that a pressure may lie below zero
+JUMPS = 0.001  # of the steps of a clock, that may go back
+DATE = 1e8
+WANTED = ("time", "pressure", "strain", "force", "displacement", "length")
+
+Raw = Mapping[str | int, Sequence[Array]]
+"""Values of every column, one array `(n,)` for each file."""
+
+
+@dataclass(frozen=True)
+class Guess:
+    """A quantity's column and unit, and why."""
+
+    column: str | int
+    unit: str
+    why: str
+    sure: bool
+
+    def as_spec(self) -> dict[str, str | int]:
+        """The column as the spec describes it."""
+        return {"column": self.column} if self.unit == "1" else {"column": self.column, "unit": self.unit}
+
+
+def guess_columns(titles: Mapping[str | int, str], raw: Raw) -> dict[str, Guess]:
+    """Guess the columns of the quantities, given the titles of those that have one.
+
+    Where titles name a quantity twice, the one with a unit in it wins, then the plainer, then the first. Without any title that says
+    something, time is what never decreases; strain what stays below 1.5; and of the rest the pressure is what is never negative.
+    """
+    labels = {column: label for column, title in titles.items() if (label := read_label(title)) is not None and column in raw}
+    guesses: dict[str, Guess] = {}
+    for quantity in WANTED:
+        named = [column for column, label in labels.items() if label.quantity == quantity]
+        if quantity == "force" and not named:  # testers call the force a load
+            named = [column for column, label in labels.items() if label.quantity == "load" and np.ptp(np.concatenate(raw[column]))]
+        if named:
+            best = min(named, key=lambda column: (labels[column].unit is None, not labels[column].plain))
+            guesses[quantity] = _by_title(quantity, best, labels[best], raw[best])
+    return guesses or _by_values(raw)
+
+
+def _by_title(quantity: str, column: str | int, label: Label, values: Sequence[Array]) -> Guess:
+    if label.unit is not None:
+        return Guess(column, label.unit, f"by its name; {_range(values, label.unit)}", True)
+    unit, why, sure = _unit_by_size(quantity, values)
+    return Guess(
+        column, unit, f"{quantity} by its name, {unit if unit != '1' else 'a fraction'} because {why}; {_range(values, unit)}", sure
+    )
+
+
+def _unit_by_size(quantity: str, values: Sequence[Array]) -> tuple[str, str, bool]:
+    """The unit that values of this size have, why, and whether that is beyond doubt."""
+    largest = max(float(np.abs(one).max()) for one in values)
+    match quantity:
+        case "time":
+            step = float(np.median(np.diff(values[0]))) if len(values[0]) > 1 else 0.0
+            if len(values[0]) >= LOGGED and step > SLOWEST:
+                return "ms", f"a step of {step:g} s would be slow for a logger", False
+            return "s", f"its step is {step:.3g}", True
+        case "pressure":
+            if largest > PASCAL:
+                return "Pa", f"{largest:.0f} kPa would burst anything", False
+            if largest <= BAR:
+                return "bar", f"it ends at {largest:.3g}", False
+            return "kPa", f"it ends at {largest:.0f}" + ("" if largest > PSI else ", which may be psi"), largest > PSI
+        case "strain":
+            return ("%", f"it reaches {largest:.3g}", True) if largest > LARGEST_FRACTION else ("1", f"it reaches {largest:.3g}", True)
+        case "force":
+            return "N", "nothing else is said", True
+        case _:
+            return ("mm", f"it reaches {largest:.3g}", False) if largest > LARGEST_FRACTION else ("m", f"it reaches {largest:.3g}", False)
+
+
+def _by_values(raw: Raw) -> dict[str, Guess]:
+    """Quantities of columns whose titles say nothing; none of them is certain."""
+    left = {column: values for column, values in raw.items() if not _is_state(values)}
+    guesses: dict[str, Guess] = {}
+
+    def take(quantity: str, column: str | int, why: str) -> None:
+        values = left.pop(column)
+        unit, of_unit, _ = _unit_by_size(quantity, values)
+        guesses[quantity] = Guess(
+            column, unit, f"{why}; {unit if unit != '1' else 'a fraction'}, as {of_unit}; {_range(values, unit)}", False
+        )
+
+    clocks = [column for column, values in left.items() if all(_is_clock(one) for one in values)]
+    if clocks and len(left) > 2:
+        take("time", min(clocks, key=lambda column: max(abs(one[0]) for one in left[column])), "it never decreases")
+        left = {column: values for column, values in left.items() if column not in clocks}  # dates, and counters of samples
+    small = [column for column, values in left.items() if max(np.abs(one).max() for one in values) <= LARGEST_FRACTION]
+    if small and len(left) > 2:
+        take("strain", small[0], "it is the smallest")
+    clean = max(left, key=lambda column: _lowest(left[column]), default=None)
+    if clean is not None and len(left) > 1 and _lowest(left[clean]) > -CLEAN_ZERO:
+        take("pressure", clean, "it is never negative")
+        take("force", max(left, key=lambda column: float(np.ptp(np.concatenate(left[column])))), "it is what is left")
+    return guesses
+
+
+def _lowest(values: Sequence[Array]) -> float:
+    """The least value relative to the largest, at most 0: a pressure over atmosphere is never negative, a force has an offset."""
+    pooled = np.concatenate(values)
+    return min(float(pooled.min()) / float(np.abs(pooled).max()), 0.0)
+
+
+def _is_clock(values: Array) -> bool:
+    """True for what hardly ever decreases, and for dates, in whatever unit they count."""
+    steps = np.diff(values)
+    return bool(np.ptp(values) > 0 and np.mean(steps < 0) <= JUMPS) or float(np.abs(values).max()) > DATE
+
+
+def _is_state(values: Sequence[Array]) -> bool:
+    """True for a column with a handful of values in many samples, as a valve's state."""
+    return sum(map(len, values)) > 20 * STATES and len(np.unique(np.concatenate(values))) < STATES and _whole(values)
+
+
+def _whole(values: Sequence[Array]) -> bool:
+    return all((one == np.round(one)).all() for one in values)
+
+
+def _range(values: Sequence[Array], unit: str) -> str:
+    low, high = min(one.min() for one in values), max(one.max() for one in values)
+    return f"{low:.4g} to {high:.4g}{'' if unit == '1' else f' {unit}'}"

@@ -1,0 +1,96 @@
+"""Which files belong to one study."""
+
+from __future__ import annotations
+
+import glob
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import takewhile
+from pathlib import Path
+
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.stages.drafting.file_names import NameParts, read_names, words_of
+from mapmore_cli.stages.drafting.preview import ADDRESSED, SUFFIXES, Preview, preview, suffix_of
+from mapmore_cli.storage.readers.files import expand, relative_name
+
+
+@dataclass(frozen=True)
+class Group:
+    """Files of one layout with what their names say; `alone` where the folder has no other group."""
+
+    files: tuple[Path, ...]
+    names: tuple[NameParts, ...]
+    layout: Preview
+    alone: bool = True
+
+    @property
+    def label(self) -> str:
+        """A name for the study: that of the folder where it has no other, else the words that all its files share."""
+        words = [words_of(path.name) for path in self.files]
+        common = [word for word in words[0] if all(word in other for other in words)]
+        return self.files[0].parent.name if (self.alone and len(self.files) > 1) or not common else "_".join(common)
+
+
+def find_groups(path: Path) -> tuple[list[Group], list[str]]:
+    """The groups of files under a path, the largest first, and for every other file why it is left out.
+
+    Raises DataError where the path does not exist.
+    """
+    if not path.exists():
+        raise DataError(f"{path}: no such file or folder", "give a recording, or a folder of recordings")
+    files = [path] if path.is_file() else sorted(file for file in path.rglob("*") if _is_recording(file, path))
+    left_out = []
+    layouts: dict[tuple[Path, str], tuple[Preview, list[Path]]] = {}
+    for file in files:
+        try:
+            layout = preview(file)
+        except DataError as fault:
+            left_out.append(fault.message)
+            continue
+        layouts.setdefault((file.parent, repr(layout)), (layout, []))[1].append(file)
+    groups = [group for layout, members in layouts.values() for group in _by_names(members, layout)]
+    folders = Counter(group.files[0].parent for group in groups)
+    groups = [replace(group, alone=folders[group.files[0].parent] == 1) for group in groups]
+    return sorted(groups, key=lambda group: (-len(group.files), group.files[0])), left_out
+
+
+def _is_recording(file: Path, folder: Path) -> bool:
+    """True for a file of a known format that is neither hidden nor the result of a run."""
+    inside = file.relative_to(folder)
+    ours = any((folder / parent / "run.json").is_file() for parent in inside.parents)
+    return file.is_file() and suffix_of(file) in {*SUFFIXES, *ADDRESSED} and not ours and not any(p.startswith(".") for p in inside.parts)
+
+
+def _by_names(files: Sequence[Path], layout: Preview) -> list[Group]:
+    """Files whose names have equally many words and the same words where these tell groups apart."""
+    members: dict[tuple[int, tuple[str, ...]], list[tuple[Path, NameParts]]] = {}
+    for count in dict.fromkeys(len(words_of(file.name)) for file in files):
+        alike = [file for file in files if len(words_of(file.name)) == count]
+        for file, part in zip(alike, read_names([file.name for file in alike]), strict=True):
+            members.setdefault((count, part.group), []).append((file, part))
+    return [Group(tuple(file for file, _ in group), tuple(part for _, part in group), layout) for group in members.values()]
+
+
+def patterns(files: Sequence[Path], folder: Path) -> list[str]:
+    """Globs from `folder` that match these files and no others: one where there is one, else the files themselves."""
+    parent = relative_name(files[0].parent, folder)
+    where = "" if parent == "." else f"{glob.escape(parent)}/"
+    for pattern in _candidates([file.name for file in files]):
+        if len(files) > 1 and {path.resolve() for path in expand(where + pattern, folder)} == {path.resolve() for path in files}:
+            return [where + pattern]
+    return [relative_name(file, folder) for file in files]
+
+
+def _candidates(names: Sequence[str]) -> list[str]:
+    """Patterns made of the words at which all names begin and end; the shortest are tried first."""
+    begin = _shared(names).rstrip("0123456789")
+    end = _shared([name[::-1] for name in names])[::-1]
+    words = [end[mark.start() :] for mark in re.finditer(r"(?:\.[A-Za-z]\w*)+$|[_\s-]", end)][::-1]
+    return [f"{glob.escape(start)}*{glob.escape(stop)}" for stop in words for start in (begin, "")]
+
+
+def _shared(names: Sequence[str]) -> str:
+    """The characters that all names begin with."""
+    return "".join(letters[0] for letters in takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False)))

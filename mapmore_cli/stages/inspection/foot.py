@@ -1,0 +1,80 @@
+"""The slack foot: almost no force below a threshold pressure that rises with strain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, IntArray
+
+HINGED = "sarosi_hinged"
+"""The formula that is made for it."""
+
+GROUPS = 8  # of strain, where it is not held at fewer values
+BINS = 24  # of pressure
+FEWEST_BINS = 8  # that must hold samples: at a few held pressures no threshold can be seen
+SLACK = 0.05  # of the largest force
+WIDTH = 0.15  # of the pressure range, that a foot has at least
+BEND = 3.0  # times the slope of the foot, which the force must rise by beyond it
+
+
+@dataclass(frozen=True)
+class Foot:
+    """Threshold pressures `(m,)` at the strains `(m,)` that have a foot, in the units of the samples."""
+
+    strain: Array
+    threshold: Array
+
+
+def slack_foot(pressure: Array, strain: Array, force: Array) -> Foot | None:
+    """Find the slack foot of samples `(n,)` at many pressures; None where there is none.
+
+    Samples are grouped by strain and averaged in bins of pressure. A group has a foot where the force stays within 5 % of its largest value
+    from the lowest pressure over at least 15 % of the range, and rises three times as steeply beyond. (A plain formula that is linear
+    in pressure crosses this band at a constant slope.) There is a foot where two groups have one and the threshold rises with strain.
+    """
+    span, full = float(np.ptp(pressure)), float(np.max(np.abs(force), initial=0.0))
+    if not span or not full:
+        return None
+    found = []
+    for middle, members in _groups(strain):
+        p, f = _binned((pressure[members] - pressure.min()) / span, force[members] / full)
+        end = _end_of_foot(p, f)
+        if end is not None:
+            found.append((middle, pressure.min() + span * end))
+    if len(found) < 2:
+        return None
+    at, threshold = np.array(found).T
+    return Foot(at, threshold) if threshold[-1] > threshold[0] and np.corrcoef(at, threshold)[0, 1] > 0 else None
+
+
+def _groups(strain: Array) -> list[tuple[float, IntArray]]:
+    """The middle of each group of strains in ascending order, with the rows that belong to it."""
+    low, span = float(strain.min()), float(np.ptp(strain)) or 1.0
+    place = np.round((strain - low) / span * 200).astype(int)  # strains within half a per cent of the range are one
+    if len(np.unique(place)) > GROUPS:
+        place = np.minimum((strain - low) / span * GROUPS, GROUPS - 1).astype(int)
+    return [(float(np.median(strain[place == group])), np.flatnonzero(place == group)) for group in np.unique(place)]
+
+
+def _binned(p: Array, f: Array) -> tuple[Array, Array]:
+    """Mean pressure and mean force of every bin that holds samples."""
+    place = np.minimum(p * BINS, BINS - 1).astype(int)
+    counts = np.bincount(place, minlength=BINS)
+    filled = counts > 0
+    p_mean, f_mean = (np.bincount(place, values, minlength=BINS)[filled] / counts[filled] for values in (p, f))
+    return p_mean, f_mean
+
+
+def _end_of_foot(p: Array, f: Array) -> float | None:
+    """Pressure at which the foot ends, given the binned force of one group; both relative to their ranges."""
+    taut = np.flatnonzero(np.abs(f) > SLACK)
+    if len(p) < FEWEST_BINS or not taut.size:
+        return None
+    end = int(taut[0]) - 1
+    if end < 1 or p[end] - p[0] < WIDTH:
+        return None
+    slope_of_foot = abs(f[end] - f[0]) / (p[end] - p[0])
+    slope_beyond = (f[-1] - f[end]) / (p[-1] - p[end])
+    return float(p[end]) if slope_beyond > BEND * slope_of_foot else None

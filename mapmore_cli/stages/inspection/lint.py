@@ -1,0 +1,79 @@
+"""`mapmore check`: everything that can be said about a study before anything is computed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from mapmore_cli.domain.errors import DataError, MapmoreError, SpecError
+from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.spec.loader import LoadedSpec
+from mapmore_cli.spec.models import Split
+from mapmore_cli.stages.ingestion.dataset import build_dataset
+from mapmore_cli.stages.ingestion.slice import slice_of
+from mapmore_cli.stages.inspection.issue import ORDER, Cause, Issue
+from mapmore_cli.stages.inspection.rules import OF_CURVES, OF_RECORDINGS
+from mapmore_cli.stages.inspection.subject import Subject
+from mapmore_cli.stages.stage import Progress
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """The curves, unless none could be made, and all issues, the worst first."""
+
+    dataset: Dataset | None
+    issues: tuple[Issue, ...]
+
+    @property
+    def verdict(self) -> MapmoreError | None:
+        """The error to end with, None without errors: the spec is to be mended before the data are looked at again."""
+        errors = [issue for issue in self.issues if issue.severity == "error"]
+        if not errors:
+            return None
+        kind = SpecError if any(issue.cause == "spec" for issue in errors) else DataError
+        return kind(f"{len(errors)} error{'s' if len(errors) > 1 else ''}: {', '.join(dict.fromkeys(issue.id for issue in errors))}")
+
+
+def inspect(loaded: LoadedSpec, progress: Progress = lambda *_: None, warn: Callable[[str], None] = lambda _: None) -> Inspection:
+    """Apply every rule; writes nothing.
+
+    Where the curves cannot be made, the recordings alone are looked at: strain in per cent is why no sample was at its level.
+
+    Raises
+    ------
+    SpecError, DataError
+        What made the curves impossible, where no rule has anything to add.
+    """
+    part = slice_of(loaded.spec)
+    try:
+        dataset = build_dataset(part, loaded.folder, progress=progress, warn=warn)
+    except (SpecError, DataError) as fault:
+        found = _of_recordings_alone(loaded)
+        if not found:
+            raise
+        return Inspection(None, _sorted((*found, _issue_of(fault, loaded))))
+    subject = Subject(loaded.spec, loaded.where, dataset.recordings, part.units, dataset)
+    return Inspection(dataset, _sorted(tuple(issue for rule in (*OF_RECORDINGS, *OF_CURVES) for issue in rule(subject))))
+
+
+def _of_recordings_alone(loaded: LoadedSpec) -> tuple[Issue, ...]:
+    """What the rules say about the columns as they stand in the files; nothing where these cannot be read either."""
+    part = slice_of(loaded.spec)
+    bare: dict[str, Any] = {"derive": {}, "keep": [], "cycles": None, "levels": None, "split": Split()}
+    bare |= {"missing": "drop", "repeated_time": "average"}
+    try:
+        plain = build_dataset(part.model_copy(update={"data": part.data.model_copy(update=bare)}), loaded.folder)
+    except (SpecError, DataError):
+        return ()
+    subject = Subject(loaded.spec, loaded.where, plain.recordings, part.units)
+    return tuple(issue for rule in OF_RECORDINGS for issue in rule(subject))
+
+
+def _issue_of(fault: SpecError | DataError, loaded: LoadedSpec) -> Issue:
+    cause: Cause = "spec" if isinstance(fault, SpecError) else "data"
+    return Issue("error", "no-curves", loaded.where("data"), fault.message, fault.remedy or "mend the other issues first", cause)
+
+
+def _sorted(issues: tuple[Issue, ...]) -> tuple[Issue, ...]:
+    return tuple(sorted(issues, key=lambda issue: ORDER.index(issue.severity)))

@@ -1,0 +1,84 @@
+"""Rules about curves and segments: enough samples to fit, and validation data within reach."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.spec.models import Cuts
+from mapmore_cli.stages.inspection.issue import Issue
+from mapmore_cli.stages.inspection.subject import Subject
+
+FEWEST = 5  # samples that show the shape of a curve
+BEYOND = 0.01  # of the training range, that held-out samples may lie outside
+
+
+def few_samples(subject: Subject) -> Iterator[Issue]:
+    """A curve of three samples has no shape."""
+    for curve in _dataset(subject).curves:
+        if curve.size < FEWEST:
+            message = f"{curve.id} has {curve.size} sample{'s' if curve.size > 1 else ''}"
+            remedy = "leave the level out, widen `levels.within`, or loosen `keep`"
+            yield Issue("warning", "few-samples", subject.where("data", "levels"), message, remedy, "data")
+
+
+def segments(subject: Subject) -> Iterator[Issue]:
+    """Every segment needs more training samples than terms."""
+    from mapmore_cli.modelling.mapmore import segment
+    from mapmore_cli.stages.recipes import recipe_of
+
+    spec, dataset = subject.spec, _dataset(subject)
+    fits_decide = any(isinstance(cut, Cuts) and cut.method == "optimal" for cut in spec.segment.values())
+    if spec.model.type != "mapmore" or fits_decide:
+        return
+    recipe = recipe_of(dataset.target, spec.data.levels, spec.segment, spec.dictionary, spec.fit, spec.fuse)
+    try:
+        cut = segment(dataset.curves, recipe)
+    except DataError as error:
+        yield Issue("error", "empty-segment", subject.where("segment"), error.message, error.remedy or "use fewer segments", "data")
+        return
+    for curve in cut:
+        short = [piece for piece in curve.segments if len(piece.rows) <= spec.fit.max_terms]
+        if short:
+            told = ", ".join(f"{piece.id} ({len(piece.rows)})" for piece in short)
+            message = f"too few training samples for {spec.fit.max_terms} term(s) in {told}"
+            remedy = "use fewer segments, lower `fit.max_terms`, or keep more samples of this curve"
+            yield Issue("error", "short-segment", subject.where("segment"), message, remedy, "data")
+
+
+def beyond_training(subject: Subject) -> Iterator[Issue]:
+    """Held-out samples outside of the training range test extrapolation, which is rarely meant."""
+    hold_out, dataset = subject.spec.data.split.hold_out, _dataset(subject)
+    if hold_out is None:
+        return
+    for name in dict.fromkeys((*([dataset.level] if dataset.level else ()), *hold_out.quantities)):
+        training, validation = _values(dataset, name, held_out=False), _values(dataset, name, held_out=True)
+        margin = BEYOND * float(np.ptp(training))
+        outside = validation[(validation < training.min() - margin) | (validation > training.max() + margin)]
+        if outside.size:
+            message = (
+                f"validation samples have {name} {outside.min():.6g} to {outside.max():.6g}, "
+                f"outside of the training range {training.min():.6g} to {training.max():.6g}"
+            )
+            if outside.min() == outside.max():
+                message = message.replace(f" to {outside.max():.6g}, ", ", ", 1)
+            place = subject.where("data", "split", "validate", name)
+            yield Issue("warning", "validation-outside", place, message, "hold out an inner value, unless extrapolation is what you test")
+
+
+def _values(dataset: Dataset, name: str, held_out: bool) -> Array:
+    """A quantity's samples on one side of the split; of the level quantity, the levels themselves."""
+    parts = []
+    for curve in dataset.curves:
+        values = curve.columns[name] if name != dataset.level or curve.level is None else np.full(curve.size, curve.level)
+        parts.append(values[curve.held_out == held_out])
+    return np.concatenate(parts)
+
+
+def _dataset(subject: Subject) -> Dataset:
+    assert subject.dataset is not None, "a rule of curves was given none"
+    return subject.dataset

@@ -1,0 +1,53 @@
+"""What the rules look at."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.recording import Dataset, Recording
+from mapmore_cli.spec.models import ExperimentSpec
+from mapmore_cli.spec.units import convert
+from mapmore_cli.stages.inspection.issue import Issue
+
+Rule = Callable[["Subject"], Iterator[Issue]]
+"""Looks for one kind of mistake."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A spec with its recordings, and with its curves where they could be made.
+
+    `where(*loc)` is the `file:line:column` of a part of the spec; `units` gives the unit of every quantity of the recordings.
+    """
+
+    spec: ExperimentSpec
+    where: Callable[..., str]
+    recordings: tuple[Recording, ...]
+    units: dict[str, str]
+    dataset: Dataset | None = None
+
+    def has(self, *names: str) -> bool:
+        """True where every recording has all these quantities."""
+        return all(name in recording.columns for recording in self.recordings for name in names)
+
+    def pooled(self, name: str, unit: str | None = None) -> Array:
+        """A quantity of all recordings together, `(n,)`, converted to `unit`."""
+        values = self._pooled[name]
+        return values if unit is None else convert(values, self.units[name], unit)
+
+    def source(self, name: str) -> str:
+        """Where the spec says what a quantity is: its column, its expression, or the files that it is set for."""
+        for section in ("columns", "derive"):
+            if name in getattr(self.spec.data, section):
+                return self.where("data", section, name)
+        return self.where("data", "files")
+
+    @cached_property
+    def _pooled(self) -> dict[str, Array]:
+        first = self.recordings[0].columns
+        return {name: np.concatenate([recording.columns[name] for recording in self.recordings]) for name in first}

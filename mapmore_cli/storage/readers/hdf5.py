@@ -1,0 +1,64 @@
+"""HDF5 files: groups, datasets, and the fields of compound datasets."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from mapmore_cli.storage.readers.addresses import Selection
+from mapmore_cli.storage.readers.faults import reading
+from mapmore_cli.storage.readers.mat73 import matlab_file
+from mapmore_cli.storage.readers.members import Member, check_fit, tables
+from mapmore_cli.storage.readers.table import RawTable, TableRequest
+
+
+def read_hdf5(path: Path, request: TableRequest) -> list[RawTable]:
+    """Read arrays addressed as `group/dataset[:,0]`; a field of a compound dataset is a member.
+
+    `root: "group[*]"` takes the members of a group in natural order (run_2 before run_10). Only the wanted columns are read. A file that
+    MATLAB wrote is read as the MAT file that it is.
+
+    Raises
+    ------
+    DataError
+        No HDF5 file, or a damaged one; an address that leads nowhere; arrays that are not columns of numbers of one length.
+    """
+    import h5py
+
+    with reading(request.label, "HDF5 file"), path.open("rb") as stream, h5py.File(stream, "r") as file:
+        members = (file.get(name) for name in file)  # None for a link that leads nowhere
+        by_matlab = any("MATLAB_class" in member.attrs for member in members if member is not None)
+        return tables(matlab_file(file) if by_matlab else _member(file), request)
+
+
+def _member(found: Any) -> Member:
+    if hasattr(found, "keys"):
+        names = list(found)
+        in_order = sorted(names, key=_natural)
+        return Member(
+            f"a group of {len(names)}",
+            names,
+            member=lambda name: _member(found[name]),
+            count=len(names),
+            element=lambda index: _member(found[in_order[index]]),
+        )
+    fields = found.dtype.names
+    size = " x ".join(map(str, found.shape)) or "a single value"
+    if fields:
+        return Member(f"a table of {size}", fields, member=lambda name: Member(f"a field of {size}", values=_reader(found, name)))
+    return Member(f"an array of {size}", values=_reader(found, None))
+
+
+def _reader(dataset: Any, field: str | None) -> Callable[[Selection], Any]:
+    def read(selection: Selection) -> Any:
+        check_fit(selection, dataset.shape)
+        return dataset[selection] if field is None else dataset.fields(field)[selection]
+
+    return read
+
+
+def _natural(name: str) -> list[tuple[bool, int | str]]:
+    """Sort key that puts run_2 before run_10."""
+    return [(not part.isdigit(), int(part) if part.isdigit() else part) for part in re.split(r"(\d+)", name) if part]

@@ -1,0 +1,157 @@
+"""Files that hold trees of arrays: how an address is followed, and how its arrays become a table.
+
+A format gives its top as a `Member`; the rest is the same for all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.storage.readers.addresses import EVERY, Selection, parse_address
+from mapmore_cli.storage.readers.table import RawTable, SourceColumn, TableRequest, known_names
+
+
+def _impossible(_: Any) -> Any:
+    raise TypeError("the member is of another kind")
+
+
+@dataclass(frozen=True)
+class Member:
+    """A struct or group, a collection, or an array inside a file, as its format reads it.
+
+    Attributes
+    ----------
+    kind
+        What it is, in words: `a struct array of 5`.
+    names, member
+        The names of its members, empty where it has none, and how to get one.
+    count, element
+        The number of its elements, None where it is no collection, and how to get one, from 0.
+    values
+        For an array: reads a selection of it, `()` being all; raises IndexError.
+    """
+
+    kind: str
+    names: Sequence[str] = ()
+    member: Callable[[str], Member] = _impossible
+    count: int | None = None
+    element: Callable[[int], Member] = _impossible
+    values: Callable[[Selection], Any] = _impossible
+
+    @property
+    def is_array(self) -> bool:
+        """True for what holds values rather than members."""
+        return not self.names and self.count is None
+
+
+def tables(top: Member, request: TableRequest) -> list[RawTable]:
+    """Return the recordings below `request.root`: one, or one for every element where it ends in `[*]`.
+
+    Raises DataError for an address that leads nowhere, arrays that are not columns of numbers, and columns of different length.
+    """
+    root = request.root or ""
+    every = root.endswith(EVERY)
+    base = _follow(top, parse_address(root.removesuffix(EVERY)).steps, root, request.label)
+    if not every:
+        return [_table(base, request, f"{request.label}:{root}" if root else request.label)]
+    elements = [base] if base.count is None and base.names else [base.element(i) for i in range(base.count or 0)]
+    if not elements:
+        raise DataError(
+            f"{request.label}: `root: {root}` asks for every element of {base.kind}",
+            f"Only cell arrays, struct arrays and groups have elements; say `root: {root.removesuffix(EVERY)}`.",
+        )
+    label = f"{request.label}:{root.removesuffix(EVERY)}"
+    return [_table(element, request, f"{label}[{i}]", i) for i, element in enumerate(elements)]
+
+
+def _table(base: Member, request: TableRequest, label: str, element: int | None = None) -> RawTable:
+    columns = {column: _column(base, f"[:,{column}]" if isinstance(column, int) else column, label) for column in request.columns}
+    return table_of(columns, request, label, element)
+
+
+def table_of(columns: Mapping[SourceColumn, Array], request: TableRequest, label: str, element: int | None = None) -> RawTable:
+    """Return the columns as a table; where records may be incomplete the shortest column ends it. Raises DataError."""
+    lengths = {column: len(values) for column, values in columns.items()}
+    shortest, longest = min(lengths, key=lengths.__getitem__), max(lengths, key=lengths.__getitem__)
+    n = lengths[shortest]
+    if lengths[longest] > n and not request.incomplete:
+        raise DataError(
+            f"{label}: columns of different length: '{shortest}' has {n} samples, '{longest}' has {lengths[longest]}",
+            "They do not belong to one log; bring them together with `join`. `missing: drop` ends all with the shortest.",
+        )
+    if n == 0:
+        raise DataError(f"{label}: '{shortest}' holds no samples")
+    trimmed = {column: values[:n] for column, values in columns.items()}
+    return RawTable(trimmed, np.arange(n, dtype=np.int64), label, "index", element)
+
+
+def _column(base: Member, address: str, label: str) -> Array:
+    """Return the `(n,)` array at an address."""
+    steps = parse_address(address).steps
+    if not steps:
+        raise DataError(f"{label}: a column has an empty address", "Name an array, as `run.P`.")
+    selection = steps[-1] if isinstance(steps[-1], tuple) else ()
+    member = _follow(base, steps[:-1] if selection else steps, address, label)
+    if selection and not member.is_array:
+        member, selection = _step(member, selection, address, label), ()
+    if not member.is_array:
+        raise DataError(f"{label}: '{address}' is {member.kind}, not an array of numbers", _further(member))
+    try:
+        values = np.asarray(member.values(selection))
+    except IndexError:
+        raise DataError(f"{label}: '{address}' reaches beyond {member.kind}", "Indices count from 0.") from None
+    if sum(length > 1 for length in values.shape) > 1:
+        name = address[: address.rindex("[")] if selection else address
+        raise DataError(f"{label}: '{address}' is an array of {' x '.join(map(str, values.shape))}", f"Say which column, as `{name}[:,0]`.")
+    return as_numbers(values.reshape(-1), f"{label}: '{address}'")
+
+
+def as_numbers(values: Any, what: str) -> Array:
+    """Return an array as numbers, time stamps in seconds since 1970; DataError, which begins with `what`, for text and the like."""
+    array = np.asarray(values)
+    if array.dtype.kind == "M":
+        return np.asarray((array - np.datetime64(0, "s")) / np.timedelta64(1, "s"), dtype=np.float64)
+    if array.dtype.kind not in "biuf":
+        words = {"c": "complex numbers", "U": "text", "S": "text"}.get(array.dtype.kind, f"values of type {array.dtype}")
+        raise DataError(f"{what} holds {words}, not real numbers")
+    return np.asarray(array, dtype=np.float64)
+
+
+def _follow(top: Member, steps: Sequence[str | Selection], address: str, label: str) -> Member:
+    for step in steps:
+        top = _step(top, step, address, label)
+    return top
+
+
+def _step(here: Member, step: str | Selection, address: str, label: str) -> Member:
+    if isinstance(step, str):
+        if step in here.names:
+            return here.member(step)
+        raise DataError(f"{label}: there is no '{step}' on the way to '{address}'", _further(here, step))
+    index = step[0]
+    if here.count is None or len(step) != 1 or not isinstance(index, int):
+        raise DataError(f"{label}: '{address}' wants an element of {here.kind}", _further(here))
+    if index >= here.count:
+        raise DataError(f"{label}: there is no element {index} on the way to '{address}'", f"Elements count from 0 to {here.count - 1}.")
+    return here.element(index)
+
+
+def _further(here: Member, wanted: str = "") -> str:
+    """Return what an address can go on with."""
+    if here.names:
+        return known_names(wanted, here.names, f"{here.kind.capitalize()} has")
+    if here.count is not None:
+        return f"It is {here.kind}: say which element, as `[0]`, or end `root` in `[*]` to read every one as a recording."
+    return f"It is {here.kind}, which has no members."
+
+
+def check_fit(selection: Selection, shape: Sequence[int]) -> None:
+    """Raise IndexError, as NumPy does and h5py does not, for a selection beyond an array of a shape."""
+    if len(selection) > len(shape) or any(isinstance(i, int) and i >= n for i, n in zip(selection, shape, strict=False)):
+        raise IndexError(selection)

@@ -1,0 +1,61 @@
+"""LabVIEW measurements (.tdms), read with npTDMS; a column is `Group/Channel`."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, BinaryIO, Literal
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.storage.readers.faults import optional_library, reading
+from mapmore_cli.storage.readers.members import as_numbers, table_of
+from mapmore_cli.storage.readers.table import RawTable, SourceColumn, TableRequest, known_names
+
+TAG = b"TDSm"
+LEAD_IN = 28  # bytes: tag, flags, version, length of the segment, offset of its data
+BIG_ENDIAN = 1 << 6
+
+
+def read_tdms(path: Path, request: TableRequest) -> list[RawTable]:
+    """Read the wanted channels, scaled as LabVIEW shows them; time stamps count as seconds since 1970.
+
+    Raises
+    ------
+    DataError
+        No TDMS file, or a damaged one; a missing channel, or one that holds no numbers; channels of different length; npTDMS not
+        installed.
+    """
+    nptdms = optional_library("nptdms", "npTDMS", request.label)
+    nptdms.log.log_manager.set_level("CRITICAL")  # it writes to stderr what the message below says as well
+    with reading(request.label, "TDMS file"), path.open("rb") as stream:
+        if not request.incomplete and _breaks_off(stream):
+            raise DataError(
+                f"{request.label}: the last segment breaks off", "Get the file again; `missing: drop` reads the samples that are whole."
+            )
+        stream.seek(0)
+        with nptdms.TdmsFile.open(stream) as file:
+            channels = {f"{group.name}/{channel.name}": channel for group in file.groups() for channel in group.channels()}
+            columns = {column: _channel(column, channels, request.label) for column in request.columns}
+    return [table_of(columns, request, request.label)]
+
+
+def _breaks_off(stream: BinaryIO) -> bool:
+    """Walk over the segments' lead-ins: npTDMS passes over one that is cut off in silence."""
+    size = stream.seek(0, os.SEEK_END)
+    position = 0
+    while position < size:
+        stream.seek(position)
+        lead_in = stream.read(LEAD_IN)
+        if len(lead_in) < LEAD_IN or not lead_in.startswith(TAG):
+            return position > 0  # a file that does not begin as TDMS is another kind of fault
+        order: Literal["big", "little"] = "big" if lead_in[4] & BIG_ENDIAN else "little"
+        position += LEAD_IN + int.from_bytes(lead_in[12:20], order)  # 2^64 - 1 where LabVIEW crashed
+    return position > size
+
+
+def _channel(column: SourceColumn, channels: Mapping[str, Any], label: str) -> Array:
+    if column not in channels:
+        raise DataError(f"{label}: there is no channel '{column}'", known_names(str(column), list(channels), "The file has"))
+    return as_numbers(channels[str(column)][:], f"{label}: channel '{column}'")

@@ -1,0 +1,113 @@
+"""Workbooks (.xlsx), read row by row with openpyxl; formulas count with the values that were last computed."""
+
+from __future__ import annotations
+
+import math
+import zipfile
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime, time, timedelta
+from itertools import chain, islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.storage.readers.faults import optional_library, reading
+from mapmore_cli.storage.readers.numbers import number_of, shortened
+from mapmore_cli.storage.readers.table import RawTable, SourceColumn, TableRequest, known_names, locate_columns
+
+BOMB_RATIO = 200  # sheets of measurements shrink to a fifth or a tenth when zipped
+BOMB_SIZE = 100_000_000  # bytes unpacked, from which the ratio matters
+
+Row = tuple[int, tuple[Any, ...]]
+"""Number in the sheet, from 1, and the cells."""
+
+
+def read_xlsx(path: Path, request: TableRequest) -> list[RawTable]:
+    """Read the wanted columns of one sheet of a workbook.
+
+    Empty rows are skipped (they count as header lines and as skipped rows); an empty cell is NaN. Dates count as seconds since 1970.
+
+    Raises
+    ------
+    DataError
+        No workbook, or a damaged one; a missing sheet or column; a cell that is not a number; openpyxl not installed.
+    """
+    openpyxl = optional_library("openpyxl", "openpyxl", request.label)
+    with reading(request.label, "workbook (.xlsx)"), path.open("rb") as file:
+        _refuse_bombs(path, request.label)
+        book = openpyxl.load_workbook(file, read_only=True, data_only=True, keep_links=False)
+        sheet = _sheet(book, request)
+        sheet.reset_dimensions()  # what other programs write there is often wrong, and would cut the sheet
+        rows = enumerate(sheet.iter_rows(values_only=True), start=1)
+        return [_parse(islice(rows, request.skip_rows, None), request, f"{request.label}:{sheet.title}")]
+
+
+def _refuse_bombs(path: Path, label: str) -> None:
+    """Refuse a file of which a few bytes unpack to gigabytes."""
+    with zipfile.ZipFile(path) as archive:
+        for member in archive.infolist():
+            if member.file_size > max(BOMB_SIZE, BOMB_RATIO * member.compress_size):
+                raise DataError(
+                    f"{label}: {member.filename} unpacks from {member.compress_size / 1e6:.2g} MB to {member.file_size / 1e6:.2g} MB",
+                    "Such a workbook does not hold measurements; save the table as CSV.",
+                )
+
+
+def _sheet(book: Any, request: TableRequest) -> Any:
+    tables = {sheet.title: sheet for sheet in book.worksheets}
+    if request.sheet is None:
+        return book.worksheets[0]
+    if request.sheet not in tables:
+        remedy = known_names(request.sheet, list(tables), "The workbook has")
+        raise DataError(f"{request.label}: there is no sheet '{request.sheet}'", remedy)
+    return tables[request.sheet]
+
+
+def _parse(rows: Iterator[Row], request: TableRequest, label: str) -> RawTable:
+    first = next(_filled(rows), None)
+    if first is None:
+        raise DataError(f"{label}: the sheet is empty")
+    names = ["" if cell is None else str(cell).strip() for cell in first[1]] if request.header else None
+    places = locate_columns(request, names, len(first[1]))
+    cells: dict[SourceColumn, list[float]] = {column: [] for column in places}
+    numbers: list[int] = []
+    for number, row in _filled(islice(rows, request.header - 1, None) if request.header else chain([first], rows)):
+        numbers.append(number)
+        for column, place in places.items():
+            try:
+                cells[column].append(_number(row[place] if place < len(row) else None))
+            except ValueError:
+                title = column if names is None else names[place]
+                raise DataError(
+                    f"{label}:row {number}, column {title}: '{shortened(str(row[place]))}' is not a number",
+                    "Mend the cell; an empty one is a missing value, see `missing`. Names belong in a header line.",
+                ) from None
+    if not numbers:
+        raise DataError(f"{label}: the sheet has a header but no data")
+    return RawTable({column: np.array(values) for column, values in cells.items()}, np.array(numbers, dtype=np.int64), label)
+
+
+def _filled(rows: Iterator[Row]) -> Iterator[Row]:
+    return ((number, row) for number, row in rows if not _is_blank(row))
+
+
+def _is_blank(row: Sequence[Any]) -> bool:
+    return all(cell is None or (isinstance(cell, str) and not cell.strip()) for cell in row)
+
+
+def _number(cell: Any) -> float:
+    match cell:
+        case None:
+            return math.nan
+        case str():
+            return number_of(cell)
+        case datetime():
+            return cell.replace(tzinfo=UTC).timestamp()
+        case time():
+            return timedelta(hours=cell.hour, minutes=cell.minute, seconds=cell.second, microseconds=cell.microsecond).total_seconds()
+        case timedelta():
+            return cell.total_seconds()
+        case _:
+            return float(cell)

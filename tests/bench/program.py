@@ -1,0 +1,72 @@
+"""The program as its users meet it: start-up, a run that is up to date, and the model that it made."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+from timing import median_seconds, medians_in_turn
+
+from mapmore_cli.modelling.fusion import cell_weights, level_weights
+from mapmore_cli.modelling.model import level_values, predict, segment_value
+from mapmore_cli.storage.artefacts import read_model
+
+STUDY = Path(__file__).parents[2] / "configs" / "m2" / "dmsp-20-88-static.yaml"
+POINTS = 1_000_000
+RUNS = 5
+
+
+def mapmore(*arguments):
+    command = [sys.executable, "-m", "mapmore_cli", *map(str, arguments)]
+    return lambda: subprocess.run(command, check=True, capture_output=True, env=os.environ)
+
+
+def start_up(runs_folder):
+    """Seconds of the shortest command, of a run with everything to do and of one with nothing, beside Python's own start."""
+    run = mapmore("run", STUDY, "--runs", runs_folder)
+    whole_run = median_seconds(run, 1)
+    return {
+        "python": median_seconds(lambda: subprocess.run([sys.executable, "-c", "pass"], check=True), RUNS),
+        "version": median_seconds(mapmore("--version"), RUNS),
+        "first_run": whole_run,
+        "run_up_to_date": median_seconds(run, RUNS),
+    }
+
+
+def evaluation(runs_folder):
+    """The fused model of that run at a million points, and the segment functions that are active there, each evaluated once."""
+    model = read_model(next(Path(runs_folder).rglob("model.h5")))
+    rng = np.random.default_rng(0)
+    levels = level_values(model)
+    columns = {
+        "pressure": rng.uniform(levels[0], levels[-1], POINTS),
+        "strain": rng.uniform(0, max(curve.limits["strain"][1] for curve in model.curves), POINTS),
+    }
+    parts = active_parts(model, columns)
+    took = medians_in_turn(
+        {"fused_model": lambda: predict(model, columns), "active_terms": lambda: [segment_value(segment, at) for segment, at in parts]},
+        RUNS,
+    )
+    return {
+        "points": POINTS,
+        "active_terms_per_point": sum(len(segment.terms) * len(at["strain"]) for segment, at in parts) / POINTS,
+        **took,
+        "evaluations_per_second": POINTS / took["fused_model"],
+    }
+
+
+def active_parts(model, columns):
+    """Segment functions with the rows where their weight is not zero."""
+    weights = level_weights(columns["pressure"], level_values(model))
+    parts = []
+    for number, curve in enumerate(model.curves):
+        rows = np.flatnonzero(weights[:, number])
+        strain = np.clip(columns["strain"][rows], *curve.limits["strain"])
+        cells = cell_weights(strain, curve.boundaries[0], model.fusion.transition, model.fusion.z_s)
+        for segment in curve.segments:
+            active = np.flatnonzero(cells[:, segment.cell[0] - 1])
+            parts.append((segment, {"strain": strain[active], "pressure": columns["pressure"][rows[active]]}))
+    return parts

@@ -1,0 +1,64 @@
+"""`make bench`: one thread, one run, medians. Prints a table and writes bench.json, whose numbers are seconds unless named otherwise."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+os.environ |= dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")  # before NumPy starts its threads
+
+HERE = Path(__file__).parent
+
+
+def main():
+    from program import evaluation, start_up
+    from regression import regression
+    from table import other_lines, regression_lines
+
+    options = arguments()
+    with tempfile.TemporaryDirectory() as folder:
+        say("streaming")
+        bench = {"machine": {"processor": processor(), "python": platform.python_version(), "threads": 1}}
+        bench["streaming"] = streamed(options.samples, folder)
+        say("start-up and evaluation")
+        bench["start_up"] = start_up(folder)
+        bench["evaluation"] = evaluation(folder)
+        bench["frols"], bench["notes"] = regression(say)
+    options.output.write_text(json.dumps(bench, indent=2) + "\n", encoding="utf-8")
+    print(*regression_lines(bench["frols"]), *other_lines(bench), sep="\n")
+    for what, note in bench["notes"].items():
+        print(f"note: {what}: {note}")
+
+
+def arguments():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--samples", type=int, default=10_000_000, help="length of the streamed record (10 million; 32 bytes each on disk)")
+    parser.add_argument("--output", type=Path, default=Path("bench.json"))
+    return parser.parse_args()
+
+
+def streamed(samples, folder):
+    command = [sys.executable, HERE / "streaming.py", str(samples), folder]
+    return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+
+
+def processor():
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor()
+    return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), platform.processor())
+
+
+def say(what):
+    print(f"... {what}", file=sys.stderr, flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,58 @@
+"""What the benchmark prints: seconds, how many times our own that is, and whether the targets are met."""
+
+from __future__ import annotations
+
+PEERS = ("sysidentpy", "fastcan", "pysindy")
+CONTESTANTS = ("ours", "dsyrk", "gram", "textbook", *PEERS)
+
+TALL_TARGETS = {"dsyrk": 1 / 1.3, "sysidentpy": 25.0, "fastcan": 5.0}
+WIDE_TARGETS = {"gram": 2.0, "sysidentpy": 10.0}
+"""At least this many times our own seconds."""
+MEMORY_TARGET = 0.10
+
+
+def regression_lines(table):
+    yield f"{'seconds (times ours)':22}" + "".join(f"{name:>18}" for name in CONTESTANTS) + f"{'extra memory':>16}"
+    for shape, row in table.items():
+        cells = (_cell(row, name) for name in CONTESTANTS)
+        yield f"{shape:22}" + "".join(f"{cell:>18}" for cell in cells) + f"{row['extra_memory_ratio']:>15.1%}" + " "
+    for shape, row in table.items():
+        yield f"{shape:22}{'; '.join(_verdicts(shape, row))}"
+
+
+def _cell(row, name):
+    if row[name] is None:
+        return "-"
+    return f"{row[name]:.4g}" if name == "ours" else f"{row[name]:.4g} ({row[name] / row['ours']:.3g})"
+
+
+def _verdicts(shape, row):
+    n, M, _ = (int(number) for number in shape.split("x"))
+    wide = n < 10 * M
+    for name, least in (WIDE_TARGETS if wide else TALL_TARGETS).items():
+        if row[name] is None:
+            yield f"{name}: not measured"
+        else:
+            factor = row[name] / row["ours"]
+            yield f"{name} {factor:.2f} times ours, at least {least:.2f} wanted: {'met' if factor >= least else 'MISSED'}"
+    if not wide:
+        yield f"memory: {'met' if row['extra_memory_ratio'] < MEMORY_TARGET else 'MISSED'}"
+
+
+def other_lines(bench):
+    streaming, evaluation, start = bench["streaming"], bench["evaluation"], bench["start_up"]
+    yield (
+        f"streaming   {streaming['samples']} samples, {streaming['candidates']} candidates: {streaming['seconds']:.3g} s, "
+        f"{streaming['samples_per_second']:.3g} samples/s, {streaming['seconds_per_sample_over_in_memory']:.2f} times the in-memory "
+        f"time per sample, peak {streaming['peak_memory_bytes'] / 2**20:.0f} MiB"
+    )
+    yield (
+        f"evaluation  {evaluation['points']} points: {evaluation['fused_model']:.3g} s, "
+        f"{evaluation['evaluations_per_second']:.3g} a second, "
+        f"{evaluation['fused_model'] / evaluation['active_terms']:.2f} times its active terms "
+        f"({evaluation['active_terms_per_point']:.2f} a point)"
+    )
+    yield (
+        f"start-up    mapmore --version {start['version']:.2f} s (Python alone {start['python']:.2f}), "
+        f"a run {start['first_run']:.2f} s, up to date {start['run_up_to_date']:.2f} s"
+    )

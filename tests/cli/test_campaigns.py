@@ -1,0 +1,96 @@
+"""Campaigns: variants of a spec, one table, one page."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cli_samples import write_study
+
+from mapmore_cli.domain.scores import Score
+from mapmore_cli.reporting.campaign import nrmse_table
+from mapmore_cli.spec.campaign import load_campaign
+
+CAMPAIGN = """\
+campaign: sweep
+title: "How many terms <here>?"
+base: bench.yaml
+relative_to: polynomial_2
+runs:
+  - {name: one, set: {fit.max_terms: 1}}
+  - {name: two, set: {fit.max_terms: 2, fuse: {z_s: 0.4}}}
+  - {name: broken, set: {data.files: ["none_*.csv"]}}
+"""
+
+
+@pytest.fixture
+def campaign(tmp_path: Path) -> Path:
+    write_study(tmp_path)
+    path = tmp_path / "sweep.yaml"
+    path.write_text(CAMPAIGN)
+    return path
+
+
+def test_a_campaign_runs_its_variants_and_writes_its_page(campaign: Path, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    result = mapmore("batch", campaign, "--runs", tmp_path / "runs", "-q", "--jobs", 1)
+    assert result.exit_code == 4  # one variant has no data; the others are done
+    assert "none_*.csv" in result.stderr
+    page = (tmp_path / "runs" / "sweep" / "index.html").read_text()
+    assert "How many terms &lt;here&gt;?" in page
+    assert "broken failed" in page
+    for name in ("one", "two"):
+        assert f'href="../{name}/report/index.html"' in page
+        assert (tmp_path / "runs" / name / "report" / "index.html").is_file()
+    assert "fuse:\n  transition: linear\n  z_s: 0.4" in (tmp_path / "runs" / "two" / "experiment.yaml").read_text()
+    assert "ratio, geometric mean" in result.stdout
+
+
+def test_overrides_of_the_command_line_come_last(campaign: Path, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    arguments = ("batch", campaign, "--runs", tmp_path / "runs", "--json", "-q", "--jobs", 1)
+    result = mapmore(*arguments, "--set", "fit.max_terms=3", "--set", "data.files=[bench_*.csv]")
+    assert result.exit_code == 0, result.stderr
+    assert [run["name"] for run in json.loads(result.stdout)["runs"]] == ["one", "two", "broken"]
+    for name in ("one", "two"):
+        assert "max_terms: 3" in (tmp_path / "runs" / name / "experiment.yaml").read_text()
+
+
+def test_paths_start_at_the_campaign(campaign: Path) -> None:
+    _, entries = load_campaign(campaign)
+    assert {entry.config for entry in entries} == {campaign.parent / "bench.yaml"}
+    assert entries[1].overrides == ('name="two"', "fit.max_terms=2", 'fuse={"z_s": 0.4}')
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("base: bench.yaml\n", "", ["sweep.yaml:4", "no spec"]),
+        ("{name: one, set: {fit.max_terms: 1}}", "{set: {fit.max_terms: 1}}", ["sweep.yaml:6", "name"]),
+        ("title:", "titel:", ["sweep.yaml:2:1", "title"]),
+        ("name: two", "name: one", ["one"]),
+    ],
+)
+def test_wrong_campaigns(campaign: Path, old: str, new: str, words: list[str], mapmore: Callable[..., Any]) -> None:
+    campaign.write_text(CAMPAIGN.replace(old, new))
+    result = mapmore("batch", campaign)
+    assert result.exit_code in (2, 3)
+    for word in words:
+        assert word in result.stderr
+
+
+def row(model: str, rmse: float, split: str = "validate") -> Score:
+    return Score(model, "static", split, "all", 10, rmse, rmse / 100, 100, "max|force| over validate", rmse, rmse / 100, 0.9)
+
+
+def test_ratios_are_of_the_runs_that_have_both() -> None:
+    runs = {"a": [row("mapmore", 1.0), row("sarosi", 2.0)], "b": [row("mapmore", 8.0), row("sarosi", 4.0)], "c": [row("mapmore", 5.0)]}
+    table = nrmse_table(runs, "sarosi")
+    assert table.rows[:3] == (("a", 1.0, 2.0), ("b", 8.0, 4.0), ("c", 5.0, None))
+    assert table.rows[3][1] == pytest.approx(math.sqrt(0.5 * 2))
+    assert table.rows[4][1:] == (2.0, 1.0)
+    assert table.rows[5][1:] == ("1 of 2", "0 of 2")
+    assert nrmse_table({"a": [replace(row("mapmore", 3.0), split="train")]}).rows == (("a", 3.0),)

@@ -1,0 +1,139 @@
+"""`init`, and what `check` prints of its drafts and of mistakes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from cli_samples import write_study
+
+PROJECT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Path:
+    """A folder with the load cycles of both shipped muscles."""
+    for path in sorted((PROJECT / "datasets").glob("*/load_cycle_*.csv")):
+        link = tmp_path / "rig" / path.parent.name / path.name
+        link.parent.mkdir(parents=True, exist_ok=True)
+        link.symlink_to(path)
+    return tmp_path / "rig"
+
+
+@pytest.mark.parametrize("muscle", ["mckibben", "peano"])
+def test_a_spec_for_the_shipped_recordings_checks_and_runs(muscle: str, tmp_path: Path, mapmore) -> None:
+    spec = tmp_path / "spec.yaml"
+    started = mapmore("init", PROJECT / "datasets" / muscle, "-o", spec)
+    assert (started.exit_code, started.stdout) == (0, f"{spec}\n"), started.stderr
+    checked = mapmore("check", spec, "--json", "-q")
+    assert checked.exit_code == 0
+    assert json.loads(checked.stdout)["issues"] == []
+    result = mapmore("run", spec, "--runs", tmp_path / "runs", "--json", "-q", "--set", "report.formats=[csv]")
+    assert result.exit_code == 0, result.stderr
+    own = next(
+        row for row in json.loads(result.stdout)["scores"] if (row["model"], row["split"], row["curve"]) == ("mapmore", "validate", "all")
+    )
+    assert own["nrmse"] < 0.03
+
+
+@pytest.mark.parametrize("source", ["bellows_tensile/four1.csv.gz", "festo_datasheet"])
+def test_a_spec_for_measured_recordings_checks_and_runs(source: str, tmp_path: Path, mapmore, measured_data: Path) -> None:
+    spec = tmp_path / "spec.yaml"
+    started = mapmore("init", measured_data / source, "-o", spec)
+    assert started.exit_code == 0, started.stderr
+    assert serious(mapmore, spec) == []
+    assert mapmore("run", spec, "--runs", tmp_path / "runs", "-q", "--set", "report.formats=[csv]").exit_code == 0
+
+
+def test_measured_muscles_of_two_lengths_are_two_studies_with_a_slack_foot(
+    tmp_path: Path, mapmore, measured_data: Path, monkeypatch
+) -> None:
+    """One of the three repeats; the strains are known to the names of the files alone."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "rig").mkdir()
+    for path in sorted((measured_data / "festo_10mm_isometric").glob("10mm_[12]0cm_*_Test8.csv.gz")):
+        (tmp_path / "rig" / path.name).symlink_to(path)
+    started = mapmore("init", "rig")
+    assert started.stdout.split() == ["10mm_10cm_Test8.yaml", "10mm_20cm_Test8.yaml"], started.stderr
+    for name in started.stdout.split():
+        text = Path(name).read_text()
+        assert "backbone: sarosi_hinged}" in text
+        assert text.count("# CHECK: 'kinked") == 3
+    assert serious(mapmore, "10mm_10cm_Test8.yaml") == []
+    assert mapmore("run", "10mm_10cm_Test8.yaml", "-q", "--set", "report.formats=[csv]", "--set", "validate.against=[]").exit_code == 0
+
+
+def serious(mapmore, spec: Path | str) -> list[dict[str, str]]:
+    """What `check` has to say beyond hints."""
+    checked = mapmore("check", spec, "--json", "-q")
+    assert checked.exit_code == 0, checked.stderr
+    return [issue for issue in json.loads(checked.stdout)["issues"] if issue["severity"] != "hint"]
+
+
+def test_a_folder_of_several_studies_with_one_output_says_what_is_left_out(tmp_path: Path, mapmore, rig: Path) -> None:
+    started = mapmore("init", rig, "-o", tmp_path / "one.yaml")
+    assert started.exit_code == 0
+    assert "left out: peano" in started.stderr
+    assert [path.name for path in tmp_path.glob("*.yaml")] == ["one.yaml"]
+
+
+def test_stdout_has_the_spec_alone(tmp_path: Path, mapmore, monkeypatch, rig: Path) -> None:
+    monkeypatch.chdir(tmp_path)
+    printed = mapmore("init", rig / "mckibben", "-o", "-", "--name", "bench")
+    assert printed.stderr == ""
+    (tmp_path / "spec.yaml").write_text(printed.stdout)
+    assert json.loads(mapmore("check", "spec.yaml", "--json", "-q").stdout)["name"] == "bench"
+
+
+def test_nothing_is_replaced_without_force(tmp_path: Path, mapmore, rig: Path) -> None:
+    spec = tmp_path / "mine.yaml"
+    spec.write_text("mine")
+    refused = mapmore("init", rig / "mckibben", "-o", spec)
+    assert (refused.exit_code, spec.read_text()) == (7, "mine")
+    assert "--force" in refused.stderr
+    assert mapmore("init", rig / "mckibben", "-o", spec, "--force").exit_code == 0
+    assert spec.read_text().startswith("# Started by `mapmore init`")
+
+
+@pytest.mark.parametrize("name", ["a/b", "", "-x y"])
+def test_a_name_that_is_no_name_is_a_usage_error(name: str, tmp_path: Path, mapmore) -> None:
+    refused = mapmore("init", PROJECT / "datasets/mckibben", "-o", tmp_path / "a.yaml", f"--name={name}")
+    assert refused.exit_code == 2
+    assert not list(tmp_path.iterdir())
+
+
+def test_nothing_usable_is_a_data_error(tmp_path: Path, mapmore) -> None:
+    (tmp_path / "diary.csv").write_text("dear diary\n")
+    for path in (tmp_path, tmp_path / "diary.csv", tmp_path / "none"):
+        refused = mapmore("init", path, "-o", "-")
+        assert (refused.exit_code, refused.stdout) == (4, "")
+        assert "error: " in refused.stderr
+
+
+def test_check_prints_issues_with_their_remedies(tmp_path: Path, mapmore) -> None:
+    spec = write_study(tmp_path)
+    checked = mapmore("check", spec)
+    assert (checked.exit_code, checked.stdout.splitlines()[-1]) == (0, "No issues.")
+    outside = mapmore("check", spec, "--set", "data.split.validate.pressure=[300]")
+    assert outside.exit_code == 0
+    assert "validation samples have pressure 300, outside of the training range 100 to 200 [validation-outside]" in outside.stdout
+
+
+def test_check_ends_with_the_code_of_what_has_to_be_mended(tmp_path: Path, mapmore) -> None:
+    spec = write_study(tmp_path)
+    wrong = mapmore("check", spec, "--json", "--set", "data.columns.strain.scale=100")
+    assert wrong.exit_code == 3
+    assert [issue["id"] for issue in json.loads(wrong.stdout)["issues"]] == ["strain-in-per-cent"]
+    assert "strain-in-per-cent" in wrong.stderr
+    short = mapmore("check", spec, "--json", "--set", "fit.max_terms=30")
+    assert (short.exit_code, json.loads(short.stdout)["issues"][0]["id"]) == (4, "short-segment")
+
+
+def test_shipped_studies_are_clean_of_errors_and_warnings(mapmore) -> None:
+    for spec in sorted((PROJECT / "configs/m2").glob("*-static.yaml")):
+        assert json.loads(mapmore("check", spec, "--json", "-q").stdout)["issues"] == [], spec
+
+
+def test_a_measured_study_is_clean_of_errors_and_warnings(mapmore, measured_data: Path) -> None:
+    assert serious(mapmore, PROJECT / "configs/festo/festo_10mm_20cm_strain.yaml") == []

@@ -1,0 +1,98 @@
+"""Runs that are compared with other runs: these come first, in the same folder of runs."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cli_samples import write_study
+
+from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.spec.loader import load
+from mapmore_cli.stages.needs import needed_runs
+from mapmore_cli.stages.stage import Stage
+
+
+@pytest.fixture
+def pair(tmp_path: Path) -> tuple[Path, Path]:
+    """`bench.yaml`, and `rival_base.yaml` on the same data with a dictionary of its own."""
+    bench = write_study(tmp_path)
+    text = bench.read_text()
+    bench.write_text(text.replace("against: [polynomial_2]", "against: [polynomial_2, {run: rival_base.yaml, as: line}]"))
+    (tmp_path / "rival_base.yaml").write_text(text.replace("name: bench", "name: rival").replace("order: 3", "order: 1"))
+    return bench, tmp_path / "rival_base.yaml"
+
+
+def scores(mapmore: Callable[..., Any], spec: Path, runs: Path) -> tuple[dict[str, float], dict[str, str]]:
+    result = mapmore("run", spec, "--runs", runs, "--json", "-q")
+    assert result.exit_code == 0, result.stderr
+    document = json.loads(result.stdout)
+    return {r["model"]: r["rmse"] for r in document["scores"] if (r["split"], r["curve"]) == ("validate", "all")}, document["stages"]
+
+
+def test_the_other_run_is_made_first_and_scored_beside(pair: tuple[Path, Path], tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    bench, rival = pair
+    rmse, _ = scores(mapmore, bench, tmp_path / "runs")
+    assert list(rmse) == ["mapmore", "polynomial_2", "line"]
+    own, _ = scores(mapmore, rival, tmp_path / "elsewhere")
+    assert rmse["line"] == own["mapmore"]
+    assert (tmp_path / "runs" / "rival" / "model.h5").is_file()
+    assert not (tmp_path / "runs" / "rival" / "scores.json").exists()
+    assert set(scores(mapmore, bench, tmp_path / "runs")[1].values()) == {"up-to-date"}
+
+
+def test_a_change_of_the_other_run_makes_the_scores_stale(pair: tuple[Path, Path], tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    bench, rival = pair
+    before, _ = scores(mapmore, bench, tmp_path / "runs")
+    rival.write_text(rival.read_text().replace("order: 1", "order: 2"))
+    assert "rival_base.yaml" in mapmore("run", bench, "--runs", tmp_path / "runs", "--explain").stdout
+    after, stages = scores(mapmore, bench, tmp_path / "runs")
+    assert [name for name, status in stages.items() if status == "done"] == ["validate", "report"]
+    assert after["mapmore"] == before["mapmore"]
+
+
+def test_two_runs_may_be_compared_with_each_other(pair: tuple[Path, Path], tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    """Only models are needed, and these stand before the comparison: there is no circle."""
+    bench, rival = pair
+    rival.write_text(rival.read_text().replace("against: [polynomial_2]", "against: [{run: bench.yaml}]"))
+    one, _ = scores(mapmore, bench, tmp_path / "runs")
+    other, _ = scores(mapmore, rival, tmp_path / "runs")
+    assert (one["mapmore"], one["line"]) == (other["bench"], other["mapmore"])
+
+
+def test_models_that_need_each_other_are_refused(pair: tuple[Path, Path]) -> None:
+    bench, rival = pair
+    stage = Stage(
+        "fit", 1, ("fit.h5",), reads=lambda spec: spec.fit, run=lambda _part, _workspace: None, needs=lambda _spec: ["bench.yaml"]
+    )
+    with pytest.raises(SpecError, match=r"bench\.yaml -> rival_base\.yaml -> bench\.yaml"):
+        needed_runs(stage, load(rival), (bench.resolve(),))
+
+
+def test_a_model_of_other_units_is_refused(pair: tuple[Path, Path], tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    bench, rival = pair
+    rival.write_text(rival.read_text() + "units: {pressure: bar}\n")
+    rival.write_text(rival.read_text().replace("at: [100, 200, 300]", "at: [1, 2, 3]").replace("pressure: [200]", "pressure: [2]"))
+    result = mapmore("run", bench, "--runs", tmp_path / "runs")
+    assert result.exit_code == 3
+    assert "pressure" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("entry", "words"),
+    [
+        ("{run: nowhere.yaml}", "nowhere.yaml"),
+        ("{run: rival_base.yaml, model: sarosi}", "a `model` or a `run`"),
+        ("{as: nothing}", "a `model` or a `run`"),
+        ("{run: rival_base.yaml, method: levenberg_marquardt}", "method"),
+    ],
+)
+def test_wrong_entries(pair: tuple[Path, Path], entry: str, words: str, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    bench, _ = pair
+    bench.write_text(bench.read_text().replace("{run: rival_base.yaml, as: line}", entry))
+    result = mapmore("run", bench, "--runs", tmp_path / "runs")
+    assert result.exit_code == 3
+    assert words in result.stderr

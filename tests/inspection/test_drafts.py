@@ -1,0 +1,219 @@
+"""`init` on made-up campaigns: what the draft says, and that it loads."""
+
+from __future__ import annotations
+
+import gzip
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.spec.loader import LoadedSpec, load
+from mapmore_cli.stages.drafting.draft import Draft
+from mapmore_cli.stages.drafting.groups import patterns
+from mapmore_cli.stages.drafting.preview import preview
+from mapmore_cli.stages.drafting.start import start
+from mapmore_cli.stages.drafting.yaml_text import Note, to_yaml
+from mapmore_cli.stages.inspection.lint import inspect
+
+PLAIN = "1,10\n2,20\n3,30\n4,40\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "settings", "titles"),
+    [
+        ("t,P\n" + PLAIN, {}, ("t", "P")),
+        (PLAIN, {"header": False}, None),
+        ('"t","P"\n' + PLAIN, {}, ("t", "P")),
+        ("t;P\n" + PLAIN.replace(",", ";"), {"delimiter": ";"}, ("t", "P")),
+        ("t\tP\n" + PLAIN.replace(",", "\t"), {"delimiter": "tab"}, ("t", "P")),
+        ("t;P\n1,5;10,5\n2,5;20,5\n3;30\n", {"delimiter": ";", "decimal": ","}, ("t", "P")),
+        ("  t   P\n" + PLAIN.replace(",", "   "), {"delimiter": "whitespace"}, ("t", "P")),
+        ("t,P\ns,kPa\n" + PLAIN, {"header": 2}, ("t", "P")),
+        ("Rig 4\n\nt,P\n" + PLAIN, {"skip_rows": 2}, ("t", "P")),
+        ("t,P\n1,\n2,20\n,30\n", {}, ("t", "P")),
+        ("t,P\r1,2\r3,4\r", {}, ("t", "P")),
+        ("t,P\n" + PLAIN + "5,5", {}, ("t", "P")),
+    ],
+)
+def test_dialects_are_recognised(tmp_path: Path, text: str, settings: dict[str, Any], titles: tuple[str, ...] | None) -> None:
+    path = tmp_path / "a.csv"
+    path.write_bytes(text.encode())
+    found = preview(path)
+    assert (found.reader, found.settings, found.titles, found.width) == ("csv", settings, titles, 2)
+    zipped = tmp_path / "b.csv.gz"
+    zipped.write_bytes(gzip.compress(text.encode()))
+    assert preview(zipped) == found
+
+
+@pytest.mark.parametrize("content", [b"", b"\x00\x01\x02" * 50, b"dear diary\ntoday\n", b"1\n2\n3\n", b"a,b\n", b'"never closed,1\n2,3\n'])
+def test_what_is_no_table_is_refused(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "a.csv"
+    path.write_bytes(content)
+    with pytest.raises(DataError, match=r"a\.csv"):
+        preview(path)
+    with pytest.raises(DataError, match="no usable recording"):
+        start(tmp_path, tmp_path)
+
+
+def written(draft: Draft, folder: Path) -> LoadedSpec:
+    path = folder / f"{draft.name}.yaml"
+    path.write_text(draft.text())
+    loaded = load(path)
+    assert [issue for issue in inspect(loaded).issues if issue.severity != "hint"] == []
+    return loaded
+
+
+def write(path: Path, header: str, *columns: Any, delimiter: str = ",") -> None:
+    table = np.column_stack(np.broadcast_arrays(*columns))
+    np.savetxt(path, table, delimiter=delimiter, header=header, comments="", fmt="%.6g")
+
+
+T = np.arange(0, 20, 0.02)
+LOOP = 1 - np.abs(T / 10 - 1)
+
+
+def isobaric(
+    folder: Path, levels: tuple[float, ...] = (100, 200, 300, 400), strain_factor: float = 1.0, header: str = "time_s,P,strain,F"
+) -> None:
+    for level in levels:
+        strain = 0.15 * LOOP
+        write(folder / f"pull_{level:g}.csv", header, T, level, strain_factor * strain, level * (2 - 9 * strain) + 0.1)
+
+
+def test_an_isobaric_campaign(tmp_path: Path) -> None:
+    isobaric(tmp_path)
+    (draft,) = start(tmp_path, tmp_path).drafts
+    spec = written(draft, tmp_path).spec
+    assert spec.data.levels is not None
+    assert (spec.data.levels.of, spec.data.levels.at) == ("pressure", [100, 200, 300, 400])
+    assert spec.data.files == ["pull_*.csv"]
+    assert spec.data.cycles is not None
+    assert spec.data.cycles.over == "strain"
+    assert spec.data.split.hold_out is not None
+    assert spec.data.split.hold_out.quantities == {"pressure": [300]}
+    assert spec.model.backbone == "sarosi"
+    assert "# 4 files, pressure held at 100 200 300 400 kPa" in draft.text()
+
+
+def test_per_cent_without_a_unit_in_the_name(tmp_path: Path) -> None:
+    isobaric(tmp_path, strain_factor=100)
+    (draft,) = start(tmp_path, tmp_path).drafts
+    assert written(draft, tmp_path).spec.data.columns["strain"].unit == "%"
+
+
+def test_the_held_strain_in_the_names_of_files(tmp_path: Path) -> None:
+    for word, strain in (("slack", 0.0), ("c5", 0.05), ("c10", 0.1), ("c15", 0.15)):
+        for repeat in (1, 2):
+            steps = 600 * np.floor(10 * LOOP) / 10
+            force = 0.7 * np.maximum(steps - 120 - 2000 * strain, 0) + 0.001 * repeat * T
+            write(tmp_path / f"m_{word}_run{repeat}.csv", "F,P,t", force, steps, T)
+    (draft,) = start(tmp_path, tmp_path).drafts
+    spec = written(draft, tmp_path).spec
+    text = draft.text()
+    assert spec.data.levels is not None
+    assert (spec.data.levels.of, spec.data.levels.at) == ("strain", [0, 0.05, 0.1, 0.15])
+    assert [keep.quantity for keep in spec.data.keep] == ["pressure_rate"]
+    assert spec.model.backbone == "sarosi_hinged"
+    assert "a slack foot" in text
+    assert "# CHECK: 'slack' has no number: taken as strain 0" in text
+    assert "# CHECK: 'c10' taken as strain 10 %: say what was measured" in text
+
+
+def test_two_muscles_in_one_folder_are_two_studies(tmp_path: Path) -> None:
+    for size in ("10cm", "20cm"):
+        (tmp_path / size).mkdir()
+        isobaric(tmp_path / size)
+        for path in sorted((tmp_path / size).iterdir()):
+            path.rename(tmp_path / f"{size}_{path.name}")
+        (tmp_path / size).rmdir()
+    (tmp_path / "notes.csv").write_text("dear diary\n")
+    found = start(tmp_path, tmp_path)
+    assert [written(draft, tmp_path).spec.data.files for draft in found.drafts] == [["10cm_pull_*.csv"], ["20cm_pull_*.csv"]]
+    assert len({draft.name for draft in found.drafts}) == 2
+    assert any("notes.csv" in remark for remark in found.remarks)
+
+
+def test_tests_of_another_kind_in_the_same_folder_are_another_study(tmp_path: Path) -> None:
+    for muscle in ("left", "right"):
+        (tmp_path / muscle).mkdir()
+        isobaric(tmp_path / muscle)
+        for path in list((tmp_path / muscle).iterdir()):
+            path.with_name(path.name.replace("pull", "slow_pull")).write_text(path.read_text())
+    names = [draft.name for draft in start(tmp_path, tmp_path).drafts]
+    assert names == ["left-pull", "left-slow_pull", "right-pull", "right-slow_pull"]
+
+
+def test_what_readers_stumble_over_is_named_in_the_draft(tmp_path: Path) -> None:
+    isobaric(tmp_path)
+    for path in tmp_path.glob("*.csv"):
+        lines = path.read_text().splitlines()
+        lines[5], lines[7] = lines[5].rsplit(",", 1)[0] + ",", lines[6]
+        path.write_text("\n".join(lines) + "\n")
+    (draft,) = start(tmp_path, tmp_path).drafts
+    data = written(draft, tmp_path).spec.data
+    assert (data.missing, data.repeated_time) == ("drop", "average")
+    assert "missing: drop  # 4 samples have an empty cell" in draft.text()
+
+
+def test_other_dialects_are_written_into_the_spec(tmp_path: Path) -> None:
+    isobaric(tmp_path)
+    for path in tmp_path.glob("*.csv"):
+        path.write_text("Rig 4\n" + path.read_text().replace(",", ";").replace(".", ","))
+    (draft,) = start(tmp_path, tmp_path).drafts
+    data = written(draft, tmp_path).spec.data
+    assert (data.delimiter, data.decimal, data.skip_rows) == (";", ",", 1)
+
+
+def test_a_backward_clock_is_left_out(tmp_path: Path) -> None:
+    isobaric(tmp_path)
+    path = tmp_path / "pull_100.csv"
+    lines = path.read_text().splitlines()
+    lines[5], lines[6] = lines[6], lines[5]
+    path.write_text("\n".join(lines) + "\n")
+    (draft,) = start(tmp_path, tmp_path).drafts
+    assert "time" not in written(draft, tmp_path).spec.data.columns
+    assert "time runs backwards" in draft.text()
+
+
+def test_no_force_and_no_displacement_is_nothing_to_model(tmp_path: Path) -> None:
+    write(tmp_path / "valve.csv", "t_s,cmd_kPa,sensor_kPa", T, 100 * LOOP, 99 * LOOP)
+    with pytest.raises(DataError, match="no force or displacement was recognised in t_s, cmd_kPa, sensor_kPa"):
+        start(tmp_path, tmp_path)
+
+
+def test_results_of_runs_are_no_recordings(tmp_path: Path) -> None:
+    isobaric(tmp_path)
+    results = tmp_path / "runs" / "old"
+    results.mkdir(parents=True)
+    (results / "run.json").write_text("{}")
+    isobaric(results)
+    assert len(start(tmp_path, tmp_path).drafts) == 1
+
+
+def test_patterns_match_their_files_and_no_others(tmp_path: Path) -> None:
+    names = ["a_1_up.csv", "a_2_up.csv", "a_1_down.csv", "a_2_down.csv", "[x].csv"]
+    files = {name: tmp_path / name for name in names}
+    for path in files.values():
+        path.write_text(PLAIN)
+    assert patterns([files["a_1_up.csv"], files["a_2_up.csv"]], tmp_path) == ["a_*_up.csv"]
+    assert patterns([files[name] for name in names[:4]], tmp_path) == ["a_*.csv"]
+    assert patterns([files["a_1_up.csv"], files["a_2_down.csv"]], tmp_path) == ["a_1_up.csv", "a_2_down.csv"]
+    assert patterns([files["[x].csv"]], tmp_path) == ["[x].csv"]
+
+
+def test_yaml_says_what_the_dictionary_says() -> None:
+    spec = {
+        "name": "1e5",
+        "data": {"files": ["a b.csv", "${x}.csv"], "header": False, "columns": {"force": {"column": "no: #1", "scale": 0.5}}},
+        "n": 3,
+    }
+    notes = {("data", "files", 0): Note("why " * 60), ("data",): Note("is it?", sure=False)}
+    text = to_yaml(spec, notes, ("head",))
+    expected = {**spec, "data": {**spec["data"], "files": ["a b.csv", "$${x}.csv"]}}
+    assert yaml.safe_load(text) == expected
+    assert "# CHECK: is it?" in text
+    assert max(map(len, text.splitlines())) <= 132

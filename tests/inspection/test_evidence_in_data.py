@@ -1,0 +1,183 @@
+"""What recordings show: slack feet, settling, what was held, and names of columns and files."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mapmore_cli.domain.recording import Recording
+from mapmore_cli.stages.drafting.columns import guess_columns
+from mapmore_cli.stages.drafting.evidence import find_held, goes_in_cycles, staircase
+from mapmore_cli.stages.drafting.experiment_section import inner_levels
+from mapmore_cli.stages.drafting.file_names import number_in, read_names
+from mapmore_cli.stages.inspection.foot import slack_foot
+from mapmore_cli.stages.inspection.labels import read_label
+
+STRAINS = np.array([0.0, 0.05, 0.1, 0.15])
+
+
+def samples(force, seed: int = 1):
+    """Pressure, strain and force of a static muscle at four strains, with noise and the offset of a load cell."""
+    rng = np.random.default_rng(seed)
+    pressure, strain = (grid.ravel() for grid in np.meshgrid(np.linspace(10, 600, 200), STRAINS))
+    return pressure, strain, force(pressure, strain) + rng.normal(0, 1.0, pressure.size) - 5.0
+
+
+@settings(deadline=None, max_examples=30)
+@given(start=st.floats(100, 150), slope=st.floats(1000, 2500))
+def test_the_threshold_of_a_slack_muscle_is_found(start: float, slope: float) -> None:
+    foot = slack_foot(*samples(lambda p, e: 0.8 * np.maximum(p - start - slope * e, 0)))
+    assert foot is not None
+    bins = 590 / 24 + 0.05 * 480 / 0.8  # the width of a bin, and the pressure that makes the force leave the band
+    np.testing.assert_allclose(foot.threshold, start + slope * foot.strain, atol=1.5 * bins)
+
+
+@pytest.mark.parametrize(
+    "force",
+    [
+        lambda p, e: p * (1.2 * np.exp(-6 * e) - 0.3) - 150 * e,  # Sarosi's form: linear in pressure at every strain
+        lambda p, e: 0.8 * np.maximum(p - 200, 0) + 0 * e,  # a threshold that does not move
+        lambda p, e: 0 * p * e,
+        lambda p, e: -0.3 * p + 50 * e,  # it pushes
+    ],
+)
+def test_no_foot_where_there_is_none(force) -> None:
+    assert slack_foot(*samples(force)) is None
+
+
+def test_no_foot_can_be_seen_at_a_few_held_pressures() -> None:
+    pressure, strain = (grid.ravel() for grid in np.meshgrid([100.0, 250, 400, 600], np.linspace(0, 0.2, 100)))
+    assert slack_foot(pressure, strain, np.maximum(pressure - 2000 * strain - 100, 0)) is None
+
+
+def recording(**columns) -> Recording:
+    return Recording(
+        "r", "r.csv", {name: np.asarray(values, dtype=float) for name, values in columns.items()}, len(columns["pressure"]), {}
+    )
+
+
+T = np.arange(0, 40, 0.02)
+LOOP = 1 - np.abs(T / 20 - 1)
+
+
+def test_what_hardly_moves_was_held() -> None:
+    rng = np.random.default_rng(3)
+    isobaric = [recording(time=T, pressure=level + rng.normal(0, 0.7, T.size), strain=0.2 * LOOP) for level in (80, 150, 250, 350)]
+    held = find_held(isobaric, ("pressure", "strain"))
+    assert held is not None
+    assert (held.of, held.swept, held.at.tolist()) == ("pressure", "strain", [80, 150, 250, 350])
+    assert goes_in_cycles(isobaric, held, 200)
+    there = [recording(**{name: values[: T.size // 2] for name, values in one.columns.items()}) for one in isobaric]
+    held = find_held(there, ("pressure", "strain"))
+    assert held is not None
+    assert not goes_in_cycles(there, held, 200)
+
+
+def test_holds_within_one_recording_keep_the_ways_between_out() -> None:
+    holds = np.concatenate([np.concatenate([np.full(T.size, e), np.linspace(e, e + 0.1, 300)]) for e in (0.0, 0.1, 0.2)])[:-300]
+    loops = np.concatenate([np.concatenate([500 * LOOP, np.zeros(300)]) for _ in range(3)])[:-300]
+    held = find_held([recording(pressure=loops, strain=holds)], ("pressure", "strain"))
+    assert held is not None
+    assert (held.of, held.at.tolist()) == ("strain", [0, 0.1, 0.2])
+    assert held.within is not None
+    assert held.within < 0.02
+
+
+def test_nothing_was_held_where_both_move_or_only_one_level_was() -> None:
+    assert find_held([recording(pressure=500 * LOOP, strain=0.2 * LOOP)], ("pressure", "strain")) is None
+    assert find_held([recording(pressure=np.full(T.size, 100), strain=0.2 * LOOP)], ("pressure", "strain")) is None
+
+
+def test_steps_are_told_from_sweeps() -> None:
+    steps = 500 * (np.floor(10 * LOOP) / 10)
+    assert staircase([recording(time=T, pressure=steps, strain=0 * T)]) is not None
+    assert staircase([recording(time=T, pressure=2000 * LOOP, strain=0 * T)]) is None
+    assert staircase([recording(time=T, pressure=0 * T + 100, strain=0 * T)]) is None
+
+
+@settings(deadline=None)
+@given(st.lists(st.floats(0, 1e3), unique=True, max_size=20).map(sorted))
+def test_held_out_levels_are_inner_ones(levels: list[float]) -> None:
+    inner = inner_levels(levels)
+    assert set(inner) <= set(levels[1:-1])
+    assert bool(inner) == (len(levels) >= 3)
+    assert len(levels) - len(inner) >= min(len(levels), 2)
+
+
+@pytest.mark.parametrize(
+    ("name", "quantity", "unit"),
+    [
+        ("pressure_kPa", "pressure", "kPa"),
+        ("P [bar]", "pressure", "bar"),
+        ("Pressure (psi)", "pressure", "psi"),
+        ("pressureMPa", "pressure", "MPa"),
+        ("mpr_sensor_kPa", "pressure", "kPa"),
+        ("cmd_kPa", "input", None),
+        ("t", "time", None),
+        ("time_ms", "time", "ms"),
+        ("Time (s)", "time", "s"),
+        ("eps", "strain", None),
+        ("strain_pct", "strain", "%"),
+        ("contraction [%]", "strain", "%"),
+        ("contraction_frac", "strain", "1"),
+        ("F", "force", None),
+        ("force_N_total", "force", "N"),
+        ("Load (kN)", "load", "kN"),
+        ("position_mm", "displacement", "mm"),
+        ("temperature", None, None),
+        ("", None, None),
+        ("42", None, None),
+    ],
+)
+def test_names_of_columns(name: str, quantity: str | None, unit: str | None) -> None:
+    label = read_label(name)
+    assert (quantity, unit) == (None, None) if label is None else (label.quantity, label.unit) == (quantity, unit)
+
+
+@given(st.text())
+def test_any_name_of_a_column_or_a_file_can_be_read(name: str) -> None:
+    read_label(name)
+    read_names([name + ".csv", name + "_1.csv"])
+
+
+def test_units_by_size() -> None:
+    t = np.arange(2000.0)
+    raw = {"t": [20 * t], "P": [1e5 * (1 + t / 2000)], "eps": [t / 100], "F": [np.sin(t)]}
+    guesses = guess_columns({name: name for name in raw}, raw)
+    assert {name: guess.unit for name, guess in guesses.items()} == {"time": "ms", "pressure": "Pa", "strain": "%", "force": "N"}
+    assert not guesses["time"].sure
+    assert not guesses["pressure"].sure
+
+
+def test_columns_without_names_are_told_by_their_values() -> None:
+    rng = np.random.default_rng(0)
+    t = np.arange(3000) * 0.01
+    pressure = 300 * (1 - np.cos(t))
+    raw = {0: [0.7 * pressure - 9 + rng.normal(0, 1, t.size)], 1: [pressure], 2: [t], 3: [np.where(t < 15, 1.0, 2.0)], 4: [1.7e9 + t]}
+    guesses = guess_columns({}, raw)
+    assert {name: guess.column for name, guess in guesses.items()} == {"force": 0, "pressure": 1, "time": 2}
+    assert not any(guess.sure for guess in guesses.values())
+
+
+def test_names_of_files_tell_groups_conditions_and_repeats() -> None:
+    names = [f"10mm_{size}_{state}_Test{n}.csv.gz" for size in ("10cm", "20cm") for state in ("Unkink", "kinked25") for n in (8, 9)]
+    parts = read_names(names)
+    assert [part.group for part in parts] == [("10cm",)] * 4 + [("20cm",)] * 4
+    assert [part.condition for part in parts[:4]] == ["Unkink", "Unkink", "kinked25", "kinked25"]
+
+
+@pytest.mark.parametrize(
+    ("word", "number"),
+    [
+        ("kinked25", (25, None)),
+        ("200kPa", (200, "kPa")),
+        ("1.5bar", (1.5, "bar")),
+        ("12%", (12, "%")),
+        ("Unkink", None),
+        ("200grams", None),
+    ],
+)
+def test_numbers_in_words(word: str, number: tuple[float, str | None] | None) -> None:
+    assert number_in(word) == number

@@ -1,0 +1,168 @@
+"""Every rule of `check`: a study that it speaks of, and the clean one of which none does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from lint_studies import LEVELS, Spoil, Table, found, inspected, only, table
+
+from mapmore_cli.domain.errors import DataError, SpecError
+
+
+def scaled(**factors: float) -> Spoil:
+    return lambda _, columns: {name: values * factors.get(name, 1.0) for name, values in columns.items()}
+
+
+def first_rows(level: float, rows: int) -> Spoil:
+    return lambda at, columns: {name: values[:rows] for name, values in columns.items()} if at == level else columns
+
+
+def copied(of: float, to: float) -> Spoil:
+    """The recording of one level instead of another's: a file copied under a wrong name."""
+    return lambda level, columns: table(of) if level == to else columns
+
+
+def column(name: str, **changes: Any) -> dict[str, Any]:
+    return {"data": {"columns": {name: changes}}}
+
+
+def test_the_clean_study_has_no_issues(tmp_path: Path) -> None:
+    inspection = inspected(tmp_path)
+    assert inspection.issues == ()
+    assert inspection.verdict is None
+    assert inspection.dataset is not None
+
+
+def longer(level: float, factor: float) -> Spoil:
+    return lambda at, columns: scaled(eps=factor)(at, columns) if at == level else columns
+
+
+def levels_times(factor: float) -> dict[str, Any]:
+    """The spec for pressures in another unit."""
+    return {"data": {"levels": {"at": [factor * level for level in LEVELS]}, "split": {"validate": {"pressure": [factor * 200]}}}}
+
+
+def held_out(**condition: Any) -> dict[str, Any]:
+    return {"data": {"split": {"validate": condition}}}
+
+
+ONE_LEVEL = {"data": {"levels": {"at": [100.0], "within": 50.0}, "split": None}}
+BY_FILE = {"data": {"levels": None, "split": {"validate": {"files": ["level_300.csv"]}}}}
+THREE_LEVELS = {"data": {"levels": {"at": [100, 200, 400]}}}
+FIRST_SAMPLES = {"data": {"keep": [{"quantity": "strain", "below": 0.008}]}, "segment": {}}
+
+
+@pytest.mark.parametrize(
+    ("id_", "severity", "spoil", "spec"),
+    [
+        ("strain-in-per-cent", "error", scaled(eps=100), {}),
+        ("pressure-in-pascals", "error", scaled(P=1000), levels_times(1000)),
+        ("pressure-in-bar", "warning", scaled(P=0.01), levels_times(0.01)),
+        ("force-too-large", "warning", scaled(F=7), {}),
+        ("time-in-milliseconds", "warning", lambda level, _: {**table(level, 1200), "t": 20.0 * np.arange(1200)}, {}),
+        ("constant", "error", scaled(F=0), {}),
+        ("constant", "warning", scaled(eps=0), {"segment": {}}),
+        ("force-never-positive", "warning", lambda _, c: {**c, "F": -np.abs(c["F"]) - 1}, {}),
+        ("recorded-twice", "warning", copied(100, 300), THREE_LEVELS),
+        ("recorded-twice", "error", copied(100, 300), BY_FILE),
+        ("few-samples", "warning", first_rows(200, 3), {}),
+        ("short-segment", "error", first_rows(300, 5), {}),
+        ("empty-segment", "error", lambda _, c: {**c, "eps": np.where(c["eps"] < 0.18, 0.0, 0.2)}, {"segment": {"strain": {"count": 3}}}),
+        ("validation-outside", "warning", scaled(), held_out(pressure=[400])),
+        ("validation-outside", "warning", longer(200, 1.5), held_out(pressure=[200], strain={"between": [[0.1, 0.4]]})),
+        ("many-dropped", "warning", scaled(), ONE_LEVEL),
+        ("few-kept", "hint", scaled(), FIRST_SAMPLES),
+    ],
+)
+def test_a_rule_speaks_of_what_it_is_made_for(tmp_path: Path, id_: str, severity: str, spoil: Spoil, spec: dict[str, Any]) -> None:
+    inspection = inspected(tmp_path, spoil, **spec)
+    issue = next(issue for issue in inspection.issues if issue.id == id_)
+    assert issue.severity == severity
+    assert issue.place
+    assert issue.remedy
+    assert (inspection.verdict is not None) == bool(found(inspection, "error"))
+
+
+def test_a_column_named_after_another_unit(tmp_path: Path) -> None:
+    names = {"P": "P_psi"}
+    assert only(inspected(tmp_path, names=names, **column("pressure", column="P_psi")), "unit-in-name").severity == "warning"
+    for unit in ({"unit": "psi"}, {"scale": 6.894757}):
+        spec = {"columns": {"pressure": {"column": "P_psi", **unit}}, "levels": {"at": "auto"}, "split": {"validate": {"strain": [0.0]}}}
+        assert "unit-in-name" not in found(inspected(tmp_path, names=names, data=spec))
+
+
+WHOLE: dict[str, Any] = {"segment": {"strain": "levels"}, "dictionary": [{"polynomial": {"of": ["pressure"], "order": 3}}]}
+
+
+def test_per_cent_is_reported_where_it_also_made_the_levels_impossible(tmp_path: Path) -> None:
+    """The level that no sample is at is a consequence; the user is told the cause with it."""
+    isometric = {"of": "strain", "at": [0.0, 0.1, 0.2]}
+    inspection = inspected(tmp_path, scaled(eps=100), data={"levels": isometric, "split": {"validate": {"strain": [0.1]}}}, **WHOLE)
+    assert inspection.dataset is None
+    assert found(inspection, "error") == {"strain-in-per-cent", "no-curves"}
+    assert isinstance(inspection.verdict, SpecError)
+    line = (tmp_path / "clean.yaml").read_text().splitlines().index("    strain:") + 1
+    assert only(inspection, "strain-in-per-cent").place.endswith(f"clean.yaml:{line}:5")
+
+
+def test_curves_that_are_impossible_for_no_known_reason_are_an_error_as_before(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="no sample is within"):
+        inspected(tmp_path, data={"levels": {"at": [100, 200, 300, 400, 500]}})
+
+
+def test_data_errors_end_as_such(tmp_path: Path) -> None:
+    inspection = inspected(tmp_path, first_rows(300, 5))
+    assert isinstance(inspection.verdict, DataError)
+    assert "clean/" not in str(inspection.verdict)
+
+
+def test_the_worst_comes_first(tmp_path: Path) -> None:
+    spoilt = inspected(tmp_path, scaled(eps=100, F=7), data={"split": {"validate": {"pressure": [400]}}})
+    severities = [issue.severity for issue in spoilt.issues]
+    assert severities == sorted(severities, key=["error", "warning", "hint"].index)
+    assert len(severities) >= 3
+
+
+STRAINS = dict(zip(LEVELS, (0.0, 0.07, 0.14, 0.21), strict=True))
+BY_STRAIN: dict[str, Any] = {
+    "data": {"levels": {"of": "strain", "at": list(STRAINS.values())}, "split": {"validate": {"strain": [0.14]}}},
+    "segment": {"strain": "levels", "pressure": {"method": "even", "count": 2}},
+    "dictionary": [{"polynomial": {"of": ["pressure"], "order": 3}}],
+}
+
+
+def staircase(slack: bool) -> Spoil:
+    """Isometric steps of pressure, one second of rest after a tenth of a second of change; with a slack foot or without."""
+
+    def spoil(level: float, _: Table) -> Table:
+        t = np.arange(0, 22, 0.02)
+        pressure = 30 * (np.floor(t / 1.1) + np.clip((t % 1.1 - 1.0) / 0.1, 0, 1))
+        taut = pressure - 1000 * STRAINS[level] - 100
+        force = 0.5 * np.maximum(taut, 0) if slack else 0.5 * taut
+        return {"t": t, "P": pressure, "eps": np.full(len(t), STRAINS[level]), "F": force}
+
+    return spoil
+
+
+def test_a_slack_foot_asks_for_a_hinge_once(tmp_path: Path) -> None:
+    assert "slack-foot" in found(inspected(tmp_path, staircase(slack=True), **BY_STRAIN), "hint")
+    assert "slack-foot" not in found(inspected(tmp_path, staircase(slack=False), **BY_STRAIN))
+    hinged = {**BY_STRAIN, "model": {"type": "mapmore", "backbone": "sarosi_hinged"}}
+    assert "slack-foot" not in found(inspected(tmp_path, staircase(slack=True), **hinged))
+
+
+def test_unsettled_samples_ask_for_keep(tmp_path: Path) -> None:
+    def sweep(level: float, columns: Table) -> Table:
+        stairs = staircase(slack=False)(level, columns)
+        return {**stairs, "P": 600 * (1 - np.abs(stairs["t"] / 11 - 1))}
+
+    assert "unsettled" in found(inspected(tmp_path, sweep, **BY_STRAIN), "hint")
+    settled = {
+        "derive": {"pressure_rate": {"rate_of": "pressure", "window": 0.2, "order": 2}},
+        "keep": [{"quantity": "pressure_rate", "abs_below": 24}],
+    }
+    kept = {**BY_STRAIN, "data": {**BY_STRAIN["data"], **settled}}
+    assert "unsettled" not in found(inspected(tmp_path, staircase(slack=False), **kept))

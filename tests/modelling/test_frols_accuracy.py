@@ -1,0 +1,103 @@
+"""Ill-conditioned dictionaries against arithmetic of 120 digits: a right order is no proof of accuracy, so ERR is compared as well.
+
+`x^0..x^9` has the condition number 6e8 on [0.5, 1.5], 4e12 on [2, 4] and 2e23 on [10, 11]. On the first two, double precision can do it
+all (the last ERR, of a column of which one part in 3e8 is left, to 1e-5). On [10, 11] it can give the order of eight terms, and six of
+them with an ERR to 1e-6; of the last two columns less than 1e-12 is left, which is rounding error: they must be called dependent.
+"""
+
+import numpy as np
+import pytest
+from exact_frols import exact_frols
+
+from mapmore_cli.modelling.frols import basis, frols, frols_streamed
+from mapmore_cli.modelling.frols.blocks import row_blocks
+
+TARGETS = {
+    "sine": lambda x: np.sin(5 * x) + 2,
+    "decay": lambda x: np.exp(-x),
+    "kink": lambda x: np.abs(x - x.mean()),
+    "noisy": lambda x: np.sin(3 * x) + 0.05 * np.random.default_rng(3).standard_normal(len(x)),
+}
+
+
+def powers(low, high, n=60):
+    x = np.linspace(low, high, n)
+    return x, np.column_stack([x**i for i in range(10)])
+
+
+def in_memory(P, y):
+    return frols(P, y, 10)
+
+
+def streamed(P, y):
+    return frols_streamed(row_blocks(P, y), 10)
+
+
+@pytest.fixture(params=["in memory", "streamed", "streamed and large"])
+def fit(request, monkeypatch):
+    """The three ways to explicit remainders: of the dictionary, of the blocks put together, of the triangular factor."""
+    if request.param == "streamed and large":
+        monkeypatch.setattr("mapmore_cli.modelling.frols.engine.SMALL", 0)
+    return in_memory if request.param == "in memory" else streamed
+
+
+@pytest.mark.parametrize("target", TARGETS)
+@pytest.mark.parametrize(("low", "high"), [(0, 1), (0.5, 1.5), (2, 4)])
+def test_powers_keep_their_digits(low, high, target, fit):
+    x, P = powers(low, high)
+    y = TARGETS[target](x)
+    chosen, err = exact_frols(P, y, 10)
+    ours = fit(P, y)
+    assert ours.chosen.tolist() == chosen
+    np.testing.assert_allclose(ours.err[:9], err[:9], rtol=1e-6, atol=1e-24)
+    np.testing.assert_allclose(ours.err[9], err[9], rtol=1e-4)
+    assert ours.err.sum() <= 1 + 1e-12
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_powers_far_from_zero_keep_what_digits_there_are(target, fit):
+    x, P = powers(10, 11)
+    y = TARGETS[target](x)
+    chosen, err = exact_frols(P, y, 8)
+    ours = fit(P, y)
+    assert ours.chosen[:8].tolist() == chosen
+    np.testing.assert_allclose(ours.err[:6], err[:6], rtol=1e-6)
+    np.testing.assert_allclose(ours.err[:8], err, rtol=1e-2)
+    assert ours.stop == "rank"
+    assert ours.err.sum() <= 1 + 1e-12
+
+
+def test_the_normal_equations_alone_would_have_failed(monkeypatch):
+    """What their guard is there for: without it the order is right, and the last ERR wrong by a large part."""
+    monkeypatch.setattr("mapmore_cli.modelling.frols.gram.PIVOT_TOLERANCE", 0.0)
+    monkeypatch.setattr("mapmore_cli.modelling.frols.gram.GramRemainders._clear_winner", lambda *_: True)
+    monkeypatch.setattr("mapmore_cli.modelling.frols.gram.GramRemainders._renew", lambda *_: None)
+    x, P = powers(0.5, 1.5)
+    y = TARGETS["sine"](x)
+    _, err = exact_frols(P, y, 10)
+    assert not np.allclose(streamed(P, y).err, err, rtol=1e-3, atol=0)
+
+
+def test_the_residual_keeps_its_digits_in_a_near_perfect_fit():
+    """SSE is 1e-14 of y'y here: nothing but rounding error would be left of it in `y'y - sum g^2 q'q`."""
+    rng = np.random.default_rng(5)
+    n = 20_000
+    P = rng.normal(size=(n, 6)) + 3
+    noise = 1e-7 * rng.normal(size=n)
+    y = P @ [1, -2, 0, 0.5, 0, 1] + noise
+    ours = frols(P, y, 5)
+    assert P.size > basis.SMALL
+    theta, *_ = np.linalg.lstsq(P[:, ours.chosen], noise, rcond=None)
+    truth = noise - P[:, ours.chosen] @ theta
+    assert ours.sse == pytest.approx(truth @ truth, rel=1e-6)
+
+
+@pytest.mark.parametrize("n", [400, 40_000])
+def test_coefficients_of_a_noise_free_record(n):
+    x = np.linspace(0, 1, n)
+    P = np.column_stack([x**i for i in range(6)])
+    ours = frols(P, 2 - x**2 + 3 * x**5)
+    theta = np.zeros(6)
+    theta[ours.chosen] = ours.theta
+    np.testing.assert_allclose(theta, [2, 0, -1, 0, 0, 3], atol=1e-9)
+    assert ours.sse < 1e-24 * ours.yy

@@ -1,0 +1,184 @@
+"""Whichever form of the method reads the dictionary, the selection is the same."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.modelling.frols import engine, frols, gram
+
+FORMS = ("basis", "gram", "gathered", "triangle")
+
+
+def fit_by(form, P, y, *args, **options):
+    """`frols` made to use one form: the basis on P, the Gram matrix as far as it goes, or what follows when that has no digits at all."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(engine, "prefers_gram", lambda *_: form != "basis")
+        patch.setattr(engine, "SMALL", 2**16 if form == "gathered" else 0)
+        if form in ("gathered", "triangle"):
+            patch.setattr(gram, "PIVOT_TOLERANCE", 2.0)
+        return frols(P, y, *args, **options)
+
+
+def dictionaries(rng, kind, n, M):
+    P = rng.normal(size=(n, M))
+    if kind == "offset":
+        P += 10.0 ** rng.uniform(0, 4)
+    elif kind == "powers":
+        x = rng.uniform(0, 1, n)
+        P = np.column_stack([x**i for i in range(M)])
+    elif kind == "integers":
+        P = rng.integers(-1, 2, size=(n, M)).astype(float)
+    elif kind == "dependent":
+        P[:, rng.integers(M)] = P[:, rng.integers(M)] * 4
+        P[:, rng.integers(M)] = 0
+    elif kind == "units":
+        P = P @ rng.normal(size=(M, M)) * 10.0 ** rng.uniform(-120, 120, M)
+    return P
+
+
+@settings(deadline=None, max_examples=150)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    kind=st.sampled_from(["plain", "offset", "powers", "integers", "dependent", "units"]),
+    n=st.integers(2, 60),
+    M=st.integers(1, 11),
+    noise=st.sampled_from([0.0, 1e-12, 1e-6, 1e-3, 1.0]),
+    tolerance=st.sampled_from([0.0, 1e-10, 1e-3]),
+    stop=st.sampled_from(["tolerance", "bic", "aicc", "press"]),
+)
+def test_every_form_makes_the_same_selection(seed, kind, n, M, noise, tolerance, stop):
+    rng = np.random.default_rng(seed)
+    P = dictionaries(rng, kind, n, M)
+    largest = np.abs(P).max(axis=0)
+    y = (P / np.where(largest > 0, largest, 1)) @ (rng.normal(size=M) * (rng.random(M) < 0.5)) + noise * rng.normal(size=n)
+    k = int(rng.integers(1, M + 1))
+    reference = fit_by("basis", P, y, k, tolerance, stop=stop)
+    for form in FORMS[1:]:
+        ours = fit_by(form, P, y, k, tolerance, stop=stop)
+        assert ours.chosen.tolist() == reference.chosen.tolist(), form
+        assert ours.stop == reference.stop, form
+        assert ours.tied.tolist() == reference.tied.tolist(), form
+        assert ours.runner_up.tolist() == reference.runner_up.tolist(), form
+        assert (np.isnan(ours.err_all) == np.isnan(reference.err_all)).all()
+        np.testing.assert_allclose(ours.err, reference.err, rtol=1e-6, atol=1e-20)
+        np.testing.assert_allclose(ours.err_all, reference.err_all, rtol=1e-6, atol=1e-12)
+        assert ours.sse == pytest.approx(reference.sse, rel=1e-6, abs=1e-22 * reference.yy)
+        assert ours.err.sum() <= 1 + 1e-12
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_all_numbers_agree_on_an_ordinary_dictionary(form):
+    rng = np.random.default_rng(6)
+    P = rng.normal(size=(300, 8)) * 10.0 ** rng.uniform(-3, 3, 8) + 1
+    y = P @ rng.normal(size=8) + rng.normal(size=300)
+    ours, reference = fit_by(form, P, y, 5), fit_by("basis", P, y, 5)
+    for name in ("g", "err", "theta", "theta_error", "a", "g_all", "err_all", "condition", "sse", "yy"):
+        np.testing.assert_allclose(getattr(ours, name), getattr(reference, name), rtol=1e-8, atol=1e-12, err_msg=name)
+    assert ours.samples == 300
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("factor", [1.0, -3.0, 1e-7])
+def test_ties_go_to_the_lower_index_after_several_steps(form, factor):
+    """The tied columns come last, when rounding errors of the earlier steps could decide between them."""
+    rng = np.random.default_rng(12)
+    P = rng.normal(size=(500, 12)) + 2
+    P[:, 9] = factor * P[:, 4]
+    y = P @ np.array([5, -4, 3, 0, 0, 0, 0, -2, 0, 1e-4 / factor, 0, 6]) + 1e-5 * rng.normal(size=500)
+    ours = fit_by(form, P, y, 6)
+    assert ours.chosen[-1] == 4
+    assert ours.tied[-1] == 1
+    assert ours.runner_up[-1] == 9
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("scale", [1e-300, 1e-160, 1e140, 1e300])
+def test_units_at_the_end_of_the_range_of_doubles(form, scale):
+    rng = np.random.default_rng(8)
+    P = rng.normal(size=(60, 5))
+    y = P @ [1, 2, 0, 0, 3] + 0.1 * rng.normal(size=60)
+    units = np.where(np.arange(5) == 1, scale, 1.0)
+    plain, extreme = fit_by(form, P, y, 3), fit_by(form, P * units, y, 3)
+    assert plain.chosen.tolist() == extreme.chosen.tolist()
+    np.testing.assert_allclose(extreme.err, plain.err, rtol=1e-9)
+    np.testing.assert_allclose(extreme.theta * units[extreme.chosen], plain.theta, rtol=1e-9)
+    small_y = fit_by(form, P, y * 1e-200, 3)
+    np.testing.assert_allclose(small_y.theta * 1e200, plain.theta, rtol=1e-9)
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_values_that_are_not_finite_are_found_in_any_block(form, bad):
+    P = np.ones((9_000, 3))
+    P[8_765, 1] = bad
+    with pytest.raises(DataError, match="candidate 1 is not finite at row 8765"):
+        fit_by(form, P, np.ones(9_000))
+    y = np.ones(9_000)
+    y[7_000] = bad
+    with pytest.raises(DataError, match="y is not finite at row 7000"):
+        fit_by(form, np.ones((9_000, 3)), y)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_sample_that_alone_decides_a_term_has_no_leave_one_out_error(form):
+    """Column 1 is nonzero in one sample only: PRESS is infinite once it is chosen, whatever it explains."""
+    rng = np.random.default_rng(3)
+    P = np.column_stack([np.ones(30), np.arange(30) == 7, rng.normal(size=(30, 2))]).astype(float)
+    y = P @ [1, 50, 0.1, 0] + 0.1 * rng.normal(size=30)
+    assert fit_by(form, P, y, 4).chosen[0] == 1
+    assert len(fit_by(form, P, y, 4, stop="press").chosen) == 1
+    y -= 45 * P[:, 1]
+    assert fit_by(form, P, y, 4).chosen.tolist()[:2] == [0, 1]
+    assert fit_by(form, P, y, 4, stop="press").chosen.tolist() == [0]
+
+
+@pytest.mark.parametrize(
+    ("n", "M", "terms", "expected"),
+    [
+        pytest.param(1_000_000, 35, 8, True, id="tall"),
+        pytest.param(200_000, 286, 20, True, id="tall, many candidates"),
+        pytest.param(5_000, 2_000, 30, False, id="wide"),
+        pytest.param(1_000, 2_000, 1_000, False, id="fewer samples than candidates"),
+        pytest.param(400, 9, 3, False, id="small"),
+    ],
+)
+def test_the_shape_decides_the_form(n, M, terms, expected):
+    assert engine.prefers_gram(n, M, terms) is expected
+
+
+@pytest.mark.parametrize("layout", ["C", "F", "strided"])
+def test_memory_order_changes_nothing_and_nothing_is_written_to(layout):
+    rng = np.random.default_rng(2)
+    P = rng.normal(size=(20_000, 6))
+    y = P @ [1, 0, 2, 0, 0, 3] + 0.1 * rng.normal(size=20_000)
+    given_P = {"C": P, "F": np.asfortranarray(P), "strided": np.repeat(P, 2, axis=0)[::2]}[layout]
+    given_P.flags.writeable = y.flags.writeable = False
+    ours, reference = frols(given_P, y, 4), frols(P.copy(), y.copy(), 4)
+    assert ours.chosen.tolist() == reference.chosen.tolist()
+    np.testing.assert_allclose(ours.theta, reference.theta, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "kind",
+    ["ordinary", "dependent", "nothing left to explain", "overflow"],
+)
+@pytest.mark.parametrize("order", ["C", "F"])
+def test_a_tall_dictionary_is_never_copied(kind, order):
+    rng = np.random.default_rng(1)
+    P = np.asarray(rng.normal(size=(400_000, 10)), order=order)
+    y = P @ rng.normal(size=10) + rng.normal(size=len(P))
+    if kind == "dependent":
+        P[:, 3] = P[:, 5]
+    elif kind == "nothing left to explain":
+        y[:] = P[:, 0]
+    elif kind == "overflow":
+        P *= 1e200
+    tracemalloc.start()
+    frols(P, y, 5)
+    extra = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert extra < 0.1 * P.nbytes
