@@ -25,8 +25,7 @@ schema: .venv/program
 	$(BIN)/python -m mapmore_cli.spec.reference
 
 datasets: .venv/program
-	$(BIN)/mapmore simulate datasets/mckibben/load_cycles.yaml
-	$(BIN)/mapmore simulate datasets/peano/load_cycles.yaml
+	for spec in datasets/*/*.yaml; do $(BIN)/mapmore simulate $$spec || exit; done
 
 bench: .venv/program .venv-bench/peers
 	$(BIN)/python tests/bench/run.py $(BENCH)
