@@ -1,4 +1,4 @@
-"""Formulas of the literature, selectable by name and fitted on the same training data as MAPMORE (ALGORITHMS 2).
+"""Formulas of the literature, selectable by name and fitted on the same training data as MAPMORE.
 
 Adding a formula is one file in `formulas/`, named after it, with a `FORMULA`.
 """
