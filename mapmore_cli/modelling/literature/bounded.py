@@ -7,9 +7,9 @@ method minimises `|r(c)|^2`, `r(c) = Phi(c) Phi(c)^+ y - y`.
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import OptimizeResult
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.literature import linear, trust_region
@@ -17,6 +17,9 @@ from mapmore_cli.modelling.literature.multistart import STARTS, draw, lowest
 from mapmore_cli.modelling.literature.problem import Problem
 from mapmore_cli.modelling.literature.solution import Solution, at_limit, failure
 from mapmore_cli.modelling.terms import NotFinite
+
+if TYPE_CHECKING:
+    from scipy.optimize import OptimizeResult
 
 METHOD = "variable projection"
 TOLERANCE = 1e-12  # of the starts (W section III)

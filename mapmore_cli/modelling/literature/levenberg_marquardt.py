@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-from scipy.optimize import OptimizeResult, least_squares
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.literature.multistart import STARTS, draw, lowest
 from mapmore_cli.modelling.literature.problem import Problem
 from mapmore_cli.modelling.literature.solution import Solution, failure
 from mapmore_cli.modelling.terms import NotFinite
+
+if TYPE_CHECKING:
+    from scipy.optimize import OptimizeResult
 
 METHOD = "levenberg_marquardt"
 TOLERANCE = 1e-15
@@ -34,6 +38,8 @@ def fit(problem: Problem) -> Solution:
 
 def _descend(problem: Problem, start: Array) -> OptimizeResult | None:
     """The nearest minimum, of residuals divided by the largest target so that the unit is no matter; None where the formula overflows."""
+    from scipy.optimize import least_squares
+
     m = len(problem.linear)
     unit = float(np.abs(problem.y).max()) or 1.0
 

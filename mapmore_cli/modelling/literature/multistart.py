@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import OptimizeResult
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.literature.problem import Nonlinear
+
+if TYPE_CHECKING:
+    from scipy.optimize import OptimizeResult
 
 STARTS = 10
 SEED = 20170714  # any fixed number: the same data give the same fit

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import OptimizeResult, least_squares
 
 from mapmore_cli.domain.arrays import Array
+
+if TYPE_CHECKING:
+    from scipy.optimize import OptimizeResult
 
 EVALUATIONS = 100
 TOUCHING = 1e-6  # of the range of a coordinate (or absolute, where it has no end): the method only approaches a bound
@@ -17,6 +20,8 @@ def descend(
     residual: Callable[[Array], Array], jacobian: Callable[[Array], Array], start: Array, bounds: tuple[Array, Array], tolerance: float
 ) -> OptimizeResult:
     """The nearest minimum of `|residual(x)|^2` from `start`, `(k,)`, with `bounds` the lowest and the highest coordinates, each `(k,)`."""
+    from scipy.optimize import least_squares
+
     return least_squares(
         residual,
         start,

@@ -7,7 +7,6 @@ depends on one number alone. Its sum of squares is scanned over all that the par
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.literature import bounded, linear
@@ -49,6 +48,8 @@ def _flat(sse: Array, y: Array) -> bool:
 
 def _refine(problem: Problem, grid: Array, i: int) -> tuple[float, str]:
     """The lowest point of the valley around `grid[i]`, and the status of having got there."""
+    from scipy.optimize import brentq, minimize_scalar
+
     lower, c, upper = float(grid[max(i - 1, 0)]), float(grid[i]), float(grid[min(i + 1, len(grid) - 1)])
     outward = _slope(problem, c)
     if (i == 0 and outward >= 0) or (i == len(grid) - 1 and outward <= 0):
