@@ -6,6 +6,9 @@ import numpy as np
 from scipy.optimize import brentq
 
 from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.modelling.literature import get, names
+
+STATIC, DAMPING = (tuple(name for name in names() if get(name).component == component) for component in ("static", "damping"))
 
 WRIST = {"a1": -5.699, "a2": 158.773, "a3": -42.647, "a4": -299.482, "a5": 86.216, "a6": -196.865}
 """W's published coefficients a..f: pressure in bar, strain as a fraction, force in N."""
@@ -49,3 +52,15 @@ def noisy_wrist(seed: int, noise: float = 5.0, rows: int = 300) -> tuple[dict[st
     rng = np.random.default_rng(seed)
     columns = {"pressure": rng.uniform(1, 7, rows), "strain": rng.uniform(0, 0.2, rows)}
     return columns, wrist_force(columns) + noise * rng.standard_normal(rows)
+
+
+def motion(seed: int, rows: int = 400) -> dict[str, Array]:
+    """Scattered samples of step responses, in kPa, a fraction, 1/s and N; the direction is that of the pressure, not of the strain rate."""
+    rng = np.random.default_rng(seed)
+    return {
+        "pressure": rng.uniform(0, 400, rows),
+        "strain": rng.uniform(0, 0.2, rows),
+        "strain_rate": rng.uniform(-2, 2, rows),
+        "direction": rng.choice([-1.0, 1.0], rows),
+        "load": rng.choice([42.0, 115.0, 213.0], rows),
+    }

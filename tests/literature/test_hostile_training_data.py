@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from literature_cases import grid, noisy_wrist, wrist_force
+from literature_cases import STATIC, grid, noisy_wrist, wrist_force
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.modelling.literature import Formula, Nonlinear, get, names
+from mapmore_cli.modelling.literature import Formula, Nonlinear, get
 
 METHODS = ["variable_projection", "levenberg_marquardt"]
 FORMULAS = ["sarosi", "polynomial_2", "polynomial_5"]
@@ -62,7 +62,7 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("target", HOSTILE.values(), ids=HOSTILE)
-@pytest.mark.parametrize("name", names())
+@pytest.mark.parametrize("name", STATIC)
 def test_any_finite_target_gets_an_answer_no_worse_than_nothing(name: str, target) -> None:
     """And a status of the vocabulary; what ends at a bound is named."""
     columns, y = noisy_wrist(0, rows=60)
@@ -76,7 +76,7 @@ def test_any_finite_target_gets_an_answer_no_worse_than_nothing(name: str, targe
         assert any(note.startswith(f"{parameter} ") for parameter in fit.parameters for note in fit.notes)
 
 
-@pytest.mark.parametrize("name", names())
+@pytest.mark.parametrize("name", STATIC)
 def test_absurd_inputs_are_no_reason_to_raise(name: str) -> None:
     """Pressures of minus 10 MPa, where exp(-P) of W eq 10 overflows, with the strain in per cent."""
     columns, y = noisy_wrist(0, rows=60)
@@ -115,7 +115,7 @@ def test_a_curvature_that_runs_away_is_at_bound() -> None:
 
 @pytest.mark.parametrize("column", ["pressure", "strain", "target"])
 @pytest.mark.parametrize("value", [np.nan, np.inf])
-@pytest.mark.parametrize("name", names())
+@pytest.mark.parametrize("name", STATIC)
 def test_values_that_are_not_finite_are_refused_with_column_and_row(column: str, value: float, name: str) -> None:
     columns, y = noisy_wrist(0)
     {**columns, "target": y}[column][7] = value
@@ -123,7 +123,7 @@ def test_values_that_are_not_finite_are_refused_with_column_and_row(column: str,
         get(name).fit(columns, y)
 
 
-@pytest.mark.parametrize("name", names())
+@pytest.mark.parametrize("name", STATIC)
 def test_one_sample_less_than_parameters_is_refused(name: str) -> None:
     count = len(get(name).parameters)
     columns, y = noisy_wrist(0, rows=count - 1)

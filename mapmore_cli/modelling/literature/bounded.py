@@ -42,7 +42,7 @@ def fit(problem: Problem) -> Solution:
     if end is None:
         return failure(problem, METHOD)
     c, touched = trust_region.onto_bounds(end.x, _bounds(problem))
-    limits = [at_limit(problem.nonlinear[i].name, c[i], problem.nonlinear[i].per) for i in touched]
+    limits = [at_limit(problem.nonlinear[i], c[i]) for i in touched]
     status = "at_bound" if limits else "converged" if end.status > 0 else "stopped_by_limit"
     return Solution(_project(problem, c).beta, c, status, METHOD, (agreement, *limits))
 

@@ -7,7 +7,7 @@ import importlib
 import pkgutil
 
 from mapmore_cli.modelling.literature import formulas
-from mapmore_cli.modelling.literature.formula import Formula
+from mapmore_cli.modelling.literature.literature_model import LiteratureModel
 
 
 class UnknownFormula(KeyError):
@@ -28,9 +28,9 @@ def names() -> tuple[str, ...]:
     return tuple(sorted(module.name for module in pkgutil.iter_modules(formulas.__path__)))
 
 
-def get(name: str) -> Formula:
+def get(name: str) -> LiteratureModel:
     """The formula called `name`; raises `UnknownFormula` with the nearest name."""
     if name not in names():
         raise UnknownFormula(name)
-    formula: Formula = importlib.import_module(f"{formulas.__name__}.{name}").FORMULA
+    formula: LiteratureModel = importlib.import_module(f"{formulas.__name__}.{name}").FORMULA
     return formula

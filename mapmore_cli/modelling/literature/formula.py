@@ -12,6 +12,8 @@ from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling.literature import levenberg_marquardt, linear, varpro
+from mapmore_cli.modelling.literature.checks import finite, needed
+from mapmore_cli.modelling.literature.literature_model import LiteratureModel
 from mapmore_cli.modelling.literature.problem import Nonlinear, Problem
 from mapmore_cli.modelling.literature.solution import Solution
 from mapmore_cli.modelling.terms import Expression, Number, derivative, evaluate, parse, substitute
@@ -23,27 +25,17 @@ _SOLVERS: Mapping[str, Callable[[Problem], Solution]] = {VARIABLE_PROJECTION: va
 
 
 @dataclass(frozen=True)
-class Formula:
-    """A parametric model of the literature; its output may stand against any target.
+class Formula(LiteratureModel):
+    """A formula that one expression holds.
 
     Attributes
     ----------
-    name, reference
-        As in the spec, and where it is published.
-    inputs
-        Quantities that it needs.
-    parameters
-        In the order of the publication.
     text
         The formula as an expression of inputs and parameters.
     nonlinear
         The parameters in which it is not linear, and where to seek them; every term must be linear in one of the others.
     """
 
-    name: str
-    reference: str
-    inputs: tuple[str, ...]
-    parameters: tuple[str, ...]
     text: str
     nonlinear: tuple[Nonlinear, ...] = ()
 
@@ -91,12 +83,18 @@ class Formula:
         if method not in _SOLVERS:
             raise ValueError(f"unknown method `{method}`; there are {', '.join(_SOLVERS)}")
         problem = self._problem(columns, y)
-        return self._result(problem, _SOLVERS[method](problem))
+        solve = _SOLVERS[method] if self.parameters else varpro.fit  # without parameters there is nothing to descend to
+        return self._result(problem, solve(problem))
 
     def predict(self, parameters: Mapping[str, float], columns: Columns) -> Array:
         """The formula on every row, `(n,)`; NaN with the parameters of a failed fit."""
         inputs = {name: columns[name] for name in self.inputs if name in columns}
-        return evaluate(self.expression, {**inputs, **{name: np.asarray(parameters[name]) for name in self.parameters}})
+        rows = len(next(iter(columns.values()), ()))
+        return evaluate(self.expression, {**inputs, **{name: np.asarray(parameters[name]) for name in self.parameters}}, rows)
+
+    def equations(self, fit: FormulaFit) -> dict[str, Expression]:
+        """`equation`, by the name of the formula."""
+        return {self.name: self.equation(fit)}
 
     def equation(self, fit: FormulaFit) -> Expression:
         """The formula with the numbers of a fit that has not failed, in physical units."""
@@ -104,8 +102,8 @@ class Formula:
 
     def _problem(self, columns: Columns, y: Array) -> Problem:
         """The rows in canonical order, so that the order of the samples cannot change a digit of the fit."""
-        inputs = {name: _finite(name, columns.get(name)) for name in self.inputs}
-        target = _finite("the target", y)
+        inputs = {name: finite(name, needed(name, columns)) for name in self.inputs}
+        target = finite("the target", y)
         if len(target) < len(self.parameters):
             raise DataError(
                 f"{self.name} has {len(self.parameters)} parameters, but there are only {len(target)} samples to fit them to",
@@ -151,13 +149,3 @@ def dependence(rank: int, count: int, inputs: Columns, choice: str) -> str:
         f"rank {rank} of {count}: the data do not tell all parameters apart (distinct values: {distinct}); "
         f"{choice}, and values between the training levels are not to be trusted"
     )
-
-
-def _finite(name: str, column: Array | None) -> Array:
-    if column is None:
-        raise DataError(f"there is no column `{name}` among the inputs", "declare it under `columns` or `derive`")
-    values = np.asarray(column, dtype=float)
-    if not np.isfinite(values).all():
-        row = int(np.argmin(np.isfinite(values)))
-        raise DataError(f"{name} is not finite in row {row}: {values[row]}", "drop the sample (`missing: drop`) or mend the recording")
-    return values

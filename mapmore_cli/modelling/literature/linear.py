@@ -91,5 +91,5 @@ def _lengths(columns: Array) -> Array:
 
 
 def _rank(s: Array) -> tuple[int, float]:
-    rank = int(np.count_nonzero(s > RANK_TOLERANCE * s[0]))
+    rank = int(np.count_nonzero(s > RANK_TOLERANCE * s[:1]))
     return rank, float(s[0] / s[rank - 1]) if rank else 1.0

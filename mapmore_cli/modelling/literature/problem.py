@@ -16,18 +16,31 @@ from mapmore_cli.modelling.terms import Expression, dictionary_matrix, evaluate
 class Nonlinear:
     """A parameter that enters its formula nonlinearly.
 
-    It is sought as the dimensionless coordinate `c = value * max|per|` (the value itself where `per` is None), in `intervals`:
-    inclusive, ascending, and none of them across zero.
+    It is sought as the dimensionless coordinate `c = value * max|per|`, `value / max|of|` or the value itself, in `intervals`: inclusive,
+    ascending, and none of them across zero.
     """
 
     name: str
     per: str | None
     intervals: tuple[tuple[float, float], ...]
+    of: str | None = None
 
     @property
     def bounds(self) -> tuple[float, float]:
         """Lowest and highest coordinate."""
         return self.intervals[0][0], self.intervals[-1][1]
+
+    def span(self, columns: Columns) -> float:
+        """The coordinate of the value one; one where the data have no span."""
+        quantity = self.per or self.of
+        if quantity is None:
+            return 1.0
+        largest = float(np.abs(columns[quantity]).max()) or 1.0
+        return largest if self.per else 1.0 / largest
+
+    def written(self, c: float) -> str:
+        """A coordinate as a person would write the value."""
+        return f"{c:g}" + (f"/max|{self.per}|" if self.per else f" max|{self.of}|" if self.of else "")
 
 
 @dataclass(frozen=True)
@@ -85,9 +98,8 @@ class Problem:
 
     @property
     def spans(self) -> Array:
-        """`max|per|` of the nonlinear parameters, `(k,)`; one where the data have no span."""
-        spans = [1.0 if p.per is None else float(np.abs(self.columns[p.per]).max()) for p in self.nonlinear]
-        return np.array([span or 1.0 for span in spans])
+        """Coordinates of the value one of the nonlinear parameters, `(k,)`."""
+        return np.array([parameter.span(self.columns) for parameter in self.nonlinear])
 
     def condensed(self) -> Problem:
         """The problem over means of neighbouring samples, where there are many: quick, and nearly the same."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.modelling.literature.problem import Problem
+from mapmore_cli.modelling.literature.problem import Nonlinear, Problem
 
 
 @dataclass(frozen=True)
@@ -27,6 +27,6 @@ def failure(problem: Problem, method: str) -> Solution:
     return Solution(*nothing, "failed", method, ("every start overflowed",))
 
 
-def at_limit(name: str, limit: float, per: str | None) -> str:
+def at_limit(parameter: Nonlinear, limit: float) -> str:
     """The note for a parameter that ends at the `limit` of its coordinate."""
-    return f"{name} runs to the limit of what is sought, {limit:g}" + (f"/max|{per}|" if per else "")
+    return f"{parameter.name} runs to the limit of what is sought, {parameter.written(limit)}"

@@ -39,7 +39,7 @@ def fit(problem: Problem) -> Solution:
         return _solution(problem, c, "converged", (f"{parameter.name} is arbitrary: every value fits these data equally well",))
     interval, i = np.unravel_index(np.argmin(sse), sse.shape)
     c, status = _refine(problem, grids[interval], int(i))
-    return _solution(problem, c, status, (at_limit(parameter.name, c, parameter.per),) if status == "at_bound" else ())
+    return _solution(problem, c, status, (at_limit(parameter, c),) if status == "at_bound" else ())
 
 
 def _flat(sse: Array, y: Array) -> bool:

@@ -1,0 +1,17 @@
+"""First-order pressure-dependent viscous damping, fitted to rise and fall by themselves (Reynolds et al.)."""
+
+from mapmore_cli.modelling.literature.formula import Formula
+from mapmore_cli.modelling.literature.piecewise import by_region
+from mapmore_cli.modelling.literature.regions import DIRECTIONS
+
+FORMULA = by_region(
+    Formula(
+        name="reynolds",
+        reference="M2 eq 16",
+        inputs=("pressure", "strain_rate"),
+        parameters=("B0", "B1"),
+        text="(B0 + B1*pressure)*strain_rate",
+        component="damping",
+    ),
+    DIRECTIONS,
+)

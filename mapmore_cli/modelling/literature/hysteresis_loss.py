@@ -1,0 +1,137 @@
+"""Sárosi's damping from the energy that load cycles lose (M2 eq 17-23)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import ClassVar
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.fits import FormulaFit
+from mapmore_cli.modelling.literature.checks import finite, needed
+from mapmore_cli.modelling.literature.formulas.sarosi import FORMULA as SAROSI
+from mapmore_cli.modelling.literature.lehr import lehr, sarosi_at
+from mapmore_cli.modelling.literature.literature_model import LOAD_CYCLES, LiteratureModel
+from mapmore_cli.modelling.literature.parts import merged, renamed
+from mapmore_cli.modelling.terms import Expression, Name, Number, derivative, evaluate, multiply, parse, power, substitute
+
+UPPER, LOWER = "u", "l"
+PARAMETERS = (*(f"a{branch}{i}" for branch in (UPPER, LOWER) for i in range(1, 7)), "length", "strain_min")
+NOTED_PRESSURES = 1001  # from zero to the highest of the load cycles
+
+
+@dataclass(frozen=True)
+class HysteresisLoss(LiteratureModel):
+    """A share `zeta(P)` of critical damping, with the stiffness of the upper branch and the mass that hangs on the muscle.
+
+    `text` is the damping force (M2 eq 19) of the inputs, `length` (m) and two more: `zeta`, Lehr's coefficient (eq 21), and `stiffness`,
+    `k_t = (d F_su/d strain)/length` (eq 20, with the muscle's length for its n_t w_t). Pressure in kPa, strain a fraction, strain_rate in
+    1/s, load in N: the weight of the experiment that is predicted, whose mass is load/9.81 (M2 table 3 prints the mass in newtons).
+
+    zeta is a share, so it is limited to [0, 1]. M2 leaves open what it is without a free strain: where the upper curve does not even pull
+    at `strain_min`, it is 1, as just above that pressure; where the curve never falls to zero, the stroke ends where it turns up again,
+    or at a strain of one.
+    """
+
+    text: str
+
+    fitted_to: ClassVar[str] = LOAD_CYCLES
+
+    def fit(self, columns: Columns, y: Array, method: str | None = None) -> FormulaFit:  # noqa: ARG002 - refuses whatever it is given
+        """Raise `DataError`: a damping force cannot show the energy that a load cycle loses."""
+        raise DataError(f"{self.name} is fitted to load cycles, not to the target", "give it the load cycles of a static study")
+
+    def fit_cycles(self, cycles: Columns, length: float) -> FormulaFit:
+        """Fit Sárosi's formula to the upper and to the lower branch of load cycles (M2 eq 17-18), each by variable projection.
+
+        Parameters
+        ----------
+        cycles
+            `pressure` (kPa), `strain`, `force` (N, the mean of the branches) and `hysteresis` (N, half their distance), `(n,)` each.
+        length
+            Length of the muscle at rest, m.
+
+        Status and condition are those of the worse branch; ranks and sums of squares add up. Notes say at which pressures zeta had to be
+        limited, or there is no free strain. Length and least strain are given, so that they have no standard error.
+
+        Raises
+        ------
+        DataError
+            For a column that is absent or not finite, too few samples, or a length that is not positive.
+        """
+        if not 0.0 < length < np.inf:
+            raise DataError(f"{self.name} needs the length of the muscle, which is {length:g} m", "state it as `muscle: {length: 88 mm}`")
+        columns = {name: finite(name, needed(name, cycles)) for name in ("pressure", "strain", "force", "hysteresis")}
+        force, hysteresis = columns["force"], columns["hysteresis"]
+        upper, lower = SAROSI.fit(columns, force + hysteresis), SAROSI.fit(columns, force - hysteresis)
+        both = merged(self.name, {"upper curve": renamed(upper, partial(_of, UPPER)), "lower curve": renamed(lower, partial(_of, LOWER))})
+        given = {"length": length, "strain_min": float(columns["strain"].min())}
+        parameters = {**both.parameters, **given}
+        return replace(
+            both,
+            parameters=parameters,
+            errors={**both.errors, **dict.fromkeys(given, float("nan"))},
+            notes=(*both.notes, *_notes(parameters, float(columns["pressure"].max()))),
+        )
+
+    def predict(self, parameters: Mapping[str, float], columns: Columns) -> Array:
+        """The damping force on every row, `(n,)`."""
+        inputs = {name: needed(name, columns) for name in self.inputs}
+        numbers = {name: np.asarray(parameters[name]) for name in self.parameters}
+        share = zeta(parameters, inputs["pressure"])
+        return evaluate(self.expression, {**inputs, **numbers, "zeta": share}, len(share))
+
+    def equations(self, fit: FormulaFit) -> dict[str, Expression]:
+        """The damping force with `zeta` as a name, and the two curves from which zeta follows."""
+        numbers = {name: Number(value) for name, value in fit.parameters.items()}
+        curves = {"upper": _branch(UPPER), "lower": _branch(LOWER)}
+        return {
+            self.name: substitute(self.expression, numbers),
+            **{f"{self.name}: {name} curve": substitute(curve, numbers) for name, curve in curves.items()},
+        }
+
+    @cached_property
+    def expression(self) -> Expression:
+        """`text` with the stiffness written out."""
+        stiffness = multiply(derivative(_branch(UPPER), "strain"), power(Name("length"), -1))
+        return substitute(parse(self.text), {"stiffness": stiffness})
+
+
+def zeta(parameters: Mapping[str, float], pressure: Array) -> Array:
+    """Lehr's damping coefficient (M2 eq 21) at each `pressure`, `(n,)`, between 0 and 1."""
+    share, _ = lehr(sarosi_at(parameters, UPPER, pressure), sarosi_at(parameters, LOWER, pressure), parameters["strain_min"])
+    return np.clip(share, 0.0, 1.0)
+
+
+def hysteresis_loss(name: str, reference: str, text: str) -> HysteresisLoss:
+    """The formula with the damping force `text`."""
+    return HysteresisLoss(name, reference, ("pressure", "strain", "strain_rate", "load"), PARAMETERS, text, component="damping")
+
+
+def _branch(branch: str) -> Expression:
+    """Sárosi's formula with the parameters of one branch."""
+    return substitute(SAROSI.expression, {name: Name(_of(branch, name)) for name in SAROSI.parameters})
+
+
+def _of(branch: str, parameter: str) -> str:
+    return parameter.replace("a", f"a{branch}")
+
+
+def _notes(parameters: Mapping[str, float], highest: float) -> Iterator[str]:
+    pressure = np.linspace(0.0, highest, NOTED_PRESSURES)
+    share, stroke = lehr(sarosi_at(parameters, UPPER, pressure), sarosi_at(parameters, LOWER, pressure), parameters["strain_min"])
+
+    def between(rows: BoolArray) -> str:
+        return f"between {pressure[rows].min():.3g} and {pressure[rows].max():.3g} kPa"
+
+    if stroke.slack.any():
+        yield f"the upper curve does not pull {between(stroke.slack)}: there is no free strain, and zeta is taken as 1"
+    if stroke.endless.any():
+        yield f"the upper curve does not fall to zero {between(stroke.endless)}: the stroke is taken to end where it turns up, or at 1"
+    limited = ~stroke.slack & ((share < 0.0) | (share > 1.0))
+    if limited.any():
+        yield f"zeta is limited to [0, 1] {between(limited)}"

@@ -1,0 +1,54 @@
+"""What every model of the literature offers, whatever it is fitted to."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.domain.fits import FormulaFit
+from mapmore_cli.modelling.terms import Expression
+
+TARGET = "target"
+LOAD_CYCLES = "load_cycles"
+
+
+@dataclass(frozen=True)
+class LiteratureModel(ABC):
+    """A parametric model with a name; its output may stand against any target.
+
+    Attributes
+    ----------
+    name, reference
+        As in the spec, and where it is published.
+    inputs
+        Quantities that it predicts from.
+    parameters
+        In the order of the publication.
+    component
+        The component of the force that it was published for, `static` or `damping`.
+    fitted_to
+        `target`: fitted by `fit`. `load_cycles`: fitted by a method of its own to another experiment than it predicts.
+    """
+
+    name: str
+    reference: str
+    inputs: tuple[str, ...]
+    parameters: tuple[str, ...]
+    component: str = field(default="static", kw_only=True)
+
+    fitted_to: ClassVar[str] = TARGET
+
+    @abstractmethod
+    def fit(self, columns: Columns, y: Array, method: str | None = None) -> FormulaFit:
+        """Fit to the target `y`, `(n,)`, with the inputs among `columns`; raises `DataError` where that is impossible."""
+
+    @abstractmethod
+    def predict(self, parameters: Mapping[str, float], columns: Columns) -> Array:
+        """The model on every row, `(n,)`; NaN with the parameters of a failed fit."""
+
+    @abstractmethod
+    def equations(self, fit: FormulaFit) -> dict[str, Expression]:
+        """The model with the numbers of a fit that has not failed, in physical units: one equation, or one for each of its parts."""

@@ -1,0 +1,302 @@
+"""The damping formulas that are fitted to a damping force: viscous ones, by region or not, and kinetic friction."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from literature_cases import DAMPING, motion
+from scipy.optimize import least_squares
+
+from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.modelling.literature import get
+from mapmore_cli.modelling.terms import evaluate, to_text
+
+PLANTED = {
+    "none": {},
+    "linear_viscous": {"B0": -333.0},
+    "pressure_viscous": {"B1": -1.1},
+    "reynolds": {"B0_rise": -284.0, "B1_rise": 0.42, "B0_fall": -518.0, "B1_fall": 1.1},
+    "cao": {
+        **{"B0_rise_low": -155.0, "B1_rise_low": -0.46, "B0_rise_high": -812.0, "B1_rise_high": 2.2},
+        **{"B0_fall_low": -525.0, "B1_fall_low": 1.2, "B0_fall_high": 66.0, "B1_fall_high": -1.6},
+    },
+    "tondu_kinetic_friction": {"B0": -40.0, "B1": -25.0, "B2": 0.3},
+    "peternel": {"B0": -20.0, "B1": 9.0, "B2": -6.0, "B3": -15.0, "B4": 0.25},
+    "peternel_absolute": {"B0": -20.0, "B1": -9.0, "B2": -6.0, "B3": -15.0, "B4": 0.25},
+}
+FRICTION = ["tondu_kinetic_friction", "peternel", "peternel_absolute"]
+BY_REGION = ["reynolds", "cao"]
+
+
+def written_out(name: str, planted: dict[str, float], columns: Columns) -> Array:
+    """M2 table 1 and eq 16, 24, without the parser."""
+    B = planted
+    P, v = columns["pressure"], columns["strain_rate"]
+    rise, low = columns["direction"] == 1.0, columns["pressure"] <= 200.0
+    match name:
+        case "none":
+            return np.zeros_like(v)
+        case "linear_viscous":
+            return B["B0"] * v
+        case "pressure_viscous":
+            return B["B1"] * P * v
+        case "reynolds":
+            return np.where(rise, B["B0_rise"] + B["B1_rise"] * P, B["B0_fall"] + B["B1_fall"] * P) * v
+        case "cao":
+            up = np.where(low, B["B0_rise_low"] + B["B1_rise_low"] * P, B["B0_rise_high"] + B["B1_rise_high"] * P)
+            down = np.where(low, B["B0_fall_low"] + B["B1_fall_low"] * P, B["B0_fall_high"] + B["B1_fall_high"] * P)
+            return np.where(rise, up, down) * v
+        case "tondu_kinetic_friction":
+            return np.sign(v) * ((B["B0"] - B["B1"]) * np.exp(-np.abs(v) / B["B2"]) + B["B1"])
+    x = v if name == "peternel" else np.abs(v)
+    return np.sign(v) * (B["B0"] + B["B1"] * x + B["B2"] * x**2 + B["B3"] * np.exp(-np.abs(v) / B["B4"]))
+
+
+def noisy(name: str, seed: int, noise: float = 3.0, rows: int = 400) -> tuple[dict[str, Array], Array]:
+    columns = motion(seed, rows)
+    return columns, written_out(name, PLANTED[name], columns) + noise * np.random.default_rng(seed + 100).standard_normal(rows)
+
+
+def test_every_damping_formula_is_here_or_fitted_to_load_cycles() -> None:
+    assert {*DAMPING} == {*PLANTED, "sarosi_hysteresis_loss", "sarosi_hysteresis_loss_printed"}
+    for name in DAMPING:
+        assert get(name).fitted_to == ("target" if name in PLANTED else "load_cycles")
+        assert {*get(name).inputs} <= {*motion(0)}
+
+
+@pytest.mark.parametrize("name", PLANTED)
+def test_it_is_what_is_published(name: str) -> None:
+    columns = motion(1)
+    columns["pressure"][:4], columns["direction"][:4] = 200.0, [1.0, 1.0, -1.0, -1.0]  # which Cao's lower region includes
+    columns["strain_rate"][4:6] = 0.0
+    np.testing.assert_allclose(get(name).predict(PLANTED[name], columns), written_out(name, PLANTED[name], columns), rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("method", [None, "levenberg_marquardt"])
+@pytest.mark.parametrize("name", PLANTED)
+def test_planted_parameters_are_recovered(name: str, method: str | None) -> None:
+    columns, y = noisy(name, 2, noise=0.0)
+    fit = get(name).fit(columns, y, method)
+    assert fit.status == "converged"
+    assert fit.rank == len(PLANTED[name])
+    assert tuple(fit.parameters) == get(name).parameters
+    assert dict(fit.parameters) == pytest.approx(PLANTED[name], rel=1e-8)
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.floats(0.02, 1.5), st.tuples(*[st.floats(0.2, 2.0)] * 4), st.sampled_from(FRICTION))
+def test_any_decay_is_recovered(decay: float, weights: tuple[float, ...], name: str) -> None:
+    own = ("B0", "B1", "B2") if name.startswith("tondu") else ("B0", "B1", "B2", "B3", "B4")
+    planted = dict(zip(own, (*weights, decay), strict=False)) | {own[-1]: decay}
+    if name.startswith("tondu"):
+        planted["B1"] += 2.0  # equal levels would leave nothing to decay
+    columns = motion(3)
+    fit = get(name).fit(columns, written_out(name, planted, columns))
+    assert dict(fit.parameters) == pytest.approx(planted, rel=1e-5)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("name", FRICTION)
+def test_a_general_solver_finds_nothing_better_near_the_solution(name: str, seed: int) -> None:
+    columns, y = noisy(name, seed)
+    fit = get(name).fit(columns, y)
+    names, solution = tuple(fit.parameters), np.array(list(fit.parameters.values()))
+    assert fit.status == "converged"
+
+    def residual(x: Array) -> Array:
+        return written_out(name, dict(zip(names, x, strict=True)), columns) - y
+
+    found = least_squares(residual, solution * 1.02, x_scale=np.abs(solution), xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    assert 2 * found.cost == pytest.approx(fit.sse, rel=1e-9)
+    assert found.x == pytest.approx(solution, rel=1e-4)
+    covariance = np.linalg.inv(found.jac.T @ found.jac) * fit.sse / (len(y) - len(names))
+    assert list(fit.errors.values()) == pytest.approx(np.sqrt(np.diag(covariance)), rel=1e-3)
+
+
+@pytest.mark.parametrize("name", BY_REGION)
+def test_regions_are_fitted_as_one_block_diagonal_system(name: str) -> None:
+    """With parameters, rank and sum of squares of the whole; errors and condition of each region alone."""
+    columns, y = noisy(name, 5)
+    fit = get(name).fit(columns, y)
+    unit = {parameter: written_out(name, dict.fromkeys(PLANTED[name], 0.0) | {parameter: 1.0}, columns) for parameter in PLANTED[name]}
+    phi = np.column_stack(list(unit.values()))
+    beta, (sse,), rank, _ = np.linalg.lstsq(phi, y, rcond=None)
+    assert fit.sse == pytest.approx(sse, rel=1e-10)
+    assert (fit.rank, fit.samples) == (rank, len(y))
+    assert dict(fit.parameters) == pytest.approx(dict(zip(unit, beta, strict=True)), rel=1e-8)
+    conditions = []
+    for first, second in zip(fit.parameters, list(fit.parameters)[1:], strict=False):
+        if not first.startswith("B0"):
+            continue
+        rows = unit[first] != 0.0
+        own = np.column_stack([unit[first], unit[second]])[rows]
+        residual = y[rows] - own @ np.linalg.lstsq(own, y[rows], rcond=None)[0]
+        deviations = np.sqrt(np.diag(np.linalg.inv(own.T @ own)) * (residual @ residual) / (len(own) - 2))
+        assert [fit.errors[first], fit.errors[second]] == pytest.approx(deviations, rel=1e-8)
+        conditions.append(np.linalg.cond(own / np.linalg.norm(own, axis=0)))
+    assert len(conditions) == len(PLANTED[name]) / 2
+    assert fit.condition == pytest.approx(max(conditions), rel=1e-8)
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.sampled_from([name for name in PLANTED if name != "cao"]), *[st.floats(1e-4, 1e4)] * 3)
+def test_units_change_the_numbers_but_not_the_fit(name: str, pressure: float, rate: float, force: float) -> None:
+    """But for Cao's, whose regions part at 200 kPa."""
+    columns, y = noisy(name, 7, rows=120)
+    changed = {**columns, "pressure": columns["pressure"] * pressure, "strain_rate": columns["strain_rate"] * rate}
+    fit, other = get(name).fit(columns, y), get(name).fit(changed, y * force)
+    assert other.status == fit.status == "converged"
+    assert other.sse == pytest.approx(fit.sse * force**2, rel=1e-9)
+    assert other.condition == pytest.approx(fit.condition, rel=1e-3)
+    predicted = get(name).predict(fit.parameters, columns)
+    np.testing.assert_allclose(get(name).predict(other.parameters, changed) / force, predicted, rtol=0, atol=1e-6 * np.abs(y).max())
+
+
+@pytest.mark.parametrize("name", PLANTED)
+def test_row_order_does_not_change_a_digit(name: str) -> None:
+    columns, y = noisy(name, 8, rows=80)
+    order = np.random.default_rng(0).permutation(len(y))
+    shuffled = get(name).fit({quantity: column[order] for quantity, column in columns.items()}, y[order])
+    assert str(shuffled) == str(get(name).fit(columns, y))
+
+
+@pytest.mark.parametrize(("name", "even"), [("peternel", True), ("peternel_absolute", False)])
+def test_the_linear_term_of_peternel_is_even_as_printed(name: str, even: bool) -> None:
+    """A friction that pushes the same way in both directions; every other term turns with the motion."""
+    rate = np.linspace(0.01, 2.0, 30)
+    for term in ("B0", "B1", "B2", "B3"):
+        only = dict.fromkeys(("B0", "B1", "B2", "B3"), 0.0) | {term: -3.0, "B4": 0.3}
+        there, back = (get(name).predict(only, {"strain_rate": signed}) for signed in (rate, -rate))
+        sign = 1.0 if even and term == "B1" else -1.0
+        np.testing.assert_allclose(back, sign * there, rtol=1e-13)
+        assert np.abs(there).min() > 0.0
+
+
+def test_kinetic_friction_goes_from_one_level_to_the_other_in_both_directions() -> None:
+    rate = np.array([-1e3, -1e-9, 0.0, 1e-9, 1e3])
+    predicted = get("tondu_kinetic_friction").predict({"B0": -40.0, "B1": -25.0, "B2": 0.3}, {"strain_rate": rate})
+    assert predicted == pytest.approx([25.0, 40.0, 0.0, -40.0, -25.0], rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ["tondu_kinetic_friction", "peternel_absolute"])
+def test_a_friction_that_does_not_decay_is_at_bound(name: str) -> None:
+    columns = motion(9)
+    cubic = columns["strain_rate"] ** 3 if name == "peternel_absolute" else columns["strain_rate"]
+    fit = get(name).fit(columns, -30.0 * cubic)
+    last = get(name).parameters[-1]
+    assert fit.status == "at_bound"
+    assert fit.notes == (f"{last} runs to the limit of what is sought, 10 max|strain_rate|",)
+    assert fit.parameters[last] == pytest.approx(10 * np.abs(columns["strain_rate"]).max())
+
+
+@pytest.mark.parametrize("name", BY_REGION)
+def test_a_region_without_samples_is_told_and_predicts_nothing(name: str) -> None:
+    columns, y = noisy(name, 10)
+    rising = columns["direction"] > 0
+    fit = get(name).fit({quantity: column[rising] for quantity, column in columns.items()}, y[rising])
+    assert fit.status == "rank_deficient"
+    assert fit.rank == len(PLANTED[name]) / 2
+    assert any(note.startswith("fall") and "0 samples for 2 parameters" in note for note in fit.notes)
+    assert not any(note.startswith("rise") for note in fit.notes)
+    assert all(np.isnan(error) == ("fall" in parameter) for parameter, error in fit.errors.items())
+    predicted = get(name).predict(fit.parameters, columns)
+    assert not predicted[~rising].any()
+    whole = get(name).fit(columns, y)
+    np.testing.assert_array_equal(predicted[rising], get(name).predict(whole.parameters, columns)[rising])
+
+
+def test_the_worst_region_gives_the_status_and_is_named() -> None:
+    columns, y = noisy("reynolds", 11)
+    columns["pressure"] = np.where(columns["direction"] < 0, 250.0, columns["pressure"])
+    fit = get("reynolds").fit(columns, y)
+    assert (fit.status, fit.rank) == ("rank_deficient", 3)
+    assert [note.split(":")[0] for note in fit.notes] == ["fall (direction < 0)"]
+    assert "rank 1 of 2" in fit.notes[0]
+    assert np.isfinite([fit.errors["B0_rise"], fit.errors["B1_rise"]]).all()
+    assert np.sqrt(fit.sse / len(y)) < 0.5 * np.abs(y).max()
+
+
+@pytest.mark.parametrize("name", BY_REGION)
+def test_before_the_muscle_moves_nothing_is_fitted_and_nothing_predicted(name: str) -> None:
+    columns, y = noisy(name, 12)
+    resting = np.arange(len(y)) < 50
+    rested = {**columns, "direction": np.where(resting, 0.0, columns["direction"])}
+    moving = {quantity: column[~resting] for quantity, column in columns.items()}
+    fit, alone = get(name).fit(rested, np.where(resting, 1e6, y)), get(name).fit(moving, y[~resting])
+    assert fit.parameters == alone.parameters
+    assert (fit.samples, fit.sse) == (350, alone.sse)
+    assert fit.notes == (*alone.notes, "50 of 400 samples are in no region: they are not fitted, and zero is predicted for them")
+    assert not get(name).predict(fit.parameters, rested)[resting].any()
+
+
+@pytest.mark.parametrize("name", BY_REGION)
+def test_too_few_samples_in_every_region_are_refused(name: str) -> None:
+    columns, y = noisy(name, 13)
+    with pytest.raises(DataError, match=r"2 parameters in each region.* 0 in rise\w* \(direction > 0"):
+        get(name).fit({**columns, "direction": np.zeros(len(y))}, y)
+    one_each = {quantity: column[[0, 1]] for quantity, column in {**columns, "direction": np.tile([1.0, -1.0], 200)}.items()}
+    with pytest.raises(DataError, match=r"1 in fall\w* \(direction < 0"):
+        get(name).fit(one_each, y[:2])
+
+
+@pytest.mark.parametrize("name", PLANTED)
+def test_a_muscle_that_stands_still_shows_no_parameter(name: str) -> None:
+    columns, y = noisy(name, 18)
+    fit = get(name).fit({**columns, "strain_rate": np.zeros(len(y))}, y)
+    assert fit.rank == 0
+    assert fit.sse == pytest.approx(y @ y)
+    assert fit.status == ("converged" if name == "none" else "rank_deficient")
+    assert np.isfinite(get(name).predict(fit.parameters, columns)).all()
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+@pytest.mark.parametrize(("name", "column"), [(name, column) for name in PLANTED for column in (*get(name).inputs, "the target")])
+def test_values_that_are_not_finite_are_refused_with_column_and_row(name: str, column: str, value: float) -> None:
+    columns, y = noisy(name, 14)
+    {**columns, "the target": y}[column][7] = value
+    with pytest.raises(DataError, match=f"{column} is not finite in row 7"):
+        get(name).fit(columns, y)
+
+
+@pytest.mark.parametrize(("name", "column"), [(name, column) for name in PLANTED for column in get(name).inputs])
+def test_an_unknown_input_is_unknown_in_the_prediction_and_an_absent_one_refused(name: str, column: str) -> None:
+    columns = motion(15)
+    columns[column][7] = np.nan
+    predicted = get(name).predict(PLANTED[name], columns)
+    assert np.flatnonzero(np.isnan(predicted)).tolist() == [7]
+    del columns[column]
+    with pytest.raises(DataError, match=f"no column `{column}`"):
+        get(name).predict(PLANTED[name], columns)
+    with pytest.raises(DataError, match=f"no column `{column}`"):
+        get(name).fit(columns, predicted)
+
+
+@pytest.mark.parametrize("name", PLANTED)
+def test_the_equations_are_the_prediction(name: str) -> None:
+    columns, y = noisy(name, 16)
+    fit = get(name).fit(columns, y)
+    predicted = get(name).predict(fit.parameters, columns)
+    covered = np.zeros(len(y), dtype=int)
+    for label, equation in get(name).equations(fit).items():
+        rows = np.ones(len(y), dtype=bool)
+        for condition in label.split(": ")[1].split(", ") if ": " in label else ():
+            quantity, comparison, value = condition.split()
+            rows &= {"<": np.less, ">": np.greater, "<=": np.less_equal}[comparison](columns[quantity], float(value))
+        covered += rows
+        own = {quantity: column[rows] for quantity, column in columns.items()}
+        np.testing.assert_allclose(evaluate(equation, own), predicted[rows], rtol=1e-12, atol=1e-12)
+    assert (covered == 1).all()
+
+
+def test_equations_read_as_published() -> None:
+    columns, y = noisy("cao", 17, noise=0.0)
+    equations = get("cao").equations(get("cao").fit(columns, y))
+    assert {label: to_text(equation, digits=4) for label, equation in equations.items()} == {
+        "cao: direction > 0, pressure <= 200": "(-155 - 0.46*pressure)*strain_rate",
+        "cao: direction > 0, pressure > 200": "(-812 + 2.2*pressure)*strain_rate",
+        "cao: direction < 0, pressure <= 200": "(-525 + 1.2*pressure)*strain_rate",
+        "cao: direction < 0, pressure > 200": "(66 - 1.6*pressure)*strain_rate",
+    }

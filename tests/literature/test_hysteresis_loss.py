@@ -1,0 +1,248 @@
+"""Sárosi's hysteresis loss: from load cycles to a damping force, against numerical derivatives, integrals and roots."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from literature_cases import grid, motion
+from scipy.integrate import quad
+from scipy.optimize import brentq
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.fits import FormulaFit
+from mapmore_cli.modelling.literature import get
+from mapmore_cli.modelling.literature.hysteresis_loss import zeta
+from mapmore_cli.modelling.literature.lehr import ForceCurve, lehr, stroke
+from mapmore_cli.modelling.terms import evaluate, to_text
+
+LOSS, PRINTED = get("sarosi_hysteresis_loss"), get("sarosi_hysteresis_loss_printed")
+UPPER = {"a1": 0.39, "a2": 217.0, "a3": -37.0, "a4": -8.3, "a5": 2.5, "a6": -240.0}
+LOWER = {"a1": 0.45, "a2": 208.0, "a3": -37.4, "a4": -8.2, "a5": 2.4, "a6": -239.0}
+LENGTH, STRAIN_MIN = 0.088, 0.002
+PLANTED = {
+    **{name.replace("a", "au"): value for name, value in UPPER.items()},
+    **{name.replace("a", "al"): value for name, value in LOWER.items()},
+    "length": LENGTH,
+    "strain_min": STRAIN_MIN,
+}
+
+
+def force(branch: dict[str, float], pressure: float, strain: float) -> float:
+    """M2 eq 14, written out."""
+    a1, a2, a3, a4, a5, a6 = branch.values()
+    return (a1 * pressure + a2) * np.exp(a3 * strain) + a4 * strain * pressure + a5 * pressure + a6
+
+
+def cycles() -> dict[str, Array]:
+    """Load cycles without noise at three pressures."""
+    columns = grid(np.array([80.0, 150.0, 350.0]), np.linspace(STRAIN_MIN, 0.2, 60))
+    upper, lower = (force(branch, columns["pressure"], columns["strain"]) for branch in (UPPER, LOWER))
+    return {**columns, "force": (upper + lower) / 2, "hysteresis": (upper - lower) / 2}
+
+
+def fitted(**changed: float) -> FormulaFit:
+    """The fit that these parameters belong to, by planting them in load cycles."""
+    planted = PLANTED | changed
+    columns = grid(np.array([80.0, 150.0, 350.0]), np.linspace(planted["strain_min"], 0.2, 60))
+    branches = [{name: planted[name.replace("a", f"a{branch}")] for name in UPPER} for branch in "ul"]
+    upper, lower = (force(branch, columns["pressure"], columns["strain"]) for branch in branches)
+    return LOSS.fit_cycles({**columns, "force": (upper + lower) / 2, "hysteresis": (upper - lower) / 2}, planted["length"])
+
+
+def noted_pressures(notes: tuple[str, ...], what: str) -> tuple[float, float]:
+    """The range of pressures in the one note that says `what`."""
+    (note,) = [note for note in notes if what in note]
+    numbers = re.search(r"between (\S+) and (\S+) kPa", note)
+    assert numbers is not None
+    return float(numbers[1]), float(numbers[2])
+
+
+@pytest.mark.parametrize("formula", [LOSS, PRINTED], ids=lambda formula: formula.name)
+def test_both_branches_are_recovered_from_mean_and_half_width(formula) -> None:
+    fit = formula.fit_cycles(cycles(), LENGTH)
+    assert (fit.name, fit.status, fit.rank, fit.samples) == (formula.name, "converged", 12, 360)
+    assert tuple(fit.parameters) == formula.parameters
+    assert dict(fit.parameters) == pytest.approx(PLANTED, rel=1e-8)
+    assert [name for name, error in fit.errors.items() if np.isnan(error)] == ["length", "strain_min"]
+
+
+def test_each_branch_is_the_fit_of_sarosi_to_it() -> None:
+    columns = cycles()
+    columns["force"] = columns["force"] + np.random.default_rng(0).standard_normal(180)
+    fit = LOSS.fit_cycles(columns, LENGTH)
+    both = [get("sarosi").fit(columns, columns["force"] + side * columns["hysteresis"]) for side in (1.0, -1.0)]
+    for branch, alone in zip("ul", both, strict=True):
+        assert [fit.parameters[f"a{branch}{i}"] for i in range(1, 7)] == list(alone.parameters.values())
+        assert [fit.errors[f"a{branch}{i}"] for i in range(1, 7)] == list(alone.errors.values())
+    assert fit.sse == both[0].sse + both[1].sse
+    assert fit.condition == max(alone.condition for alone in both)
+
+
+@pytest.mark.parametrize("pressure", [20.0, 80.0, 143.7, 350.0, 500.0])
+def test_zeta_is_the_lost_share_of_the_energy_by_quadrature(pressure: float) -> None:
+    free = brentq(lambda strain: force(UPPER, pressure, strain), STRAIN_MIN, 0.5, xtol=1e-15)
+    up, low = (quad(lambda strain, b=branch: force(b, pressure, strain), STRAIN_MIN, free, epsabs=0)[0] for branch in (UPPER, LOWER))
+    assert 0.0 < (up - low) / up < 1.0
+    assert zeta(PLANTED, np.array([pressure])) == pytest.approx([(up - low) / up], rel=1e-9)
+
+
+@pytest.mark.parametrize(("formula", "per_length"), [(LOSS, LENGTH), (PRINTED, 1.0)], ids=["with length", "printed"])
+def test_the_force_follows_from_stiffness_and_mass(formula, per_length: float) -> None:
+    """k_t by central differences of the force over the length; the mass hangs on the muscle, in N."""
+    columns = motion(1, rows=50)
+    P, strain, step = columns["pressure"], columns["strain"], 1e-6
+    stiffness = (force(UPPER, P, strain + step) - force(UPPER, P, strain - step)) / (2 * step * LENGTH)
+    critical = 2 * np.sqrt(np.abs(stiffness) * columns["load"] / 9.81)
+    expected = -zeta(PLANTED, P) * critical * per_length * columns["strain_rate"]
+    np.testing.assert_allclose(formula.predict(PLANTED, columns), expected, rtol=1e-7)
+
+
+def test_rows_do_not_depend_on_each_other() -> None:
+    """A table may be predicted in blocks of any size."""
+    columns = motion(2, rows=300)
+    whole = LOSS.predict(PLANTED, columns)
+    alone = [LOSS.predict(PLANTED, {name: column[i : i + 1] for name, column in columns.items()})[0] for i in range(300)]
+    np.testing.assert_array_equal(whole, alone)
+
+
+def test_where_the_muscle_is_slack_zeta_is_one_as_just_above() -> None:
+    """And a note says up to which pressure that is."""
+    threshold = brentq(lambda pressure: force(UPPER, pressure, STRAIN_MIN), 0.0, 80.0, xtol=1e-14)
+    around = threshold + np.array([-5.0, -1e-3, -1e-9, 1e-9, 1e-3])
+    np.testing.assert_array_equal(zeta(PLANTED, around), 1.0)
+    above = zeta(PLANTED, np.linspace(threshold, 350.0, 2000))
+    assert np.abs(np.diff(above)).max() < 0.03
+    notes = LOSS.fit_cycles(cycles(), LENGTH).notes
+    assert noted_pressures(notes, "zeta is taken as 1") == pytest.approx((0.0, threshold), abs=0.4)
+    lowest, highest = noted_pressures(notes, "zeta is limited to")
+    assert lowest == pytest.approx(threshold, abs=0.4)
+    assert zeta(PLANTED, np.array([highest - 0.4, highest + 0.4])).tolist() == [1.0, pytest.approx(0.96, abs=0.04)]
+
+
+def test_without_slack_nothing_is_noted() -> None:
+    fit = fitted(au6=-100.0, al6=-99.0)
+    assert fit.parameters["au6"] == pytest.approx(-100.0)
+    assert fit.notes == ()
+
+
+def test_a_curve_that_never_falls_to_zero_is_told() -> None:
+    """Force is least where the upper curve turns up again, or at a strain of one, and there the stroke is taken to end."""
+    fit = fitted(au6=-100.0, al6=-99.0, au4=0.5, al4=0.5)
+    pressure = 300.0
+    own = {**UPPER, "a4": 0.5, "a6": -100.0}, {**LOWER, "a4": 0.5, "a6": -99.0}
+    strains = np.linspace(STRAIN_MIN, 1.0, 100_001)
+    from_pressure = brentq(lambda pressure: force(own[0], pressure, strains).min(), 10.0, 100.0)
+    assert noted_pressures(fit.notes, "does not fall to zero") == pytest.approx((from_pressure, 350.0), abs=0.4)
+    end = strains[np.argmin(force(own[0], pressure, strains))]
+    assert 0.1 < end < 0.5
+    up, low = (quad(lambda strain, b=branch: force(b, pressure, strain), STRAIN_MIN, end)[0] for branch in own)
+    assert zeta(fit.parameters, np.array([pressure])) == pytest.approx([(up - low) / up], rel=1e-4)
+
+
+@settings(deadline=None, max_examples=200)
+@given(
+    *[st.floats(-1000, 1000)] * 3,
+    st.floats(-60, 60).filter(lambda c: abs(c) > 1e-6),
+    st.floats(-0.05, 0.3),
+)
+def test_the_stroke_ends_at_the_first_zero_whatever_the_shape(a: float, b: float, c: float, curvature: float, start: float) -> None:
+    curve = ForceCurve(np.array([a]), np.array([b]), np.array([c]), curvature)
+    found = stroke(curve, start)
+    strains = np.linspace(start, 1.0, 4001)
+    values = a * np.exp(curvature * strains) + b * strains + c
+    end, scale = float(found.end[0]), abs(a) * max(np.exp(curvature * start), np.exp(curvature)) + abs(b) + abs(c)
+    assert bool(found.slack[0]) == (values[0] <= 0.0)
+    assert not (found.slack & found.endless).any()
+    if found.slack[0]:
+        assert end == start
+    elif found.endless[0]:
+        assert values.min() > -1e-12 * scale
+    else:
+        slope = abs(a * curvature * np.exp(curvature * end) + b)
+        assert abs(float(curve(found.end)[0])) <= 1e-14 * slope + 1e-12 * scale + 1e-300
+        assert (values[strains < end - 1e-9] > -1e-12 * scale).all()
+
+
+def test_a_curve_that_overflows_beyond_the_strains_tested_is_no_reason_to_raise() -> None:
+    """Strokes of 2 % leave room for a decay within 0.04 % of strain, of either sign."""
+    steep = PLANTED | {"au3": 2500.0, "al3": 2500.0}
+    assert np.isfinite(zeta(steep, np.array([-1.0, 0.0, 50.0, 350.0]))).all()
+    assert np.isfinite(zeta(PLANTED | {"au3": -2500.0}, np.array([-1.0, 0.0, 50.0, 350.0]))).all()
+
+
+@settings(deadline=None, max_examples=100)
+@given(*[st.floats(-100, 100)] * 3, st.floats(-60, 60), st.floats(-0.05, 0.3), st.one_of(st.just(0.0), st.floats(1e-9, 0.7)))
+def test_the_mean_force_is_that_of_quadrature(a: float, b: float, c: float, curvature: float, start: float, width: float) -> None:
+    curve = ForceCurve(np.array([a]), np.array([b]), np.array([c]), curvature)
+    mean = float(curve.mean(start, np.array([start + width]))[0])
+    by_place, _ = quad(lambda t: float(curve(np.array([start + t * width]))[0]), 0.0, 1.0, epsrel=1e-12)
+    assert mean == pytest.approx(by_place, rel=1e-8, abs=1e-9 * (1 + abs(a) * np.exp(abs(curvature) * (abs(start) + width))))
+
+
+def test_crossed_branches_give_no_negative_damping() -> None:
+    """Where the lower curve lies above the upper one, energy would come out of nothing."""
+    swapped = PLANTED | {name.replace("a", "au"): value for name, value in LOWER.items()}
+    swapped |= {name.replace("a", "al"): value for name, value in UPPER.items()}
+    assert zeta(swapped, np.array([80.0, 250.0])).tolist() == [0.0, 0.0]
+
+
+def test_the_sum_of_both_energies_is_that_of_the_cycle() -> None:
+    """`U_u (1 - zeta) = U_l`, at pressures where zeta is not limited."""
+    pressure = np.linspace(60.0, 350.0, 9)
+    curves = [ForceCurve(b["a1"] * pressure + b["a2"], b["a4"] * pressure, b["a5"] * pressure + b["a6"], b["a3"]) for b in (UPPER, LOWER)]
+    share, travelled = lehr(*curves, STRAIN_MIN)
+    np.testing.assert_allclose(curves[0].mean(STRAIN_MIN, travelled.end) * (1 - share), curves[1].mean(STRAIN_MIN, travelled.end))
+    np.testing.assert_array_equal(share, zeta(PLANTED, pressure))
+
+
+@pytest.mark.parametrize("formula", [LOSS, PRINTED], ids=lambda formula: formula.name)
+def test_the_equations_are_the_prediction_but_for_zeta(formula) -> None:
+    fit, columns = formula.fit_cycles(cycles(), LENGTH), motion(3)
+    equations = formula.equations(fit)
+    assert list(equations) == [formula.name, f"{formula.name}: upper curve", f"{formula.name}: lower curve"]
+    known = {**columns, "zeta": zeta(fit.parameters, columns["pressure"])}
+    np.testing.assert_allclose(evaluate(equations[formula.name], known), formula.predict(fit.parameters, columns), rtol=1e-12)
+    for curve, branch in zip(list(equations.values())[1:], (UPPER, LOWER), strict=True):
+        np.testing.assert_allclose(evaluate(curve, columns), force(branch, columns["pressure"], columns["strain"]), rtol=1e-6, atol=1e-6)
+    assert to_text(equations[f"{formula.name}: upper curve"], digits=3).startswith("(0.39*pressure + 217)*exp(-37*strain) - 8.3*")
+
+
+def test_what_is_no_load_cycle_is_refused() -> None:
+    with pytest.raises(DataError, match="fitted to load cycles, not to the target"):
+        LOSS.fit(motion(0), np.zeros(400))
+    for length in (0.0, -0.1, np.nan, np.inf):
+        with pytest.raises(DataError, match="needs the length of the muscle"):
+            LOSS.fit_cycles(cycles(), length)
+    for name in cycles():
+        columns = cycles()
+        columns[name][3] = np.nan
+        with pytest.raises(DataError, match=f"{name} is not finite in row 3"):
+            LOSS.fit_cycles(columns, LENGTH)
+        del columns[name]
+        with pytest.raises(DataError, match=f"no column `{name}`"):
+            LOSS.fit_cycles(columns, LENGTH)
+    with pytest.raises(DataError, match="only 5 samples"):
+        LOSS.fit_cycles({name: column[:5] for name, column in cycles().items()}, LENGTH)
+
+
+@pytest.mark.parametrize("name", LOSS.inputs)
+def test_an_unknown_input_is_unknown_in_the_prediction_and_an_absent_one_refused(name: str) -> None:
+    columns = motion(4)
+    columns[name][7] = np.nan
+    assert np.flatnonzero(np.isnan(LOSS.predict(PLANTED, columns))).tolist() == [7]
+    del columns[name]
+    with pytest.raises(DataError, match=f"no column `{name}`"):
+        LOSS.predict(PLANTED, columns)
+
+
+def test_one_pressure_does_not_pass_for_a_good_fit() -> None:
+    columns = {name: column[cycles()["pressure"] == 150.0] for name, column in cycles().items()}
+    fit = LOSS.fit_cycles(columns, LENGTH)
+    assert fit.status == "rank_deficient"
+    assert {note.split(":")[0] for note in fit.notes if "rank" in note} == {"upper curve", "lower curve"}
+    assert np.isfinite(LOSS.predict(fit.parameters, motion(5))).all()
