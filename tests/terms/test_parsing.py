@@ -65,7 +65,7 @@ def test_canonical_text(text: str, canonical: str) -> None:
         ("__import__('os').system('true')", 11, "unexpected character"),
         ("__import__(os)", 0, "no function"),
         ("x.real", 1, "unexpected character"),
-        ("x[0]", 1, "unexpected character"),
+        ("x[0]", 1, "a delay is written"),
         ("lambda: 0", 6, "unexpected character"),
         ("a if b else c", 2, "operator"),
         ("x = 1", 2, "unexpected character"),

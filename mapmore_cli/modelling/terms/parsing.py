@@ -4,9 +4,10 @@
     product  = signed { ("*" | "/") signed }
     signed   = { "+" | "-" } power
     power    = atom [ ("^" | "**") signed ]            the exponent must be constant
-    atom     = number | name | function "(" sum ")" | "(" sum ")"
+    atom     = number | name | state | function "(" sum ")" | "(" sum ")"
 
-Length and depth are limited, so that hostile text ends in an `ExpressionError` and never in a `RecursionError`.
+A state with memory (`terms.states`), as `force[k-1]`, is one name. Length and depth are limited, so that hostile text ends in an
+`ExpressionError` and never in a `RecursionError`.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from dataclasses import dataclass
 from mapmore_cli.modelling.terms.errors import ExpressionError
 from mapmore_cli.modelling.terms.evaluation import constant_value
 from mapmore_cli.modelling.terms.functions import FUNCTIONS
+from mapmore_cli.modelling.terms.states import opens_state, read_state
 from mapmore_cli.modelling.terms.syntax import IDENTIFIER, MAX_EXPONENT, Expression, Name, Number, add, call, multiply, negate, power
 
 MAX_LENGTH = 10_000
@@ -56,7 +58,7 @@ def parse(text: str) -> Expression:
 
 @dataclass(frozen=True)
 class _Token:
-    kind: str  # number | name | end, or the operator itself
+    kind: str  # number | name | state | end, or the operator itself
     text: str
     position: int
 
@@ -71,6 +73,10 @@ def _tokens(text: str) -> list[_Token]:
             raise ExpressionError(f"unexpected character {text[at]!r}", at)
         kind, position = str(match.lastgroup), match.end()
         word = match[kind]
+        if kind == "name" and opens_state(text, word, position):
+            found, position = read_state(text, match.start(kind))
+            tokens.append(_Token("state", found.name, match.start(kind)))
+            continue
         tokens.append(_Token("^" if word == "**" else word if kind == "operator" else kind, word, match.start(kind)))
     return tokens
 
@@ -135,6 +141,9 @@ class _Parser:
         if token.kind == "number":
             self._take()
             return _number(token)
+        if token.kind == "state":
+            self._take()
+            return Name(token.text)
         if token.kind == "name":
             self._take()
             if self._next.kind == "(":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from mapmore_cli.modelling.terms.functions import FUNCTIONS
+from mapmore_cli.modelling.terms.states import Lagged, Measured, State, state
 from mapmore_cli.modelling.terms.syntax import ONE, Call, Expression, Name, Number, Power, Product, Sum, negate, power
 
 _SUM, _PRODUCT, _POWER, _ATOM = range(4)
@@ -59,7 +60,7 @@ def _latex(expression: Expression, digits: int | None) -> _Bound:
             text = _latex_number(value, digits)
             return text, _PRODUCT if value < 0 or "times" in text else _ATOM
         case Name(name):
-            return _latex_name(name), _ATOM
+            return _state_latex(state(name))
         case Sum(terms):
             return _signed_sum([(_bracketed(_latex(size, digits), _PRODUCT), minus) for size, minus in map(_sign, terms)]), _SUM
         case Call(function, argument):
@@ -124,6 +125,18 @@ def _digits(value: float, digits: int | None) -> str:
 def _latex_number(value: float, digits: int | None) -> str:
     mantissa, _, exponent = _digits(value, digits).partition("e")
     return rf"{mantissa} \times 10^{{{int(exponent)}}}" if exponent else mantissa
+
+
+def _state_latex(found: State) -> _Bound:
+    """The numbers of an operator as an index."""
+    match found:
+        case Measured(name):
+            return _latex_name(name), _ATOM
+        case Lagged(source, steps):
+            return f"{_state_latex(source)[0]}[k-{steps}]", _ATOM
+    index = ", ".join(f"{number:g}" for number in found.numbers)
+    operator = found.operator.replace("_", r"\_")
+    return rf"\mathrm{{{operator}}}" + f"_{{{index}}}" * bool(index) + rf"\left({_state_latex(found.source)[0]}\right)", _POWER
 
 
 def _latex_name(name: str) -> str:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 from mapmore_cli.modelling.terms.errors import ExpressionError
 from mapmore_cli.modelling.terms.functions import FUNCTIONS
+from mapmore_cli.modelling.terms.states import state
 
 MAX_EXPONENT = 20
 IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
@@ -48,12 +49,15 @@ class Number(Expression):
 
 @dataclass(frozen=True)
 class Name(Expression):
-    """A quantity or a parameter, by an identifier that is not a function's name."""
+    """A quantity or a parameter, by an identifier that is not a function's name; or a state with memory, by its canonical text."""
 
     name: str
 
     def __post_init__(self) -> None:
-        if not IDENTIFIER.fullmatch(self.name) or self.name in FUNCTIONS:
+        if not IDENTIFIER.fullmatch(self.name):
+            if state(self.name).name != self.name:
+                raise ExpressionError(f"`{self.name}` is written `{state(self.name).name}`")
+        elif self.name in FUNCTIONS:
             raise ExpressionError(f"`{self.name}` cannot name a quantity in an expression")
 
     @property

@@ -1,0 +1,95 @@
+"""Means and products of standardised columns, summed over row blocks: all that regularised selection needs to know of a record."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.modelling.frols.blocks import Blocks
+
+CONSTANT = 1e-12
+"""A column that spreads less than this fraction of its magnitude is constant."""
+
+
+@dataclass(frozen=True)
+class Standard:
+    """Mean and standard deviation of the columns of `Z = [P y]`, (M+1,) each; a constant column has an infinite one, and becomes zero."""
+
+    centre: Array
+    spread: Array
+
+
+@dataclass(frozen=True)
+class Moments:
+    """Sums over n rows of `z = (Z - centre)/spread`: `sums` (M+1,) and `products` (M+1, M+1)."""
+
+    samples: int
+    sums: Array
+    products: Array
+
+    def without(self, other: Moments) -> Moments:
+        """What is left when some of the rows are taken out."""
+        return Moments(self.samples - other.samples, self.sums - other.sums, self.products - other.products)
+
+    @property
+    def mean(self) -> Array:
+        """Mean of z, (M+1,)."""
+        return self.sums / self.samples
+
+    @property
+    def covariance(self) -> Array:
+        """Mean of `(z - mean)(z - mean)'`, (M+1, M+1)."""
+        mean = self.mean
+        return self.products / self.samples - mean[:, None] * mean
+
+
+def standard(blocks: Blocks) -> Standard:
+    """Mean and standard deviation over all rows, in one pass.
+
+    Raises ValueError where there is no row.
+    """
+    first, sums, squares, samples = np.zeros(0), np.zeros(0), np.zeros(0), 0
+    for P, y in blocks():
+        if not len(y):
+            continue
+        if samples == 0:
+            first = np.append(P[0], y[0])
+            sums, squares = np.zeros(len(first)), np.zeros(len(first))
+        samples += len(y)
+        away, distance = P - first[:-1], y - first[-1]  # from the first row: squares of large means would swallow the spread
+        sums += np.append(away.sum(axis=0), distance.sum())
+        squares += np.append(np.einsum("ij,ij->j", away, away), distance @ distance)
+    if samples == 0:
+        raise ValueError("there is no row to standardise")
+    shift = sums / samples
+    spread = np.sqrt(np.maximum(squares / samples - shift**2, 0.0))
+    return Standard(first + shift, np.where(spread > CONSTANT * np.abs(first), spread, np.inf))
+
+
+def standardised(blocks: Blocks, by: Standard) -> Blocks:
+    """The blocks with every column centred and divided by its standard deviation."""
+
+    def passed() -> Iterator[tuple[Array, Array]]:
+        for P, y in blocks():
+            yield (P - by.centre[:-1]) / by.spread[:-1], (y - by.centre[-1]) / by.spread[-1]
+
+    return passed
+
+
+def moments(blocks: Blocks) -> Moments:
+    """Sums of the columns of standardised blocks and of their products, in one pass; memory O(M^2 + block)."""
+    sums, products, samples = np.zeros(1), np.zeros((1, 1)), 0
+    for P, y in blocks():
+        M = P.shape[1]
+        if samples == 0:
+            sums, products = np.zeros(M + 1), np.zeros((M + 1, M + 1))
+        products[:M, :M] += P.T @ P
+        products[M, :M] += P.T @ y
+        products[M, M] += y @ y
+        sums += np.append(P.sum(axis=0), y.sum())
+        samples += len(y)
+    products[:-1, -1] = products[-1, :-1]
+    return Moments(samples, sums, products)

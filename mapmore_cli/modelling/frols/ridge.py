@@ -1,0 +1,124 @@
+"""Regularised FROLS: orthogonal selection on the covariance matrix plus a ridge, and backward pruning.
+
+With z the centred columns divided by their standard deviations, `G = Z'Z/n + ridge I` and `h = Z'y/n`, selection minimises
+`theta' G theta - 2 h' theta` greedily (regularised orthogonal least squares, with one ridge for all terms). Any `Q` with `Q'Q = G` stands
+for the data, therefore the engine for plain data does the selection.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
+
+from mapmore_cli.domain.arrays import Array, IntArray
+from mapmore_cli.domain.fits import Selection
+from mapmore_cli.modelling.frols.engine import frols
+
+LEAST_RIDGE = 1e-9
+"""A smaller ridge, but for zero, would drown in the rounding of G."""
+
+
+@dataclass(frozen=True)
+class Regularised:
+    """The covariance `C` of standardised columns `[P y]`, (M+1, M+1), over n samples, with a ridge."""
+
+    covariance: Array
+    samples: int
+    ridge: float
+
+    def __post_init__(self) -> None:
+        if not (self.ridge >= LEAST_RIDGE and np.isfinite(self.ridge)):
+            raise ValueError(f"the ridge is {self.ridge}; it must be at least {LEAST_RIDGE}")
+
+    @property
+    def gram(self) -> Array:
+        """`G = Z'Z/n + ridge I`, (M, M)."""
+        return self.covariance[:-1, :-1] + self.ridge * np.eye(len(self.covariance) - 1)
+
+    @property
+    def products(self) -> Array:
+        """`h = Z'y/n`, (M,)."""
+        return self.covariance[-1, :-1]
+
+    def coefficients(self, chosen: IntArray) -> Array:
+        """`theta = G^-1 h` of some of the candidates, (k,)."""
+        return np.asarray(cho_solve(cho_factor(self.gram[np.ix_(chosen, chosen)]), self.products[chosen]))
+
+    def unexplained(self, chosen: IntArray, theta: Array) -> float:
+        """`SSE / y'y` of the chosen terms on the samples, without the ridge's penalty."""
+        explained = theta @ (2 * self.products[chosen] - self.covariance[np.ix_(chosen, chosen)] @ theta)
+        total = float(self.covariance[-1, -1])
+        return max(0.0, 1 - float(explained) / total) if total > 0 else 0.0
+
+
+def select(data: Regularised, max_terms: int, among: IntArray | None = None) -> Selection:
+    """Forward selection of up to `max_terms` candidates, of all or of `among` (m,), in standardised units.
+
+    ERR is that of the regularised problem: `1 - sum ERR` is `(SSE/n + ridge theta'theta) / (y'y/n)`. Candidates that were excluded are NaN
+    in the tables.
+    """
+    M = len(data.covariance) - 1
+    columns = np.arange(M) if among is None else among
+    P = np.vstack([cholesky(data.gram[np.ix_(columns, columns)]), np.zeros((1, len(columns)))])
+    y = np.append(solve_triangular(P[:-1], data.products[columns], trans="T"), 0.0)
+    y[-1] = np.sqrt(max(0.0, float(data.covariance[-1, -1] - y @ y)))
+    found = frols(P, y, max_terms)
+    return _in_samples(found, data, columns) if len(found.chosen) else found
+
+
+def _in_samples(found: Selection, data: Regularised, columns: IntArray) -> Selection:
+    """A selection on `Q` as one on the n samples, among all M candidates."""
+    k, M = len(found.chosen), len(data.covariance) - 1
+    chosen = columns[found.chosen]
+    freedom = data.samples - k
+    tables = np.full((2, k, M), np.nan)
+    tables[:, :, columns] = found.g_all, found.err_all
+    total = data.samples * float(data.covariance[-1, -1])
+    return replace(
+        found,
+        chosen=chosen,
+        theta_error=found.theta_error * np.sqrt((len(columns) + 1 - k) / freedom if freedom > 0 else np.nan),
+        g_all=tables[0],
+        err_all=tables[1],
+        runner_up=np.where(found.runner_up >= 0, columns[found.runner_up], -1),
+        sse=total * data.unexplained(chosen, found.theta),
+        yy=total,
+        samples=data.samples,
+    )
+
+
+def prune(data: Regularised, chosen: IntArray) -> list[IntArray]:
+    """Subsets of `chosen` of 1, 2, ... terms: the term of the least `theta_i^2 / (G^-1)_ii` goes first.
+
+    That is by how much the regularised error grows when term i is left out and the others are fitted again.
+    """
+    subsets = [np.asarray(chosen)]
+    while len(subsets[0]) > 1:
+        kept = subsets[0]
+        inverse = np.linalg.inv(data.gram[np.ix_(kept, kept)])
+        cost = (inverse @ data.products[kept]) ** 2 / np.diag(inverse)
+        subsets.insert(0, np.delete(kept, int(np.argmin(cost))))
+    return subsets
+
+
+def substitutes(data: Regularised, chosen: IntArray) -> tuple[IntArray, Array]:
+    """For every chosen term the candidate that would serve best in its place, and how well, (k,) each.
+
+    The share is the substitute's reduction of the regularised error over the term's own, both beside the other chosen terms; -1 and NaN
+    where there is no other candidate.
+    """
+    best, share = np.full(len(chosen), -1), np.full(len(chosen), np.nan)
+    gram, products = data.gram, data.products
+    for place in range(len(chosen)):
+        others = np.delete(chosen, place)
+        solved = cho_solve(cho_factor(gram[np.ix_(others, others)]), gram[others]) if len(others) else np.empty((0, len(gram)))
+        squares = np.diag(gram) - np.einsum("ij,ij->j", gram[others], solved)
+        reductions = (products - products[others] @ solved) ** 2 / np.maximum(squares, data.ridge)
+        own = reductions[chosen[place]]
+        reductions[chosen] = -1.0
+        if len(chosen) < len(gram):
+            best[place] = int(np.argmax(reductions))
+            share[place] = reductions[best[place]] / own if own > 0 else np.nan
+    return best, share

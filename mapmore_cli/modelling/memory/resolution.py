@@ -1,0 +1,104 @@
+"""From names of states to numbers: ranges, resonances and scales, from the training samples alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.memory import StateSet
+from mapmore_cli.modelling.memory.evaluation import Known, value_of
+from mapmore_cli.modelling.memory.records import Record
+from mapmore_cli.modelling.memory.resonances import find_resonance
+from mapmore_cli.modelling.terms.states import Lagged, Measured, Operated, State, state
+
+MARGIN = 0.15
+"""How far beyond its training range a scaled state may go: a clip at the range itself bends what is only a little outside."""
+
+RANGED = ("play", "stop", "saturate")
+"""Operators that need the training range of their source."""
+
+
+def resolve(names: Sequence[str], records: Sequence[Record], target: str, step: float, *, scale: bool, margin: float = MARGIN) -> StateSet:
+    """The states of these names, with every number that they need.
+
+    Parameters
+    ----------
+    names
+        Texts of states; each once.
+    target
+        The output: `resonance` without numbers is the oscillator that explains most of it.
+    step
+        Time between samples, s.
+    scale
+        Whether states are scaled to [0, 1] on the training samples and clipped `margin` beyond.
+
+    Raises
+    ------
+    DataError
+        Where a quantity is missing, or no training sample has a value of every state.
+    """
+    states = StateSet(tuple(names), step, {}, {}, np.empty(0), np.empty(0), margin)
+    known: list[Known] = [{} for _ in records]
+    for found in dict.fromkeys(part for name in names for part in _parts(state(name))):
+        if isinstance(found, Operated):
+            states = _numbered(found, records, target, states, known)
+    if not scale:
+        return states
+    limits = [_range(_training_values(state(name), records, states, known), name) for name in names]
+    return replace(states, low=np.array([low for low, _ in limits]), high=np.array([high for _, high in limits]))
+
+
+def _parts(found: State) -> Iterator[State]:
+    """The state and all that it is made of, the innermost first."""
+    if not isinstance(found, Measured):
+        yield from _parts(found.source)
+    yield found
+
+
+def _numbered(found: Operated, records: Sequence[Record], target: str, states: StateSet, known: list[Known]) -> StateSet:
+    name = found.source.name
+    if found.operator in RANGED and name not in states.ranges:
+        return replace(states, ranges={**states.ranges, name: _range(_training_values(found.source, records, states, known), name)})
+    if found.operator.startswith("resonance") and not found.numbers and name not in states.resonances:
+        driving = [value_of(found.source, record.columns, states, own) for record, own in zip(records, known, strict=True)]
+        oscillator = find_resonance(driving, [record.columns[target] for record in records], [r.training for r in records], states.step)
+        return replace(states, resonances={**states.resonances, name: oscillator})
+    return states
+
+
+def _training_values(found: State, records: Sequence[Record], states: StateSet, known: list[Known]) -> Array:
+    return np.concatenate(
+        [value_of(found, record.columns, states, own)[record.training] for record, own in zip(records, known, strict=True)]
+    )
+
+
+def _range(values: Array, name: str) -> tuple[float, float]:
+    values = values[np.isfinite(values)]
+    if not len(values):
+        raise DataError(f"`{name}` has no value on any training sample", "use fewer steps of delay, or longer recordings")
+    return float(values.min()), float(values.max())
+
+
+def output_lags(states: StateSet, output: str) -> dict[str, int]:
+    """Delays of the output among the states, by name.
+
+    Raises
+    ------
+    DataError
+        Where another state depends on the output: a free run feeds back delayed outputs only.
+    """
+    lags: dict[str, int] = {}
+    for name in states.names:
+        match state(name):
+            case Lagged(Measured(quantity), steps) if quantity == output:
+                lags[name] = steps
+            case found if found.quantity == output:
+                raise DataError(
+                    f"the state `{name}` depends on the output {output} itself",
+                    f"only delays of the output can be fed back in a free run, as {output}[k-1]; let operators work on inputs",
+                )
+    return lags

@@ -1,0 +1,150 @@
+"""Models of 1, 2, ... terms from the same regressors: plain FROLS, or regularised FROLS with pruning."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import Protocol
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, IntArray
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.fits import Selection
+from mapmore_cli.modelling.frols import frols, frols_streamed
+from mapmore_cli.modelling.frols.moments import Moments, Standard, moments, standard, standardised
+from mapmore_cli.modelling.frols.ridge import Regularised, prune, select, substitutes
+from mapmore_cli.modelling.frols.ridge_choice import choose_ridge
+from mapmore_cli.modelling.frols.ridge_press import ridge_press
+from mapmore_cli.modelling.information import fewest, information_criterion
+from mapmore_cli.modelling.memory.capacity import fits_whole, refuse_beyond_memory
+from mapmore_cli.modelling.memory.recipe import MemoryRecipe
+from mapmore_cli.modelling.memory.regressors import Regressors
+
+FOLDS = 4
+"""Blocks of samples that are left out in turn where the ridge is chosen."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Terms of one model: their selection in units of the candidates, and the constant that belongs to it."""
+
+    selection: Selection
+    constant: float
+    ridge: float
+    forward: IntArray
+    substitutes: IntArray
+    shares: Array
+
+
+class Selector(Protocol):
+    """Gives a model of any number of terms."""
+
+    def best(self, stop: str, tolerance: float) -> Choice:
+        """The model whose number of terms the rule prefers."""
+        ...
+
+    def of_size(self, terms: int) -> Choice:
+        """The model of so many terms, or of as many as there can be."""
+        ...
+
+
+def selector(data: Regressors, recipe: MemoryRecipe) -> Selector:
+    """Plain where the recipe has no ridge."""
+    return Plain(data, recipe) if recipe.ridge == 0.0 else Ridged(data, recipe)
+
+
+@dataclass(frozen=True)
+class Plain:
+    """FROLS on the candidates as they are, in one piece where they fit into memory."""
+
+    data: Regressors
+    recipe: MemoryRecipe
+
+    @cached_property
+    def _whole(self) -> Array | None:
+        if fits_whole(self.data.samples, len(self.data.terms)):
+            return self.data.whole()
+        refuse_beyond_memory(len(self.data.terms))
+        return None
+
+    def best(self, stop: str, tolerance: float) -> Choice:
+        """See `Selector`."""
+        return self._choice(self.recipe.max_terms, tolerance, stop)
+
+    def of_size(self, terms: int) -> Choice:
+        """See `Selector`."""
+        return self._choice(terms, 0.0, "tolerance")
+
+    def _choice(self, terms: int, tolerance: float, stop: str) -> Choice:
+        if self._whole is None:
+            found = frols_streamed(self.data.blocks, terms, tolerance, stop=stop)
+        else:
+            found = frols(self._whole, self.data.y, terms, tolerance, stop=stop)
+        return Choice(found, 0.0, 0.0, found.chosen, np.empty(0, dtype=np.int64), np.empty(0))
+
+
+class Ridged:
+    """Regularised FROLS: forward, then backward; everything but PRESS from sums of products, which are formed block by block.
+
+    The ridge is chosen here where the recipe leaves that open. Raises DataError where no candidate explains anything.
+    """
+
+    def __init__(self, data: Regressors, recipe: MemoryRecipe) -> None:
+        refuse_beyond_memory(len(data.terms))
+        self.standard = standard(data.blocks)
+        self.blocks = standardised(data.blocks, self.standard)
+        total = moments(self.blocks)
+        ridge = recipe.ridge
+        if ridge == "auto":
+            ridge = choose_ridge(total, _folds(data, self.standard), recipe.forward_terms, recipe.max_terms)
+        self.problem = Regularised(total.covariance, total.samples, ridge)
+        self.forward = select(self.problem, recipe.forward_terms).chosen
+        if not len(self.forward):
+            raise DataError(
+                "no candidate explains anything of the output", "look whether the output and the inputs vary in the training samples"
+            )
+        self.subsets = prune(self.problem, self.forward)[: recipe.max_terms]
+
+    def best(self, stop: str, tolerance: float) -> Choice:
+        """See `Selector`."""
+        if stop == "press":
+            return self._choice(fewest(ridge_press(self.blocks, self.problem, self.subsets)), stop)
+        unexplained = np.array([self.problem.unexplained(kept, self.problem.coefficients(kept)) for kept in self.subsets])
+        if stop != "tolerance":
+            return self._choice(fewest(information_criterion(stop, unexplained, self.problem.samples)), stop)
+        enough = np.flatnonzero(unexplained <= tolerance)
+        return self._choice(int(enough[0]) + 1, stop) if len(enough) else self.of_size(len(self.subsets))
+
+    def of_size(self, terms: int) -> Choice:
+        """See `Selector`."""
+        return self._choice(min(terms, len(self.subsets)), "pruned")
+
+    def _choice(self, terms: int, stop: str) -> Choice:
+        found = replace(select(self.problem, terms, self.subsets[terms - 1]), stop=stop)
+        best, shares = substitutes(self.problem, found.chosen)
+        selection = _in_units(found, self.standard)
+        constant = float(self.standard.centre[-1] - selection.theta @ self.standard.centre[selection.chosen])
+        return Choice(selection, constant, self.problem.ridge, self.forward, best, shares)
+
+
+def _folds(data: Regressors, by: Standard) -> list[Moments]:
+    edges = np.linspace(0, data.samples, min(FOLDS, data.samples) + 1).astype(np.int64)
+    return [moments(standardised(data.rows(slice(begin, end)).blocks, by)) for begin, end in pairwise(edges)]
+
+
+def _in_units(found: Selection, by: Standard) -> Selection:
+    """A selection of standardised candidates as one of centred candidates."""
+    y, columns = float(by.spread[-1]), by.spread[:-1]
+    chosen = columns[found.chosen]
+    return replace(
+        found,
+        g=found.g * y / chosen,
+        theta=found.theta * y / chosen,
+        theta_error=found.theta_error * y / chosen,
+        a=found.a * chosen / chosen[:, None],
+        g_all=found.g_all * y / columns,
+        sse=found.sse * y**2,
+        yy=found.yy * y**2,
+    )

@@ -1,0 +1,40 @@
+"""Recordings with known memory, shared by the tests."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mapmore_cli.domain.memory import MemoryModel, StateSet
+from mapmore_cli.modelling.memory import Record
+
+STEP = 0.01
+
+
+def state_set(*names, ranges=None, resonances=None, low=(), high=(), margin=0.15):
+    return StateSet(names, STEP, ranges or {}, resonances or {}, np.array(low, dtype=float), np.array(high, dtype=float), margin)
+
+
+def memory_model(terms, theta, states, constant=0.0, limits=(-1.0, 1.0), output="y"):
+    theta = np.array(theta, dtype=float)
+    return MemoryModel(output, states, tuple(terms), theta, np.zeros(len(theta)), constant, limits)
+
+
+def record(training=True, **columns):
+    n = len(next(iter(columns.values())))
+    return Record(columns, np.broadcast_to(np.asarray(training, dtype=bool), (n,)))
+
+
+def wandering(n, seed=0, step=0.3):
+    """An input that moves smoothly up and down."""
+    rng = np.random.default_rng(seed)
+    walk = np.cumsum(rng.normal(0, step, n + 40))
+    return np.convolve(walk, np.ones(41) / 41, "valid") + np.sin(np.arange(n) / 25)
+
+
+def narx_truth(x, y0=0.0, y1=0.0):
+    """y[k] = 0.6 x[k-2] - 0.5 y[k-2] + 0.7 x[k-1] y[k-1] + 0.2 y[k-1]^2."""
+    y = np.zeros(len(x))
+    y[:2] = y0, y1
+    for k in range(2, len(x)):
+        y[k] = 0.6 * x[k - 2] - 0.5 * y[k - 2] + 0.7 * x[k - 1] * y[k - 1] + 0.2 * y[k - 1] ** 2
+    return y

@@ -1,0 +1,179 @@
+"""Models with memory fitted to recordings whose truth is known."""
+
+from __future__ import annotations
+
+import tracemalloc
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from memory_samples import STEP, narx_truth, record, wandering
+
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.modelling.memory import MemoryRecipe, capacity, fit_with_memory, free_run
+from mapmore_cli.modelling.memory.closeness import nrmse_by_range, rmse, rrse
+from mapmore_cli.modelling.memory.equation import memory_equation
+from mapmore_cli.modelling.memory.families import lags, operated, products
+from mapmore_cli.modelling.memory.operators import play, slow
+from mapmore_cli.modelling.terms import evaluate, to_text
+
+NARX = tuple(to_text(term) for term in products(lags(["y", "x"], [1, 2]), 2))
+LAGGED = MemoryRecipe("y", NARX, STEP, max_terms=4)
+
+
+def narx_records(noise=0.0, count=3, n=200):
+    rng = np.random.default_rng(7)
+    inputs = [rng.uniform(-1, 1, n) for _ in range(count)]
+    return [record(x=x, y=narx_truth(x, *rng.uniform(-1, 1, 2)) + noise * rng.normal(size=n)) for x in inputs]
+
+
+def test_the_terms_of_a_simulated_record_are_found():
+    fit = fit_with_memory(narx_records(), LAGGED)
+    found = dict(zip(fit.model.terms, fit.model.theta, strict=True))
+    assert found == pytest.approx({"x[k-2]": 0.6, "y[k-2]": -0.5, "x[k-1]*y[k-1]": 0.7, "y[k-1]^2": 0.2}, abs=1e-9)
+    assert fit.selection.samples == 3 * 198  # the first two of every record are history
+    assert (fit.ridge, fit.model.constant, fit.model.states.names) == (0.0, 0.0, ("x[k-1]", "x[k-2]", "y[k-1]", "y[k-2]"))
+
+
+def test_the_first_samples_of_a_record_are_no_history_of_the_next():
+    records = narx_records(count=2)
+    jumbled = record(**{name: np.concatenate([one.columns[name] for one in records]) for name in ("x", "y")})
+    assert fit_with_memory(records, LAGGED).selection.sse < 1e-20 < fit_with_memory([jumbled], LAGGED).selection.sse
+
+
+def test_samples_that_are_held_out_teach_nothing():
+    one, other = narx_records(count=2)
+    spoilt = replace(other, columns={**other.columns, "y": np.full(200, 1e6)}, training=np.zeros(200, dtype=bool))
+    np.testing.assert_array_equal(fit_with_memory([one, spoilt], LAGGED).model.theta, fit_with_memory([one], LAGGED).model.theta)
+
+
+@pytest.mark.parametrize("stop", ["bic", "aicc", "press", "free_run"])
+@pytest.mark.parametrize("ridge", [0.0, 1e-6])
+def test_stop_rules_find_the_number_of_terms(stop, ridge):
+    recipe = replace(LAGGED, max_terms=10, stop=stop, ridge=ridge)
+    fit = fit_with_memory(narx_records(noise=1e-3), recipe)
+    assert {"x[k-2]", "y[k-2]", "x[k-1]*y[k-1]", "y[k-1]^2"} <= set(fit.model.terms)
+    assert len(fit.model.terms) < 10
+
+
+def test_a_tolerance_ends_a_regularised_selection():
+    fit = fit_with_memory(narx_records(), replace(LAGGED, max_terms=10, ridge=1e-9, tolerance=1e-6))
+    assert sorted(fit.model.terms) == ["x[k-1]*y[k-1]", "x[k-2]", "y[k-1]^2", "y[k-2]"]
+    assert fit.selection.stop == "tolerance"
+
+
+def hysteretic(n, seed):
+    x = wandering(n, seed)
+    return x, 3 * slow(x, 0.2, STEP) ** 2 - 2 * play(x, 0.8) + x + 5
+
+
+STATES = ("x", *operated("slow", ["x"], [0.05, 0.2, 1]), *operated("play", ["x"], [0.1, 0.2, 0.4]))
+OPERATED = MemoryRecipe(
+    "y", tuple(to_text(t) for t in products(STATES, 2, partners=["x"], constant=False)), STEP, scale=True, ridge=1e-6, max_terms=4
+)
+
+
+def test_operators_predict_a_recording_that_nobody_has_seen():
+    x, y = hysteretic(3000, 1)
+    fit = fit_with_memory([record(x=x, y=y)], replace(OPERATED, margin=1.0))
+    other, truth = hysteretic(1000, 2)
+    assert nrmse_by_range(truth, free_run(fit.model, {"x": other}).values) < 0.05
+    assert nrmse_by_range(y, free_run(fit.model, {"x": x}).values) < 0.02
+
+
+def test_pruned_terms_leave_their_traces():
+    x, y = hysteretic(2000, 1)
+    fit = fit_with_memory([record(x=x, y=y)], replace(OPERATED, forward=9))
+    assert len(fit.forward) == 9
+    assert set(fit.selection.chosen) <= set(fit.forward)
+    assert fit.model.terms == tuple(fit.candidates[i] for i in fit.selection.chosen)
+    assert fit.selection.stop == "pruned"
+    assert not set(fit.substitutes) & set(fit.selection.chosen)
+    assert ((fit.shares > 0) & (fit.shares < 1 + 1e-9)).any()
+    residual = y - free_run(fit.model, {"x": x}).values
+    assert fit.selection.sse == pytest.approx(residual @ residual, rel=1e-6)
+    assert fit.selection.yy == pytest.approx(np.sum((y - y.mean()) ** 2))
+    assert residual.mean() == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("scale", [True, False])
+def test_the_equation_is_the_model(scale):
+    x, y = hysteretic(500, 1)
+    fit = fit_with_memory([record(x=x, y=y)], replace(OPERATED, scale=scale))
+    columns = {"x": x} | {f"slow(x, {tau:g})": slow(x, tau, STEP) for tau in (0.05, 0.2, 1)}
+    columns |= {f"play(x, {width:g})": play(x, width * np.ptp(x)) for width in (0.1, 0.2, 0.4)}
+    np.testing.assert_allclose(evaluate(memory_equation(fit.model), columns), free_run(fit.model, {"x": x}).values, rtol=1e-8)
+
+
+def test_the_ridge_may_be_left_to_the_data():
+    x, y = hysteretic(2000, 1)
+    weak = fit_with_memory([record(x=x, y=y)], replace(OPERATED, ridge="auto"))
+    strong = fit_with_memory([record(x=x[:300], y=y[:300] + np.random.default_rng(0).normal(0, 30, 300))], replace(OPERATED, ridge="auto"))
+    assert weak.ridge < strong.ridge
+
+
+@pytest.mark.parametrize(
+    "recipe", [LAGGED, replace(LAGGED, stop="press"), replace(LAGGED, ridge=1e-4), replace(LAGGED, ridge=1e-4, stop="press")]
+)
+def test_a_dictionary_beyond_memory_is_built_block_by_block(recipe, monkeypatch):
+    records = narx_records(noise=0.01, n=5000)
+    whole = fit_with_memory(records, recipe)
+    monkeypatch.setattr(capacity, "usable_memory", lambda: capacity.products_bytes(len(NARX)))
+    blocks = fit_with_memory(records, recipe)
+    assert blocks.model.terms == whole.model.terms
+    np.testing.assert_allclose(blocks.model.theta, whole.model.theta, rtol=1e-9)
+    monkeypatch.setattr(capacity, "usable_memory", lambda: capacity.products_bytes(len(NARX)) - 1)
+    with pytest.raises(DataError, match="a dictionary of 15 candidates needs"):
+        fit_with_memory(records, recipe)
+
+
+def test_a_regularised_fit_never_holds_its_dictionary():
+    n, names = 40_000, lags(["x"], range(12))
+    dictionary = tuple(to_text(term) for term in products(names, 2))
+    x = np.random.default_rng(0).normal(size=n)
+    given = [record(x=x, y=np.roll(x, 1) ** 2)]
+    tracemalloc.start()
+    fit_with_memory(given, MemoryRecipe("y", dictionary, STEP, ridge=1e-3, max_terms=3))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert len(dictionary) == 91
+    assert peak < 0.8 * capacity.dictionary_bytes(n, len(dictionary))
+
+
+def test_a_free_run_on_held_out_samples_passes_over_models_that_diverge():
+    rng = np.random.default_rng(5)
+    x = rng.uniform(-1, 1, 60)
+    y = narx_truth(x) + 0.3 * rng.normal(size=60)
+    recipe = replace(LAGGED, dictionary=tuple(to_text(t) for t in products(lags(["y", "x"], [1, 2, 3]), 3)), max_terms=25)
+    assert free_run(fit_with_memory([record(x=x, y=y)], recipe).model, {"x": x, "y": y}).diverged
+    fit = fit_with_memory([record(x=x, y=y)], replace(recipe, stop="free_run"))
+    assert len(fit.model.terms) < 25
+    assert fit.selection.stop == "free_run"
+    assert free_run(fit.model, {"x": x, "y": y}).diverged == ()
+
+
+def test_what_cannot_be_fitted_is_refused_with_what_to_do():
+    x, y = hysteretic(100, 1)
+    with pytest.raises(DataError, match=r"3 training sample\(s\) with a history, too few for 4 term"):
+        fit_with_memory([record(x=x[:5], y=y[:5])], LAGGED)
+    with pytest.raises(DataError, match="no training sample has a history"):
+        fit_with_memory([record(x=x[:2], y=y[:2])], LAGGED)
+    with pytest.raises(DataError, match="no candidate explains anything"):
+        fit_with_memory([record(x=x, y=np.full(100, 3.0))], OPERATED)
+    with pytest.raises(DataError, match="no column `z`"):
+        fit_with_memory([record(x=x, y=y)], replace(LAGGED, target="z"))
+    with pytest.raises(DataError, match="depends on the output y itself"):
+        fit_with_memory([record(x=x, y=y)], replace(LAGGED, dictionary=("slow(y, 1)",), max_terms=1))
+    with pytest.raises(DataError, match="delayed outputs and inputs in one factor"):
+        fit_with_memory([record(x=x, y=y)], replace(LAGGED, dictionary=("x[k-1]", "exp(x*y[k-1])"), max_terms=1))
+
+
+def test_errors_leave_out_samples_without_a_prediction():
+    measured, predicted = np.array([0.0, 1.0, 2.0, 5.0]), np.array([np.nan, 1.0, 3.0, 3.0])
+    assert rmse(measured, predicted) == pytest.approx(np.sqrt(5 / 3))
+    assert nrmse_by_range(measured, predicted) == pytest.approx(np.sqrt(5 / 3) / 4)
+    assert rrse(measured, predicted) == pytest.approx(np.sqrt(5 / 14))
+    for error in (rmse, nrmse_by_range, rrse):
+        assert np.isnan(error(measured, np.full(4, np.nan)))
+    assert np.isnan(rrse(np.ones(3), np.ones(3)))
+    assert np.isnan(nrmse_by_range(np.ones(3), np.ones(3)))

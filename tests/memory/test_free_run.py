@@ -1,0 +1,159 @@
+"""Simulation from the first measured outputs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from memory_samples import STEP, memory_model, narx_truth, state_set, wandering
+
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.modelling.memory import free_run, one_step_ahead
+
+LAGS = state_set("x[k-1]", "x[k-2]", "y[k-1]", "y[k-2]")
+TRUTH = memory_model(["x[k-2]", "y[k-2]", "x[k-1]*y[k-1]", "y[k-1]^2"], [0.6, -0.5, 0.7, 0.2], LAGS)
+
+
+def test_a_noise_free_record_is_repeated_from_its_first_two_outputs():
+    x = np.random.default_rng(0).uniform(-1, 1, 500)
+    y = narx_truth(x, 0.3, -0.2)
+    run = free_run(TRUTH, {"x": x, "y": y})
+    assert np.isnan(run.values[:2]).all()
+    np.testing.assert_allclose(run.values[2:], y[2:], rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(one_step_ahead(TRUTH, {"x": x, "y": y})[2:], y[2:], rtol=1e-12, atol=1e-12)
+    assert run.diverged == ()
+
+
+def test_measured_outputs_after_the_first_are_not_used():
+    x = np.random.default_rng(0).uniform(-1, 1, 200)
+    y = narx_truth(x)
+    known = np.where(np.arange(200) < 2, y, np.nan)
+    np.testing.assert_array_equal(free_run(TRUTH, {"x": x, "y": known}).values, free_run(TRUTH, {"x": x, "y": y}).values)
+    assert np.isfinite(one_step_ahead(TRUTH, {"x": x, "y": known})).sum() == 1  # only the sample right after them has a measured past
+
+
+TERMS = {
+    "x": lambda s: s["x"],
+    "y[k-1]": lambda s: s["y[k-1]"],
+    "y[k-1]*y[k-2]": lambda s: s["y[k-1]"] * s["y[k-2]"],
+    "x*y[k-1]^2": lambda s: s["x"] * s["y[k-1]"] ** 2,
+    "y[k-1]*y[k-2]*y[k-3]": lambda s: s["y[k-1]"] * s["y[k-2]"] * s["y[k-3]"],
+    "x[k-1]^2*y[k-3]": lambda s: s["x[k-1]"] ** 2 * s["y[k-3]"],
+    "1": lambda _: 1.0,
+    "x*y[k-1]^3": lambda s: s["x"] * s["y[k-1]"] ** 3,
+    "x*exp(-y[k-1])": lambda s: s["x"] * np.exp(-s["y[k-1]"]),
+    "y[k-3]^2/2": lambda s: s["y[k-3]"] ** 2 / 2,
+}
+NAMES = ("x", "x[k-1]", "y[k-1]", "y[k-2]", "y[k-3]")
+
+
+def reference(model, x, y, scale):
+    """The same model, sample by sample and term by term."""
+    values = y[:3].tolist()
+    for k in range(3, len(x)):
+        now = dict(zip(NAMES, (x[k], x[k - 1], *values[:-4:-1]), strict=True))
+        states = {name: scale(now[name], place) for place, name in enumerate(NAMES)}
+        values.append(model.constant + sum(theta * TERMS[term](states) for term, theta in zip(model.terms, model.theta, strict=True)))
+    return np.array(values)
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    st.lists(st.sampled_from(sorted(TERMS)), min_size=1, max_size=6, unique=True),
+    st.integers(0, 1000),
+    st.booleans(),
+    st.floats(0.0, 0.5),
+)
+def test_any_model_runs_as_written(terms, seed, scaled, margin):
+    rng = np.random.default_rng(seed)
+    low, high = rng.uniform(-2, -0.5, 5), rng.uniform(0.5, 2, 5)
+    states = state_set(*NAMES, low=low, high=high, margin=margin) if scaled else state_set(*NAMES)
+    model = memory_model(terms, rng.uniform(-0.5, 0.5, len(terms)), states, constant=rng.normal(), limits=(-1e9, 1e9))
+    x, y = rng.uniform(-1, 1, 40), rng.uniform(-1, 1, 40)
+
+    def scale(value, place):
+        return np.clip((value - low[place]) / (high[place] - low[place]), -margin, 1 + margin) if scaled else value
+
+    with np.errstate(all="ignore"):
+        expected = reference(model, x, y, scale)
+    run = free_run(model, {"x": x, "y": y})
+    end = run.diverged[0] if run.diverged else 40
+    np.testing.assert_allclose(run.values[3:end], expected[3:end], rtol=1e-6, atol=1e-9)
+    assert np.isnan(run.values[:3]).all()
+    assert end == 40 or not abs(expected[end]) < 1e11
+
+
+def test_a_run_that_leaves_all_bounds_is_reported_with_its_sample():
+    states = state_set("y[k-1]", "x")
+    model = memory_model(["y[k-1]", "x"], [2.0, 0.0], states, limits=(0.0, 1.0))
+    run = free_run(model, {"x": np.zeros(30), "y": np.full(30, 1.0)})
+    np.testing.assert_array_equal(run.values[1:7], 2.0 ** np.arange(1, 7))
+    assert run.diverged == (7,)  # 128 is more than a hundred ranges beyond 0..1
+    assert np.isnan(run.values[7:]).all()
+
+
+@pytest.mark.parametrize("term", ["y[k-1]^20", "exp(y[k-1])", "log(-y[k-1])", "1/(y[k-1] - 1)"])
+def test_overflow_and_undefined_values_are_divergence_without_a_warning(term):
+    model = memory_model([term], [10.0], state_set("y[k-1]"), limits=(0.0, 1e307))
+    run = free_run(model, {"y": np.full(30, 1.0)})
+    assert len(run.diverged) == 1
+    assert run.diverged[0] < 30
+
+
+def test_scaled_states_keep_a_run_within_bounds():
+    states = state_set("y[k-1]", "x", low=[0, 0], high=[1, 1], margin=0.15)
+    model = memory_model(["y[k-1]", "x"], [2.0, 0.0], states, limits=(0.0, 1.0))
+    run = free_run(model, {"x": np.zeros(30), "y": np.full(30, 1.0)})
+    assert run.diverged == ()
+    assert run.values[-1] == pytest.approx(2.3)
+
+
+def test_a_run_starts_anew_after_every_gap():
+    x = np.random.default_rng(4).uniform(-1, 1, 300)
+    y = narx_truth(x)
+    time = np.arange(300) * STEP + np.where(np.arange(300) >= 120, 0.5, 0.0)
+    whole = free_run(TRUTH, {"x": x, "y": y, "time": time})
+    parts = [free_run(TRUTH, {"x": x[rows], "y": y[rows]}) for rows in (slice(120), slice(120, 300))]
+    np.testing.assert_array_equal(whole.values, np.concatenate([part.values for part in parts]))
+    assert np.flatnonzero(np.isnan(whole.values)).tolist() == [0, 1, 120, 121]
+    explosive = memory_model(["y[k-1]"], [3.0], state_set("y[k-1]"), limits=(0.0, 1.0))
+    assert free_run(explosive, {"y": np.ones(300), "time": time}).diverged == (5, 125)
+
+
+def test_operators_start_anew_after_every_gap():
+    x = wandering(200)
+    model = memory_model(["slow(x, 1)", "play(x, 0.2)"], [1.0, 2.0], state_set("slow(x, 1)", "play(x, 0.2)", ranges={"x": (-1.0, 1.0)}))
+    time = np.arange(200) * STEP + np.where(np.arange(200) >= 80, 0.5, 0.0)
+    values = free_run(model, {"x": x, "time": time}).values
+    assert values[[0, 80]] == pytest.approx(3 * x[[0, 80]])
+    np.testing.assert_array_equal(values, one_step_ahead(model, {"x": x, "time": time}))
+
+
+def test_a_piece_shorter_than_its_history_has_no_prediction():
+    for n in (0, 1, 2):
+        run = free_run(TRUTH, {"x": np.zeros(n), "y": np.zeros(n)})
+        assert np.isnan(run.values).all()
+        assert (len(run.values), run.diverged) == (n, ())
+
+
+@pytest.mark.parametrize("y", [None, [1.0, np.nan, 1, 1, 1, 1]])
+def test_a_run_without_first_outputs_is_refused(y):
+    columns = {"x": np.zeros(6)} | ({} if y is None else {"y": np.array(y)})
+    with pytest.raises(DataError, match="y is missing where a free run begins") as caught:
+        free_run(TRUTH, columns)
+    assert "first 2 samples" in str(caught.value)
+
+
+def test_delays_of_inputs_may_be_longer_than_those_of_the_output():
+    model = memory_model(["x[k-4]", "y[k-1]"], [1.0, 0.5], state_set("x[k-4]", "y[k-1]"), limits=(-9.0, 9.0))
+    x, y = np.arange(8.0), np.ones(8)
+    values = free_run(model, {"x": x, "y": y}).values
+    assert np.isnan(values[:4]).all()
+    np.testing.assert_allclose(values[4:], [0.5, 1.25, 2.625, 4.3125])
+
+
+def test_a_factor_of_outputs_and_inputs_together_is_refused():
+    model = memory_model(["exp(x*y[k-1])"], [1.0], state_set("x", "y[k-1]"))
+    with pytest.raises(DataError, match=r"the term `exp\(x\*y\[k-1\]\)` has delayed outputs and inputs in one factor"):
+        free_run(model, {"x": np.zeros(3), "y": np.zeros(3)})

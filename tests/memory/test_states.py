@@ -1,0 +1,119 @@
+"""States: their numbers come from training samples alone, their values from one piece alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from memory_samples import STEP, record, state_set, wandering
+
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.recording import Curve
+from mapmore_cli.modelling.memory.evaluation import evaluate_states
+from mapmore_cli.modelling.memory.operators import play, resonance, slow
+from mapmore_cli.modelling.memory.records import records_of, time_step, uninterrupted
+from mapmore_cli.modelling.memory.resolution import output_lags, resolve
+
+NAMES = ("x", "x[k-2]", "slow(play(x, 0.2), 0.05)", "stop(slow(x, 0.1), 0.1)", "slow(saturate(x), 0.1)", "resonance(x, 3, 0.2)")
+
+
+def test_widths_are_fractions_of_the_training_range_of_their_source():
+    x = wandering(400)
+    training = np.arange(400) < 200
+    states = resolve(NAMES, [record(training, x=x, y=x)], "y", STEP, scale=False)
+    assert states.ranges["x"] == (x[:200].min(), x[:200].max())
+    lagging = slow(x, 0.1, STEP)
+    assert states.ranges["slow(x, 0.1)"] == (lagging[:200].min(), lagging[:200].max())
+    values = evaluate_states(states, {"x": x})
+    np.testing.assert_array_equal(values["slow(play(x, 0.2), 0.05)"], slow(play(x, 0.2 * np.ptp(x[:200])), 0.05, STEP))
+    np.testing.assert_array_equal(values["slow(saturate(x), 0.1)"], slow(np.clip(x, *states.ranges["x"]), 0.1, STEP))
+
+
+@settings(deadline=None, max_examples=25)
+@given(st.integers(20, 300), st.floats(0, 0.5), st.floats(0.01, 1e3), st.floats(-1e3, 1e3))
+def test_scaled_states_span_one_in_training_and_are_clipped_beyond(n, margin, slope, offset):
+    x = wandering(300)
+    training = np.arange(300) < n
+    states = resolve(NAMES, [record(training, x=slope * x + offset, y=x)], "y", STEP, scale=True, margin=margin)
+    plain = resolve(NAMES, [record(training, x=x, y=x)], "y", STEP, scale=True, margin=margin)
+    physical, other = evaluate_states(states, {"x": slope * x + offset}), evaluate_states(plain, {"x": x})
+    for name in NAMES:
+        taught = physical[name][:n][np.isfinite(physical[name][:n])]
+        assert taught.min() == pytest.approx(0.0, abs=1e-12)
+        assert taught.max() == pytest.approx(1.0, abs=1e-12)
+        known = np.isfinite(physical[name])
+        assert np.abs(physical[name][known] - 0.5).max() <= 0.5 + margin + 1e-12
+        np.testing.assert_allclose(physical[name], other[name], atol=1e-5)  # units do not matter
+
+
+def test_a_state_that_stood_still_in_training_is_zero():
+    states = resolve(["x"], [record(x=np.full(5, 3.0), y=np.arange(5.0))], "y", STEP, scale=True)
+    np.testing.assert_array_equal(evaluate_states(states, {"x": np.array([1.0, 3.0, 9.0])})["x"], 0.0)
+
+
+@pytest.mark.parametrize(("frequency", "damping"), [(1.59, 0.1), (4.46, 0.3), (10.3, 0.06)])
+def test_the_resonance_of_a_recording_is_found(frequency, damping):
+    x = np.repeat(np.random.default_rng(1).uniform(0, 1, 20), 100)
+    y = 3 + 2 * x + x**2 + 0.5 * slow(x, 0.3, STEP) + 2 * resonance(x, frequency, damping, STEP)
+    states = resolve(
+        ["resonance(x)", "resonance_velocity(x)"], [record(x=x[:900], y=y[:900]), record(x=x[900:], y=y[900:])], "y", STEP, scale=False
+    )
+    assert list(states.resonances) == ["x"]
+    found = states.resonances["x"]
+    assert found[0] == pytest.approx(frequency, rel=0.06)
+    assert found[1] == pytest.approx(damping, rel=0.35)
+    np.testing.assert_array_equal(evaluate_states(states, {"x": x})["resonance(x)"], resonance(x, *found, STEP))
+
+
+def test_a_resonance_that_cannot_be_seen_is_refused():
+    slowly = [record(x=wandering(50), y=wandering(50, 1))]
+    with pytest.raises(DataError, match="no resonance can be seen with 1 s between samples"):
+        resolve(["resonance(x)"], slowly, "y", 1.0, scale=False)
+
+
+@pytest.mark.parametrize("names", [["z"], ["slow(z, 1)"], ["play(z, 0.1)"]])
+def test_a_missing_quantity_is_named(names):
+    with pytest.raises(DataError, match="no column `z`"):
+        evaluate_states(resolve(names, [record(x=np.zeros(3), y=np.zeros(3))], "y", STEP, scale=False), {"x": np.zeros(3)})
+
+
+def test_delays_beyond_the_record_are_refused():
+    with pytest.raises(DataError, match=r"`x\[k-9\]` has no value on any training sample"):
+        resolve(["x[k-9]"], [record(x=np.arange(5.0), y=np.zeros(5))], "y", STEP, scale=True)
+
+
+def test_only_delays_of_the_output_can_be_fed_back():
+    assert output_lags(state_set("x", "y[k-2]", "y[k-1]", "x[k-3]"), "y") == {"y[k-2]": 2, "y[k-1]": 1}
+    for name in ("y", "slow(y, 1)", "play(y, 0.1)[k-1]", "slow(y[k-1], 1)"):
+        with pytest.raises(DataError, match="depends on the output y itself"):
+            output_lags(state_set("x", name), "y")
+
+
+def test_a_record_is_cut_at_gaps_and_where_the_clock_was_set_back():
+    time = np.r_[0:5, 7:9, 3:6] * STEP + 1e-6
+    assert uninterrupted(time, STEP) == [slice(0, 5), slice(5, 7), slice(7, 10)]
+    assert uninterrupted(np.empty(0), STEP) == [slice(0, 0)]
+    rounded = np.round(np.arange(1000) * STEP, 5)
+    assert uninterrupted(rounded, STEP) == [slice(0, 1000)]
+
+
+@pytest.mark.parametrize("time", [[0, 0.01, 0.015, 0.02], [0, 0.01, 0.01, 0.02]])
+def test_uneven_steps_are_refused(time):
+    with pytest.raises(DataError, match=r"needs even steps of 0\.01 s"):
+        uninterrupted(np.array(time), STEP)
+
+
+def test_pieces_of_curves_share_one_time_step():
+    def curve(name, time):
+        return Curve(name, None, {"time": np.asarray(time), "x": np.asarray(time)}, np.asarray(time) > 0.03, (name,))
+
+    curves = [curve("a", np.r_[0:5, 9:12] * STEP), curve("b", np.arange(4) * STEP)]
+    assert time_step(curves) == pytest.approx(STEP)
+    records = records_of(curves, STEP)
+    assert [piece.size for piece in records] == [5, 3, 4]
+    assert [piece.training.tolist() for piece in records][:2] == [[True] * 4 + [False], [False] * 3]
+    with pytest.raises(DataError, match=r"c: its samples are 0\.02 s apart, those of other recordings 0\.01 s"):
+        time_step([*curves, curve("c", np.arange(9) * 2 * STEP)])
+    with pytest.raises(DataError, match="there is no time step"):
+        time_step([curve("single", [0.0])])
