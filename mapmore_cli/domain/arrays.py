@@ -16,5 +16,8 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 """Masks over samples."""
 
+Value = Array | np.float64
+"""One number for every row, or one for all."""
+
 Columns = Mapping[str, Array]
 """Quantities by canonical name, each `(n,)`, row for row of one table."""

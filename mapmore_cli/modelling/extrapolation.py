@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.models import Side
 
 
 def clamped(x: Array, limits: tuple[float, float], sides: tuple[Side, Side]) -> Array:
-    """The extrapolation function E (M2 eq 12)."""
-    (low, high), (below, above) = limits, sides
-    if below != "continue":
-        x = np.where(x < low, below if isinstance(below, float) else low, x)
-    if above != "continue":
-        x = np.where(x > high, above if isinstance(above, float) else high, x)
-    return x
+    """The extrapolation function E (M2 eq 12), (n,)."""
+    inside = x
+    for side, limit, beyond in zip(sides, limits, (x < limits[0], x > limits[1]), strict=True):
+        if side != "continue":
+            inside = np.where(beyond, held_at(side, limit), inside)
+    return inside
 
 
-def zeroed(x: Array, limits: tuple[float, float], sides: tuple[Side, Side]) -> BoolArray:
-    """Rows where the outermost weight steps to zero at the limit (M2 figure 7d)."""
-    return ((x < limits[0]) & (sides[0] == "zero")) | ((x > limits[1]) & (sides[1] == "zero"))
+def held_at(side: Side, limit: float) -> float:
+    """Where a variable is held beyond a limit: there, or at the value that the side gives."""
+    return side if isinstance(side, float) else limit

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import product
+from typing import TypeVar
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.domain.arrays import Array, Value
 from mapmore_cli.domain.fits import Scaling
+
+V = TypeVar("V", Array, Value)
 
 END_FRACTION = 0.05
 """Share of the segment whose mean stands for an end of the trend, so that the anchor does not hang on one noisy sample."""
@@ -80,6 +83,6 @@ def _span(width: Array) -> Array:
     return np.where(width > 0, width, 1.0)
 
 
-def scaled(scaling: Scaling, columns: Columns) -> dict[str, Array]:
+def scaled(scaling: Scaling, columns: Mapping[str, V]) -> dict[str, V]:
     """Independent variables in scaled coordinates, `z = slope x + intercept` (M2 eq 8)."""
     return {name: columns[name] * m + c for name, m, c in zip(scaling.variables, scaling.slope, scaling.intercept, strict=True)}

@@ -6,6 +6,7 @@ import errno
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BufferedRandom
 from pathlib import Path
 from secrets import token_hex
 
@@ -18,13 +19,14 @@ _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG}
 _REFUSED = {errno.EACCES, errno.EPERM, errno.EISDIR, errno.ENOTDIR, errno.EEXIST, errno.ENAMETOOLONG}
 
 
-def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file whole: beside the old one, flushed to the disk, then moved over it."""
+@contextmanager
+def replacing(path: Path) -> Iterator[BufferedRandom]:
+    """A file that takes the place of `path` when the block ends without an error: written beside it, flushed to the disk, moved over it."""
     unfinished = path.with_name(f"{TEMPORARY}{token_hex(6)}-{path.name}")
     with refusals_told(path.parent):
         try:
-            with unfinished.open("xb") as file:
-                file.write(data)
+            with unfinished.open("x+b") as file:
+                yield file
                 file.flush()
                 os.fsync(file.fileno())
             unfinished.replace(path)
@@ -32,6 +34,12 @@ def write_bytes(path: Path, data: bytes) -> None:
             unfinished.unlink(missing_ok=True)
             raise
         sync_folder(path.parent)
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a file whole."""
+    with replacing(path) as file:
+        file.write(data)
 
 
 def write_text(path: Path, text: str) -> None:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import READERS, RawTable, TableRequest
-from mapmore_cli.storage.readers.csv import DELIMITERS
+from mapmore_cli.storage.readers.cells import DELIMITERS
 
 EXPECTED = np.array([[0.0, 1.5], [0.5, -2000.25], [1.0, np.nan]])
 NAMES: tuple[str | int, ...] = ("t", "F")

@@ -74,9 +74,9 @@ marks = st.lists(st.floats(0, 1e3), min_size=3, max_size=3, unique=True).map(sor
 @settings(deadline=None)
 @given(marks, marks)
 def test_ends_and_thresholds_correspond_and_order_is_kept(here, own):
-    np.testing.assert_allclose(aligned(here, np.tile(here, (3, 1)), own), own, rtol=1e-9, atol=1e-6)
+    np.testing.assert_allclose(aligned(here, np.tile(here[:, None], 3), own), own, rtol=1e-9, atol=1e-6)
     x = np.linspace(here[0], here[2], 50)
-    places = aligned(x, np.tile(here, (50, 1)), own)
+    places = aligned(x, np.tile(here[:, None], 50), own)
     assert (np.diff(places) >= 0).all()
     assert places.min() >= own[0] - 1e-6
     assert places.max() <= own[2] + 1e-6
@@ -86,7 +86,7 @@ def test_ends_and_thresholds_correspond_and_order_is_kept(here, own):
 @given(marks)
 def test_a_curve_is_looked_up_at_its_own_places_at_its_level(own):
     x = np.linspace(own[0] - 1, own[2] + 1, 50)
-    np.testing.assert_allclose(aligned(x, np.tile(own, (50, 1)), own), x, rtol=1e-9, atol=1e-6)
+    np.testing.assert_allclose(aligned(x, np.tile(own[:, None], 50), own), x, rtol=1e-9, atol=1e-6)
 
 
 SLACK = {"level": "strain", "dictionary": ("1", "pressure", "pressure^2"), "cuts": {"pressure": Even(6)}, "max_terms": 3}

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import PchipInterpolator
 
-from mapmore_cli.modelling.fusion import carried_share, shape_preserving
+from mapmore_cli.domain.models import Fusion
+from mapmore_cli.modelling.fusion import bands
 
 levels = (
     st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=7, unique=True).map(sorted).filter(lambda b: min(np.diff(b)) > 1e-2).map(np.array)
@@ -24,6 +25,21 @@ def between(seed, at, n=100):
 
 def constant(values, n):
     return np.repeat(values[None, :], n, axis=0)
+
+
+def shape_preserving(x, at, values, below="continue", above="continue", shrink=1.0):
+    """Each row of values, (n, L), interpolated at its own level value, (n,)."""
+    edges, every = bands(at, (below, above), Fusion("linear", 0.25, {}, levels="pchip", shrink=shrink))
+    numbers = np.searchsorted(edges, x, side="right")
+    y = np.empty(len(x))
+    for number in np.unique(numbers):
+        rows, band = np.flatnonzero(numbers == number), every[number]
+        y[rows] = band.mix(x[rows], [values[rows, curve] for curve in band.curves])
+    return y
+
+
+def carried_share(x, at, shrink):
+    return shape_preserving(x, at, np.ones((len(x), len(at))), shrink=shrink)
 
 
 @settings(deadline=None)

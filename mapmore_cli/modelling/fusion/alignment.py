@@ -54,11 +54,11 @@ def aligned(x: Array, marks: Array, own: Array) -> Array:
     Parameters
     ----------
     marks
-        Low end, threshold and high end interpolated between the levels, (n, 3).
+        Low end, threshold and high end interpolated between the levels, (3, n).
     own
         Those of the curve, (3,).
     """
-    low, middle, high = marks.T
+    low, middle, high = marks
     left = _ratio(own[1] - own[0], middle - low)
     right = _ratio(own[2] - own[1], high - middle)
     place: Array = own[1] + (x - middle) * np.where(x < middle, left, right)

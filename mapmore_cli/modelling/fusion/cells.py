@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, Value
 
-TRANSITIONS: Mapping[str, Callable[[Array], Array]] = {
+TRANSITIONS: Mapping[str, Callable[[Value], Value]] = {
     "linear": lambda t: t,
     "quadratic": lambda t: np.where(t < 0.5, 2 * t**2, 1 - 2 * (1 - t) ** 2),
     "cubic": lambda t: 3 * t**2 - 2 * t**3,

@@ -1,29 +1,40 @@
 """Candidate terms and formulas as small syntax trees: read, evaluated, differentiated, printed; never `eval`ed."""
 
-from mapmore_cli.modelling.terms.calculus import affine, derivative, substitute
+from mapmore_cli.modelling.terms.calculus import affine, derivative, exponents, substitute
 from mapmore_cli.modelling.terms.errors import ExpressionError, NotFinite
 from mapmore_cli.modelling.terms.evaluation import dictionary_matrix, evaluate
 from mapmore_cli.modelling.terms.families import monomials
 from mapmore_cli.modelling.terms.parsing import parse
 from mapmore_cli.modelling.terms.printing import to_latex, to_text
+from mapmore_cli.modelling.terms.program import Program, compiled
+from mapmore_cli.modelling.terms.states import OPERATORS, Lagged, Measured, Operated, State, state
 from mapmore_cli.modelling.terms.syntax import Expression, Name, Number, add, call, multiply, power
 
 __all__ = [
+    "OPERATORS",
     "Expression",
     "ExpressionError",
+    "Lagged",
+    "Measured",
     "Name",
     "NotFinite",
     "Number",
+    "Operated",
+    "Program",
+    "State",
     "add",
     "affine",
     "call",
+    "compiled",
     "derivative",
     "dictionary_matrix",
     "evaluate",
+    "exponents",
     "monomials",
     "multiply",
     "parse",
     "power",
+    "state",
     "substitute",
     "to_latex",
     "to_text",

@@ -9,15 +9,12 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.terms.errors import NotFinite
-from mapmore_cli.modelling.terms.functions import FUNCTIONS
 from mapmore_cli.modelling.terms.printing import to_text
-from mapmore_cli.modelling.terms.syntax import Call, Expression, Name, Number, Power, Product, Sum
+from mapmore_cli.modelling.terms.program import compiled
+from mapmore_cli.modelling.terms.syntax import Expression
 
 BLOCK = 8192
 """Rows at a time in `dictionary_matrix`: shared powers of a block stay in the processor's cache, and memory stays bounded."""
-
-_Value = Array | np.float64
-_Shared = dict[Expression, _Value]
 
 
 def evaluate(expression: Expression, columns: Columns, n: int | None = None) -> Array:
@@ -36,7 +33,8 @@ def evaluate(expression: Expression, columns: Columns, n: int | None = None) -> 
     rows = _length(columns) if n is None else n
     values = _needed(expression.names, columns, rows)
     with np.errstate(all="ignore"):
-        return np.array(np.broadcast_to(_value(expression, values, {}), (rows,)), dtype=float)
+        (value,) = compiled((expression,)).values(values)
+        return np.array(np.broadcast_to(value, (rows,)), dtype=float)
 
 
 def dictionary_matrix(terms: Sequence[Expression], columns: Columns, n: int) -> Array:
@@ -46,72 +44,22 @@ def dictionary_matrix(terms: Sequence[Expression], columns: Columns, n: int) -> 
     Raises `NotFinite` with the first row where a term has no finite value, `DataError` as `evaluate` does.
     """
     values = _needed(frozenset[str]().union(*(term.names for term in terms)), columns, n)
+    program = compiled(tuple(terms))
     matrix = np.empty((n, len(terms)), order="F")
     for start in range(0, n, BLOCK):
         block = {name: value[start : start + BLOCK] if value.ndim else value for name, value in values.items()}
-        shared: _Shared = {}
-        for j, term in enumerate(terms):
-            column = matrix[start : start + BLOCK, j]
-            with np.errstate(all="ignore"):
-                column[:] = _value(term, block, shared)
-            if not np.isfinite(column).all():
-                raise _not_finite(term, values, start + int(np.argmin(np.isfinite(column))))
+        with np.errstate(all="ignore"):
+            for column, value in zip(matrix[start : start + BLOCK].T, program.values(block), strict=True):
+                column[:] = value
+        _refuse_not_finite(matrix[start : start + BLOCK], terms, values, start)
     return matrix
 
 
 def constant_value(expression: Expression) -> float:
     """Value of an expression without names; NaN or infinite where it has none."""
     with np.errstate(all="ignore"):
-        return float(_value(expression, {}, {}))
-
-
-def _value(expression: Expression, columns: Columns, shared: _Shared) -> _Value:
-    match expression:
-        case Number(value):
-            return np.float64(value)
-        case Name(name):
-            return columns[name]
-        case Sum(terms):
-            total = _value(terms[0], columns, shared)
-            for term in terms[1:]:
-                total = total + _value(term, columns, shared)
-            return total
-        case Product(factors):
-            return _product(factors, columns, shared)
-        case Power() | Call():
-            if expression not in shared:
-                shared[expression] = _computed(expression, columns, shared)
-            return shared[expression]
-    raise TypeError(f"not an expression: {expression!r}")
-
-
-def _product(factors: Sequence[Expression], columns: Columns, shared: _Shared) -> _Value:
-    total = _value(factors[0], columns, shared)
-    for factor in factors[1:]:
-        if isinstance(factor, Power) and factor.exponent < 0:
-            total = total / _power(factor.base, -factor.exponent, columns, shared)
-        else:
-            total = total * _value(factor, columns, shared)
-    return total
-
-
-def _computed(expression: Power | Call, columns: Columns, shared: _Shared) -> _Value:
-    match expression:
-        case Call(function, argument):
-            value: _Value = FUNCTIONS[function].compute(_value(argument, columns, shared))
-            return value
-        case Power(base, exponent) if exponent < 0:
-            return np.float64(1.0) / _power(base, -exponent, columns, shared)
-        case Power(base, exponent) if exponent.is_integer():
-            half = exponent // 2  # x^5 = x^2 x^3: a few multiplications, shared between terms, where a general power costs fifty
-            return _power(base, half, columns, shared) * _power(base, exponent - half, columns, shared)
-        case Power(base, exponent):
-            raised: _Value = np.power(_value(base, columns, shared), exponent)
-            return raised
-
-
-def _power(base: Expression, exponent: float, columns: Columns, shared: _Shared) -> _Value:
-    return _value(base if exponent == 1.0 else Power(base, exponent), columns, shared)
+        (value,) = compiled((expression,)).values({})
+        return float(value)
 
 
 def _length(columns: Columns) -> int:
@@ -132,6 +80,11 @@ def _needed(names: frozenset[str], columns: Columns, n: int) -> dict[str, Array]
     return needed
 
 
-def _not_finite(term: Expression, columns: Columns, row: int) -> NotFinite:
-    inputs = ", ".join(f"{name} = {columns[name] if columns[name].ndim == 0 else columns[name][row]:.6g}" for name in sorted(term.names))
-    return NotFinite(to_text(term), row, inputs)
+def _refuse_not_finite(block: Array, terms: Sequence[Expression], columns: Columns, start: int) -> None:
+    for term, column in zip(terms, block.T, strict=True):
+        if not np.isfinite(column).all():
+            row = start + int(np.argmin(np.isfinite(column)))
+            inputs = ", ".join(
+                f"{name} = {columns[name] if columns[name].ndim == 0 else columns[name][row]:.6g}" for name in sorted(term.names)
+            )
+            raise NotFinite(to_text(term), row, inputs)

@@ -2,31 +2,32 @@
 
 from __future__ import annotations
 
-import codecs
 import csv
 import gzip
 import math
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from itertools import chain, islice
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TextIO
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.readers.numbers import number_of, shortened
-from mapmore_cli.storage.readers.table import RawTable, SourceColumn, TableRequest, locate_columns
+from mapmore_cli.storage.readers.cells import (
+    DELIMITERS,
+    WHITESPACE,
+    Layout,
+    Numbered,
+    separator_hint,
+    values_of_lines,
+    values_of_records,
+)
+from mapmore_cli.storage.readers.growing import Growing
+from mapmore_cli.storage.readers.lines import Lines, open_lines
+from mapmore_cli.storage.readers.table import RawTable, TableRequest, locate_columns
 
-GZIP_MAGIC = b"\x1f\x8b"
-CHUNK = 50_000  # records held as text at one time: numbers take an eighth of the memory
-DELIMITERS = {"tab": "\t"}
-WHITESPACE = "whitespace"
-MARKS = ((";", "a semicolon"), ("\t", "a tab"))
-
-Numbered = tuple[int, list[str]]
-"""Line number in the file, and the fields of the record that ends there."""
+CHUNK = 8192
+"""Lines held as text at one time; where one of them is out of order, all of them are read record by record."""
 
 
 def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
@@ -42,8 +43,8 @@ def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
     """
     label = request.label
     try:
-        with _open_text(path, request.encoding) as text:
-            return [_parse(_records(text, request), request)]
+        with open_lines(path, request.encoding) as lines:
+            return [_parse(lines, request)]
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise DataError(f"{label}: the file is damaged: {error}", "It may have been cut off while copying; get it again.") from error
     except UnicodeError as error:
@@ -58,105 +59,66 @@ def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
         raise DataError(f"{label}: cannot be read: {error.strerror or error}") from error
 
 
-def _open_text(path: Path, encoding: str) -> TextIO:
-    with path.open("rb") as file:
-        zipped = file.read(2) == GZIP_MAGIC
-    # utf-8-sig swallows a byte order mark; newline="" leaves CR, LF and CRLF to the csv module
-    encoding = "utf-8-sig" if codecs.lookup(encoding).name == "utf-8" else encoding
-    return gzip.open(path, "rt", encoding=encoding, newline="") if zipped else path.open(encoding=encoding, newline="")
-
-
-def _records(text: TextIO, request: TableRequest) -> Iterator[Numbered]:
-    """Yield every line after the skipped ones as fields, blank ones as none."""
-    lines = islice(text, request.skip_rows, None)
-    if request.delimiter == WHITESPACE:
-        yield from ((row, line.split()) for row, line in enumerate(lines, start=request.skip_rows + 1))
-        return
-    reader = csv.reader(lines, delimiter=DELIMITERS.get(request.delimiter, request.delimiter))
-    for record in reader:
-        yield request.skip_rows + reader.line_num, record if len(record) > 1 or (record and record[0].strip()) else []
-
-
-def _parse(records: Iterator[Numbered], request: TableRequest) -> RawTable:
-    label = request.label
-    first = next(_filled(records), None)
+def _parse(lines: Lines, request: TableRequest) -> RawTable:
+    lines.take(request.skip_rows)
+    records = _records(lines, request.delimiter)
+    first = next((record for record in records if record[1]), None)
     if first is None:
-        raise DataError(f"{label}: the file is empty")
-    width = len(first[1])
-    names = [name.strip() for name in first[1]] if request.header else None
-    places = locate_columns(request, names, width, _separator_hint(first[1]) or _header_hint(first[1], request))
-    titles = {column: column if names is None else names[place] for column, place in places.items()}
-    blocks: dict[SourceColumn, list[Array]] = {column: [] for column in places}
-    rows: list[Array] = []
-    data = _filled(islice(records, request.header - 1, None) if request.header else chain([first], records))
-    while chunk := list(islice(data, CHUNK)):
-        chunk = [_of_width(row, record, width, request) for row, record in chunk]
-        rows.append(np.array([row for row, _ in chunk], dtype=np.int64))
-        for column, place in places.items():
-            blocks[column].append(_numbers(chunk, place, titles[column], request))
-    if not rows:
-        raise DataError(f"{label}: the file has a header but no data")
-    return RawTable({column: np.concatenate(parts) for column, parts in blocks.items()}, np.concatenate(rows), label)
+        raise DataError(f"{request.label}: the file is empty")
+    layout = _layout(first[1], request)
+    for _ in range(request.header - 1):
+        next(records, None)
+    leading = [] if request.header else [first]
+    table = Growing(len(layout.places))
+    for rows, values in _parts(lines, records, leading, layout, request):
+        table.add(rows, values, lines.share)
+        request.progress(lines.position)
+    if not len(table.rows):
+        raise DataError(f"{request.label}: the file has a header but no data")
+    return RawTable(dict(zip(request.columns, table.columns, strict=True)), table.rows, request.label)
 
 
-def _filled(records: Iterable[Numbered]) -> Iterator[Numbered]:
-    return (numbered for numbered in records if numbered[1])
+def _records(lines: Lines, delimiter: str) -> Iterator[Numbered]:
+    """Yield the records that begin with the next line, blank lines as records without fields; no line is taken before it is needed."""
+    if delimiter == WHITESPACE:
+        yield from ((lines.taken, line.split()) for line in lines)
+        return
+    for record in csv.reader(lines, delimiter=DELIMITERS.get(delimiter, delimiter)):
+        yield lines.taken, record if len(record) > 1 or (record and record[0].strip()) else []
 
 
-def _of_width(row: int, record: list[str], width: int, request: TableRequest) -> Numbered:
-    """Return the record with `width` fields: blank ones at its end do not count, and those that a short one lacks may be missing."""
-    if len(record) == width:
-        return row, record
-    if len(record) > width and not any(map(str.strip, record[width:])):
-        return row, record[:width]
-    if len(record) < width and request.incomplete:
-        return row, [""] * width  # a closing remark, or half a record: none of its fields can be trusted
-    few = "few" if len(record) < width else "many"
-    remedy = "Mend or remove the line; a last line that is too short means that the file was cut off."
-    raise DataError(
-        f"{request.label}:row {row}: too {few} fields: {len(record)}, where the first line has {width}",
-        _separator_hint(record) or (f"{remedy} `missing: drop` leaves it out." if few == "few" else remedy),
-    )
+def _layout(first: Sequence[str], request: TableRequest) -> Layout:
+    names = [name.strip() for name in first] if request.header else None
+    places = locate_columns(request, names, len(first), separator_hint(first) or _header_hint(first, request))
+    return Layout(len(first), tuple(places.values()), tuple(column if names is None else names[at] for column, at in places.items()))
 
 
-def _numbers(chunk: Sequence[Numbered], place: int, title: SourceColumn, request: TableRequest) -> Array:
-    values = np.empty(len(chunk))
-    parse: Callable[[str], float] = number_of if request.decimal == "." else _with_decimal_comma
-    for i, (row, record) in enumerate(chunk):
-        try:
-            values[i] = parse(record[place])
-        except ValueError:
-            raise DataError(
-                f"{request.label}:row {row}, column {title}: '{shortened(record[place].strip())}' is not a number",
-                _separator_hint(record)
-                or _decimal_hint(record[place])
-                or "Mend the cell; an empty one is a missing value, see `missing`. Names belong in a header line.",
-            ) from None
-    return values
+def _parts(
+    lines: Lines, records: Iterator[Numbered], leading: Sequence[Numbered], layout: Layout, request: TableRequest
+) -> Iterator[tuple[IntArray, Array]]:
+    """Line numbers (n,) and values (n, columns) of the data, piece by piece; `leading` are records that have been taken already."""
+    if leading:
+        yield _numbered(leading, layout, request)
+    while block := lines.take(CHUNK):
+        values = values_of_lines(block, layout, request)
+        if values is not None:
+            yield np.arange(lines.taken - len(block) + 1, lines.taken + 1), values
+        else:
+            end = lines.taken
+            lines.put_back(block)
+            if found := list(_filled_until(end, lines, records)):
+                yield _numbered(found, layout, request)
 
 
-def _with_decimal_comma(cell: str) -> float:
-    """Read `1,5`; a point is refused, as nobody can tell the thousands of 1.500 from a decimal point."""
-    if "." in cell:
-        raise ValueError
-    return number_of(cell.replace(",", ".")) if cell.strip() else math.nan
+def _filled_until(end: int, lines: Lines, records: Iterator[Numbered]) -> Iterator[Numbered]:
+    """Records that are not blank, up to that which holds line `end`."""
+    while lines.taken < end and (record := next(records, None)):
+        if record[1]:
+            yield record
 
 
-def _separator_hint(record: Sequence[str]) -> str | None:
-    """Return a remedy where the fields look as if something else separated them."""
-    for mark, name in MARKS:
-        if any(mark in cell for cell in record):
-            word = next((word for word, character in DELIMITERS.items() if character == mark), f'"{mark}"')
-            return f'The delimiter looks like {name}: say `delimiter: {word}`, and `decimal: ","` where the numbers have commas.'
-    return None
-
-
-def _decimal_hint(cell: str) -> str | None:
-    try:
-        float(cell.replace(",", "."))
-    except ValueError:
-        return None
-    return 'Say `decimal: ","`.' if "," in cell else 'Say `decimal: "."`.' if "." in cell else None
+def _numbered(records: Sequence[Numbered], layout: Layout, request: TableRequest) -> tuple[IntArray, Array]:
+    return np.array([row for row, _ in records], dtype=np.int64), values_of_records(records, layout, request)
 
 
 def _header_hint(first: Sequence[str], request: TableRequest) -> str | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from mapmore_cli.domain.arrays import Array, IntArray
@@ -37,6 +37,8 @@ class TableRequest:
         Where the columns start; `train[*]` makes every element a recording (MAT, HDF5).
     incomplete
         True where records that break off are missing values, False where they are errors.
+    progress
+        Told now and then how many bytes of the file have been read (text, the only format of which a long file takes long).
     """
 
     label: str
@@ -49,6 +51,7 @@ class TableRequest:
     sheet: str | None = None
     root: str | None = None
     incomplete: bool = False
+    progress: Callable[[int], None] = lambda _read: None
 
 
 @dataclass(frozen=True)

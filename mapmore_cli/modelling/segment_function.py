@@ -1,0 +1,46 @@
+"""Segment functions in physical units: `f(x) = y_slope sum_k theta_k D_k(slope x + intercept) + y_intercept` (M2 eq 8)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from functools import lru_cache
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Value
+from mapmore_cli.domain.models import SegmentFunction
+from mapmore_cli.modelling.scaling import scaled
+from mapmore_cli.modelling.terms import Program, compiled, derivative, parse
+
+
+def segment_value(segment: SegmentFunction, columns: Mapping[str, Value]) -> Value:
+    """The segment function at every row, (n,); one number where every column that it needs is one."""
+    scaling = segment.scaling
+    values = _program(segment.terms).values(scaled(scaling, columns))
+    return _combination(segment.theta * scaling.y_slope, values, np.float64(scaling.y_intercept))
+
+
+def segment_slope(segment: SegmentFunction, columns: Mapping[str, Value], name: str) -> Value:
+    """Derivative of `segment_value` with respect to one input."""
+    scaling = segment.scaling
+    if name not in scaling.variables:
+        return np.float64(0.0)
+    outer = scaling.y_slope * scaling.slope[scaling.variables.index(name)]
+    return _combination(segment.theta * outer, _slopes(segment.terms, name).values(scaled(scaling, columns)), np.float64(0.0))
+
+
+def _combination(factors: Iterable[np.float64], values: Iterable[Value], constant: np.float64) -> Value:
+    total: Value = constant
+    for factor, value in zip(factors, values, strict=True):
+        total = total + factor * value
+    return total
+
+
+@lru_cache(maxsize=4096)
+def _program(terms: tuple[str, ...]) -> Program:
+    return compiled(tuple(map(parse, terms)))
+
+
+@lru_cache(maxsize=4096)
+def _slopes(terms: tuple[str, ...], name: str) -> Program:
+    return compiled(tuple(derivative(parse(term), name) for term in terms))

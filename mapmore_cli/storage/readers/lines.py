@@ -1,0 +1,69 @@
+"""The lines of a text file: their numbers, taken one by one or many at once, and put back where another way of reading has to take over."""
+
+from __future__ import annotations
+
+import codecs
+import gzip
+import io
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import islice
+from pathlib import Path
+from typing import IO, cast
+
+GZIP_MAGIC = b"\x1f\x8b"
+
+
+class Lines:
+    """An iterator over the lines of an open file, with their ends; `taken` counts them, so it is the number of the last one, from 1."""
+
+    def __init__(self, lines: Iterator[str], raw: IO[bytes]) -> None:
+        self.taken = 0
+        self._lines = lines
+        self._raw = raw
+        self._back: list[str] = []  # the next one last
+
+    def __iter__(self) -> Lines:
+        return self
+
+    def __next__(self) -> str:
+        line = self._back.pop() if self._back else next(self._lines)
+        self.taken += 1
+        return line
+
+    @property
+    def position(self) -> int:
+        """How many bytes of the file have been read."""
+        return self._raw.tell()
+
+    @property
+    def share(self) -> float:
+        """How much of the file that is; one where nobody knows its size."""
+        size = os.fstat(self._raw.fileno()).st_size
+        return self.position / size if 0 < self.position <= size else 1.0
+
+    def take(self, count: int) -> list[str]:
+        """The next `count` lines, or as many as there are."""
+        lines = [self._back.pop() for _ in range(min(count, len(self._back)))]
+        lines += islice(self._lines, count - len(lines))
+        self.taken += len(lines)
+        return lines
+
+    def put_back(self, lines: list[str]) -> None:
+        """Have these, the last ones that were taken, taken again."""
+        self._back += reversed(lines)
+        self.taken -= len(lines)
+
+
+@contextmanager
+def open_lines(path: Path, encoding: str) -> Iterator[Lines]:
+    """The lines of a file, plain or gzipped (recognised by content), which end in LF, CR LF or CR."""
+    # utf-8-sig swallows a byte order mark; newline="" leaves CR, LF and CRLF to the parser
+    encoding = "utf-8-sig" if codecs.lookup(encoding).name == "utf-8" else encoding
+    with path.open("rb") as raw:
+        zipped = raw.read(2) == GZIP_MAGIC
+        raw.seek(0)
+        binary = cast(IO[bytes], gzip.GzipFile(fileobj=raw)) if zipped else raw
+        with io.TextIOWrapper(binary, encoding=encoding, newline="") as text:
+            yield Lines(text, raw)
