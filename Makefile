@@ -6,7 +6,7 @@ export OMP_NUM_THREADS := 1
 
 STUDIES := configs/m2/dmsp-20-88-static.yaml configs/m2/peano-static.yaml
 
-.PHONY: demo test lint schema datasets bench clean
+.PHONY: demo test lint schema datasets measured bench clean
 
 demo: .venv/program
 	$(BIN)/mapmore batch $(STUDIES)
@@ -26,6 +26,10 @@ schema: .venv/program
 
 datasets: .venv/program
 	for spec in datasets/*/*.yaml; do $(BIN)/mapmore simulate $$spec || exit; done
+
+measured: .venv/program  # the tables of docs/measured-static.md; needs the measured recordings (docs/data.md)
+	$(BIN)/mapmore batch configs/campaigns/measured_static.yaml configs/campaigns/m1.yaml configs/campaigns/m1_terms.yaml
+	$(BIN)/python docs/measured_tables.py runs
 
 bench: .venv/program .venv-bench/peers
 	$(BIN)/python tests/bench/run.py $(BENCH)

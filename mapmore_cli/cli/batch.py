@@ -43,6 +43,7 @@ def batch(
     from mapmore_cli.cli.campaigns import expanded, write_page
     from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.progress import Reporter
+    from mapmore_cli.cli.views.view import View
     from mapmore_cli.stages.batch import Job, run_all
 
     campaigns, entries = expanded(configs, overrides)
@@ -55,8 +56,10 @@ def batch(
             _tell(reporter, entries[number].config, result, f"{len(results)} of {len(todo)}")
     ordered = [(entry.config, results[number]) for number, entry in enumerate(entries)]
     view = _joint(ordered)
-    for campaign in campaigns:
-        view = write_page(campaign, [results[number] for number in campaign.jobs], runs, view)
+    pages = [write_page(campaign, [results[number] for number in campaign.jobs], runs) for campaign in campaigns]
+    if pages:
+        tables = tuple(table for page in pages for table in page.tables)
+        view = View(view.document, tables, (*view.lines, *(line for page in pages for line in page.lines)))
     print_view(view, as_json)
     if code := max(_code(result) for _, result in ordered):
         raise typer.Exit(code)

@@ -11,6 +11,7 @@ from mapmore_cli.cli.exits import message
 from mapmore_cli.cli.views.view import View
 
 if TYPE_CHECKING:
+    from mapmore_cli.reporting.campaign import CampaignScores
     from mapmore_cli.spec.campaign import Campaign, Entry
     from mapmore_cli.stages.batch import Finished
 
@@ -41,19 +42,37 @@ def expanded(configs: Sequence[Path], overrides: Sequence[str]) -> tuple[list[Ex
     return campaigns, entries
 
 
-def write_page(expanded: Expanded, results: Sequence[Finished | BaseException], runs: Path, view: View) -> View:
-    """Write `RUNS/CAMPAIGN/index.html`; the view with the campaign's table in place of the long one, and the page's path."""
+def write_page(expanded: Expanded, results: Sequence[Finished | BaseException], runs: Path) -> View:
+    """Write `RUNS/CAMPAIGN/index.html` and its tables; a view of these, with the page's path."""
     from mapmore_cli.cli.views.files import PAGE
-    from mapmore_cli.reporting.campaign import nrmse_table, render_campaign
+    from mapmore_cli.reporting.campaign import campaign_tables, render_campaign
+    from mapmore_cli.reporting.tables import to_csv
     from mapmore_cli.storage.atomic import refusals_told, write_text
 
     campaign = expanded.campaign
     finished = [result for result in results if not isinstance(result, BaseException)]
-    table = nrmse_table({run.name: run.validation.scores for run in finished}, campaign.relative_to)
+    tables = campaign_tables(scores_of(campaign, finished))
     failed = {name: message(r) for name, r in zip(expanded.names, results, strict=True) if isinstance(r, BaseException)}
     pages = {run.name: f"../{run.name}/{PAGE.as_posix()}" for run in finished}
     folder = runs / campaign.campaign
     with refusals_told(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        write_text(folder / "index.html", render_campaign(campaign.title or campaign.campaign, [table], pages, failed))
-    return View(view.document, (table,), (*view.lines, f"campaign page: {folder / 'index.html'}"))
+        (folder / "tables").mkdir(parents=True, exist_ok=True)
+        for table in tables:
+            write_text(folder / "tables" / f"{table.name}.csv", to_csv(table))
+        write_text(folder / "index.html", render_campaign(campaign.title or campaign.campaign, tables, pages, failed))
+    return View({}, tables, (f"campaign page: {folder / 'index.html'}",))
+
+
+def scores_of(campaign: Campaign, finished: Sequence[Finished]) -> CampaignScores:
+    """What its tables are made of."""
+    from mapmore_cli.reporting.campaign import CampaignScores
+    from mapmore_cli.reporting.inputs import Published
+
+    printed = {run.name: run.published for run in finished if run.published is not None}
+    return CampaignScores(
+        {run.name: run.validation.scores for run in finished},
+        units={run.name: unit for run in finished for unit in run.validation.units.values()},
+        published={name: Published(paper.source, paper.nrmse, paper.rmse) for name, paper in printed.items()},
+        relative_to=campaign.relative_to,
+        best_of=campaign.best_of,
+    )

@@ -1,49 +1,164 @@
-"""The page of a campaign: one table over all runs, and the way to the page of each."""
+"""The page of a campaign: tables over all runs, and the way to the page of each."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 
-from mapmore_cli.domain.scores import Score
+from mapmore_cli.domain.scores import REPEATABILITY, Score
+from mapmore_cli.reporting.inputs import Published
 from mapmore_cli.reporting.page import environment
 from mapmore_cli.reporting.table import Cell, Column, Table
 
+Pooled = Mapping[str, Score]
+"""The scores of a run that count, by model: all curves pooled, of the held-out rows where there are any."""
 
-def nrmse_table(runs: Mapping[str, Sequence[Score]], relative_to: str | None = None) -> Table:
-    """Validation NRMSE of every model (columns) in every run (rows); training rows where a run holds nothing out.
 
-    With `relative_to`, closing rows give the geometric mean, the worst and the number of wins of each model's RMSE in ratio to that
-    model's, over the runs that have both.
+@dataclass(frozen=True)
+class CampaignScores:
+    """What the tables of a campaign are made of.
+
+    Attributes
+    ----------
+    runs
+        The scores of every run, by its name.
+    own
+        The name of the runs' own model.
+    units
+        The unit of the modelled quantity, by run.
+    published
+        Numbers of publications, by run.
+    relative_to
+        The model that ratios are taken to.
+    best_of
+        Models of which the best in each run, picked afterwards, is compared with.
     """
-    pooled = {name: _pooled(scores) for name, scores in runs.items()}
-    models = tuple(dict.fromkeys(model for scores in pooled.values() for model in scores))
-    rows: list[tuple[Cell, ...]] = [
-        (name, *(100 * scores[model].nrmse if model in scores else None for model in models)) for name, scores in pooled.items()
-    ]
-    notes = ["NRMSE in per cent of the held-out rows, all curves pooled; normalised by max|measured| of these rows."]
-    if relative_to in models:
-        rows += _ratios(list(pooled.values()), models, relative_to)
-        notes.append(f"Ratios are of RMSE to that of {relative_to}; a ratio below one is better.")
-    return Table(
-        "nrmse", "NRMSE of every run and model", (Column("run"), *(Column(m, "", ".3g") for m in models)), tuple(rows), tuple(notes)
-    )
+
+    runs: Mapping[str, Sequence[Score]]
+    own: str = "mapmore"
+    units: Mapping[str, str] = field(default_factory=dict)
+    published: Mapping[str, Published] = field(default_factory=dict)
+    relative_to: str | None = None
+    best_of: Sequence[str] = ()
+
+    @property
+    def pooled(self) -> dict[str, Pooled]:
+        """The scores that count, by run."""
+        return {name: _pooled(scores) for name, scores in self.runs.items()}
+
+    @property
+    def models(self) -> tuple[str, ...]:
+        """Every model of any run, what is no model last."""
+        names = dict.fromkeys(model for scores in self.pooled.values() for model in scores)
+        return tuple(sorted(names, key=lambda name: name == REPEATABILITY))
 
 
-def _pooled(scores: Sequence[Score]) -> dict[str, Score]:
+def _pooled(scores: Sequence[Score]) -> Pooled:
     rows = [score for score in scores if score.curve == "all"]
     split = "validate" if any(score.split == "validate" for score in rows) else "train"
     return {score.model: score for score in rows if score.split == split}
 
 
-def _ratios(runs: Sequence[Mapping[str, Score]], models: Sequence[str], relative_to: str) -> list[tuple[Cell, ...]]:
+def campaign_tables(scores: CampaignScores) -> tuple[Table, ...]:
+    """Every table of the page; those without rows are left out."""
+    return tuple(table for table in (nrmse_table(scores), hindsight_table(scores), published_table(scores)) if table.rows)
+
+
+def nrmse_table(scores: CampaignScores) -> Table:
+    """Validation NRMSE of every model (columns) in every run (rows); training rows where a run holds nothing out.
+
+    Closing rows give the geometric mean, the worst and the number of wins of each model's RMSE in ratio to that of `relative_to`, over the
+    runs that have both, and in how many runs it lies below the best of `best_of`.
+    """
+    pooled, models = scores.pooled, scores.models
+    rows: list[tuple[Cell, ...]] = [
+        (name, *(100 * run[model].nrmse if model in run else None for model in models)) for name, run in pooled.items()
+    ]
+    notes = ["NRMSE in per cent of the held-out rows, all curves pooled; normalised by max|measured| of these rows."]
+    if scores.relative_to in models:
+        rows += _ratios(list(pooled.values()), models, scores.relative_to)
+        notes.append(f"Ratios are of RMSE to that of {scores.relative_to}; a ratio below one is better.")
+    if set(scores.best_of) & set(models):
+        rows.append(("below the best formula", *(_wins(pooled.values(), model, scores.best_of) for model in models)))
+        notes.append(f"The best formula of {', '.join(scores.best_of)}: which of them it is in a run, one knows afterwards only.")
+    columns = (Column("run"), *(Column(model, "", ".3g") for model in models))
+    return Table("nrmse", "NRMSE of every run and model", columns, tuple(rows), tuple(notes))
+
+
+def _ratios(runs: Sequence[Pooled], models: Sequence[str], relative_to: str) -> list[tuple[Cell, ...]]:
     ratios = {m: [run[m].rmse / run[relative_to].rmse for run in runs if m in run and relative_to in run] for m in models}
+    ratios[REPEATABILITY] = []  # the floor wins nothing
     means = {m: math.exp(sum(map(math.log, r)) / len(r)) if r and min(r) > 0 else None for m, r in ratios.items()}
     return [
         ("ratio, geometric mean", *(means[m] for m in models)),
         ("ratio, worst", *(max(ratios[m], default=None) for m in models)),
-        ("runs better", *(f"{sum(r < 1 for r in ratios[m])} of {len(ratios[m])}" for m in models)),
+        ("runs better", *(f"{sum(r < 1 for r in ratios[m])} of {len(ratios[m])}" if ratios[m] else None for m in models)),
     ]
+
+
+def _wins(runs: Iterable[Pooled], model: str, best_of: Sequence[str]) -> str | None:
+    """In how many runs a model lies below the best of others; of those, only one that ties with nobody else does."""
+    others = [name for name in best_of if name != model]
+    compared = [(run[model].rmse, _best(run, others)) for run in runs if model in run]
+    won = [best is None or rmse < best.rmse for rmse, best in compared]
+    return f"{sum(won)} of {len(won)}" if won and model != REPEATABILITY else None
+
+
+def hindsight_table(scores: CampaignScores) -> Table:
+    """Who wins where, and how near to repeated measurements: the least error of all models, of `best_of`, and of the runs' own model."""
+    rows = []
+    for name, run in scores.pooled.items():
+        least = _best(run, [model for model in scores.models if model != REPEATABILITY])
+        formula, own, floor = _best(run, scores.best_of), run.get(scores.own), run.get(REPEATABILITY)
+        if least is None or formula is None or own is None:
+            continue
+        to_floor = own.rmse / floor.rmse if floor else None
+        rows.append(
+            (name, least.model, 100 * least.nrmse, formula.model, 100 * formula.nrmse, 100 * own.nrmse, own.rmse / formula.rmse, to_floor)
+        )
+    columns = (
+        Column("run"),
+        Column("least of all"),
+        Column("NRMSE", "%", ".3g"),
+        Column("least of the formulas"),
+        Column("NRMSE", "%", ".3g"),
+        Column(scores.own, "%", ".3g"),
+        Column("ratio to that formula", "", ".3g"),
+        Column("ratio to repeatability", "", ".3g"),
+    )
+    notes = (f"The formulas are {', '.join(scores.best_of)}; the least is picked afterwards, which nobody can do beforehand.",)
+    return Table("hindsight", "Who is best where", columns, tuple(rows), notes)
+
+
+def _best(run: Pooled, models: Sequence[str]) -> Score | None:
+    usable = [run[model] for model in models if model in run and math.isfinite(run[model].rmse)]
+    return min(usable, key=lambda score: score.rmse, default=None)
+
+
+def published_table(scores: CampaignScores) -> Table:
+    """RMSE and NRMSE of every model that a publication reports, beside its numbers."""
+    rows: list[tuple[Cell, ...]] = []
+    for name, run in scores.pooled.items():
+        paper = scores.published.get(name, Published(""))
+        for model, score in run.items():
+            if model in paper.rmse or model in paper.nrmse:
+                nrmse = 100 * paper.nrmse[model] if model in paper.nrmse else None
+                rows.append((name, model, score.rmse, paper.rmse.get(model), 100 * score.nrmse, nrmse))
+    units = {scores.units.get(str(row[0]), "") for row in rows}
+    unit = units.pop() if len(units) == 1 else ""
+    columns = (
+        Column("run"),
+        Column("model"),
+        Column("RMSE", unit, ".3g"),
+        Column("published RMSE", unit, ".3g"),
+        Column("NRMSE", "%", ".3g"),
+        Column("published NRMSE", "%", ".3g"),
+    )
+    filled = [j for j in range(len(columns)) if any(row[j] is not None for row in rows)]
+    kept = tuple(tuple(row[j] for j in filled) for row in rows)
+    sources = dict.fromkeys(f"Published: {paper.source}." for paper in scores.published.values())
+    return Table("published", "Beside the published numbers", tuple(columns[j] for j in filled), kept, tuple(sources))
 
 
 def render_campaign(title: str, tables: Sequence[Table], pages: Mapping[str, str], failed: Mapping[str, str]) -> str:

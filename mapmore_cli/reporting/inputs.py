@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -9,6 +10,12 @@ from mapmore_cli.domain.fits import FitResult, SegmentedCurve
 from mapmore_cli.domain.models import Equation, Model
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.domain.scores import Validation
+
+MOST_LINES = 7
+"""Lines that can be told apart in one panel."""
+
+FAR_OFF = 10.0
+"""Times the error of the run's own model, from which on a model does not set the scale of a figure."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +44,8 @@ class ReportInputs:
         The resolved spec.
     provenance
         Versions, hashes and the like, in the order in which to print them.
+    other_equations
+        The equations in other units, by the words that name these.
     """
 
     name: str
@@ -53,6 +62,7 @@ class ReportInputs:
     provenance: Mapping[str, str]
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    other_equations: Mapping[str, tuple[Equation, ...]] = field(default_factory=dict)
 
     @property
     def models(self) -> tuple[str, ...]:
@@ -65,14 +75,43 @@ class ReportInputs:
         return self.models[0]
 
     @property
+    def lines(self) -> tuple[str, ...]:
+        """The models that figures draw lines of: all, or the run's own and the best of the others where they are too many."""
+        if len(self.models) <= MOST_LINES:
+            return self.models
+        errors = self.pooled_errors
+        best = sorted(self.models[1:], key=lambda model: errors.get(model, math.inf))[: MOST_LINES - 1]
+        return (self.own, *(model for model in self.models if model in best))
+
+    @property
+    def far_off(self) -> tuple[str, ...]:
+        """The models beside which the run's own could not be seen, if figures were scaled to hold them."""
+        errors = self.pooled_errors
+        limit = FAR_OFF * errors.get(self.own, math.inf)
+        return tuple(model for model in self.models if errors.get(model, 0.0) > limit > 0)
+
+    @property
+    def pooled_errors(self) -> dict[str, float]:
+        """RMSE of every model that has one, of the held-out data where there are any."""
+        pooled = [s for s in self.validation.scores if s.curve == "all" and math.isfinite(s.rmse)]
+        split = "validate" if any(s.split == "validate" for s in pooled) else "train"
+        return {s.model: s.rmse for s in pooled if s.split == split}
+
+    @property
     def failed(self) -> tuple[str, ...]:
         """Names of the competitors that could not be fitted: they have no predictions and no scores."""
-        return tuple(name for name, formula in self.validation.formulas.items() if formula.failed)
+        scored = {row.model for row in self.validation.scores}
+        return tuple(name for name in self.models if name not in scored)
 
     @property
     def has_pieces(self) -> bool:
         """False where the model is a formula alone."""
         return any(curve.segments for curve in self.model.curves)
+
+    @property
+    def over_time(self) -> bool:
+        """True where curves are recordings of motion, to be drawn over time: step responses."""
+        return any(curve.at_rest is not None for curve in self.dataset.curves)
 
     @property
     def in_curve(self) -> Quantity:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -113,10 +113,12 @@ def coefficients_table(inputs: ReportInputs) -> Table:
     return Table("coefficients", "Coefficients with 95 % confidence intervals", columns, tuple(rows), (INDEPENDENCE_CAVEAT,))
 
 
-def equations_table(equations: Sequence[Equation]) -> Table:
-    """The model in physical units, as text and as LaTeX source."""
-    rows = tuple((equation.id, equation.text, equation.latex) for equation in equations)
-    return Table("equations", "Equations in physical units", (Column("id"), Column("equation"), Column("latex")), rows)
+def equations_table(equations: Sequence[Equation], others: Mapping[str, Sequence[Equation]]) -> Table:
+    """The model in physical units, as text and as LaTeX source; in `others` as text alone, a column for each."""
+    columns = (Column("id"), Column("equation"), *(Column(f"with {units}") for units in others), Column("latex"))
+    texts = zip(*([equation.text for equation in same] for same in (equations, *others.values())), strict=True)
+    rows = tuple((equation.id, *text, equation.latex) for equation, text in zip(equations, texts, strict=True))
+    return Table("equations", "Equations in physical units", columns, rows)
 
 
 def formulas_table(inputs: ReportInputs) -> Table:

@@ -137,9 +137,9 @@ def to_html(table: Table) -> str:
 
 
 def _html_heading(column: Column) -> str:
-    """The heading, which may break before its unit but not within it."""
+    """The heading, which may break after an underscore and before its unit, but not within that."""
     unit = column.heading.removeprefix(column.name).strip()
-    return escape(column.name) + (f' <span class="unit">{escape(unit)}</span>' if unit else "")
+    return escape(column.name).replace("_", "_<wbr>") + (f' <span class="unit">{escape(unit)}</span>' if unit else "")
 
 
 def _html_row(line: Sequence[str], kinds: Sequence[str]) -> str:

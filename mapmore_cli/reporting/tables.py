@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from mapmore_cli.domain.recording import Dataset
-from mapmore_cli.domain.scores import Score
+from mapmore_cli.domain.scores import REPEATABILITY, Score
 from mapmore_cli.reporting.inputs import Published, ReportInputs
 from mapmore_cli.reporting.model_tables import (
     coefficients_table,
@@ -37,6 +37,12 @@ __all__ = [
 ]
 
 
+FLOOR_NOTE = (
+    f"{REPEATABILITY}: no model, but how far a sample lies from the mean of the other recordings at its level, place and direction, "
+    "where there are others. It is about the least that can be asked for."
+)
+
+
 def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
     """Every table of the report, in the order of the page."""
     scores, units = inputs.validation.scores, inputs.validation.units
@@ -48,7 +54,7 @@ def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
         segments_table(inputs),
         terms_table(inputs.fit),
         coefficients_table(inputs),
-        equations_table(inputs.equations),
+        equations_table(inputs.equations, inputs.other_equations),
         formulas_table(inputs),
         folds_table(inputs.model.cross_validation, inputs.target.unit),
     )
@@ -67,6 +73,8 @@ def score_table(scores: Sequence[Score], units: Mapping[str, str], published: Pu
     rows = [_score_cells(s) for s in pooled] + [(name, "failed", *[None] * (len(columns) - 2)) for name in failed]
     full_scales = dict.fromkeys((s.split, f"{s.normaliser_name} = {s.normaliser:.4g} {unit}".rstrip()) for s in pooled)
     notes = [f"NRMSE {split}: RMSE / FS, the full scale FS = {full_scale}." for split, full_scale in full_scales]
+    if any(s.model == REPEATABILITY for s in pooled):
+        notes.append(FLOOR_NOTE)
     if published is not None:
         for heading, of, factor, unit_of in (("NRMSE", published.nrmse, 100.0, "%"), ("RMSE", published.rmse, 1.0, unit)):
             if of:

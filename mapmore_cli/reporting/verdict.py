@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.domain.scores import Score
+from mapmore_cli.domain.scores import REPEATABILITY, Score
 
 EQUAL_WITHIN = 0.01
 """Relative difference of two errors below which neither model is called better."""
@@ -28,7 +28,7 @@ def verdict(scores: Sequence[Score], own: str, target: Quantity, failed: Sequenc
         "train": "on its own training data (nothing was held out, so this says little about new data)",
     }[split]
     first = f"{own} predicts {target.name} with an NRMSE of {_percent(ours.nrmse)} (RMSE {ours.rmse:.3g} {target.unit}) {where}"
-    return f"{first}; {_comparison(ours, [s for s in compared if s.model != own], failed)}."
+    return f"{first}; {_comparison(ours, [s for s in compared if s.model not in (own, REPEATABILITY)], failed)}{_floor(compared)}."
 
 
 def _comparison(ours: Score, others: Sequence[Score], failed: Sequence[str]) -> str:
@@ -41,6 +41,11 @@ def _comparison(ours: Score, others: Sequence[Score], failed: Sequence[str]) -> 
         return f"{claim}: no difference to speak of"
     ratio = f" ({ours.rmse / best.rmse:.3g} times the RMSE)" if best.rmse > 0 else ""
     return f"{claim}: {ours.model} is {'better' if ours.rmse < best.rmse else 'worse'}{ratio}"
+
+
+def _floor(compared: Sequence[Score]) -> str:
+    """What repeated measurements differ by, where there are any."""
+    return "".join(f"; repeated measurements differ by {_percent(s.nrmse)}" for s in compared if s.model == REPEATABILITY)
 
 
 def _percent(fraction: float) -> str:

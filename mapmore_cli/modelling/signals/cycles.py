@@ -67,7 +67,7 @@ def split_cycles(over: Array, columns: Columns, samples: int) -> Branches:
     if not low < high:
         raise DataError("contraction and extension have no range in common")
     edges = np.linspace(low, high, samples + 1)
-    means = [_bin_means(over[rows], {n: v[rows] for n, v in columns.items()}, edges) for rows in (rising, falling)]
+    means = [bin_means(over[rows], {n: v[rows] for n, v in columns.items()}, edges) for rows in (rising, falling)]
     for (places, _), name in zip(means, ("contraction", "extension"), strict=True):
         if len(places) < FEWEST:
             raise DataError(f"the {name} branch was measured at {len(places)} different places; {FEWEST} are needed")
@@ -98,6 +98,19 @@ def turning_points(values: Array, swing: float) -> IntArray:
     return np.array(turns, dtype=np.int64)
 
 
+def bin_means(over: Array, columns: Columns, edges: Array) -> tuple[Array, dict[str, Array]]:
+    """Return mean position and mean quantities of the samples in every bin that has any, in ascending order."""
+    inside = (over >= edges[0]) & (over <= edges[-1])
+    place = np.clip(np.searchsorted(edges, over[inside], side="right") - 1, 0, len(edges) - 2)
+    counts = np.bincount(place, minlength=len(edges) - 1)
+    filled = counts > 0
+
+    def means(values: Array) -> Array:
+        return np.asarray(np.bincount(place, values[inside], minlength=len(counts))[filled] / counts[filled])
+
+    return means(over), {name: means(values) for name, values in columns.items()}
+
+
 def _trimmed_runs(over: Array, turns: IntArray) -> Mapping[int, list[IntArray]]:
     """Rows of each run between turning points, by direction (1 rising, -1 falling), without the rests at its ends."""
     tolerance = min(2 * _noise(over), TRIM * float(np.ptp(over))) if len(over) else 0.0
@@ -122,16 +135,3 @@ def _pooled(runs: list[IntArray], name: str) -> IntArray:
     if not runs:
         raise DataError(f"there is no full load cycle: the {name} branch is missing")
     return np.concatenate(runs)
-
-
-def _bin_means(over: Array, columns: Columns, edges: Array) -> tuple[Array, dict[str, Array]]:
-    """Mean position and mean quantities of the samples in every bin that has any, in ascending order."""
-    inside = (over >= edges[0]) & (over <= edges[-1])
-    place = np.clip(np.searchsorted(edges, over[inside], side="right") - 1, 0, len(edges) - 2)
-    counts = np.bincount(place, minlength=len(edges) - 1)
-    filled = counts > 0
-
-    def means(values: Array) -> Array:
-        return np.asarray(np.bincount(place, values[inside], minlength=len(counts))[filled] / counts[filled])
-
-    return means(over), {name: means(values) for name, values in columns.items()}

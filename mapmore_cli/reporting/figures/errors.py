@@ -12,7 +12,16 @@ from matplotlib.figure import Figure
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.reporting.figures.drawing import Drawing
 from mapmore_cli.reporting.figures.panels import columns_for, width_for
-from mapmore_cli.reporting.figures.style import LIGHT, SOME_DOTS, ModelStyle, axis_label, model_styles, zero_line
+from mapmore_cli.reporting.figures.style import (
+    LIGHT,
+    SOME_DOTS,
+    ModelStyle,
+    axis_label,
+    beyond_scale,
+    hold_scale,
+    model_styles,
+    zero_line,
+)
 from mapmore_cli.reporting.figures.thinning import cloud
 from mapmore_cli.reporting.inputs import ReportInputs
 
@@ -58,9 +67,15 @@ def draw_errors(ax: Axes, panel: ErrorPanel, style: ModelStyle) -> None:
         ax.text(0.5, 0.6, "failed", transform=ax.transAxes, ha="center")
 
 
+def _tell_beyond(ax: Axes, panel: ErrorPanel, unit: str) -> None:
+    """Write how large the errors are that the panel does not show."""
+    largest = np.nanmax(np.abs(np.concatenate([panel.train[1], panel.held_out[1]])))
+    ax.text(0.98, 0.98, f"beyond the scale: up to {largest:.3g} {unit}", transform=ax.transAxes, ha="right", va="top", fontsize=7)
+
+
 def error_figures(inputs: ReportInputs) -> list[Drawing]:
     """One panel a model, all with the same axes."""
-    panels, styles = error_panels(inputs), model_styles(inputs.models)
+    panels, styles = error_panels(inputs), model_styles([*inputs.lines, *inputs.models])
     columns = columns_for(len(panels))
     rows = math.ceil(len(panels) / columns)
     figure = Figure(figsize=(width_for(len(panels)), 0.4 + 1.75 * rows), layout="constrained")
@@ -75,9 +90,16 @@ def error_figures(inputs: ReportInputs) -> list[Drawing]:
         ax.set_xlabel(axis_label(inputs.target, "measured"))
         if number % columns == 0:
             ax.set_ylabel(f"Error ({inputs.target.unit})")
+    if inputs.far_off:
+        near = [error for panel in panels if panel.model not in inputs.far_off for _, error in (panel.train, panel.held_out)]
+        hold_scale(axes[0, 0], near)
+        for ax, panel in zip(axes.flat, panels, strict=False):
+            if panel.model in inputs.far_off:
+                _tell_beyond(ax, panel, inputs.target.unit)
     held_out = any(len(panel.held_out[0]) for panel in panels)
     dots = "pale dots are training samples, coloured ones were held out" if held_out else "all samples are training samples"
     thinned = max(len(measured) for measured, _ in (panels[0].train, panels[0].held_out)) > DOTS
     what = f"Error (predicted minus measured) over the measured {inputs.target.name}"
     models = ", ".join(panel.model for panel in panels)
-    return [Drawing("error", f"{what}, all curves pooled; {dots}.{SOME_DOTS if thinned else ''}", f"{what} for {models}.", figure)]
+    caption = f"{what}, all curves pooled; {dots}.{SOME_DOTS if thinned else ''}{beyond_scale(inputs.far_off)}"
+    return [Drawing("error", caption, f"{what} for {models}.", figure)]

@@ -21,7 +21,10 @@ from mapmore_cli.reporting.figures.style import (
     GREY,
     ModelStyle,
     axis_label,
+    best_of,
+    beyond_scale,
     draw_band,
+    hold_scale,
     model_styles,
     shortened,
     some_of,
@@ -57,7 +60,7 @@ def fit_panel(inputs: ReportInputs, number: int, rows: BoolArray | None = None) 
     order = np.argsort(x, kind="stable")
     if rows is not None:
         order = order[rows[order]]
-    predictions = {model: of_curves[number][order] for model, of_curves in inputs.validation.predictions.items()}
+    predictions = {model: inputs.validation.predictions[model][number][order] for model in inputs.lines}
     return FitPanel(inputs.curve_label(curve), x[order], curve.columns[inputs.dataset.target][order], curve.held_out[order], predictions)
 
 
@@ -105,20 +108,35 @@ def fit_figures(inputs: ReportInputs) -> list[Drawing]:
     panels = [fit_panel(inputs, numbers[i]) for i in spread(len(numbers), MOST_PANELS)]
     if not panels:
         return []
-    styles = model_styles(inputs.models)
+    styles = model_styles(inputs.lines)
+    far_off = [model for model in inputs.far_off if model in inputs.lines]
     rows = math.ceil(len(panels) / columns_for(len(panels)))
     figure = Figure(figsize=(width_for(len(panels)), 0.45 + 2.65 * rows), layout="constrained")
-    for pair, panel in zip(pairs(figure, len(panels), (2.0, 1.0)), panels, strict=True):
+    drawn = list(zip(pairs(figure, len(panels), (2.0, 1.0)), panels, strict=True))
+    for pair, panel in drawn:
         _draw_pair(pair, panel, styles)
         label_pair(pair, axis_label(inputs.in_curve), axis_label(inputs.target), f"Error ({inputs.target.unit})")
+    if far_off:
+        _hold_rows(drawn, far_off)
     figure.align_ylabels()
     mixed = any(not panel.held_out.all() for panel in panels)
     figure.legend(handles=_legend(panels, styles, mixed), loc="outside upper left", ncols=2 if len(panels) == 1 else 6)
     what = f"Measured and predicted {inputs.target.name}"
     marked = " Filled dots and grey bands mark held-out samples, open dots training samples." if mixed else ""
-    drawn = thinned([len(panel.x) for panel in panels]) + some_of(len(panels), len(numbers), "curves with held-out samples")
-    caption = f"{what} of the held-out curves above, predicted minus measured below.{marked}{drawn}"
+    left_out = some_of(len(panels), len(numbers), "curves with held-out samples") + best_of(len(styles), len(inputs.models))
+    shown = f"{thinned([len(panel.x) for panel in panels])}{left_out}{beyond_scale(far_off)}"
+    caption = f"{what} of the held-out curves above, predicted minus measured below.{marked}{shown}"
     return [Drawing("fit", caption, f"{what} over {inputs.in_curve.name}: {_worst_errors(panels)}.", figure)]
+
+
+def _hold_rows(drawn: Sequence[tuple[Pair, FitPanel]], far_off: Sequence[str]) -> None:
+    """Scale every row of panels, whose y axes are common, to what was measured and to the models that are not far off."""
+    columns = columns_for(len(drawn))
+    for start in range(0, len(drawn), columns):
+        row = drawn[start : start + columns]
+        near = [(panel, values) for _, panel in row for model, values in panel.predictions.items() if model not in far_off]
+        hold_scale(row[0][0].top, [*(panel.y for _, panel in row), *(values for _, values in near)])
+        hold_scale(row[0][0].bottom, [values - panel.y for panel, values in near])
 
 
 def _draw_pair(pair: Pair, panel: FitPanel, styles: Mapping[str, ModelStyle]) -> None:

@@ -47,7 +47,7 @@ def pairs(figure: Figure, count: int, heights: tuple[float, float], common_x: bo
             bottom.sharex(top)
         top.tick_params(labelbottom=False)
         bottom.tick_params(labelbottom=True)
-        bottom.locator_params(axis="x", nbins=5)
+        bottom.locator_params(axis="x", nbins=5 if columns < 2 else 4)
         yield Pair(top, bottom, first=column == 0)
 
 

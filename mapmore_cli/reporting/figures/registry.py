@@ -11,6 +11,7 @@ from matplotlib import rc_context, rcdefaults
 from mapmore_cli.reporting.figures.drawing import Drawing, to_svg
 from mapmore_cli.reporting.figures.errors import error_figures
 from mapmore_cli.reporting.figures.fit import fit_figures
+from mapmore_cli.reporting.figures.motion import motion_figures
 from mapmore_cli.reporting.figures.scores import nrmse_figures
 from mapmore_cli.reporting.figures.segments import segment_figures
 from mapmore_cli.reporting.figures.style import RC
@@ -21,7 +22,7 @@ from mapmore_cli.reporting.inputs import ReportInputs
 
 FIGURES: Mapping[str, Callable[[ReportInputs], list[Drawing]]] = {
     "data": data_figures,
-    "fit": lambda inputs: [*fit_figures(inputs), *training_figures(inputs)],
+    "fit": lambda inputs: motion_figures(inputs) if inputs.over_time else [*fit_figures(inputs), *training_figures(inputs)],
     "error": error_figures,
     "nrmse": nrmse_figures,
     "segments": segment_figures,

@@ -12,22 +12,27 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from mapmore_cli.domain.scores import Score
+from mapmore_cli.domain.scores import REPEATABILITY, Score
 from mapmore_cli.reporting.figures.drawing import Drawing
-from mapmore_cli.reporting.figures.style import BLACK, SINGLE, ModelStyle, model_styles, shortened
+from mapmore_cli.reporting.figures.style import BLACK, GREY, SINGLE, ModelStyle, model_styles, shortened
 from mapmore_cli.reporting.inputs import ReportInputs
 
 BAR = 0.36
 SPLITS = {"validate": "held out", "train": "training"}
 DIAMOND: dict[str, Any] = {"linestyle": "none", "marker": "D", "markersize": 4.5, "color": BLACK, "markerfacecolor": "white"}
+FLOOR: dict[str, Any] = {"color": GREY, "linestyle": (0, (3, 2)), "linewidth": 0.9}
 
 
 @dataclass(frozen=True)
 class NrmseBars:
-    """NRMSE in per cent by model and then by split, absent for a failed model; published values by model."""
+    """NRMSE in per cent by model and then by split, absent for a failed model; published values by model.
+
+    `floor` is what repeated measurements differ by, by split, where they were repeated.
+    """
 
     values: Mapping[str, Mapping[str, float]]
     published: Mapping[str, float]
+    floor: Mapping[str, float]
 
     @property
     def splits(self) -> tuple[str, ...]:
@@ -39,13 +44,17 @@ def nrmse_bars(models: Sequence[str], scores: Sequence[Score], published: Mappin
     """Pooled scores of the models in their order."""
     values = {
         model: {s.split: 100 * s.nrmse for s in scores if s.model == model and s.curve == "all" and math.isfinite(s.nrmse)}
-        for model in models
+        for model in (*models, REPEATABILITY)
     }
-    return NrmseBars(values, {model: 100 * published[model] for model in models if model in published})
+    floor = values.pop(REPEATABILITY)
+    return NrmseBars(values, {model: 100 * published[model] for model in models if model in published}, floor)
 
 
 def draw_nrmse(ax: Axes, bars: NrmseBars, styles: Mapping[str, ModelStyle]) -> None:
-    """A pair of bars a model, solid for held-out and hatched for training data, values at the right, published ones as diamonds."""
+    """A pair of bars a model, solid for held-out and hatched for training data, values at the right, published ones as diamonds.
+
+    A dashed line marks what repeated measurements differ by, of the data that the solid bars are about.
+    """
     first = -(len(bars.splits) - 1) / 2 * BAR
     for place, (model, by_split) in enumerate(bars.values.items()):
         for j, split in enumerate(bars.splits):
@@ -55,12 +64,14 @@ def draw_nrmse(ax: Axes, bars: NrmseBars, styles: Mapping[str, ModelStyle]) -> N
             if split in by_split:
                 look = _bar_look(styles[model].colour, solid)
                 ax.barh(at, by_split[split], BAR * 0.9, linewidth=0.8, **look)
+    if bars.splits[0] in bars.floor:
+        ax.axvline(bars.floor[bars.splits[0]], zorder=4, **FLOOR)
     places = {model: place for place, model in enumerate(bars.values)}
     if bars.published:
         ax.plot([*bars.published.values()], [places[model] + first for model in bars.published], zorder=5, clip_on=False, **DIAMOND)
     ax.set_yticks(range(len(places)), [shortened(model, 24) for model in places])
     ax.tick_params(axis="y", length=0)
-    ax.invert_yaxis()
+    ax.set_ylim(len(places) - 0.45, -0.55)
     ax.set_xlim(left=0)
 
 
@@ -79,16 +90,19 @@ def nrmse_figures(inputs: ReportInputs) -> list[Drawing]:
         return []
     figure = Figure(figsize=(SINGLE, 0.75 + 0.42 * len(bars.values)), layout="constrained")
     ax = figure.subplots()
-    draw_nrmse(ax, bars, model_styles(inputs.models))
+    draw_nrmse(ax, bars, model_styles([*inputs.lines, *inputs.models]))
     ax.set_xlabel("NRMSE (%)")
     handles: list[Patch | Line2D] = [Patch(label=SPLITS[split], **_bar_look(BLACK, j == 0)) for j, split in enumerate(bars.splits)]
     if bars.published:
         handles.append(Line2D([], [], label="published", **DIAMOND))
+    shown = bars.splits[0]
+    if shown in bars.floor:
+        handles.append(Line2D([], [], label=f"repeatability {bars.floor[shown]:.2f}", **FLOOR))
     figure.legend(handles=handles, loc="outside upper left", ncols=3)
     normalisers = dict.fromkeys(f"{s.split}: {s.normaliser_name}" for s in inputs.validation.scores if s.curve == "all")
     source = f" Diamonds: {inputs.published.source}." if inputs.published and bars.published else ""
-    caption = f"Normalised root mean square error of all curves pooled (normaliser of {'; '.join(normalisers)}).{source}"
-    shown = bars.splits[0]
+    floor = " The dashed line is what repeated measurements differ by, to be held against the solid bars." if shown in bars.floor else ""
+    caption = f"Normalised root mean square error of all curves pooled (normaliser of {'; '.join(normalisers)}).{floor}{source}"
     results = {model: f"{by_split[shown]:.2f} %" if shown in by_split else "failed" for model, by_split in bars.values.items()}
     spoken = ", ".join(f"{model} {result}" for model, result in results.items())
     return [Drawing("nrmse", caption, f"NRMSE on {SPLITS[shown]} data: {spoken}.", figure)]

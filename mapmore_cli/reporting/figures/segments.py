@@ -1,4 +1,4 @@
-"""Segments with the weights that join them, as M2's figures 5 and 6, and the weights of the levels."""
+"""Segments with the weights that join them, as M2's figures 5 and 6."""
 
 from __future__ import annotations
 
@@ -11,18 +11,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mapmore_cli.domain.arrays import Array, IntArray
-from mapmore_cli.domain.models import Model
-from mapmore_cli.modelling.fusion import cell_weights, level_weights, zones
+from mapmore_cli.domain.recording import DIRECTION
+from mapmore_cli.modelling.fusion import cell_weights, zones
 from mapmore_cli.modelling.segmentation import training_curves
 from mapmore_cli.reporting.figures.drawing import Drawing
+from mapmore_cli.reporting.figures.levels import level_figures
 from mapmore_cli.reporting.figures.panels import columns_for, label_pair, pairs, width_for
 from mapmore_cli.reporting.figures.style import (
     GREY,
     SEGMENT_COLOURS,
     SEGMENT_MARKERS,
-    SINGLE,
     axis_label,
-    level_colours,
     shortened,
     some_of,
 )
@@ -94,12 +93,11 @@ def _look(place: int, what: str) -> dict[str, Any]:
 
 
 def segment_figures(inputs: ReportInputs) -> list[Drawing]:
-    """One figure a segmented variable, and one of the levels' weights."""
+    """One figure a segmented variable, and one of the way between the levels."""
     if not inputs.has_pieces:
         return []
-    cut = [_variable_figure(inputs, j, name) for j, name in enumerate(inputs.model.variables)]
-    levels = [curve.level for curve in inputs.model.curves if curve.level is not None]
-    return cut + ([_levels_figure(inputs, np.array(levels))] if inputs.model.level and len(levels) > 1 else [])
+    cut = [_variable_figure(inputs, j, name) for j, name in enumerate(inputs.model.variables) if name != DIRECTION]
+    return [*cut, *level_figures(inputs)]
 
 
 def _variable_figure(inputs: ReportInputs, variable: int, name: str) -> Drawing:
@@ -124,28 +122,3 @@ def _variable_figure(inputs: ReportInputs, variable: int, name: str) -> Drawing:
     alt = "; ".join(f"{panel.title}: boundaries at {', '.join(f'{b:.3g}' for b in panel.boundaries)}" for panel in panels)
     stem = "segments" if variable == 0 else f"segments_{name}"
     return Drawing(stem, caption, f"Segments of {name}. {alt}.", figure)
-
-
-def draw_levels(ax: Axes, levels: Array, model: Model) -> None:
-    """Triangular weights between neighbouring levels; beyond the outer ones as far as the extrapolation acts on the weights."""
-    below, above = model.fusion.extrapolation[str(model.level)]
-    margin = 0.08 * (levels[-1] - levels[0])
-    low = levels[0] - (margin if isinstance(below, str) else 0.0)
-    high = levels[-1] + (margin if isinstance(above, str) else 0.0)
-    x = np.union1d(np.linspace(low, high, GRID), levels)
-    for colour, level, weight in zip(level_colours(len(levels)), levels, level_weights(x, levels, str(below), str(above)).T, strict=True):
-        ax.plot(x, weight, color=colour, linewidth=1.2)
-        ax.plot([level], [1.0], color=colour, marker="o", markersize=3)
-
-
-def _levels_figure(inputs: ReportInputs, levels: Array) -> Drawing:
-    level = inputs.dataset.quantities[str(inputs.model.level)]
-    figure = Figure(figsize=(SINGLE, 1.5), layout="constrained")
-    ax = figure.subplots()
-    draw_levels(ax, levels, inputs.model)
-    ax.set_yticks([0, 0.5, 1])
-    ax.set_xlabel(axis_label(level))
-    ax.set_ylabel("Weight (–)")
-    caption = f"Weights of the {len(levels)} training curves over {level.name}; a dot marks the level of each."
-    peaks = ", ".join(f"{value:g}" for value in levels)
-    return Drawing("segments_levels", caption, f"Triangular weights with their peaks at {peaks} {level.unit}.", figure)

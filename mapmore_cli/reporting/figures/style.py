@@ -77,8 +77,8 @@ _OTHERS = (
 
 
 def model_styles(models: Sequence[str]) -> dict[str, ModelStyle]:
-    """One style a model: the first, the run's own, always the same; the others in turn."""
-    return {name: OWN_STYLE if i == 0 else _OTHERS[(i - 1) % len(_OTHERS)] for i, name in enumerate(models)}
+    """One style a model: the first, the run's own, always the same; the others in turn, names that come again left out."""
+    return {name: OWN_STYLE if i == 0 else _OTHERS[(i - 1) % len(_OTHERS)] for i, name in enumerate(dict.fromkeys(models))}
 
 
 def axis_label(quantity: Quantity, prefix: str = "") -> str:
@@ -114,6 +114,24 @@ def some_of(shown: int, count: int, what: str) -> str:
 def level_colours(count: int) -> list[str]:
     """Blues for ordered curves, from pale (but not too pale for white paper) to dark: they stay apart from the model's own colour."""
     return [to_hex(colour) for colour in colormaps["Blues"](np.linspace(0.45, 1.0, count) if count > 1 else np.array([0.8]))]
+
+
+def best_of(shown: int, count: int) -> str:
+    """A sentence about the models that lines are drawn of; nothing where all are."""
+    return "" if shown == count else f" Of {count} models, the run's own and the {shown - 1} others with the least error are drawn."
+
+
+def hold_scale(ax: Axes, values: Sequence[Array]) -> None:
+    """Let the y axis show these values, and whatever else is drawn leave it."""
+    every = np.concatenate(values)
+    low, high = float(np.nanmin(every)), float(np.nanmax(every))
+    margin = 0.06 * (high - low)
+    ax.set_ylim(low - margin, high + margin)
+
+
+def beyond_scale(models: Sequence[str]) -> str:
+    """A sentence about the models that leave the panels; nothing where all are held."""
+    return f" Too far off for the scale: {', '.join(models)}." if models else ""
 
 
 def zero_line(ax: Axes) -> None:

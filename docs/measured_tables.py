@@ -1,0 +1,127 @@
+"""Write the tables of docs/measured-static.md from runs, which are brought up to date first: `python docs/measured_tables.py RUNS`.
+
+A table stands between `<!-- table NAME -->` and `<!-- end -->`. The measured recordings must be there (docs/data.md).
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from mapmore_cli.cli.campaigns import scores_of
+from mapmore_cli.domain.scores import REPEATABILITY
+from mapmore_cli.reporting.campaign import CampaignScores, hindsight_table, nrmse_table, published_table
+from mapmore_cli.reporting.tables import Column, Table, score_table, to_markdown
+from mapmore_cli.spec.campaign import Entry, load_campaign
+from mapmore_cli.stages.batch import Finished, Job, run_one
+from mapmore_cli.stages.inspection.foot import slack_foot
+from mapmore_cli.storage.artefacts import read_dataset, read_model
+
+DOCS = Path(__file__).parent
+CONFIGS = DOCS.parent / "configs"
+BACKBONES = ("on_sarosi", "on_sarosi_hinged")
+
+
+def campaign(name: str, runs: Path) -> CampaignScores:
+    """The scores of a shipped campaign."""
+    spec, entries = load_campaign(CONFIGS / "campaigns" / f"{name}.yaml")
+    return scores_of(spec, [finished(entry, runs) for entry in entries])
+
+
+def finished(entry: Entry, runs: Path) -> Finished:
+    """A run, brought up to date."""
+    return run_one(Job(entry.config, runs, entry.overrides))
+
+
+def backbones(scores: CampaignScores, runs: Path) -> Table:
+    """What the training data of each run say about its backbone, and what the choice by left-out levels comes to."""
+    rows, ratios = [], []
+    for name, run in scores.pooled.items():
+        errors = {backbone: least_left_out_error(runs / f"{name}.{backbone}") for backbone in BACKBONES}
+        chosen = run[min(errors, key=errors.__getitem__)]
+        formula = min(run[model].rmse for model in scores.best_of)
+        floor = chosen.rmse / run[REPEATABILITY].rmse if REPEATABILITY in run else None
+        ratios.append(chosen.rmse / run["sarosi"].rmse)
+        foot = "yes" if has_foot(runs / name) else "no"
+        rows.append((name, foot, *errors.values(), chosen.model, 100 * chosen.nrmse, ratios[-1], chosen.rmse / formula, floor))
+    mean = math.exp(sum(map(math.log, ratios)) / len(ratios))
+    won = sum(row[7] < 1 for row in rows)
+    rows.append(("geometric mean", *[None] * 5, mean, f"{won} of {len(rows)} below 1", None))
+    rows.append(("worst", *[None] * 5, max(ratios), None, None))
+    columns = (
+        Column("run"),
+        Column("slack foot"),
+        Column("on_sarosi, left out", "N", ".3g"),
+        Column("on_sarosi_hinged, left out", "N", ".3g"),
+        Column("chosen"),
+        Column("NRMSE", "%", ".3g"),
+        Column("ratio to sarosi", "", ".3g"),
+        Column("ratio to the best formula", "", ".3g"),
+        Column("ratio to repeatability", "", ".3g"),
+    )
+    return Table("backbones", "The backbone that left-out training levels choose, run by run", columns, tuple(rows))
+
+
+def least_left_out_error(run: Path) -> float:
+    """RMSE on left-out training data, with as much of the residual as is best there."""
+    return min(fold.rmse for fold in read_model(run / "model.h5").cross_validation)
+
+
+def has_foot(run: Path) -> bool:
+    """True where the training samples show a slack foot, as `check` and `init` see it."""
+    curves = read_dataset(run / "ingest.h5").curves
+    pressure, strain, force = (np.concatenate([c.columns[n][c.training] for c in curves]) for n in ("pressure", "strain", "force"))
+    return slack_foot(pressure, strain, force) is not None
+
+
+def terms(scores: CampaignScores) -> Table:
+    """NRMSE of the own model by study (rows) and variant (columns)."""
+    by_study: dict[str, dict[str, float]] = {}
+    for name, run in scores.pooled.items():
+        study, _, variant = name.rpartition("-")
+        by_study.setdefault(study, {})[variant] = 100 * run[scores.own].nrmse
+    words = {"1": "one term", "2": "two", "3": "three", "order2": "two of 1, x, x²"}
+    rows = tuple((study, *(variants[variant] for variant in words)) for study, variants in by_study.items())
+    columns = (Column("study"), *(Column(word, "%", ".3g") for word in words.values()))
+    return Table("terms", "NRMSE of mapmore by number of terms", columns, rows)
+
+
+def family(runs: Path) -> Table:
+    """The scores on the held-out muscle."""
+    validation = finished(Entry(CONFIGS / "festo" / "festo_10mm_family.yaml", ()), runs).validation
+    return score_table([score for score in validation.scores if score.split == "validate"], validation.units)
+
+
+def tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
+    """Every table of the page, by its name there."""
+    measured, m1 = campaign("measured_static", runs), campaign("m1", runs)
+    return {
+        "measured": lambda: nrmse_table(measured),
+        "hindsight": lambda: hindsight_table(measured),
+        "backbones": lambda: backbones(measured, runs),
+        "family": lambda: family(runs),
+        "m1": lambda: nrmse_table(m1),
+        "m1-published": lambda: published_table(m1),
+        "m1-terms": lambda: terms(campaign("m1_terms", runs)),
+    }
+
+
+def main(runs: Path) -> None:
+    """Replace every table of the page."""
+    page = DOCS / "measured-static.md"
+    found = tables(runs)
+
+    def table(match: re.Match[str]) -> str:
+        return f"{match[1]}\n{to_markdown(found[match[2]]())}{match[3]}"
+
+    text = re.sub(r"(<!-- table (\S+) -->)\n.*?(<!-- end -->)", table, page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    page.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
