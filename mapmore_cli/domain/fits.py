@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.arrays import Array, IntArray
+
+if TYPE_CHECKING:
+    from mapmore_cli.domain.memory import MemoryFit
 
 
 @dataclass(frozen=True)
@@ -15,7 +19,7 @@ class Scaling:
     `z_j = slope_j x_j + intercept_j` and `y = y_slope y_scaled + y_intercept` (M2 eq 8).
     """
 
-    rule: str  # unit_square | max_abs | none
+    rule: str  # unit_square | max_abs | none | range
     placement: str  # where the origin lies: "left", "right", "left,right" (one word a variable), "-"
     variables: tuple[str, ...]
     slope: Array  # (variables,)
@@ -51,7 +55,7 @@ class Selection:
     sse, yy
         Residual and total sum of squares, both uncentred and in scaled coordinates.
     stop
-        `tolerance`, `max_terms`, `no_gain`, `rank`, `bic`, `aicc` or `press`.
+        `tolerance`, `max_terms`, `no_gain`, `rank`, `bic`, `aicc`, `press`, `free_run`, or `pruned` (from more terms to `max_terms`).
     """
 
     chosen: IntArray
@@ -143,9 +147,16 @@ class FormulaFit:
 class FitResult:
     """What the fit stage hands on: the segment functions, fitted to what `backbone` leaves where there is one.
 
-    `fits` is empty where the run's own model is a formula; that formula is then the backbone.
+    `fits` is empty where the run's own model is a formula, which is then the backbone, and where one model with `memory` stands in their
+    place.
     """
 
     fits: tuple[SegmentFit, ...]
     backbone: FormulaFit | None = None
     notes: tuple[str, ...] = ()
+    memory: MemoryFit | None = None
+
+    @property
+    def pieces(self) -> tuple[SegmentFit, ...]:
+        """Everything that terms were chosen for: the segments, or the model with memory as one piece."""
+        return self.fits if self.memory is None else (*self.fits, self.memory.piece)

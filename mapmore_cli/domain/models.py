@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import FormulaFit, Scaling
+from mapmore_cli.domain.memory import MemoryModel
 from mapmore_cli.domain.recording import Quantity
 
 Side = str | float
@@ -64,6 +65,24 @@ class Fusion:
 
 
 @dataclass(frozen=True)
+class Signal:
+    """An input that follows from another one over time: a `rate`, or the `direction` of motion that a rate tells.
+
+    A rate is `factor` times the derivative by the time in seconds, over a `window` in seconds by polynomials of `order`, where the time
+    comes in units of so many `seconds`; the direction has a `dead_band` in the unit of the rate. Numbers that a kind does not have are 0.
+    """
+
+    name: str
+    kind: str  # rate | direction
+    of: str
+    window: float = 0.0
+    order: int = 0
+    factor: float = 1.0
+    seconds: float = 1.0
+    dead_band: float = 0.0
+
+
+@dataclass(frozen=True)
 class FoldError:
     """Cross-validation error of one choice: RMSE pooled over all left-out training samples, in the target's unit."""
 
@@ -74,11 +93,13 @@ class FoldError:
 
 @dataclass(frozen=True)
 class Model:
-    """A static model `output = backbone(inputs) + sum_i f_i(E(x)) prod_j w_ij(x_j)` (M2 eq 9).
+    """A model `output = backbone(inputs) + sum_i f_i(E(x)) prod_j w_ij(x_j)` (M2 eq 9).
 
     Where the model is a formula alone, its curves have no segments but still say the training range; `backbone` is None where MAPMORE
     stands by itself. `cross_validation` says on what grounds the residual on a backbone was kept, shrunk or dropped; it is empty where
-    nobody asked.
+    nobody asked. `signals` are inputs that a record over time need not hold, each after those that it follows from. A dynamic model is the
+    sum of its `summands`, a static and a damping model (M2 section 3), and has no pieces of its own. A model with `memory` has none
+    either: it takes a recording with its `time`, from the first measured outputs where those are fed back.
     """
 
     name: str
@@ -91,6 +112,9 @@ class Model:
     backbone: FormulaFit | None = None
     cross_validation: tuple[FoldError, ...] = ()
     notes: tuple[str, ...] = ()
+    signals: tuple[Signal, ...] = ()
+    summands: tuple[Model, ...] = ()
+    memory: MemoryModel | None = None
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from mapmore_cli.domain.arrays import BoolArray, Columns
+import numpy as np
+
+from mapmore_cli.domain.arrays import BoolArray, Columns, IntArray
+
+DIRECTION = "direction"
+"""The quantity that tells rise (+1) from fall (-1), by the name that formulas and segments know it."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +57,10 @@ class Curve:
         `(n,)`; True where a sample belongs to the validation data.
     recordings
         The ids of the recordings that the samples come from.
+    at_rest
+        `(n,)`; True on the plateau of a step response, which is scored but not trained on. None where nothing is said of plateaus.
+    origin
+        `(n,)` number of each sample's recording among `recordings`, the samples of one in order of time; None where it is not known.
     """
 
     id: str
@@ -59,11 +68,25 @@ class Curve:
     columns: Columns
     held_out: BoolArray
     recordings: tuple[str, ...]
+    at_rest: BoolArray | None = None
+    origin: IntArray | None = None
 
     @property
     def size(self) -> int:
         """Number of samples, n."""
         return len(self.held_out)
+
+    @property
+    def training(self) -> BoolArray:
+        """`(n,)`; True where a sample trains."""
+        return ~self.held_out if self.at_rest is None else ~(self.held_out | self.at_rest)
+
+    @property
+    def logs(self) -> tuple[IntArray, ...]:
+        """Row numbers of the samples of each recording, in order of time."""
+        if self.origin is None:
+            return (np.arange(self.size),)
+        return tuple(np.flatnonzero(self.origin == number) for number in np.unique(self.origin))
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,9 @@ from dataclasses import dataclass
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import FormulaFit
 
+REPEATABILITY = "repeatability"
+"""Name of the rows that say how far repeated measurements lie apart: the floor of every model's error, and no model itself."""
+
 
 @dataclass(frozen=True)
 class Score:

@@ -17,7 +17,7 @@ from mapmore_cli.modelling import literature
 
 def pooled_training(curves: Sequence[Curve]) -> dict[str, np.ndarray]:
     """Columns of all training samples of all curves."""
-    return {name: np.concatenate([c.columns[name][~c.held_out] for c in curves]) for name in curves[0].columns}
+    return {name: np.concatenate([c.columns[name][c.training] for c in curves]) for name in curves[0].columns}
 
 
 def fit_formula(name: str, curves: Sequence[Curve], target: str, method: str | None = None) -> FormulaFit:

@@ -68,11 +68,11 @@ def inner_levels(curves: Sequence[Curve], recipe: Recipe) -> list[int]:
     """Numbers of the curves whose level lies between two others of the training data."""
     if recipe.level is None:
         return []
-    return [number for number, curve in enumerate(curves) if not curve.held_out.all()][1:-1]
+    return [number for number, curve in enumerate(curves) if curve.training.any()][1:-1]
 
 
 def _folds(curves: Sequence[Curve], recipe: Recipe) -> Folds:
-    training = [~curve.held_out for curve in curves]
+    training = [curve.training for curve in curves]
     inner = inner_levels(curves, recipe)
     if inner:
         return [tuple(mask & (number == left) for number, mask in enumerate(training)) for left in inner]
@@ -82,7 +82,7 @@ def _folds(curves: Sequence[Curve], recipe: Recipe) -> Folds:
 
 def _block(curve: Curve, along: str, block: int) -> BoolArray:
     out = np.zeros(curve.size, dtype=bool)
-    rows = np.flatnonzero(~curve.held_out)
+    rows = np.flatnonzero(curve.training)
     order = rows[np.argsort(curve.columns[along][rows], kind="stable")]
     out[np.array_split(order, BLOCKS)[block]] = True
     return out

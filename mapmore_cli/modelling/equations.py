@@ -2,30 +2,63 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
 from mapmore_cli.domain.models import Equation, Model, SegmentFunction
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.terms import Expression, Name, Number, add, affine, multiply, parse, substitute, to_latex, to_text
+from mapmore_cli.modelling.terms import (
+    Expression,
+    Name,
+    Number,
+    add,
+    affine,
+    exponents,
+    multiply,
+    parse,
+    substitute,
+    to_latex,
+    to_text,
+)
 
 DIGITS = 6
 """Digits of the printed numbers; model.h5 holds all of them."""
 
+MODEL_UNITS: Mapping[str, float] = {}
 
-def segment_equation(segment: SegmentFunction) -> Expression:
-    """`y_slope sum_k theta_k D_k(slope x + intercept) + y_intercept` with the scaling put in (M2 eq 8)."""
+
+def segment_equation(segment: SegmentFunction, units: Mapping[str, float] = MODEL_UNITS) -> Expression:
+    """`y_slope sum_k theta_k D_k(slope x + intercept) + y_intercept` with the scaling put in (M2 eq 8).
+
+    `units` says how many of the model's units one unit of a quantity is, where it is to be in another. A product of quantities that are
+    scaled without an offset keeps its form, with one coefficient in front, as M2's table 5 prints them.
+    """
     scaling = segment.scaling
-    physical = {
-        name: affine(Name(name), float(m), float(c)) for name, m, c in zip(scaling.variables, scaling.slope, scaling.intercept, strict=True)
-    }
-    terms = [
-        multiply(Number(scaling.y_slope * float(theta)), substitute(parse(term), physical))
-        for theta, term in zip(segment.theta, segment.terms, strict=True)
-    ]
+    offsets = dict(zip(scaling.variables, zip(scaling.slope * 1.0, scaling.intercept * 1.0, strict=True), strict=True))
+    terms = []
+    for theta, text in zip(segment.theta, segment.terms, strict=True):
+        term, size = parse(text), scaling.y_slope * float(theta)
+        degrees = exponents(term)
+        if degrees is not None and not scaling.intercept.any():
+            size *= float(np.prod([(offsets[name][0] * units.get(name, 1.0)) ** degree for name, degree in degrees.items()]))
+        else:
+            term = substitute(term, {name: _scaled(name, *offset, units) for name, offset in offsets.items()})
+        terms.append(multiply(Number(size), term))
     return add(Number(scaling.y_intercept), *terms)
 
 
-def model_equations(model: Model) -> tuple[Equation, ...]:
-    """The backbone first, then every segment function, in the model's units."""
-    pieces = [(segment.id, segment_equation(segment)) for curve in model.curves for segment in curve.segments]
+def _scaled(name: str, slope: float, intercept: float, units: Mapping[str, float]) -> Expression:
+    return affine(Name(name), float(slope * units.get(name, 1.0)), float(intercept))
+
+
+def model_equations(model: Model, units: Mapping[str, float] = MODEL_UNITS) -> tuple[Equation, ...]:
+    """The backbone first, then every segment function, in the model's units or in others; of a sum, the equations of each summand."""
+    inner = [replace(one, id=f"{summand.name}: {one.id}") for summand in model.summands for one in model_equations(summand, units)]
+    pieces = [(segment.id, segment_equation(segment, units)) for curve in model.curves for segment in curve.segments]
     if model.backbone is not None:
-        pieces.insert(0, (model.backbone.name, literature.get(model.backbone.name).equation(model.backbone)))
-    return tuple(Equation(name, to_text(e, DIGITS), to_latex(e, DIGITS)) for name, e in pieces)
+        formulas = literature.get(model.backbone.name).equations(model.backbone)
+        other = {name: multiply(Number(factor), Name(name)) for name, factor in units.items()}
+        pieces = [*((name, substitute(formula, other)) for name, formula in formulas.items()), *pieces]
+    return (*inner, *(Equation(name, to_text(e, DIGITS), to_latex(e, DIGITS)) for name, e in pieces))

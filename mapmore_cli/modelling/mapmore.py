@@ -132,7 +132,7 @@ def _aligned_variable(recipe: Recipe, inputs: Sequence[str]) -> str | None:
 
 def _thresholds(curves: Sequence[Curve], recipe: Recipe, along: str) -> dict[str, float]:
     """Thresholds of the measured curves, also where segments explain what a backbone leaves of them."""
-    measured = [(curve.id, samples_of(curve, np.flatnonzero(~curve.held_out))) for curve in curves if not curve.held_out.all()]
+    measured = [(curve.id, samples_of(curve, np.flatnonzero(curve.training))) for curve in curves if curve.training.any()]
     return {name: threshold(samples[along], samples[recipe.target]) for name, samples in measured}
 
 

@@ -44,7 +44,12 @@ class Optimal:
     min_samples: int = 10
 
 
-Cut = Even | Breakpoints | Gradient | Optimal
+@dataclass(frozen=True)
+class Directions:
+    """A segment for each direction of motion, fall (-1) and rise (+1)."""
+
+
+Cut = Even | Breakpoints | Gradient | Optimal | Directions
 """How one variable is cut into segments."""
 
 
@@ -57,7 +62,8 @@ class Recipe:
     target
         Column that is modelled.
     level
-        Quantity that is constant within a curve, whose curves are interpolated; None pools all curves into one.
+        Quantity whose curves are interpolated; None pools all curves into one. It is constant within a curve, or the pressure of step
+        responses, whose curves stand at the pressure of their plateau (M2 figure 3h).
     cuts
         Segmentation of each segmented variable.
     dictionary

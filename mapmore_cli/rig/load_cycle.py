@@ -1,7 +1,8 @@
 """The quasi-static load cycle at constant pressure (M1 section IV.A, M2 section 4.3).
 
 The muscle is locked at its starting length (zero strain) and pressurised; it slowly contracts until its force is zero and is slowly drawn
-out again. Recorded is the loop at constant pressure; pressurising before it and venting after it are not.
+out again. Recorded is the loop at constant pressure; pressurising before it and venting after it are not. With further turns the actuator
+reverses inside of that loop, which M1 leaves as future work.
 """
 
 from __future__ import annotations
@@ -21,8 +22,9 @@ class LoadCycle:
 
     duration: float  # of the recording, s
     sample_time: float  # s
-    dwell: float  # rest before, between and after the two moves, s
+    dwell: float  # rest before, between and after the moves, s
     least_stroke: float  # strain that is reached even by a muscle without any force
+    turns: tuple[float, ...] = (1.0,)  # where it reverses, as fractions of the stroke; it begins and ends at zero
 
 
 @dataclass(frozen=True)
@@ -61,11 +63,14 @@ def turning_strain(muscle: StaticMuscle, hysteresis: Hysteresis, cycle: LoadCycl
     return max(zero_force_strain(contracting), cycle.least_stroke)
 
 
-def strain_path(cycle: LoadCycle, turning: float, time: Array) -> Array:
-    """Strain `(n,)`: rest at zero, steady contraction to `turning`, rest, steady extension, rest."""
-    half, rest = 0.5 * cycle.duration, cycle.dwell
-    corners = [0.0, rest, half - 0.5 * rest, half + 0.5 * rest, cycle.duration - rest, cycle.duration]
-    return np.interp(time, corners, [0.0, 0.0, turning, turning, 0.0, 0.0])
+def strain_path(cycle: LoadCycle, stroke: float, time: Array) -> Array:
+    """Strain `(n,)`: rest at zero, moves from turn to turn and back to zero at one speed, rests between them, rest."""
+    ends = stroke * np.array([0.0, *cycle.turns, 0.0])
+    distances = np.abs(np.diff(ends))
+    moves = (cycle.duration - len(ends) * cycle.dwell) * distances / distances.sum()
+    spans = np.full(2 * len(ends) - 1, cycle.dwell)
+    spans[1::2] = moves
+    return np.interp(time, np.cumsum([0.0, *spans]), np.repeat(ends, 2))
 
 
 def regulated_pressure(regulation: Regulation, sample_time: float, pressure: float, shocks: Array) -> Array:

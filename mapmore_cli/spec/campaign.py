@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -11,6 +10,7 @@ from pydantic import Field, model_validator
 
 from mapmore_cli.spec.fields import Name, RelativePath, Section, contradiction
 from mapmore_cli.spec.loader import load_as
+from mapmore_cli.spec.overrides import as_overrides
 
 SpecPath = Annotated[str, RelativePath()]
 
@@ -30,7 +30,11 @@ class Variant(Section):
 
 
 class Campaign(Section):
-    """The runs of a campaign, in the order of its tables; `relative_to` names the model that ratios are taken to."""
+    """The runs of a campaign, in the order of its tables.
+
+    `relative_to` names the model that ratios are taken to, `best_of` the formulas of which the best in each run, picked afterwards, is
+    compared with.
+    """
 
     schema_version: Literal[1] = 1
     campaign: Name
@@ -38,6 +42,7 @@ class Campaign(Section):
     base: SpecPath | None = None
     runs: Annotated[list[Variant], Field(min_length=1)]
     relative_to: str | None = None
+    best_of: list[str] = []  # noqa: RUF012 (pydantic copies it)
 
     @model_validator(mode="after")
     def _has_specs(self) -> Campaign:
@@ -69,6 +74,5 @@ def load_campaign(path: Path) -> tuple[Campaign, tuple[Entry, ...]]:
     entries = []
     for run in loaded.spec.runs:
         named = {} if run.name is None else {"name": run.name}
-        sets = tuple(f"{key}={json.dumps(value)}" for key, value in {**named, **run.set}.items())
-        entries.append(Entry(loaded.folder / str(run.base or loaded.spec.base), sets))
+        entries.append(Entry(loaded.folder / str(run.base or loaded.spec.base), as_overrides({**named, **run.set})))
     return loaded.spec, tuple(entries)

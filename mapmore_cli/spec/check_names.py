@@ -7,8 +7,9 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from mapmore_cli.domain.recording import DIRECTION
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean
-from mapmore_cli.spec.models import ExperimentSpec, Rate, TargetColumn
+from mapmore_cli.spec.models import Direction, Directions, ExperimentSpec, FileEntry, Keep, Rate, TargetColumn
 from mapmore_cli.spec.tree import Loc
 
 NO_TIME = "add `time` to `columns`, or `sample_time` to `data`"
@@ -16,7 +17,7 @@ NO_TIME = "add `time` to `columns`, or `sample_time` to `data`"
 
 def names(spec: ExperimentSpec) -> Iterator[Finding]:
     """Every quantity that is used must be one of the study."""
-    have = spec.data.quantities
+    have = spec.quantities
     for use in _uses(spec):
         if use.name not in have:
             yield Finding(use.loc, f"there is no quantity `{use.name}` in this study", did_you_mean(use.name, have), on_key=use.on_key)
@@ -36,8 +37,12 @@ def _uses(spec: ExperimentSpec) -> Iterator[_Use]:
     for name, rule in data.derive.items():
         if isinstance(rule, Rate):
             yield _Use(rule.rate_of, ("data", "derive", name, "rate_of"))
-    for i, keep in enumerate(data.keep):
-        yield _Use(keep.quantity, ("data", "keep", i, "quantity"))
+        elif isinstance(rule, Direction):
+            yield _Use(rule.direction_of, ("data", "derive", name, "direction_of"))
+    yield from _kept(data.keep, ("data", "keep"))
+    for i, file in enumerate(data.files):
+        if isinstance(file, FileEntry):
+            yield from _kept(file.keep, ("data", "files", i, "keep"))
     if data.cycles is not None:
         yield _Use(data.cycles.over, ("data", "cycles", "over"))
     if data.levels is not None:
@@ -45,16 +50,26 @@ def _uses(spec: ExperimentSpec) -> Iterator[_Use]:
     if data.split.hold_out is not None:
         for name in data.split.hold_out.quantities:
             yield _Use(name, ("data", "split", "validate", name), on_key=True)
+        if data.split.hold_out.of is not None:
+            yield _Use(data.split.hold_out.of, ("data", "split", "validate", "of"))
     if isinstance(spec.target, TargetColumn):
         yield _Use(spec.target.column, ("target", "column"))
-    for name in spec.segment:
-        yield _Use(name, ("segment", name), on_key=True)
+    for name, cut in spec.segment.items():
+        if (name, cut) != (DIRECTION, "none"):  # takes back the cut of a spec that is extended
+            yield _Use(name, ("segment", name), on_key=True)
+        if isinstance(cut, Directions):
+            yield _Use(cut.of, ("segment", name, "of"))
     for i, entry in enumerate(spec.dictionary):
         for j, name in enumerate(entry.polynomial.of if entry.polynomial else ()):
             yield _Use(name, ("dictionary", i, "polynomial", "of", j))
     if isinstance(spec.fuse.extrapolation, Mapping):
         for name in spec.fuse.extrapolation:
             yield _Use(name, ("fuse", "extrapolation", name), on_key=True)
+
+
+def _kept(conditions: Sequence[Keep], loc: Loc) -> Iterator[_Use]:
+    for i, keep in enumerate(conditions):
+        yield _Use(keep.quantity, (*loc, i, "quantity"))
 
 
 def derived(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -70,6 +85,9 @@ def derived(spec: ExperimentSpec) -> Iterator[Finding]:
             needs[name] = {rule.rate_of}
             if "time" not in spec.data.quantities:
                 yield Finding(loc, f"the rate `{name}` needs the time", NO_TIME, on_key=True)
+            continue
+        if isinstance(rule, Direction):
+            needs[name] = {rule.direction_of}
             continue
         try:
             needs[name] = set(parse(rule).names)
@@ -102,7 +120,7 @@ def clocks(spec: ExperimentSpec) -> Iterator[Finding]:
 
 def expressions(spec: ExperimentSpec) -> Iterator[Finding]:
     """Expressions must parse, and use quantities of the study (those of the dictionary without the target)."""
-    have = spec.data.quantities
+    have = spec.quantities
     for name, rule in spec.data.derive.items():
         if isinstance(rule, str):
             yield from _expression(rule, ("data", "derive", name), have, None)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import get_type_hints
 
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.domain.scores import Score
+from mapmore_cli.domain.scores import REPEATABILITY, Score
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean
 from mapmore_cli.spec.models import Competitor, Cuts, ExperimentSpec, Fuse, Table, TargetColumn
 from mapmore_cli.spec.tree import Loc
@@ -78,15 +78,17 @@ def formulas(spec: ExperimentSpec) -> Iterator[Finding]:
     """Literature models exist, find their inputs in the study, and each has its own name in the scores."""
     from mapmore_cli.modelling import literature
 
-    for name, loc in _formula_uses(spec):
+    for name, loc in formula_uses(spec):
         if name not in literature.names():
             yield Finding(loc, f"there is no literature model `{name}`", did_you_mean(name, literature.names()))
             continue
-        for missing in [quantity for quantity in literature.get(name).inputs if quantity not in spec.data.quantities]:
+        if loc == ("model", "name") and not literature.get(name).inputs:
+            yield Finding(loc, f"`{name}` is no function of anything", "name it in `validate.against`")
+        for missing in [quantity for quantity in literature.get(name).inputs if quantity not in spec.quantities]:
             yield Finding(
                 loc, f"`{name}` needs the quantity `{missing}`", f"add `{missing}` to `columns` or `derive`, or leave `{name}` out"
             )
-    shown = [OWN]
+    shown = [OWN, REPEATABILITY]
     for i, competitor in enumerate(spec.validation.against):
         name = competitor.label if isinstance(competitor, Competitor) else competitor
         if name in shown:
@@ -95,7 +97,8 @@ def formulas(spec: ExperimentSpec) -> Iterator[Finding]:
         shown.append(name)
 
 
-def _formula_uses(spec: ExperimentSpec) -> Iterator[tuple[str, Loc]]:
+def formula_uses(spec: ExperimentSpec) -> Iterator[tuple[str, Loc]]:
+    """Every formula that an experiment names, and where."""
     if spec.model.backbone is not None:
         yield spec.model.backbone, ("model", "backbone")
     if spec.model.name is not None:
@@ -103,8 +106,11 @@ def _formula_uses(spec: ExperimentSpec) -> Iterator[tuple[str, Loc]]:
     for i, competitor in enumerate(spec.validation.against):
         if isinstance(competitor, str):
             yield competitor, ("validate", "against", i)
-        elif competitor.model is not None:
-            yield competitor.model, ("validate", "against", i, "model")
+            continue
+        for key in ("model", "static", "damping"):
+            name = getattr(competitor, key)
+            if name is not None and (key, name) != ("static", OWN):
+                yield name, ("validate", "against", i, key)
 
 
 def metrics(spec: ExperimentSpec) -> Iterator[Finding]:

@@ -17,15 +17,21 @@ from mapmore_cli.spec.fields import (
     Quantity,
     Seconds,
     Section,
+    SignedSeconds,
     Text,
     by_shape,
+    by_shape_or_key,
     contradiction,
     of_sibling,
+    with_key,
 )
+from mapmore_cli.spec.keep import Keep
 from mapmore_cli.spec.table_section import FileEntry, Join, Table
 
-OfQuantity = Annotated[float, of_sibling("quantity")]
 OfLevel = Annotated[float, of_sibling("of")]
+
+STEP_PRESSURE, STEP_OF = "step_pressure", "pressure"
+"""The quantity that a step response's plateau adds, and the one that it is the mean of."""
 
 
 class Rate(Section):
@@ -36,24 +42,14 @@ class Rate(Section):
     order: Annotated[int, Field(ge=1, le=5)] = 3
 
 
-class Keep(Section):
-    """Samples to keep: those whose `quantity` fulfils exactly one condition, in the quantity's unit."""
+class Direction(Section):
+    """The direction of motion, +1 (rise) or -1 (fall): the sign of the rate `direction_of`, where that exceeds the `dead_band`.
 
-    quantity: str
-    abs_below: Annotated[float, Field(gt=0), of_sibling("quantity")] | None = None
-    below: OfQuantity | None = None
-    above: OfQuantity | None = None
-    between: Annotated[tuple[OfQuantity, OfQuantity], Field(strict=False)] | None = None
+    Within the dead band the last direction holds; a recording starts with +1.
+    """
 
-    @model_validator(mode="after")
-    def _one_condition(self) -> Keep:
-        given = [name for name in ("abs_below", "below", "above", "between") if getattr(self, name) is not None]
-        if len(given) != 1:
-            found = "two conditions at once: " + ", ".join(f"`{name}`" for name in given) if given else "no condition"
-            raise contradiction(f"`keep` has {found}", "give one of `abs_below`, `below`, `above`, `between`", *given[1:], "quantity")
-        if self.between is not None and self.between[0] >= self.between[1]:
-            raise contradiction(f"`between` runs from {self.between[0]:g} to {self.between[1]:g}", "put the lower end first", "between")
-        return self
+    direction_of: str
+    dead_band: Annotated[float, Field(gt=0), of_sibling("direction_of")]
 
 
 class Cycles(Section):
@@ -108,14 +104,16 @@ class Between(Section):
         return self
 
 
+Part = Annotated[float, Field(gt=0, lt=1), Measured(lambda _: "1")]
 HeldOut = Annotated[Annotated[list[OfKey], Many, Field(min_length=1)] | Annotated[Between, Keyed], by_shape]
 
 
 class Holdout(Section):
     """Which samples validate; where several conditions are given, all must hold.
 
-    `files` and `recordings` are globs; `last` is a share of every recording, `fraction` of all samples, drawn with `seed`. Any other
-    key is a quantity, with values or `{between: [[low, high], ...]}`.
+    `files` and `recordings` are globs; `last` is a share of every recording, `last_cycles` of its cycles, the rises and falls `of` a
+    quantity, and `fraction` of all samples, drawn with `seed`. Any other key is a quantity, with values or
+    `{between: [[low, high], ...]}`.
     """
 
     model_config = ConfigDict(extra="allow")
@@ -123,8 +121,10 @@ class Holdout(Section):
 
     files: list[str] | None = None
     recordings: list[str] | None = None
-    last: Annotated[float, Field(gt=0, lt=1), Measured(lambda _: "1")] | None = None
-    fraction: Annotated[float, Field(gt=0, lt=1), Measured(lambda _: "1")] | None = None
+    last: Part | None = None
+    last_cycles: Part | None = None
+    of: str | None = None
+    fraction: Part | None = None
     seed: int | None = None
 
     @property
@@ -142,8 +142,12 @@ class Holdout(Section):
 
     @model_validator(mode="after")
     def _says_something(self) -> Holdout:
-        if all(value is None for value in (self.files, self.recordings, self.last, self.fraction)) and not self.quantities:
-            raise contradiction("`validate` does not say what is held out", "name a quantity, as `pressure: [250]`", "seed")
+        conditions = (self.files, self.recordings, self.last, self.last_cycles, self.fraction)
+        if all(value is None for value in conditions) and not self.quantities:
+            raise contradiction("`validate` does not say what is held out", "name a quantity, as `pressure: [250]`", "seed", "of")
+        if (self.last_cycles is None) != (self.of is None):
+            remedy = "say of which quantity, as `{last_cycles: 0.5, of: pressure}`"
+            raise contradiction("`last_cycles` and `of` go together", remedy, "last_cycles", "of")
         if self.seed is not None and self.fraction is None:
             raise contradiction("`seed` draws nothing here", "it belongs to `fraction`", "seed")
         return self
@@ -175,16 +179,30 @@ class Gaps(Section):
     action: Literal["error", "split"] = "error"
 
 
+Plateau = Annotated[
+    Annotated[Annotated[tuple[SignedSeconds, SignedSeconds], Field(strict=False)], Many] | Annotated[Literal["auto"], Text], by_shape
+]
+"""Where a step response rests between its rise and its fall: from when to when, or found in each recording."""
+
+
 class Data(Table):
     """The recordings, and how they become curves.
 
     `columns` say which column holds which quantity, `join` adds those of a second log, `derive` what follows from them. `gaps` are
     where a recording breaks off, `resample` brings it onto even time steps. `keep` chooses samples; `cycles` splits loops into
-    branches, `levels` names what is constant within one curve, and `split` separates the validation data.
+    branches, `levels` names what is constant within one curve, and `split` separates the validation data. `plateau` is where a step
+    response rests, `auto` or `[from, to]`: the mean pressure there is the quantity `step_pressure`, and the samples there do not train.
     """
 
     join: list[Join] = []
-    derive: dict[Quantity, Annotated[Annotated[str, Text] | Annotated[Rate, Keyed], by_shape]] = {}
+    derive: dict[
+        Quantity,
+        Annotated[
+            Annotated[str, Text] | Annotated[Rate, Keyed] | Annotated[Direction, with_key("direction_of")],
+            by_shape_or_key("direction_of"),
+        ],
+    ] = {}
+    plateau: Plateau | None = None
     keep: list[Keep] = []
     missing: Literal["error", "drop"] = "error"
     repeated_time: Literal["error", "average", "spread"] = "error"
@@ -204,4 +222,5 @@ class Data(Table):
     def quantities(self) -> tuple[str, ...]:
         """Every quantity that the samples have: of columns and joined logs, set beside files, derived."""
         beside = (name for entry in self.files if isinstance(entry, FileEntry) for name in entry.set)
-        return tuple(dict.fromkeys((*self.measured, *beside, *self.derive)))
+        stepped = (STEP_PRESSURE,) if self.plateau is not None else ()
+        return tuple(dict.fromkeys((*self.measured, *beside, *self.derive, *stepped)))

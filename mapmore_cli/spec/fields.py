@@ -50,6 +50,23 @@ def shape(value: Any) -> str:
 
 by_shape = Discriminator(shape)
 """Chooses the member of a union, so that a mistake gives one message instead of one for every member."""
+
+
+def by_shape_or_key(key: str) -> Discriminator:
+    """The same, where of two kinds of mappings one is told by a `key` of its own: its tag is `with_key(key)`."""
+
+    def kind(value: Any) -> str:
+        has = key in value if isinstance(value, dict) else hasattr(value, key)
+        return with_key(key).tag if shape(value) == Keyed.tag and has else shape(value)
+
+    return Discriminator(kind)
+
+
+def with_key(key: str) -> Tag:
+    """The tag of the mappings that have a `key`."""
+    return Tag(f"<a mapping with `{key}`>")
+
+
 Text, Number, Many, Keyed = Tag("<text>"), Tag("<a number>"), Tag("<a list>"), Tag("<a mapping>")
 TrueFalse = Tag("<true or false>")
 
@@ -63,6 +80,7 @@ class Surroundings:
 
     units: Mapping[str, str]  # the spec's `units:`
     target: str  # the quantity that is modelled
+    level: str | None = None  # the quantity that is constant within a curve
     key: str = ""  # the nearest key that the user chose, as `pressure` in `set: {pressure: 2 bar}`
     siblings: Mapping[str, Any] | None = None  # the section that the number stands in
 
@@ -109,6 +127,7 @@ Metres = Annotated[float, Field(gt=0), Measured(lambda _: "m")]
 Seconds = Annotated[float, Field(gt=0), Measured(lambda _: "s")]
 SignedSeconds = Annotated[float, Measured(lambda _: "s")]
 OfKey = Annotated[float, Measured(lambda around: around.unit_of(around.key))]
+OfHeld = Annotated[float, Measured(lambda around: around.unit_of(around.level))]
 OfTarget = Annotated[float, Measured(lambda around: around.unit_of(around.target))]
 InColumnUnit = Annotated[float, Measured(_column_unit)]
 Metric = Annotated[float, Measured(_metric_unit)]

@@ -38,12 +38,15 @@ class Loaded(Generic[M]):
         The file, and the folder that relative paths start at.
     resolved
         YAML with the defaults filled in and `extends`, variables and units resolved; it loads to an equal spec.
+    overrides
+        What was set on top of the file.
     """
 
     spec: M
     path: Path
     folder: Path
     resolved: str
+    overrides: tuple[str, ...]
     _root: Node = field(repr=False, compare=False)
 
     def where(self, *loc: str | int) -> str:
@@ -79,7 +82,7 @@ def load_as(path: Path, model: type[M], overrides: Sequence[str] = (), check: Ch
     except ValidationError as error:
         later = [*explain(error, root, model), *_beyond(error, root, model, check)]
     raise_if_any([*problems, *new_places(later, problems)])
-    return Loaded(spec, path, path.parent, resolved(spec), root)
+    return Loaded(spec, path, path.parent, resolved(spec), tuple(overrides), root)
 
 
 def resolved(spec: BaseModel) -> str:

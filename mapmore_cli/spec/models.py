@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 from pathlib import PurePosixPath
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationInfo, model_validator
 
@@ -18,9 +18,9 @@ from mapmore_cli.spec.data_section import (
     Between,
     Cycles,
     Data,
+    Direction,
     Gaps,
     Holdout,
-    Keep,
     Levels,
     Rate,
     Split,
@@ -32,6 +32,7 @@ from mapmore_cli.spec.fields import (
     Metric,
     Name,
     Number,
+    OfHeld,
     OfKey,
     OfTarget,
     Positive,
@@ -41,8 +42,12 @@ from mapmore_cli.spec.fields import (
     Share,
     Text,
     by_shape,
+    by_shape_or_key,
     contradiction,
+    of_sibling,
+    with_key,
 )
+from mapmore_cli.spec.keep import Keep
 from mapmore_cli.spec.table_section import Column, FileEntry, Join, Table
 
 __all__ = [
@@ -54,6 +59,8 @@ __all__ = [
     "Cycles",
     "Data",
     "DictionaryEntry",
+    "Direction",
+    "Directions",
     "ExperimentSpec",
     "ExtrapolationWord",
     "FileEntry",
@@ -67,6 +74,7 @@ __all__ = [
     "ModelChoice",
     "Muscle",
     "Name",
+    "Needs",
     "Polynomial",
     "Positive",
     "Published",
@@ -135,6 +143,20 @@ class Cuts(Section):
         return self
 
 
+class Directions(Section):
+    """Segments for rise and fall: by the sign of the rate `of` a quantity, with a `dead_band` in which the last direction holds."""
+
+    of: str
+    dead_band: Annotated[float, Field(gt=0), of_sibling("of")]
+
+
+class Needs(Section):
+    """Specs of the runs that this one builds on: the `static` model that a damping force is left by, the `damping` model added to it."""
+
+    static: Annotated[str, RelativePath()] | None = None
+    damping: Annotated[str, RelativePath()] | None = None
+
+
 class Polynomial(Section):
     """Every monomial of the quantities `of` with total degree up to `order`, the constant included unless `constant: false`."""
 
@@ -162,10 +184,11 @@ class DictionaryEntry(Section):
 class ModelChoice(Section):
     """What kind of model the run builds.
 
-    `mapmore` with a `backbone` explains by pieces what that formula leaves; `literature` fits the formula `name` alone.
+    `mapmore` with a `backbone` explains by pieces what that formula leaves; `literature` fits the formula `name` alone; `sum` adds the
+    static and the damping model that the spec needs, and is the default for the target `dynamic`.
     """
 
-    type: Literal["mapmore", "literature"] = "mapmore"
+    type: Literal["mapmore", "literature", "sum"] = "mapmore"
     backbone: str | None = None
     name: str | None = None
 
@@ -175,15 +198,22 @@ class ModelChoice(Section):
             raise contradiction("type `literature` needs the `name` of a formula", "add it, as `name: sarosi`", "type")
         if self.type == "literature" and self.backbone is not None:
             raise contradiction("type `literature` has no `backbone`", "remove it, or use `type: mapmore`", "backbone")
-        if self.type == "mapmore" and self.name is not None:
-            raise contradiction("type `mapmore` has no `name`", "use `backbone`, or `type: literature`", "name")
+        if self.type != "literature" and self.name is not None:
+            raise contradiction(f"type `{self.type}` has no `name`", "use `backbone`, or `type: literature`", "name")
+        if self.type == "sum" and self.backbone is not None:
+            raise contradiction("type `sum` has no `backbone`", "remove it: both models have their own", "backbone")
         return self
 
 
 class Fit(Section):
-    """Term selection (M2 eq 2-7): how segments are scaled, how many terms at most, and when to stop."""
+    """Term selection (M2 eq 2-7): how segments are scaled, how many terms at most, and when to stop.
+
+    `scaling` is `max_abs` for damping where nothing is said, else `unit_square`. `train_level` restricts the pieces to one training level,
+    as M2 does (`highest`); formulas are fitted to all of them.
+    """
 
     scaling: Literal["unit_square", "max_abs", "none"] = "unit_square"
+    train_level: Annotated[Annotated[Literal["all", "highest"], Text] | Annotated[OfHeld, Number], by_shape] = "all"
     max_terms: Annotated[int, Field(ge=1)] = 1
     tolerance: Annotated[float, Field(ge=0, lt=1)] = 1e-4
     stop: Literal["tolerance", "bic", "aicc", "press"] = "tolerance"
@@ -218,28 +248,42 @@ class Fuse(Section):
 
 
 class Competitor(Section):
-    """A competitor with settings of its own: a literature `model`, or the model of another `run` (the path of its spec).
+    """A competitor with settings of its own: a literature `model`, or that of another `run` (the path of its spec) or of this one, changed.
 
-    `method` says how a literature model is fitted, `as` is the name of the scores; a run's is else the name of its file.
+    `set` has keys of this spec with other values, as `--set` takes them; the run is called `<name>.<as>`. A composite of a `static` and a
+    `damping` formula stands against damping and dynamic models; `static: mapmore` is the static model that the spec needs. `method` says
+    how a literature model is fitted, `as` is the name of the scores; a run's is else the name of its file.
     """
 
     model: str | None = None
     run: Annotated[str, RelativePath()] | None = None
+    set: dict[str, Any] | None = None
+    static: str | None = None
+    damping: str | None = None
     method: Literal["variable_projection", "levenberg_marquardt"] | None = None
     as_: Name | None = Field(default=None, alias="as")
 
     @model_validator(mode="after")
     def _one_model(self) -> Competitor:
-        if (self.model is None) == (self.run is None):
-            raise contradiction("a competitor is a `model` or a `run`", "give one of the two, as `{model: sarosi}`", "model", "run")
-        if self.run is not None and self.method is not None:
+        kinds = (self.model, self.run, self.set, self.static if self.static is not None else self.damping)
+        if sum(kind is not None for kind in kinds) != 1:
+            remedy = "give one of the four, as `{model: sarosi}`"
+            found = "a competitor is a `model`, a `run`, this spec with keys `set`, or `static` with `damping`"
+            raise contradiction(found, remedy, "model", "run", "set", "static")
+        if self.set is not None and self.as_ is None:
+            raise contradiction("changed settings need a name", "add it, as `{set: {fit.max_terms: 1}, as: one_term}`", "set")
+        if (self.static is None) != (self.damping is None):
+            remedy = "add the other, as `{static: sarosi, damping: reynolds}`; `damping: none` adds nothing"
+            raise contradiction("a composite needs `static` and `damping`", remedy, "static", "damping")
+        if (self.run is not None or self.set is not None) and self.method is not None:
             raise contradiction("another run has a fit of its own", "remove `method`", "method")
         return self
 
     @property
     def label(self) -> str:
         """The name of its scores."""
-        return self.as_ or self.model or PurePosixPath(str(self.run)).stem
+        composite = f"{self.static}+{self.damping}" if self.static else None
+        return self.as_ or self.model or composite or PurePosixPath(str(self.run)).stem
 
 
 class Validate(Section):
@@ -258,11 +302,18 @@ class Published(Section):
 
 
 class Report(Section):
-    """Figures and files of the report."""
+    """Figures and files of the report; `units` are further units, by quantity, to print the equations in, as a publication does."""
 
     figures: list[FigureName] = ["data", "fit", "error", "nrmse", "segments", "terms"]
     formats: list[Literal["html", "csv", "svg"]] = ["html", "csv", "svg"]
     published: Published | None = None
+    units: dict[Quantity, str] = {}
+
+
+_DEFAULTS_OF_TARGET: dict[str, tuple[str, dict[str, str]]] = {
+    "damping": ("fit", {"scaling": "max_abs"}),  # M2's damping terms are pure products, which a shifted origin would not leave so
+    "dynamic": ("model", {"type": "sum"}),
+}
 
 
 class ExperimentSpec(Section):
@@ -273,8 +324,15 @@ class ExperimentSpec(Section):
     muscle: Muscle = Muscle()
     units: dict[Quantity, str] = {}
     data: Data
-    target: Annotated[Annotated[Literal["static", "hysteresis"], Text] | Annotated[TargetColumn, Keyed], by_shape]
-    segment: dict[str, Annotated[Annotated[Cuts, Keyed] | Annotated[Literal["none", "levels"], Text], by_shape]] = {}
+    needs: Needs = Needs()
+    target: Annotated[Annotated[Literal["static", "hysteresis", "damping", "dynamic"], Text] | Annotated[TargetColumn, Keyed], by_shape]
+    segment: dict[
+        str,
+        Annotated[
+            Annotated[Cuts, Keyed] | Annotated[Directions, with_key("dead_band")] | Annotated[Literal["none", "levels"], Text],
+            by_shape_or_key("dead_band"),
+        ],
+    ] = {}
     dictionary: list[DictionaryEntry] = []
     model: ModelChoice = ModelChoice()
     fit: Fit = Fit()
@@ -282,10 +340,28 @@ class ExperimentSpec(Section):
     validation: Validate = Field(default=Validate(), alias="validate")
     report: Report = Report()
 
+    @model_validator(mode="before")
+    @classmethod
+    def _by_target(cls, given: Any) -> Any:
+        """Defaults that depend on the target."""
+        if not isinstance(given, dict):
+            return given
+        section, defaults = _DEFAULTS_OF_TARGET.get(str(given.get("target")), ("", {}))
+        said = given.get(section, {})
+        if not isinstance(said, dict) or not defaults or (section == "model" and given.get("dictionary")):
+            return given
+        return {**given, section: {**defaults, **said}}
+
     @property
     def target_quantity(self) -> str:
-        """The quantity that is modelled."""
+        """The measured quantity that is modelled, or whose component is."""
         return self.target.column if isinstance(self.target, TargetColumn) else "force"
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """Every quantity of the study: of its data, and the `direction` where segments are cut by it."""
+        cut = [name for name, how in self.segment.items() if isinstance(how, Directions)]
+        return tuple(dict.fromkeys((*self.data.quantities, *cut)))
 
     @model_validator(mode="after")
     def _needs_terms(self, info: ValidationInfo) -> ExperimentSpec:

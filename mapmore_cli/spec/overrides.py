@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.spec.diagnostics import Problem, fail
@@ -31,6 +33,11 @@ def apply(root: Node, overrides: Sequence[str], problems: list[Problem]) -> Node
             raise UsageError(f"--set {override}: not of the form key.path=value", "write, for example, `--set fit.max_terms=2`")
         root = _set(root, steps, parse(_source(override, text, root.at.source.folder), problems))
     return root
+
+
+def as_overrides(settings: Mapping[str, Any]) -> tuple[str, ...]:
+    """Settings by key path (`{"fit.max_terms": 2}`) as `--set` has them."""
+    return tuple(f"{key}={json.dumps(value)}" for key, value in settings.items())
 
 
 def _source(override: str, text: str, folder: Path) -> Source:

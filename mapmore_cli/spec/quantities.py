@@ -77,7 +77,12 @@ def _surroundings(root: Any) -> Surroundings:
     column = _mapping(root, "target").get("column")
     rates = {name: _mapping(rule).get("rate_of") for name, rule in _mapping(root, "data", "derive").items()}
     rate_units = {name: f"{default_unit(of, units)}/{default_unit('time', units)}" for name, of in rates.items() if isinstance(of, str)}
-    return Surroundings(units={**rate_units, **units}, target=column if isinstance(column, str) else "force")
+    level = _mapping(root, "data", "levels").get("of")
+    return Surroundings(
+        units={**rate_units, **units},
+        target=column if isinstance(column, str) else "force",
+        level=level if isinstance(level, str) else None,
+    )
 
 
 def _mapping(value: Any, *keys: str) -> dict[str, Any]:

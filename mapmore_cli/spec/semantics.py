@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mapmore_cli.spec import check_names, check_study
+from mapmore_cli.spec import check_motion, check_names, check_study
 from mapmore_cli.spec.diagnostics import Finding
 from mapmore_cli.spec.models import ExperimentSpec
 
@@ -20,6 +20,12 @@ CHECKS = (
     check_study.formulas,
     check_study.metrics,
     check_study.units,
+    check_motion.needed_runs,
+    check_motion.plateaus,
+    check_motion.directions,
+    check_motion.training_level,
+    check_motion.load_cycle_formulas,
+    check_motion.composites,
 )
 
 

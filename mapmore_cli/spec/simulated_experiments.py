@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
@@ -10,6 +11,7 @@ from mapmore_cli.spec.fields import Positive, Section
 from mapmore_cli.spec.water_rig import BumperSpec, NonNegative, ReservoirSpec, WaterRig
 
 Pressure = Annotated[float, Field(ge=0, le=2000)]  # kPa, gauge; above, the geometry of the muscles means nothing
+Fraction = Annotated[float, Field(ge=0, le=1)]
 DrivingPressure = Annotated[float, Field(gt=0, le=1000)]  # kPa, gauge; that fills a muscle with water
 
 
@@ -32,20 +34,24 @@ class Regulation(Section):
 
 
 class LoadCycles(Section):
-    """One slow contraction and extension at each pressure (M1 section IV.A)."""
+    """One slow contraction and extension at each pressure (M1 section IV.A); with more `turns`, reversals inside of that loop."""
 
     type: Literal["load_cycles"]
     pressures: Annotated[list[Pressure], Field(min_length=1), AfterValidator(_once)]  # kPa
     duration: Positive  # of each recording, s
     sample_time: Positive  # s
     dwell: NonNegative  # rest before, between and after the moves, s
+    turns: Annotated[list[Fraction], Field(min_length=1)] = [1.0]  # noqa: RUF012 (pydantic copies it); of the stroke, from zero to zero
     least_stroke: Annotated[float, Field(gt=0, le=0.2)]  # strain reached even where the muscle has no force
     regulation: Regulation
 
     @model_validator(mode="after")
     def _possible(self) -> LoadCycles:
-        if 3 * self.dwell >= self.duration:
-            raise ValueError("three rests of `dwell` leave no time to move: lengthen `duration`")
+        rests = len(self.turns) + 2
+        if rests * self.dwell >= self.duration:
+            raise ValueError(f"{rests} rests of `dwell` leave no time to move: lengthen `duration`")
+        if any(after == before for before, after in pairwise([0.0, *self.turns, 0.0])):
+            raise ValueError("the actuator must move from each of `turns` to the next, beginning and ending at zero")
         if 100 * self.sample_time > self.duration:
             raise ValueError("fewer than 100 samples: shorten `sample_time` or lengthen `duration`")
         return self

@@ -25,6 +25,7 @@ from mapmore_cli.spec.fields import (
     by_shape,
     contradiction,
 )
+from mapmore_cli.spec.keep import Keep
 
 FilePattern = Annotated[str, RelativePath()]
 ReaderName = Literal["csv", "xlsx", "mat", "hdf5", "tdms"]
@@ -42,11 +43,15 @@ READERS_OF: Mapping[str, tuple[ReaderName, ...]] = {
 
 
 class FileEntry(Section):
-    """A glob (`path`) with quantities that no column holds (`set`), and the recording's `id` where one file matches."""
+    """A glob (`path`) with quantities that no column holds (`set`), and the recording's `id` where one file matches.
+
+    `keep` chooses samples of these files, besides the `keep` of all.
+    """
 
     path: FilePattern
     set: dict[Quantity, OfKey] = {}
     id: str | None = None
+    keep: list[Keep] = []
 
 
 class Column(Section):
@@ -142,6 +147,6 @@ class Join(Table):
             raise contradiction("a join on rows takes the time of the first log", "remove the second", "columns")
         if not self.quantities:
             raise contradiction("the join adds no quantity", "name one besides `time`", "columns")
-        if any(isinstance(entry, FileEntry) and (entry.set or entry.id) for entry in self.files):
-            raise contradiction("`set` and `id` belong to `data.files`", "move them there", "files")
+        if any(isinstance(entry, FileEntry) and (entry.set or entry.id or entry.keep) for entry in self.files):
+            raise contradiction("`set`, `id` and `keep` belong to `data.files`", "move them there", "files")
         return self

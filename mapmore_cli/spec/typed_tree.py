@@ -55,7 +55,10 @@ def below(kind: Kind, step: str | int) -> tuple[Kind, ...]:
 
 def is_free(kind: Kind, key: str) -> bool:
     """True where the user chose the key, as the name of a quantity, and it is no field of a section."""
-    return key not in _fields(kind.type)[0] if kind.is_section else get_origin(kind.type) is dict
+    if not kind.is_section:
+        return get_origin(kind.type) is dict
+    fields, others = _fields(kind.type)
+    return others is not None and key not in fields
 
 
 def keys_at(model: type[BaseModel], loc: Loc) -> tuple[str, ...]:

@@ -43,12 +43,14 @@ _LONGEST_UNIT = 60
 def default_unit(name: str, changes: Mapping[str, str] = _NO_CHANGES) -> str:
     """The model's unit of a quantity: what `changes` (the spec's `units:`) says, else the canonical one, else `1`.
 
-    The rate of a quantity is in its unit per unit of time: `pressure_rate` in `kPa/s`.
+    The rate of a quantity is in its unit per unit of time: `pressure_rate` in `kPa/s`; `step_pressure` is in the unit of the pressure.
     """
     if name in changes:
         return changes[name]
     if name.endswith("_rate"):
         return f"{default_unit(name.removesuffix('_rate'), changes)}/{default_unit('time', changes)}"
+    if name.startswith("step_"):
+        return default_unit(name.removeprefix("step_"), changes)
     return CANONICAL.get(name, "1")
 
 

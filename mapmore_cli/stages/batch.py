@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing import active_children, get_context
 from pathlib import Path
@@ -41,10 +41,16 @@ class Finished:
 
 
 def run_all(jobs: Sequence[Job], workers: int) -> Iterator[tuple[int, Finished | BaseException]]:
-    """Do the jobs and yield the number of each with what came of it, as they end; an interrupt ends them all."""
+    """Do the jobs and yield the number of each with what came of it, as they end; an interrupt ends them all.
+
+    The runs that they need come first, one after the other: two jobs may need the same one.
+    """
     # Spawned, not forked: a fork of a process with BLAS threads or an open HDF5 file may hang.
     pool = ProcessPoolExecutor(min(workers, len(jobs)), mp_context=get_context("spawn"))
     try:
+        with _deaf_to_interrupts():
+            prepared = pool.submit(prepare_all, jobs)
+        prepared.result()
         with _deaf_to_interrupts():
             futures: dict[Future[Finished], int] = {pool.submit(run_one, job): number for number, job in enumerate(jobs)}
         for future in as_completed(futures):
@@ -65,6 +71,17 @@ def _deaf_to_interrupts() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def prepare_all(jobs: Sequence[Job]) -> None:
+    """Bring the runs up to date that the jobs need. What goes wrong is told by the job that needs it."""
+    from mapmore_cli.domain.errors import MapmoreError
+    from mapmore_cli.spec.loader import load
+    from mapmore_cli.stages.runner import prepare
+
+    for job in jobs:
+        with suppress(MapmoreError):
+            prepare(load(job.config, job.overrides), job.runs)
 
 
 def run_one(job: Job) -> Finished:

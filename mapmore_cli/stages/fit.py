@@ -34,11 +34,12 @@ def run(part: Slice, workspace: Workspace) -> None:
     """Fit the formula where the model has one, then what it leaves segment by segment."""
     from mapmore_cli.domain.fits import FitResult
     from mapmore_cli.modelling.mapmore import fit
+    from mapmore_cli.modelling.segmentation import trained_at
     from mapmore_cli.storage.artefacts import read_dataset, read_segmentation, units_of, write_fit
 
     dataset = read_dataset(workspace.run_dir / "ingest.h5")
     formula = _formula(part.model, dataset)
-    if part.model.type == "literature":
+    if part.model.type != "mapmore":
         write_fit(workspace.out / "fit.h5", FitResult((), formula), units_of(dataset))
         return
     segmentation = read_segmentation(workspace.run_dir / "segment.h5")
@@ -51,7 +52,7 @@ def run(part: Slice, workspace: Workspace) -> None:
         done += 1
         workspace.progress("segments", done, total)
 
-    fits = fit(dataset.curves, segmentation, recipe, formula, tick)
+    fits = fit(trained_at(dataset.curves, part.fit.train_level), segmentation, recipe, formula, tick)
     for one in fits:
         if one.selection.tied.any():
             workspace.warn(f"segment {one.id}: candidates tie within 1e-9; the first of the dictionary was taken")
@@ -79,4 +80,4 @@ def _formula(model: ModelChoice, dataset: Dataset) -> FormulaFit | None:
     return formula
 
 
-STAGE = Stage(name="fit", revision=1, outputs=("fit.h5",), reads=reads, run=run)
+STAGE = Stage(name="fit", revision=2, outputs=("fit.h5",), reads=reads, run=run)

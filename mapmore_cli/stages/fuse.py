@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
+from mapmore_cli.domain.models import Signal
 from mapmore_cli.spec.models import DictionaryEntry, ExperimentSpec, Fit, Fuse, Levels, ModelChoice
 from mapmore_cli.stages.fingerprint import plain
 from mapmore_cli.stages.recipes import SegmentSection, recipe_of
+from mapmore_cli.stages.signals import signals_of
 from mapmore_cli.stages.stage import Stage, Workspace
+
+if TYPE_CHECKING:
+    from mapmore_cli.domain.models import Model
+    from mapmore_cli.domain.recording import Dataset
 
 
 @dataclass(frozen=True)
 class Slice:
-    """What the fused model depends on: cross-validation of a backbone repeats the steps before."""
+    """What the fused model depends on: cross-validation of a backbone repeats the steps before; a sum has two needed models."""
 
     name: str
     levels: Levels | None
@@ -21,31 +28,61 @@ class Slice:
     model: ModelChoice
     fit: Fit
     fuse: Fuse
+    signals: tuple[Signal, ...]
+    summands: tuple[str, ...]
 
 
 def reads(spec: ExperimentSpec) -> Slice:
     """The stage's slice of the spec."""
-    return Slice(spec.name, spec.data.levels, spec.segment, spec.dictionary, spec.model, spec.fit, spec.fuse)
+    return Slice(
+        spec.name, spec.data.levels, spec.segment, spec.dictionary, spec.model, spec.fit, spec.fuse, signals_of(spec), tuple(needs(spec))
+    )
+
+
+def needs(spec: ExperimentSpec) -> list[str]:
+    """The specs of the models that are added up."""
+    return [str(spec.needs.static), str(spec.needs.damping)] if spec.model.type == "sum" else []
 
 
 def run(part: Slice, workspace: Workspace) -> None:
-    """Fuse; on a backbone, keep as much of the residual as left-out training data support, unless the spec says how much."""
-    from mapmore_cli.modelling.mapmore import fuse
-    from mapmore_cli.modelling.shrinkage import with_trusted_residual
-    from mapmore_cli.storage.artefacts import read_dataset, read_fit, read_segmentation, write_model
+    """Build the model and write it."""
+    from mapmore_cli.modelling.signals.following import needed_signals
+    from mapmore_cli.storage.artefacts import read_dataset, write_model
 
     dataset = read_dataset(workspace.run_dir / "ingest.h5")
-    segmentation = read_segmentation(workspace.run_dir / "segment.h5")
-    result = read_fit(workspace.run_dir / "fit.h5")
-    recipe = recipe_of(dataset.target, part.levels, part.segment, part.dictionary, part.fit, part.fuse)
-    model = fuse(part.name, dataset.curves, segmentation, result, recipe, dataset.quantities)
-    if result.backbone is not None and result.fits and recipe.shrink is None:
-        model = with_trusted_residual(
-            model, dataset.curves, recipe, dataset.quantities, lambda done, total: workspace.progress("folds", done, total)
-        )
+    model = _sum(part, dataset, workspace) if part.summands else _fused(part, dataset, workspace)
+    model = replace(model, signals=needed_signals(part.signals, [quantity.name for quantity in model.inputs]))
     for note in model.notes:
         workspace.warn(note)
     write_model(workspace.out / "model.h5", model, _provenance(part))
+
+
+def _sum(part: Slice, dataset: Dataset, workspace: Workspace) -> Model:
+    """The dynamic model: static plus damping (M2 section 3)."""
+    from mapmore_cli.modelling.dynamic import sum_of
+    from mapmore_cli.storage.artefacts import read_model
+
+    models = [read_model(workspace.needed[path] / "model.h5") for path in part.summands]
+    return sum_of(part.name, models, dataset.quantities[dataset.target], dataset.quantities)
+
+
+def _fused(part: Slice, dataset: Dataset, workspace: Workspace) -> Model:
+    """Fuse; on a backbone, keep as much of the residual as left-out training data support, unless the spec says how much."""
+    from mapmore_cli.modelling.mapmore import fuse
+    from mapmore_cli.modelling.segmentation import trained_at
+    from mapmore_cli.modelling.shrinkage import with_trusted_residual
+    from mapmore_cli.storage.artefacts import read_fit, read_segmentation
+
+    curves = trained_at(dataset.curves, part.fit.train_level)
+    segmentation = read_segmentation(workspace.run_dir / "segment.h5")
+    result = read_fit(workspace.run_dir / "fit.h5")
+    recipe = recipe_of(dataset.target, part.levels, part.segment, part.dictionary, part.fit, part.fuse)
+    model = fuse(part.name, curves, segmentation, result, recipe, dataset.quantities)
+    if result.backbone is not None and result.fits and recipe.shrink is None:
+        model = with_trusted_residual(
+            model, curves, recipe, dataset.quantities, lambda done, total: workspace.progress("folds", done, total)
+        )
+    return model
 
 
 def _provenance(part: Slice) -> dict[str, str]:
@@ -57,4 +94,4 @@ def _provenance(part: Slice) -> dict[str, str]:
     return {**tool_versions(), "spec": json.dumps(plain(part), indent=1)}
 
 
-STAGE = Stage(name="fuse", revision=2, outputs=("model.h5",), reads=reads, run=run)
+STAGE = Stage(name="fuse", revision=3, outputs=("model.h5",), reads=reads, run=run, needs=needs)

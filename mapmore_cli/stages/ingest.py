@@ -15,7 +15,8 @@ def run(part: IngestSlice, workspace: Workspace) -> None:
     from mapmore_cli.stages.ingestion.dataset import build_dataset
     from mapmore_cli.storage.artefacts import write_dataset
 
-    dataset = build_dataset(part, workspace.spec_dir, progress=workspace.progress, warn=workspace.warn)
+    static_run = workspace.needed[part.static] if part.static is not None else None
+    dataset = build_dataset(part, workspace.spec_dir, static_run=static_run, progress=workspace.progress, warn=workspace.warn)
     write_dataset(workspace.out / "ingest.h5", dataset)
 
 
@@ -25,4 +26,9 @@ def sources(spec: ExperimentSpec, folder: Path) -> list[Path]:
     return list(dict.fromkeys(log.path for source in found for log in (source, *source.joined)))
 
 
-STAGE = Stage(name="ingest", revision=1, outputs=("ingest.h5",), reads=slice_of, run=run, sources=sources)
+def needs(spec: ExperimentSpec) -> list[str]:
+    """The static run, where the damping force is what its model leaves."""
+    return [spec.needs.static] if spec.target == "damping" and spec.needs.static is not None else []
+
+
+STAGE = Stage(name="ingest", revision=2, outputs=("ingest.h5",), reads=slice_of, run=run, sources=sources, needs=needs)

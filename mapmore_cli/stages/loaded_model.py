@@ -12,11 +12,12 @@ from mapmore_cli.domain.models import Equation, Model
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.equations import model_equations
 from mapmore_cli.modelling.model import outside_range, predict
+from mapmore_cli.modelling.signals.following import with_signals
 
 
 @dataclass(frozen=True)
 class LoadedModel:
-    """Callable with one keyword for every input, in the model's units.
+    """Callable with one keyword for every input, in the model's units; with `time`, rates and directions may be left out.
 
     Examples
     --------
@@ -45,7 +46,8 @@ class LoadedModel:
     def __call__(self, **columns: ArrayLike) -> Array:
         """Output at the inputs, which are broadcast against each other; NaN where an input is not finite.
 
-        Raises `TypeError` for an input that is missing or that the model does not have.
+        With `time`, the inputs are samples of one recording, from which the model's rates and directions follow. Raises `TypeError` for an
+        input that is missing or that the model does not have.
         """
         flat, shape = self._flattened(columns)
         return predict(self.model, flat).reshape(shape)
@@ -56,8 +58,11 @@ class LoadedModel:
         return outside_range(self.model, flat).reshape(shape)
 
     def _flattened(self, columns: dict[str, ArrayLike]) -> tuple[dict[str, Array], tuple[int, ...]]:
-        needed = [quantity.name for quantity in self.inputs]
+        signals = self.model.signals if "time" in columns else ()
+        wanted = dict.fromkeys([quantity.name for quantity in self.inputs] + ["time" for _ in signals] + [signal.of for signal in signals])
+        needed = [name for name in wanted if name not in {signal.name for signal in signals if signal.name not in columns}]
         if set(columns) != set(needed):
             raise TypeError(f"this model is a function of {', '.join(needed)}; got {', '.join(columns) or 'nothing'}")
         arrays = np.broadcast_arrays(*(np.asarray(columns[name], dtype=np.float64) for name in needed))
-        return {name: array.ravel() for name, array in zip(needed, arrays, strict=True)}, arrays[0].shape
+        flat = {name: array.ravel() for name, array in zip(needed, arrays, strict=True)}
+        return with_signals(signals, flat), arrays[0].shape

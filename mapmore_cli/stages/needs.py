@@ -1,13 +1,14 @@
-"""Runs whose models a stage reads: other specs, kept up to date in the same folder of runs."""
+"""Runs whose models a stage reads: other specs, or the spec itself with other settings, kept up to date in the same folder of runs."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.stages.stage import Stage
+from mapmore_cli.stages.stage import Stage, Variation
 
 if TYPE_CHECKING:
     from mapmore_cli.spec.loader import LoadedSpec
@@ -18,15 +19,26 @@ MODEL_STAGE = "fuse"
 
 @dataclass(frozen=True)
 class Needed:
-    """Another run: its path in the spec, its own spec, and the specs that led to it, outermost first."""
+    """Another run: its path in the spec or its name there, its own spec, and the specs that led to it, outermost first."""
 
-    path: str
+    key: str
     loaded: LoadedSpec
     heirs: tuple[Path, ...]
 
 
 def needed_runs(stage: Stage, loaded: LoadedSpec, heirs: tuple[Path, ...]) -> list[Needed]:
-    """The runs that a stage needs, in the order of the spec.
+    """The runs that a stage needs, in the order of the spec; raises as `runs_at`."""
+    return runs_at(stage.needs(loaded.spec), loaded, heirs)
+
+
+def runs_built_on(loaded: LoadedSpec, heirs: tuple[Path, ...]) -> list[Needed]:
+    """The runs of `needs:`, whose reports belong to this run's; raises as `runs_at`."""
+    needs = loaded.spec.needs
+    return runs_at([path for path in (needs.static, needs.damping) if path is not None], loaded, heirs)
+
+
+def runs_at(needs: Sequence[str | Variation], loaded: LoadedSpec, heirs: tuple[Path, ...]) -> list[Needed]:
+    """The runs of the specs at some paths from a spec's folder, and of variations of the spec itself.
 
     Raises
     ------
@@ -36,11 +48,26 @@ def needed_runs(stage: Stage, loaded: LoadedSpec, heirs: tuple[Path, ...]) -> li
     from mapmore_cli.spec.loader import load
 
     found = []
-    for path in stage.needs(loaded.spec):
-        chain = (*heirs, loaded.path.resolve())
-        other = loaded.folder / path
+    chain = (*heirs, loaded.path.resolve())
+    for need in needs:
+        if isinstance(need, Variation):
+            found.append(Needed(need.name, _varied(loaded, need), chain))
+            continue
+        other = loaded.folder / need
         if other.resolve() in chain:
             circle = " -> ".join(spec.name for spec in (*chain, other))
             raise SpecError(f"{loaded.path}: runs need each other in a circle: {circle}", "remove one of them")
-        found.append(Needed(path, load(other), chain))
+        found.append(Needed(need, load(other), chain))
     return found
+
+
+def _varied(loaded: LoadedSpec, variation: Variation) -> LoadedSpec:
+    """The spec with other settings."""
+    from mapmore_cli.spec.loader import load
+    from mapmore_cli.spec.overrides import as_overrides
+
+    name = as_overrides({"name": f"{loaded.spec.name}.{variation.name}"})
+    try:
+        return load(loaded.path, (*loaded.overrides, *variation.overrides, *name))
+    except SpecError as error:
+        raise SpecError(f"{loaded.path}: as `{variation.name}`, with other settings: {error.message}", error.remedy) from error

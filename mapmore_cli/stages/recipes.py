@@ -3,30 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
-from mapmore_cli.spec.models import BelowAbove, Cuts, DictionaryEntry, Fit, Fuse, Levels
+from mapmore_cli.spec.data_section import STEP_OF, STEP_PRESSURE
+from mapmore_cli.spec.models import BelowAbove, Cuts, DictionaryEntry, Directions, Fit, Fuse, Levels
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.models import Side
     from mapmore_cli.modelling.recipe import Cut, Recipe
 
-SegmentSection = Mapping[str, Cuts | str]
+SegmentSection = Mapping[str, Cuts | Directions | Literal["none", "levels"]]
 
 
 def level_of(levels: Levels | None, segment: SegmentSection) -> str | None:
-    """The quantity whose curves are interpolated: that of `levels`, unless `segment: {<quantity>: none}` pools its curves."""
-    return None if levels is None or segment.get(levels.of) == "none" else levels.of
+    """The quantity whose curves are interpolated: that of `levels`, unless `segment: {<quantity>: none}` pools its curves.
+
+    Curves of step responses stand at the pressure of their plateau; the weights go by the pressure itself, which is known at any time.
+    """
+    if levels is None or segment.get(levels.of) == "none":
+        return None
+    return STEP_OF if levels.of == STEP_PRESSURE else levels.of
 
 
 def cuts_of(segment: SegmentSection) -> dict[str, Cut]:
     """The segmented variables; words (`none`, `levels`) are about the level quantity."""
-    return {name: _cut(cuts) for name, cuts in segment.items() if isinstance(cuts, Cuts)}
+    return {name: _cut(cuts) for name, cuts in segment.items() if not isinstance(cuts, str)}
 
 
-def _cut(cuts: Cuts) -> Cut:
+def _cut(cuts: Cuts | Directions) -> Cut:
     from mapmore_cli.modelling.recipe import Breakpoints, Even, Gradient, Optimal
+    from mapmore_cli.modelling.recipe import Directions as ByDirection
 
+    if isinstance(cuts, Directions):
+        return ByDirection()
     if cuts.method == "breakpoints":
         return Breakpoints(tuple(cuts.at or ()))
     assert cuts.count is not None

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from mapmore_cli.spec.models import ExperimentSpec, Muscle, Report, Validate
 from mapmore_cli.stages.stage import Stage, Workspace
+
+if TYPE_CHECKING:
+    from mapmore_cli.domain.models import Equation, Model
 
 
 @dataclass(frozen=True)
@@ -46,6 +51,7 @@ def run(part: Slice, workspace: Workspace) -> None:
             model=model,
             validation=artefacts.read_validation(folder / "validate.h5"),
             equations=model_equations(model),
+            other_equations=_in_units(model, part.report.units),
             published=Published(published.source, published.nrmse, published.rmse) if published else None,
             spec_text=(folder / "experiment.yaml").read_text(encoding="utf-8"),
             provenance=tool_versions(),
@@ -57,6 +63,26 @@ def run(part: Slice, workspace: Workspace) -> None:
     )
 
 
+def _in_units(model: Model, units: Mapping[str, str]) -> dict[str, tuple[Equation, ...]]:
+    """The equations in other units of some quantities, and of the rates that follow from these."""
+    from mapmore_cli.modelling.equations import model_equations
+    from mapmore_cli.spec.units import convert, default_unit
+
+    if not units:
+        return {}
+    rates = {signal.name: signal.of for signal in model.signals if signal.kind == "rate"}
+
+    def unit_of(name: str) -> str:
+        return f"{unit_of(rates[name])}/{unit_of('time')}" if name in rates and name not in units else default_unit(name, known)
+
+    known = {**{quantity.name: quantity.unit for quantity in model.inputs if quantity.name not in rates}, **units}
+    named = {quantity.name: unit_of(quantity.name) for quantity in model.inputs}
+    factors = {quantity.name: convert(1.0, named[quantity.name], quantity.unit) for quantity in model.inputs}
+    changed = {quantity.name: factors[quantity.name] for quantity in model.inputs if named[quantity.name] != quantity.unit}
+    words = ", ".join(f"{name} in {named[name]}" for name in changed)
+    return {words: model_equations(model, changed)} if changed else {}
+
+
 def _labels(muscle: Muscle) -> dict[str, str]:
     lengths = {"length": muscle.length, "diameter": muscle.diameter}
     words = {"name": muscle.name, "kind": muscle.kind}
@@ -66,4 +92,4 @@ def _labels(muscle: Muscle) -> dict[str, str]:
     }
 
 
-STAGE = Stage(name="report", revision=1, outputs=("report",), reads=reads, run=run)
+STAGE = Stage(name="report", revision=2, outputs=("report",), reads=reads, run=run)

@@ -79,7 +79,7 @@ def hysteresis_of(hysteresis: HysteresisSpec) -> Hysteresis:
 
 def load_cycle_of(experiment: LoadCycles) -> tuple[LoadCycle, Regulation]:
     """The slow cycle and its regulator."""
-    cycle = LoadCycle(experiment.duration, experiment.sample_time, experiment.dwell, experiment.least_stroke)
+    cycle = LoadCycle(experiment.duration, experiment.sample_time, experiment.dwell, experiment.least_stroke, tuple(experiment.turns))
     return cycle, Regulation(**experiment.regulation.model_dump())
 
 

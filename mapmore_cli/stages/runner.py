@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mapmore_cli.stages.needs import MODEL_STAGE
+from mapmore_cli.domain.errors import MapmoreError
+from mapmore_cli.stages.needs import MODEL_STAGE, Needed, needed_runs, runs_built_on
 from mapmore_cli.stages.stage import Progress, Stage, Workspace
 from mapmore_cli.stages.staleness import Plan, plan_stages
 from mapmore_cli.storage.atomic import refusals_told, write_text
@@ -63,7 +64,7 @@ def explain(
     """Every stage up to `until` with the reason why it would run, None where it is up to date. Nothing is written."""
     run_dir = runs / loaded.spec.name
     records = load_records(run_dir, warn)
-    plans = plan_stages(_up_to(until, stages or pipeline()), loaded, run_dir, records, rehash, force)
+    plans = plan_stages(stages or pipeline(), until, loaded, run_dir, records, rehash, force)
     return [(plan.stage.name, plan.reason) for plan in plans]
 
 
@@ -98,11 +99,13 @@ def bring_up_to_date(
     with run_lock(run_dir):
         recover(run_dir)
         records = load_records(run_dir, warn)
-        plans = list(plan_stages(_up_to(until, every), loaded, run_dir, records, rehash, force, heirs))
+        plans = list(plan_stages(every, until, loaded, run_dir, records, rehash, force, heirs))
         kept = _refreshed(records, plans)
         if kept != records:
             save_records(run_dir, loaded.spec.name, kept)
         run = _Run(loaded, run_dir, every, progress, warn, on_stage)
+        for other in runs_built_on(loaded, heirs) if until == every[-1].name else ():
+            run.bring(other, until)
         for plan in plans:
             if plan.stage is every[-1]:
                 run.write_spec()  # the last stage shows it; all results before are this spec's by now
@@ -119,6 +122,17 @@ def bring_up_to_date(
     )
 
 
+def prepare(loaded: LoadedSpec, runs: Path) -> None:
+    """Bring every run up to date that a whole run needs, so that runs which share one can go on side by side; raises as that does."""
+    every = pipeline()
+    run = _Run(loaded, runs / loaded.spec.name, every, lambda *_: None, lambda _: None, lambda *_: None)
+    for other in runs_built_on(loaded, ()):
+        run.bring(other, every[-1].name)
+    for stage in every:
+        for other in needed_runs(stage, loaded, ()):
+            run.bring(other, MODEL_STAGE)
+
+
 @dataclass(frozen=True)
 class _Run:
     """Where and for whom stages run."""
@@ -131,22 +145,31 @@ class _Run:
     on_stage: OnStage
 
     def needed(self, plan: Plan) -> dict[str, Path]:
-        """Bring the runs up to date that a stage needs; their folders by their path in the spec."""
-        folders = {}
-        for other in plan.needed:
-            name = other.loaded.spec.name
-            outcome = bring_up_to_date(
+        """Bring the models up to date that a stage needs; the folders of their runs by path or name in the spec."""
+        return {other.key: self.bring(other, MODEL_STAGE) for other in plan.needed}
+
+    def bring(self, other: Needed, until: str) -> Path:
+        """Bring another run up to date in the same folder of runs; its folder. Nothing is locked where it is: others may be reading it."""
+        name, runs = other.loaded.spec.name, self.run_dir.parent
+        if self._is_current(other, until):
+            return runs / name
+        with _told_of(name):
+            return bring_up_to_date(
                 other.loaded,
-                self.run_dir.parent,
-                MODEL_STAGE,
+                runs,
+                until,
                 progress=self.progress,
-                warn=lambda message, name=name: self.warn(f"{name}: {message}"),  # type: ignore[misc]
-                on_stage=lambda stage, reason, name=name: self.on_stage(f"{name}: {stage}", reason),  # type: ignore[misc]
+                warn=lambda message: self.warn(f"{name}: {message}"),
+                on_stage=lambda stage, reason: self.on_stage(f"{name}: {stage}", reason),
                 stages=self.every,
                 heirs=other.heirs,
-            )
-            folders[other.path] = outcome.run_dir
-        return folders
+            ).run_dir
+
+    def _is_current(self, other: Needed, until: str) -> bool:
+        run_dir = self.run_dir.parent / other.loaded.spec.name
+        records = load_records(run_dir, lambda _message: None)
+        plans = plan_stages(self.every, until, other.loaded, run_dir, records, False, False, other.heirs)
+        return all(plan.reason is None for plan in plans)
 
     def stage(self, plan: Plan, why: str, records: Mapping[str, StageRecord]) -> dict[str, StageRecord]:
         """Run one stage and commit it; the records with its entry."""
@@ -173,10 +196,6 @@ class _Run:
             write_text(path, self.loaded.resolved)
 
 
-def _up_to(until: str, stages: Sequence[Stage]) -> Sequence[Stage]:
-    return stages[: [stage.name for stage in stages].index(until) + 1]
-
-
 def _refreshed(records: Mapping[str, StageRecord], plans: Sequence[Plan]) -> dict[str, StageRecord]:
     """The records with today's file times, where the contents are still the same: the next run need not read them again."""
     current = {
@@ -192,6 +211,16 @@ def _check_outputs(stage: Stage, out: Path) -> None:
     written = {path.name for path in out.iterdir()}
     if written != set(stage.outputs):
         raise RuntimeError(f"stage {stage.name} wrote {sorted(written)} and declares {sorted(stage.outputs)}")
+
+
+@contextmanager
+def _told_of(name: str) -> Iterator[None]:
+    """Put the name of another run before the message of an error from within."""
+    try:
+        yield
+    except MapmoreError as error:
+        error.message = f"{name}: {error.message}"
+        raise
 
 
 @contextmanager

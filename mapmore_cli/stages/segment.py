@@ -24,19 +24,21 @@ class Slice:
 
     levels: Levels | None
     segment: SegmentSection
+    train_level: str | float
     trial: Trial | None
 
 
 def reads(spec: ExperimentSpec) -> Slice:
     """The stage's slice of the spec."""
     tries = any(isinstance(cut, Cuts) and cut.method == "optimal" for cut in spec.segment.values())
-    return Slice(spec.data.levels, spec.segment, Trial(spec.dictionary, spec.model, spec.fit) if tries else None)
+    return Slice(spec.data.levels, spec.segment, spec.fit.train_level, Trial(spec.dictionary, spec.model, spec.fit) if tries else None)
 
 
 def run(part: Slice, workspace: Workspace) -> None:
     """Segment every curve over its own range; what is fitted there is what the backbone leaves."""
     from mapmore_cli.modelling.backbone import fit_formula
     from mapmore_cli.modelling.mapmore import segment
+    from mapmore_cli.modelling.segmentation import trained_at
     from mapmore_cli.storage.artefacts import read_dataset, units_of, write_segmentation
 
     dataset = read_dataset(workspace.run_dir / "ingest.h5")
@@ -44,7 +46,7 @@ def run(part: Slice, workspace: Workspace) -> None:
     recipe = recipe_of(dataset.target, part.levels, part.segment, trial.dictionary, trial.fit, Fuse())
     backbone = trial.model.backbone
     formula = fit_formula(backbone, dataset.curves, dataset.target) if backbone else None
-    segmentation = segment(dataset.curves, recipe, formula)
+    segmentation = segment(trained_at(dataset.curves, part.train_level), recipe, formula)
     for curve in segmentation:
         for name, boundaries in zip(curve.variables, curve.boundaries, strict=True):
             wanted = getattr(recipe.cuts[name], "count", None)
@@ -53,4 +55,4 @@ def run(part: Slice, workspace: Workspace) -> None:
     write_segmentation(workspace.out / "segment.h5", segmentation, units_of(dataset))
 
 
-STAGE = Stage(name="segment", revision=2, outputs=("segment.h5",), reads=reads, run=run)
+STAGE = Stage(name="segment", revision=3, outputs=("segment.h5",), reads=reads, run=run)

@@ -14,12 +14,20 @@ Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
+class Variation:
+    """The spec of a run with other settings, `overrides` as those of `--set`: a run of its own, `<name of the run>.<name>`."""
+
+    name: str
+    overrides: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Workspace:
     """Where a stage works.
 
     `run_dir` holds the committed outputs of the stages before; a stage writes its own into `out` under their final names, and the
     runner swaps them in whole. `spec_dir` is the folder of the spec, from which the recordings are found. `needed` has the run folders of
-    the specs that the stage needs, by their path in the spec.
+    the runs that the stage needs, by their path in the spec, or the name of a variation.
     """
 
     run_dir: Path
@@ -49,7 +57,7 @@ class Stage:
     sources
         Files outside of the run folder that it reads (recordings), given the spec and its folder.
     needs
-        Specs whose models it reads, as paths from the folder of the spec.
+        Runs whose models it reads: paths of specs from the folder of the spec, and variations of the spec itself.
     """
 
     name: str
@@ -58,4 +66,4 @@ class Stage:
     reads: Callable[[ExperimentSpec], Any]
     run: Callable[[Any, Workspace], None]
     sources: Callable[[ExperimentSpec, Path], Sequence[Path]] = lambda _spec, _folder: ()
-    needs: Callable[[ExperimentSpec], Sequence[str]] = lambda _spec: ()
+    needs: Callable[[ExperimentSpec], Sequence[str | Variation]] = lambda _spec: ()

@@ -46,6 +46,7 @@ class Plan:
 
 def plan_stages(
     stages: Sequence[Stage],
+    until: str,
     loaded: LoadedSpec,
     run_dir: Path,
     records: Mapping[str, StageRecord],
@@ -53,7 +54,7 @@ def plan_stages(
     force: bool,
     heirs: tuple[Path, ...] = (),
 ) -> Iterator[Plan]:
-    """The plan of every stage, in order, from the files as they are now; `heirs` are the specs that need this one.
+    """The plan of every stage up to `until`, in order, from the files as they are now; `heirs` are the specs that need this one.
 
     Raises
     ------
@@ -65,7 +66,7 @@ def plan_stages(
         known = records.get(stage.name)
         part = stage.reads(loaded.spec)
         needed = needed_runs(stage, loaded, heirs)
-        chosen = {**plain(part), **{f"run {run.path}": _mark_of(run, stages, run_dir.parent, rehash) for run in needed}}
+        chosen = {**plain(part), **{f"run {run.key}": _mark_of(run, stages, run_dir.parent, rehash) for run in needed}}
         before = previous.fingerprint if previous else ""
         inputs = _source_stamps(stage, loaded, known, rehash)
         mark = fingerprint(stage.name, stage.revision, chosen, before, {path: stamp.sha256 for path, stamp in inputs.items()})
@@ -74,14 +75,16 @@ def plan_stages(
         reasons = ["forced"] if force else _reasons(plan, known, previous)
         previous = replace(plan, reason=_joined(reasons) if reasons else None)
         yield previous
+        if stage.name == until:
+            return
 
 
 def _mark_of(run: Needed, stages: Sequence[Stage], runs: Path, rehash: bool) -> str:
     """Fingerprint of the model of another run, whether it exists yet or not."""
     run_dir = runs / run.loaded.spec.name
     records = load_records(run_dir, lambda _message: None)
-    plans = plan_stages(stages, run.loaded, run_dir, records, rehash, False, run.heirs)
-    return next(plan.fingerprint for plan in plans if plan.stage.name == MODEL_STAGE)[:SHORT_MARK]
+    *_, last = plan_stages(stages, MODEL_STAGE, run.loaded, run_dir, records, rehash, False, run.heirs)
+    return last.fingerprint[:SHORT_MARK]
 
 
 def _reasons(plan: Plan, known: StageRecord | None, previous: Plan | None) -> list[str]:

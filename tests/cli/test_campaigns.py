@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
+import csv
 import json
-import math
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from cli_samples import write_study
 
-from mapmore_cli.domain.scores import Score
-from mapmore_cli.reporting.campaign import nrmse_table
 from mapmore_cli.spec.campaign import load_campaign
 
 CAMPAIGN = """\
@@ -48,6 +45,8 @@ def test_a_campaign_runs_its_variants_and_writes_its_page(campaign: Path, tmp_pa
         assert (tmp_path / "runs" / name / "report" / "index.html").is_file()
     assert "fuse:\n  transition: linear\n  z_s: 0.4" in (tmp_path / "runs" / "two" / "experiment.yaml").read_text()
     assert "ratio, geometric mean" in result.stdout
+    rows = list(csv.reader((tmp_path / "runs" / "sweep" / "tables" / "nrmse.csv").read_text().splitlines()))
+    assert [row[0] for row in rows[:3]] == ["run", "one", "two"]
 
 
 def test_overrides_of_the_command_line_come_last(campaign: Path, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
@@ -82,15 +81,15 @@ def test_wrong_campaigns(campaign: Path, old: str, new: str, words: list[str], m
         assert word in result.stderr
 
 
-def row(model: str, rmse: float, split: str = "validate") -> Score:
-    return Score(model, "static", split, "all", 10, rmse, rmse / 100, 100, "max|force| over validate", rmse, rmse / 100, 0.9)
-
-
-def test_ratios_are_of_the_runs_that_have_both() -> None:
-    runs = {"a": [row("mapmore", 1.0), row("sarosi", 2.0)], "b": [row("mapmore", 8.0), row("sarosi", 4.0)], "c": [row("mapmore", 5.0)]}
-    table = nrmse_table(runs, "sarosi")
-    assert table.rows[:3] == (("a", 1.0, 2.0), ("b", 8.0, 4.0), ("c", 5.0, None))
-    assert table.rows[3][1] == pytest.approx(math.sqrt(0.5 * 2))
-    assert table.rows[4][1:] == (2.0, 1.0)
-    assert table.rows[5][1:] == ("1 of 2", "0 of 2")
-    assert nrmse_table({"a": [replace(row("mapmore", 3.0), split="train")]}).rows == (("a", 3.0),)
+def test_two_campaigns_are_both_shown(campaign: Path, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    other = tmp_path / "other.yaml"
+    other.write_text(
+        CAMPAIGN.replace("campaign: sweep", "campaign: other").replace("name: one", "name: uno").replace("name: two", "name: due")
+    )
+    text = other.read_text()
+    other.write_text(text[: text.index("  - {name: broken")])
+    campaign.write_text(CAMPAIGN[: CAMPAIGN.index("  - {name: broken")])
+    result = mapmore("batch", campaign, other, "--runs", tmp_path / "runs", "-q", "--jobs", 1)
+    assert result.exit_code == 0, result.stderr
+    assert result.stdout.count("NRMSE of every run and model") == 2
+    assert result.stdout.count("campaign page:") == 2

@@ -85,8 +85,8 @@ def test_a_model_of_other_units_is_refused(pair: tuple[Path, Path], tmp_path: Pa
     ("entry", "words"),
     [
         ("{run: nowhere.yaml}", "nowhere.yaml"),
-        ("{run: rival_base.yaml, model: sarosi}", "a `model` or a `run`"),
-        ("{as: nothing}", "a `model` or a `run`"),
+        ("{run: rival_base.yaml, model: sarosi}", "a `model`, a `run`"),
+        ("{as: nothing}", "a `model`, a `run`"),
         ("{run: rival_base.yaml, method: levenberg_marquardt}", "method"),
     ],
 )

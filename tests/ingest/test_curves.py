@@ -170,11 +170,13 @@ def test_slice_holds_what_ingest_depends_on_and_no_more() -> None:
     assert len(different) == 1 + len(other)
 
 
-def test_stage_names_its_sources_and_reports_progress(tmp_path: Path) -> None:
+def test_stage_names_its_sources_and_reports_progress(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("mapmore_cli.stages.ingestion.meter.MEGABYTE", 1)
     for name in ("b.csv", "a.csv"):
         (tmp_path / name).write_text(steps(80))
+    size = len(steps(80))
     spec = spec_of({"files": ["*.csv"]})
     assert [path.name for path in STAGE.sources(spec, tmp_path)] == ["a.csv", "b.csv"]
     seen: list[tuple[str, int, int]] = []
     build_dataset(slice_of(spec), tmp_path, progress=lambda *step: seen.append(step))
-    assert [step[1:] for step in seen] == [(0, 2), (1, 2), (2, 2)]
+    assert seen == [("MB read", done, 2 * size) for done in (0, size, size, 2 * size)]

@@ -16,7 +16,7 @@ from mapmore_cli.reporting.figures.errors import draw_errors, error_panels
 from mapmore_cli.reporting.figures.fit import draw_error, draw_fit, fit_panel, held_out_spans, mark_held_out
 from mapmore_cli.reporting.figures.registry import FIGURES, figure_style, rendered_figures
 from mapmore_cli.reporting.figures.scores import draw_nrmse, nrmse_bars
-from mapmore_cli.reporting.figures.segments import draw_levels, draw_segments, draw_weights, draw_zones, segment_panels
+from mapmore_cli.reporting.figures.segments import draw_segments, draw_weights, draw_zones, segment_panels
 from mapmore_cli.reporting.figures.style import axis_label, draw_band, model_styles, shortened, two_lines
 from mapmore_cli.reporting.figures.terms import term_steps, whole_curves
 from mapmore_cli.reporting.figures.thinning import MOST_ON_A_LINE, STRETCHES, band, cloud, envelope, spread
@@ -343,24 +343,8 @@ class TestSegments:
         assert (zone.get_x(), zone.get_x() + zone.get_width()) == (0.75, 1.5)
         assert [line.get_xdata()[0] for line in ax.lines] == [0, 1, 3]
 
-    def test_level_triangles_peak_at_the_levels(self, ax, inputs):
-        levels = np.array([80.0, 150.0, 350.0])
-        draw_levels(ax, levels, inputs.model)
-        for line, level in zip(ax.lines[::2], levels, strict=True):
-            x, weight = line.get_data()
-            assert weight[x == level] == pytest.approx([1.0])
-        assert ax.lines[0].get_xdata().max() > 350
-
-    def test_a_number_beyond_the_levels_is_not_drawn(self, ax, inputs):
-        fusion = replace(inputs.model.fusion, extrapolation={"pressure": (100.0, "saturate"), "strain": ("continue", "continue")})
-        draw_levels(ax, np.array([80.0, 150.0, 350.0]), replace(inputs.model, fusion=fusion))
-        assert ax.lines[0].get_xdata().min() == 80
-
     def test_a_formula_alone_has_no_segments_to_draw(self, inputs):
         assert drawn(replace(inputs, model=replace(inputs.model, curves=())), ["segments"]) == {}
-
-    def test_one_level_has_no_triangles(self, alone):
-        assert list(drawn(alone, ["segments"])) == ["segments"]
 
 
 class TestTerms:

@@ -66,3 +66,11 @@ def test_own_model_without_a_score(scores):
 
 def test_a_perfect_competitor():
     assert verdict([score("mapmore", 0.02), score("exact", 0.0)], "mapmore", FORCE).endswith("reaches 0 %: mapmore is worse.")
+
+
+def test_repeatability_is_told_and_is_no_competitor():
+    text = verdict([score("mapmore", 0.02), score("sarosi", 0.04), score("repeatability", 0.01)], "mapmore", FORCE)
+    assert text.endswith(
+        "the best competitor, sarosi, reaches 4 %: mapmore is better (0.5 times the RMSE); repeated measurements differ by 1 %."
+    )
+    assert "compared with no other model" in verdict([score("mapmore", 0.02), score("repeatability", 0.01)], "mapmore", FORCE)

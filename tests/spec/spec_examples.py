@@ -45,7 +45,7 @@ units: {pressure: bar}
 data:
   files:
     - {path: "10mm_Unkink_*.csv.gz", set: {length: 182 mm}}
-    - {path: "10mm_kinked25_*.csv.gz", set: {length: 17.45 cm}, id: kinked}
+    - {path: "10mm_kinked25_*.csv.gz", set: {length: 17.45 cm}, id: kinked, keep: [{quantity: time, outside: [1 min, 70 s]}]}
     - plain.csv
   header: false
   columns:

@@ -10,7 +10,20 @@ from hypothesis import strategies as st
 from spec_examples import FORMULA, GOOD, LOGS, MEASURED, STATIC, load_text
 
 from mapmore_cli.spec.loader import load, load_as, resolved
-from mapmore_cli.spec.models import BelowAbove, Between, Competitor, Cuts, ExperimentSpec, FileEntry, Gaps, Holdout, Levels, Rate, Section
+from mapmore_cli.spec.models import (
+    BelowAbove,
+    Between,
+    Competitor,
+    Cuts,
+    ExperimentSpec,
+    FileEntry,
+    Gaps,
+    Holdout,
+    Keep,
+    Levels,
+    Rate,
+    Section,
+)
 
 PROJECT = Path(__file__).resolve().parents[2]
 SHIPPED = sorted(
@@ -38,7 +51,7 @@ def test_numbers_with_units_are_in_the_units_of_the_model(tmp_path: Path) -> Non
     data = spec.data
     assert data.files == [
         FileEntry(path="10mm_Unkink_*.csv.gz", set={"length": 0.182}),
-        FileEntry(path="10mm_kinked25_*.csv.gz", set={"length": 0.1745}, id="kinked"),
+        FileEntry(path="10mm_kinked25_*.csv.gz", set={"length": 0.1745}, id="kinked", keep=[Keep(quantity="time", outside=(60.0, 70.0))]),
         "plain.csv",
     ]
     assert data.columns["force"].offset == 0.009  # in the column's own unit, kN

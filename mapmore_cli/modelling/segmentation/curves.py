@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise, product
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Segment, SegmentedCurve
-from mapmore_cli.domain.recording import Curve
+from mapmore_cli.domain.recording import DIRECTION, Curve
 from mapmore_cli.modelling.recipe import Cut
 from mapmore_cli.modelling.segmentation.cuts import IntervalCost, cut_points
 from mapmore_cli.modelling.segmentation.samples import samples_of
@@ -19,7 +20,7 @@ from mapmore_cli.modelling.segmentation.samples import samples_of
 def training_curves(curves: Sequence[Curve], by_level: bool) -> tuple[Curve, ...]:
     """The curves that get segments of their own: each by itself, or all pooled into one named `all`."""
     if by_level:
-        return tuple(curve for curve in curves if not curve.held_out.all())
+        return tuple(curve for curve in curves if curve.training.any())
     if len(curves) == 1:
         return tuple(curves)
     return (
@@ -29,8 +30,17 @@ def training_curves(curves: Sequence[Curve], by_level: bool) -> tuple[Curve, ...
             columns={name: np.concatenate([curve.columns[name] for curve in curves]) for name in curves[0].columns},
             held_out=np.concatenate([curve.held_out for curve in curves]),
             recordings=tuple(dict.fromkeys(r for curve in curves for r in curve.recordings)),
+            at_rest=np.concatenate([~(curve.training | curve.held_out) for curve in curves]),
         ),
     )
+
+
+def trained_at(curves: Sequence[Curve], level: str | float) -> tuple[Curve, ...]:
+    """The curves, of which only that at `level` (a number, or `highest` of the training levels) trains; all of them for `all`."""
+    if level == "all":
+        return tuple(curves)
+    chosen = max(c.level for c in curves if c.level is not None and c.training.any()) if level == "highest" else level
+    return tuple(c if c.level == chosen else replace(c, at_rest=np.ones(c.size, dtype=bool)) for c in curves)
 
 
 def segment_curve(curve: Curve, cuts: Mapping[str, Cut], target: str, cost: IntervalCost) -> SegmentedCurve:
@@ -43,7 +53,7 @@ def segment_curve(curve: Curve, cuts: Mapping[str, Cut], target: str, cost: Inte
     DataError
         Where a segment holds no sample, or the curve has too few for the cut.
     """
-    rows = np.flatnonzero(~curve.held_out)
+    rows = np.flatnonzero(curve.training)
     values = samples_of(curve, rows)
     boundaries = {name: cut_points(curve, rows, name, target, cut, cost) for name, cut in cuts.items()}
     inside = {name: _members(values[name], boundaries[name]) for name in cuts}
@@ -65,8 +75,12 @@ def segment_curve(curve: Curve, cuts: Mapping[str, Cut], target: str, cost: Inte
 
 
 def segment_id(curve: str, variables: Sequence[str], cell: Sequence[int]) -> str:
-    """`<curve>/strain:2`, with `;` between variables; `<curve>/all` where nothing is cut."""
-    return f"{curve}/" + (";".join(f"{name}:{place}" for name, place in zip(variables, cell, strict=True)) or "all")
+    """`<curve>/strain:2`, with `;` between variables, `<curve>;direction=rise/...` for directions; `<curve>/all` where nothing is cut."""
+    places = dict(zip(variables, cell, strict=True))
+    direction = places.pop(DIRECTION, None)
+    if direction is not None:
+        curve = f"{curve};direction={('fall', 'rise')[direction - 1]}"
+    return f"{curve}/" + (";".join(f"{name}:{place}" for name, place in places.items()) or "all")
 
 
 def _members(x: Array, boundaries: Array) -> list[Array]:

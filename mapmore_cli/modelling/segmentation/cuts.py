@@ -10,7 +10,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
-from mapmore_cli.modelling.recipe import Breakpoints, Cut, Even, Gradient, Optimal
+from mapmore_cli.modelling.recipe import Breakpoints, Cut, Directions, Even, Gradient, Optimal
 from mapmore_cli.modelling.segmentation.gradient import gradient_boundaries
 from mapmore_cli.modelling.segmentation.optimal import optimal_partition
 
@@ -26,6 +26,8 @@ def cut_points(curve: Curve, rows: IntArray, name: str, target: str, cut: Cut, c
 
     Given breakpoints that lie outside of the curve's own range are left out: a low-pressure curve ends at a smaller strain.
     """
+    if isinstance(cut, Directions):
+        return np.array([-1.0, 0.0, 1.0])
     x, y = curve.columns[name][rows], curve.columns[target][rows]
     low, high = float(x.min()), float(x.max())
     if low == high:

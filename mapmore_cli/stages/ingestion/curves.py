@@ -14,6 +14,7 @@ from mapmore_cli.modelling.signals.cycles import split_cycles
 from mapmore_cli.modelling.signals.levels import default_within, find_levels, match_levels
 from mapmore_cli.spec.models import Cycles, Levels
 from mapmore_cli.stages.ingestion.samples import located
+from mapmore_cli.stages.ingestion.steps import PLATEAU
 
 
 @dataclass(frozen=True)
@@ -36,12 +37,13 @@ class LevelSet:
 
 @dataclass(frozen=True)
 class Part:
-    """Samples of one recording at one level, `(n,)` each; `position` runs from 0 to 1 in the order of the log."""
+    """Samples of one recording at one level, `(n,)` each; `position` runs from 0 to 1 in the order of the log of that number."""
 
     recording: Recording
     level: float | None
     columns: Columns
     position: Array
+    log: int
 
     @property
     def size(self) -> int:
@@ -67,11 +69,11 @@ def cut_by_level(logs: Sequence[Sequence[Recording]], levels: LevelSet | None) -
     A log is the pieces of one recording in order of time. Without levels every piece is one part. Raises DataError for a level that no
     sample is at.
     """
-    placed = [pair for log in logs for pair in zip(log, _places(log), strict=True)]
-    recordings = [recording for recording, _ in placed]
+    placed = [(piece, place, number) for number, log in enumerate(logs) for piece, place in zip(log, _places(log), strict=True)]
+    recordings = [recording for recording, _, _ in placed]
     if levels is None:
-        return recordings, [Part(recording, None, recording.columns, place) for recording, place in placed]
-    pairs = [_cut(recording, place, levels) for recording, place in placed]
+        return recordings, [Part(recording, None, recording.columns, place, number) for recording, place, number in placed]
+    pairs = [_cut(recording, place, number, levels) for recording, place, number in placed]
     parts = [part for _, cut in pairs for part in cut]
     empty = [level for level in levels.at if not any(part.level == level for part in parts)]
     if empty:
@@ -83,14 +85,14 @@ def cut_by_level(logs: Sequence[Sequence[Recording]], levels: LevelSet | None) -
     return [recording for recording, _ in pairs], parts
 
 
-def _cut(recording: Recording, place: Array, levels: LevelSet) -> tuple[Recording, list[Part]]:
+def _cut(recording: Recording, place: Array, log: int, levels: LevelSet) -> tuple[Recording, list[Part]]:
     level = levels.match(recording.columns[levels.of])
     at_none = int(np.count_nonzero(np.isnan(level)))
     reason = f"no level within {levels.within:g} of {levels.of}"
     columns = {name: values[np.isfinite(level)] for name, values in recording.columns.items()}
     kept = replace(recording, columns=columns, dropped={**recording.dropped, reason: at_none} if at_none else recording.dropped)
     masks = [(float(value), level == value) for value in np.unique(level[np.isfinite(level)])]
-    return kept, [Part(kept, value, {n: v[mask] for n, v in recording.columns.items()}, place[mask]) for value, mask in masks]
+    return kept, [Part(kept, value, {n: v[mask] for n, v in recording.columns.items()}, place[mask], log) for value, mask in masks]
 
 
 def _places(log: Sequence[Recording]) -> list[Array]:
@@ -110,7 +112,7 @@ def join_branches(part: Part, cycles: Cycles, target: str) -> Part:
     with located(f"{where} ({part.size} samples)"):
         branches = split_cycles(part.columns[over], others, cycles.samples)
     columns = {over: branches.over, **branches.static(), "hysteresis": branches.hysteresis(target)}
-    return Part(part.recording, part.level, columns, np.linspace(0, 1, cycles.samples))
+    return Part(part.recording, part.level, columns, np.linspace(0, 1, cycles.samples), part.log)
 
 
 def joined_curves(parts: Sequence[Part], held_out: Sequence[BoolArray], levels: LevelSet | None) -> tuple[Curve, ...]:
@@ -123,5 +125,10 @@ def joined_curves(parts: Sequence[Part], held_out: Sequence[BoolArray], levels: 
 
 
 def _joined(key: str, parts: Sequence[Part], masks: Sequence[BoolArray]) -> Curve:
-    columns = {name: np.concatenate([part.columns[name] for part in parts]) for name in parts[0].columns}
-    return Curve(key, parts[0].level, columns, np.concatenate(masks), tuple(part.recording.id for part in parts))
+    columns = dict(parts[0].columns)
+    if len(parts) > 1:  # else the samples themselves: a long recording is not copied without need
+        columns = {name: np.concatenate([part.columns[name] for part in parts]) for name in columns}
+    plateau = columns.pop(PLATEAU, None)
+    at_rest = None if plateau is None else plateau == 1.0
+    origin = np.repeat(np.arange(len(parts)), [part.size for part in parts])
+    return Curve(key, parts[0].level, columns, np.concatenate(masks), tuple(part.recording.id for part in parts), at_rest, origin)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from mapmore_cli.domain.errors import SpecError
@@ -10,9 +11,11 @@ from mapmore_cli.domain.recording import Dataset, Quantity, Recording
 from mapmore_cli.spec.models import Data, FileEntry
 from mapmore_cli.stages.ingestion.curves import cut_by_level, join_branches, joined_curves, level_set
 from mapmore_cli.stages.ingestion.files import Source, find_sources
+from mapmore_cli.stages.ingestion.meter import Meter
 from mapmore_cli.stages.ingestion.recording import Reading, read_recordings
 from mapmore_cli.stages.ingestion.slice import IngestSlice
 from mapmore_cli.stages.ingestion.split import held_out
+from mapmore_cli.stages.ingestion.steps import DAMPING, PLATEAU, STATIC_FORCE, static_model, with_damping, with_plateau
 from mapmore_cli.stages.stage import Progress
 
 FEW = 10  # samples kept, below which a recording is worth a warning
@@ -20,9 +23,16 @@ MUCH = 0.5  # fraction dropped, above which it is
 
 
 def build_dataset(
-    slice_: IngestSlice, spec_dir: Path, *, progress: Progress = lambda *_: None, warn: Callable[[str], None] = lambda _: None
+    slice_: IngestSlice,
+    spec_dir: Path,
+    *,
+    static_run: Path | None = None,
+    progress: Progress = lambda *_: None,
+    warn: Callable[[str], None] = lambda _: None,
 ) -> Dataset:
     """Read all recordings and sort their samples into curves; writes nothing.
+
+    `static_run` is the run whose model leaves the damping force; without it, the measured quantity itself is the target.
 
     Raises
     ------
@@ -34,19 +44,27 @@ def build_dataset(
     data = slice_.data
     _check(data)
     readings = _read_all(find_sources(data.files, spec_dir, data.join), slice_, progress)
+    units = dict(slice_.units)
+    if data.plateau is not None:
+        readings = [_stepped(reading, slice_, static_run, warn) for reading in readings]
+        units[PLATEAU] = "1"
     levels = level_set(data.levels, [piece for reading in readings for piece in reading.pieces]) if data.levels else None
     recordings, parts = cut_by_level([reading.pieces for reading in readings], levels)
     for warning in (warning for reading in readings for warning in reading.warnings):
         warn(warning)
     for recording in recordings:
         _warn_of_losses(recording, warn)
-    units = dict(slice_.units)
+    target = slice_.measured
+    if static_run is not None:
+        target = DAMPING
+        units |= dict.fromkeys((STATIC_FORCE, DAMPING), units[slice_.measured])
     if data.cycles:
         parts = [join_branches(part, data.cycles, slice_.measured) for part in parts]
         units["hysteresis"] = units[slice_.measured]
+        target = "hysteresis" if slice_.component == "hysteresis" else target
     masks = held_out(parts, data.split.hold_out, levels, spec_dir)
     return Dataset(
-        target="hysteresis" if slice_.component == "hysteresis" else slice_.measured,
+        target=target,
         level=levels.of if levels else None,
         quantities={name: Quantity(name, unit) for name, unit in units.items()},
         recordings=tuple(recordings),
@@ -63,17 +81,26 @@ def _check(data: Data) -> None:
             raise SpecError(f"files: '{name}' is set for a file and measured or derived as well", "Keep one of both.")
         if not all(name in given for given in constants):
             raise SpecError(f"files: '{name}' is set for some entries only", "Set it for every entry of `files`.")
-    if data.cycles and data.split.hold_out and data.split.hold_out.last is not None:
-        raise SpecError("split.validate: `last` needs samples in the order of time, which `cycles` gives up", "Hold out levels or files.")
+    for key in ("last", "last_cycles"):
+        if data.cycles and data.split.hold_out and getattr(data.split.hold_out, key) is not None:
+            raise SpecError(
+                f"split.validate: `{key}` needs samples in the order of time, which `cycles` gives up", "Hold out levels or files."
+            )
 
 
 def _read_all(sources: Sequence[Source], slice_: IngestSlice, progress: Progress) -> list[Reading]:
-    readings: list[Reading] = []
-    for done, source in enumerate(sources):
-        progress("reading", done, len(sources))
-        readings += read_recordings(source, slice_.data, slice_.units)
-    progress("reading", len(sources), len(sources))
-    return readings
+    meter = Meter(sources, progress)
+    return [reading for source in sources for reading in read_recordings(source, slice_.data, slice_.units, meter)]
+
+
+def _stepped(reading: Reading, slice_: IngestSlice, static_run: Path | None, warn: Callable[[str], None]) -> Reading:
+    """The pieces of a log with their plateau, and with the damping force where a static model is at hand."""
+    assert slice_.data.plateau is not None
+    pieces = [with_plateau(piece, slice_.data.plateau, slice_.units) for piece in reading.pieces]
+    if static_run is not None:
+        model = static_model(static_run, Quantity(slice_.measured, slice_.units[slice_.measured]), slice_.units)
+        pieces = [with_damping(piece, slice_.measured, model, warn) for piece in pieces]
+    return replace(reading, pieces=tuple(pieces))
 
 
 def _warn_of_losses(recording: Recording, warn: Callable[[str], None]) -> None:

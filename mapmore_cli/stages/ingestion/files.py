@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mapmore_cli.domain.errors import DataError, SpecError
-from mapmore_cli.spec.models import FileEntry, Join
+from mapmore_cli.spec.models import FileEntry, Join, Keep
 from mapmore_cli.storage.readers.files import expand, relative_name, unique_ids
 
 
@@ -21,10 +21,11 @@ class Log:
 
 @dataclass(frozen=True)
 class Source(Log):
-    """A file of `data.files`: its recording's id, quantities that no column of it holds, and the logs that are joined to it."""
+    """A file of `data.files`: its recording's id, quantities that no column of it holds, what is kept of it, and the logs joined to it."""
 
     id: str
     constants: Mapping[str, float]
+    keep: Sequence[Keep] = ()
     joined: tuple[Log, ...] = ()
 
 
@@ -43,7 +44,10 @@ def find_sources(entries: Entries, folder: Path, joins: Sequence[Join] = ()) -> 
         if ids.count(name) > 1:
             raise SpecError(f"files: {ids.count(name)} recordings have the id '{name}'", "Give each an `id` of its own.")
     logs = [_paired(join, len(found), folder) for join in joins]
-    return tuple(Source(log.path, log.name, ids[i], entry.set, tuple(joined[i] for joined in logs)) for i, (log, entry) in enumerate(found))
+    return tuple(
+        Source(log.path, log.name, ids[i], entry.set, entry.keep, tuple(joined[i] for joined in logs))
+        for i, (log, entry) in enumerate(found)
+    )
 
 
 def _found(entries: Entries, folder: Path) -> list[tuple[Log, FileEntry]]:

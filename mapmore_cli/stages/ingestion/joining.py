@@ -12,18 +12,19 @@ from mapmore_cli.spec.models import Data, Join
 from mapmore_cli.spec.units import convert
 from mapmore_cli.stages.ingestion.clock import in_time_order
 from mapmore_cli.stages.ingestion.files import Log, Source
+from mapmore_cli.stages.ingestion.meter import Meter
 from mapmore_cli.stages.ingestion.samples import Samples
 from mapmore_cli.stages.ingestion.tables import read_tables, without_missing
 
 
-def joined(tables: Sequence[Samples], source: Source, data: Data, units: Mapping[str, str]) -> list[Samples]:
+def joined(tables: Sequence[Samples], source: Source, data: Data, units: Mapping[str, str], meter: Meter) -> list[Samples]:
     """Return the recordings of a file with the quantities of the logs that are joined to it, NaN where those have no value.
 
     Raises DataError for logs that do not fit: a different number of recordings or rows.
     """
     found = list(tables)
     for join, log in zip(data.join, source.joined, strict=True):
-        others = _read(log, join, data, units)
+        others = _read(log, join, data, units, meter)
         if len(others) not in (1, len(found)):
             raise DataError(
                 f"{log.name}: holds {len(others)} recordings, but {source.name} holds {len(found)}",
@@ -34,8 +35,8 @@ def joined(tables: Sequence[Samples], source: Source, data: Data, units: Mapping
     return found
 
 
-def _read(log: Log, join: Join, data: Data, units: Mapping[str, str]) -> list[Samples]:
-    tables = read_tables(log, join, data.missing, units)
+def _read(log: Log, join: Join, data: Data, units: Mapping[str, str], meter: Meter) -> list[Samples]:
+    tables = read_tables(log, join, data.missing, units, meter)
     if join.on == "row":
         return tables
     return [in_time_order(without_missing(samples, join, data.missing), data.repeated_time) for samples in tables]

@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import graphlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.modelling import terms
-from mapmore_cli.modelling.signals.rates import rate
-from mapmore_cli.spec.models import Data, Keep, Rate
-from mapmore_cli.spec.units import convert
+from mapmore_cli.modelling.signals.following import signal_values
+from mapmore_cli.spec.models import Data, Direction, Keep, Rate
 from mapmore_cli.stages.ingestion.clock import Clocked, clocked
 from mapmore_cli.stages.ingestion.files import Source
 from mapmore_cli.stages.ingestion.joining import joined
+from mapmore_cli.stages.ingestion.meter import Meter
 from mapmore_cli.stages.ingestion.samples import Samples, located
 from mapmore_cli.stages.ingestion.tables import read_tables, without_missing
+from mapmore_cli.stages.signals import signal_of
 
 
 @dataclass(frozen=True)
@@ -31,21 +31,21 @@ class Reading:
     warnings: tuple[str, ...]
 
 
-def read_recordings(source: Source, data: Data, units: Mapping[str, str]) -> list[Reading]:
+def read_recordings(source: Source, data: Data, units: Mapping[str, str], meter: Meter) -> list[Reading]:
     """Read a file and the logs that are joined to it, and bring them into the model's `units`.
 
     In this order: scale and offset, joined logs, missing values, constants, time stamps and gaps, even time steps, derived quantities,
     conditions to keep samples. Raises DataError naming file, row and column.
     """
-    tables = read_tables(source, data, data.missing, units)
-    return [_reading(samples, source, data, units) for samples in joined(tables, source, data, units)]
+    tables = read_tables(source, data, data.missing, units, meter)
+    return [_reading(samples, source, data, units) for samples in joined(tables, source, data, units, meter)]
 
 
 def _reading(samples: Samples, source: Source, data: Data, units: Mapping[str, str]) -> Reading:
     samples = without_missing(samples, data, data.missing)
     samples = samples.with_columns({name: np.full(samples.size, value) for name, value in source.constants.items()})
     whole = clocked(samples, data, units)
-    finished = [_finished(piece, data, units) for piece in whole.pieces if piece.size]
+    finished = [_finished(piece, data, source.keep, units) for piece in whole.pieces if piece.size]
     left = [piece for piece in finished if piece.size]
     if not left:
         (finished or whole.pieces)[0].some()
@@ -66,22 +66,23 @@ def _recording(name: str, source: str, samples: Samples) -> Recording:
     return Recording(name, source, samples.columns, samples.rows_read, dropped)
 
 
-def _finished(samples: Samples, data: Data, units: Mapping[str, str]) -> Samples:
+def _finished(samples: Samples, data: Data, keep: Sequence[Keep], units: Mapping[str, str]) -> Samples:
     samples = _derived(samples, data.derive, units)
-    for condition in data.keep:
+    for condition in (*data.keep, *keep):
         samples = _kept(samples, condition, units)
     return samples
 
 
-def _derived(samples: Samples, derive: Mapping[str, str | Rate], units: Mapping[str, str]) -> Samples:
+def _derived(samples: Samples, derive: Mapping[str, str | Rate | Direction], units: Mapping[str, str]) -> Samples:
     """Add the quantities of `derive`, each after those that it depends on."""
     expressions = {name: terms.parse(rule) for name, rule in derive.items() if isinstance(rule, str)}
-    needs = {name: {rule.rate_of} if isinstance(rule, Rate) else set(expressions[name].names) for name, rule in derive.items()}
+    signals = {name: signal_of(name, rule, units) for name, rule in derive.items() if not isinstance(rule, str)}
+    needs = {name: {signals[name].of} if name in signals else set(expressions[name].names) for name in derive}
     order = [name for name in graphlib.TopologicalSorter(needs).static_order() if name in derive]
     for name in order:
-        rule = derive[name]
-        if isinstance(rule, Rate):
-            values = _rate(samples, rule, units, units[name])
+        if name in signals:
+            with located(samples.label):
+                values = signal_values(signals[name], samples.columns)
         else:
             values = terms.evaluate(expressions[name], samples.columns, samples.size)
         if not np.isfinite(values).all():
@@ -89,13 +90,6 @@ def _derived(samples: Samples, derive: Mapping[str, str | Rate], units: Mapping[
             raise DataError(f"{samples.at(at)}: derive.{name} gives {values[at]}", "Mend the expression or the data.")
         samples = samples.with_columns({name: values})
     return samples
-
-
-def _rate(samples: Samples, rule: Rate, units: Mapping[str, str], unit: str) -> Array:
-    seconds = convert(samples.columns["time"], units["time"], "s")
-    with located(samples.label):
-        values = rate(seconds, samples.columns[rule.rate_of], rule.window, rule.order)
-    return convert(values, f"{units[rule.rate_of]}/s", unit)
 
 
 def _kept(samples: Samples, condition: Keep, units: Mapping[str, str]) -> Samples:
@@ -108,5 +102,8 @@ def _kept(samples: Samples, condition: Keep, units: Mapping[str, str]) -> Sample
         return samples.keep(values < condition.below, f"{name} >= {condition.below:g}{unit}")
     if condition.above is not None:
         return samples.keep(values > condition.above, f"{name} <= {condition.above:g}{unit}")
+    if condition.outside is not None:
+        low, high = condition.outside
+        return samples.keep((values < low) | (values > high), f"{name} from {low:g} to {high:g}{unit}")
     low, high = condition.between or (-np.inf, np.inf)
     return samples.keep((values >= low) & (values <= high), f"{name} outside {low:g} to {high:g}{unit}")

@@ -4,32 +4,33 @@ from __future__ import annotations
 
 from typing import Literal
 
-from mapmore_cli.spec.models import Data, ExperimentSpec, Rate, Section, Split
-from mapmore_cli.spec.units import default_unit
+from mapmore_cli.spec.models import Data, ExperimentSpec, Section, Split
+from mapmore_cli.stages.signals import derivations_of, units_of
 
 
 class IngestSlice(Section):
-    """What ingest depends on: the quantity that is `measured`, its `component` to model, and the model's unit of every quantity."""
+    """What ingest depends on: the quantity that is `measured`, its `component` to model, and the model's unit of every quantity.
+
+    `static` is the spec of the run whose model leaves the damping force.
+    """
 
     data: Data
     measured: str
-    component: Literal["static", "hysteresis"]
+    component: Literal["static", "hysteresis", "damping"]
     units: dict[str, str]
+    static: str | None = None
 
 
 def slice_of(spec: ExperimentSpec) -> IngestSlice:
     """Return the part of the spec that ingest reads; cross-validation is no business of its."""
+    split = Split(validate=spec.data.split.hold_out)
+    component: Literal["static", "hysteresis", "damping"] = "static"
+    if spec.target in ("hysteresis", "damping"):
+        component = "hysteresis" if spec.target == "hysteresis" else "damping"
     return IngestSlice(
-        data=spec.data.model_copy(update={"split": Split(validate=spec.data.split.hold_out)}),
+        data=spec.data.model_copy(update={"split": split, "derive": derivations_of(spec)}),
         measured=spec.target_quantity,
-        component="hysteresis" if spec.target == "hysteresis" else "static",
-        units={name: _unit(name, spec) for name in spec.data.quantities},
+        component=component,
+        units=units_of(spec),
+        static=spec.needs.static if component == "damping" else None,
     )
-
-
-def _unit(name: str, spec: ExperimentSpec) -> str:
-    """Model unit of a quantity; a rate by any name has the unit of its quantity per unit of time."""
-    rule = spec.data.derive.get(name)
-    if isinstance(rule, Rate) and name not in spec.units:
-        return f"{default_unit(rule.rate_of, spec.units)}/{default_unit('time', spec.units)}"
-    return default_unit(name, spec.units)

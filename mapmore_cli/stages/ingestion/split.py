@@ -11,8 +11,10 @@ import numpy as np
 from mapmore_cli.domain.arrays import BoolArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Recording
+from mapmore_cli.modelling.signals.strokes import last_cycles
 from mapmore_cli.spec.models import Between, Holdout
 from mapmore_cli.stages.ingestion.curves import LevelSet, Part
+from mapmore_cli.stages.ingestion.samples import located
 from mapmore_cli.storage.readers.files import relative_name
 
 Masks = list[BoolArray]
@@ -52,6 +54,8 @@ def _conditions(parts: Sequence[Part], choice: Holdout, levels: LevelSet | None,
             conditions.append(_at_values(parts, name, values))
     if choice.last is not None:
         conditions.append([part.position > 1 - choice.last for part in parts])
+    if choice.last_cycles is not None and choice.of is not None:
+        conditions.append(_last_cycles(parts, choice.of, choice.last_cycles))
     if choice.fraction is not None:
         conditions.append(_random(parts, choice.fraction, choice.seed or 0))
     return conditions
@@ -96,6 +100,22 @@ def _between(parts: Sequence[Part], name: str, intervals: Between) -> Masks:
         if not any(hit.any() for hit in hits):
             raise DataError(f"split.validate: no sample has {name} between {low:g} and {high:g}", f"{_range(parts, name).capitalize()}.")
         masks = [mask | hit for mask, hit in zip(masks, hits, strict=True)]
+    return masks
+
+
+def _last_cycles(parts: Sequence[Part], of: str, share: float) -> Masks:
+    """The last cycles of each log, whose pieces and levels are taken together in the order of time."""
+    masks = [np.zeros(part.size, dtype=np.bool_) for part in parts]
+    for log in dict.fromkeys(part.log for part in parts):
+        members = [number for number, part in enumerate(parts) if part.log == log]
+        order = np.argsort(np.concatenate([parts[number].position for number in members]), kind="stable")
+        values = np.concatenate([parts[number].columns[of] for number in members])
+        held = np.zeros(len(order), dtype=np.bool_)
+        with located(f"{parts[members[0]].recording.source}, cycles of {of}"):
+            held[order] = last_cycles(values[order], share)
+        ends = np.cumsum([parts[number].size for number in members])[:-1]
+        for number, mask in zip(members, np.split(held, ends), strict=True):
+            masks[number] = mask
     return masks
 
 

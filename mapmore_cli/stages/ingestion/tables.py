@@ -11,11 +11,12 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.spec.models import Table
 from mapmore_cli.spec.units import convert
 from mapmore_cli.stages.ingestion.files import Log
+from mapmore_cli.stages.ingestion.meter import Meter
 from mapmore_cli.stages.ingestion.samples import Samples
 from mapmore_cli.storage.readers import READERS, RawTable, TableRequest
 
 
-def read_tables(log: Log, table: Table, missing: str, units: Mapping[str, str]) -> list[Samples]:
+def read_tables(log: Log, table: Table, missing: str, units: Mapping[str, str], meter: Meter) -> list[Samples]:
     """Return the samples of each recording in a file, NaN where a value is missing.
 
     Where `missing` is `drop`, records that break off are such values as well. Raises DataError for what cannot be read.
@@ -31,6 +32,7 @@ def read_tables(log: Log, table: Table, missing: str, units: Mapping[str, str]) 
         sheet=table.sheet,
         root=table.root,
         incomplete=missing == "drop",
+        progress=meter.within(log),
     )
     return [_in_model_units(raw, table, units) for raw in READERS[table.reader](log.path, request)]
 
@@ -39,7 +41,9 @@ def _in_model_units(raw: RawTable, table: Table, units: Mapping[str, str]) -> Sa
     """Return `value * scale + offset`, converted from the column's unit to the model's."""
     columns: dict[str, Array] = {}
     for name, column in table.columns.items():
-        values: Array = raw.columns[column.column] * column.scale + column.offset
+        values = raw.columns[column.column]
+        if (column.scale, column.offset) != (1.0, 0.0):  # else the column itself: long recordings are not copied without need
+            values = values * column.scale + column.offset
         columns[name] = values if column.unit is None else convert(values, column.unit, units[name])
     if table.sample_time is not None:
         columns["time"] = np.arange(len(raw.rows), dtype=np.float64) * convert(table.sample_time, "s", units["time"])

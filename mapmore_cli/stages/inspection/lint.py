@@ -15,6 +15,8 @@ from mapmore_cli.stages.ingestion.slice import slice_of
 from mapmore_cli.stages.inspection.issue import ORDER, Cause, Issue
 from mapmore_cli.stages.inspection.rules import OF_CURVES, OF_RECORDINGS
 from mapmore_cli.stages.inspection.subject import Subject
+from mapmore_cli.stages.needs import needed_runs
+from mapmore_cli.stages.runner import pipeline
 from mapmore_cli.stages.stage import Progress
 
 
@@ -43,8 +45,10 @@ def inspect(loaded: LoadedSpec, progress: Progress = lambda *_: None, warn: Call
     Raises
     ------
     SpecError, DataError
-        What made the curves impossible, where no rule has anything to add.
+        What is wrong with a spec that this one builds on; what made the curves impossible, where no rule has anything to add.
     """
+    for stage in pipeline():
+        needed_runs(stage, loaded, ())
     part = slice_of(loaded.spec)
     try:
         dataset = build_dataset(part, loaded.folder, progress=progress, warn=warn)

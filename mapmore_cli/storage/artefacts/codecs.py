@@ -118,6 +118,15 @@ def optional(codec: Codec) -> Codec:
     return Codec(f"{codec.form} (MAY be absent)", write, read)
 
 
+def added(codec: Codec, default: Any) -> Codec:
+    """The same for a field that files of earlier versions lack: they are read as if it held the default."""
+
+    def read(group: h5py.Group, name: str) -> Any:
+        return codec.read(group, name) if name in group or name in group.attrs else default
+
+    return replace(codec, read=read)
+
+
 def adapted(codec: Codec, store: Callable[[Any], Any], load: Callable[[Any], Any]) -> Codec:
     """The same for a value that is changed to what `codec` stores, and back."""
     return replace(

@@ -3,6 +3,7 @@
 Format versions are read like semantic versions: a new major is refused by older programs, a new minor only adds fields.
 
 1.0  first version.
+1.1  curves with samples at rest and the recording of each sample; models with signals and summands.
 """
 
 from __future__ import annotations
@@ -18,13 +19,14 @@ from mapmore_cli.storage.artefacts.codecs import checked_text
 from mapmore_cli.storage.artefacts.label import Label
 from mapmore_cli.storage.artefacts.layout import DATASET, FIT_RESULT, MODEL, SEGMENTATION, VALIDATION
 from mapmore_cli.storage.artefacts.schema import Schema
-from mapmore_cli.storage.atomic import write_bytes
+from mapmore_cli.storage.artefacts.steady import SteadyFile
+from mapmore_cli.storage.atomic import replacing
 from mapmore_cli.storage.versions import refuse_newer
 
 if TYPE_CHECKING:
     import h5py
 
-FORMAT_VERSION = "1.0"
+FORMAT_VERSION = "1.1"
 
 
 @dataclass(frozen=True)
@@ -38,21 +40,23 @@ class FileKind:
     def write(self, path: Path, record: Any, units: Mapping[str, str], provenance: Mapping[str, str] | None = None) -> None:
         """Write `record`; `units` are those that it does not know itself. The bytes depend on the arguments only.
 
-        The file is composed in memory: HDF5 reports a full disk badly, the operating system reports it well.
+        Raises WriteError where the disk is full.
         """
         import h5py
 
-        # Settled versions and no times: two writes give the same bytes, and old readers understand them.
-        with h5py.File("image", "w", driver="core", backing_store=False, libver=("earliest", "v110")) as file:
-            file.attrs["kind"] = self.name
-            file.attrs["format_version"] = FORMAT_VERSION
-            file.attrs["creator"] = "mapmore"
-            self.schema.write_into(file, record, Label(scope=units))
-            if provenance is not None:
-                _write_provenance(file, provenance)
-            file.flush()
-            image = file.id.get_file_image()
-        write_bytes(path, image)
+        with replacing(path) as place:
+            steady = SteadyFile(place.raw)
+            try:
+                # Settled versions and no times: two writes give the same bytes, and old readers understand them.
+                with h5py.File(steady, "w", driver="fileobj", libver=("earliest", "v110")) as file:
+                    file.attrs["kind"] = self.name
+                    file.attrs["format_version"] = FORMAT_VERSION
+                    file.attrs["creator"] = "mapmore"
+                    self.schema.write_into(file, record, Label(scope=units))
+                    if provenance is not None:
+                        _write_provenance(file, provenance)
+            finally:
+                steady.tell_fault()
 
     def read(self, path: Path) -> Any:
         """The record in a file; DataError where it is missing, damaged, of another kind or of a newer format."""

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from mapmore_cli.domain.fits import FitResult, FormulaFit, Scaling, Segment, SegmentedCurve, SegmentFit, Selection
-from mapmore_cli.domain.models import CurveFunction, FoldError, Fusion, Model, SegmentFunction, Side
+from mapmore_cli.domain.models import CurveFunction, FoldError, Fusion, Model, SegmentFunction, Side, Signal
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
 from mapmore_cli.domain.scores import Score, Validation
-from mapmore_cli.storage.artefacts.codecs import adapted, named, number, numbered, numbers, optional, pairs, text, texts
+from mapmore_cli.storage.artefacts.codecs import adapted, added, named, number, numbered, numbers, optional, pairs, text, texts
 from mapmore_cli.storage.artefacts.label import NO_UNIT
-from mapmore_cli.storage.artefacts.schema import Field, Schema, record, rows
+from mapmore_cli.storage.artefacts.schema import Field, Schema, nested, record, rows
 
 TEXT, REAL, COUNT = text(), number(float), number(int)
 OPTIONAL_TEXT, OPTIONAL_REAL = optional(TEXT), optional(REAL)
@@ -76,6 +76,8 @@ CURVE = Schema(
         Field("columns", named(REALS), "samples, row for row", "[*]"),
         Field("held_out", FLAGS, "1 where a sample belongs to the validation data"),
         Field("recordings", TEXTS, "identifiers of the recordings that the samples come from", NO_UNIT),
+        Field("at_rest", optional(FLAGS), "1 on the plateau of a step response, where a sample is scored but does not train"),
+        Field("origin", optional(INTEGERS), "number of each sample's recording among `recordings`, from 0", NO_UNIT),
     ),
 )
 
@@ -261,7 +263,27 @@ FUSION = Schema(
     ),
 )
 
-MODEL = Schema(
+
+def _model() -> Schema:
+    return MODEL
+
+
+SIGNAL = Schema(
+    Signal,
+    "An input that follows from another one over time.",
+    (
+        Field("name", TEXT, "name of the input", NO_UNIT),
+        Field("kind", TEXT, "`rate` or `direction`", NO_UNIT),
+        Field("of", TEXT, "the quantity that it follows from", NO_UNIT),
+        Field("window", REAL, "width of the window of a rate; 0 for a direction", "s"),
+        Field("order", COUNT, "order of the polynomials of a rate; 0 for a direction"),
+        Field("factor", REAL, "unit of the quantity per second, in the unit of the rate"),
+        Field("seconds", REAL, "seconds in one unit of the time", "s"),
+        Field("dead_band", REAL, "rate up to which the last direction holds; 0 for a rate", "that of the rate"),
+    ),
+)
+
+MODEL: Schema = Schema(
     Model,
     "A fused model that predicts without any other file: `output = backbone + sum_i f_i prod_j w_ij` (M2 eq 9).",
     (
@@ -275,6 +297,8 @@ MODEL = Schema(
         Field("backbone", optional(record(FORMULA_FIT)), "formula that the pieces are added to", NO_UNIT),
         Field("cross_validation", rows(FOLD_ERROR), "errors that decided for or against the pieces on the backbone", NO_UNIT),
         Field("notes", TEXTS, "remarks for the reader", NO_UNIT),
+        Field("signals", added(rows(SIGNAL), ()), "inputs that follow from others over time, each after those", NO_UNIT),
+        Field("summands", added(numbered(nested(Model, _model)), ()), "models that are added up", NO_UNIT),
     ),
     units=lambda model: {
         **{quantity.name: quantity.unit for quantity in (*model.inputs, model.output)},

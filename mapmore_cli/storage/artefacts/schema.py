@@ -68,6 +68,18 @@ def record(schema: Schema) -> Codec:
     return Codec(f"[{schema.type.__name__}](#{schema.type.__name__.lower()})", write, read)
 
 
+def nested(type_: type, schema: Callable[[], Schema]) -> Codec:
+    """The same for a type that has parts of its own type, whose schema is not known before it is used."""
+
+    def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
+        record(schema()).write(group, name, value, label)
+
+    def read(group: h5py.Group, name: str) -> Any:
+        return record(schema()).read(group, name)
+
+    return Codec(f"[{type_.__name__}](#{type_.__name__.lower()})", write, read)
+
+
 def rows(schema: Schema) -> Codec:
     """A tuple of objects with scalar fields as a table: a group with one 1-D dataset for every field."""
     columns = {field: field.codec.column for field in schema.fields}

@@ -1,0 +1,86 @@
+"""Step responses: the plateau between rise and fall (M2 section 3, eq 1)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
+from mapmore_cli.domain.errors import DataError
+
+BAND = 0.05
+"""A signal has settled where it stays within this share of its span around its final value."""
+
+RISEN = 0.9
+"""Share of its span at which the pressure has risen."""
+
+NOISE_SPANS = 20
+"""A pressure whose span is less than this many times its noise never rises."""
+
+SHORTEST = 0.5
+"""Least duration of a plateau as a share of the rise before it: the top of a triangle is none."""
+
+REMEDY = "give the plateau, as `plateau: [2 s, 3 s]`, or leave the recording out"
+
+
+def find_plateau(time: Array, pressure: Array, others: Mapping[str, Array]) -> tuple[float, float]:
+    """Start and end of the time in which a step response rests.
+
+    The plateau is where the pressure and all `others` (the strain) stay in bands around their final values: from when the last one has
+    settled until the first one leaves. The final value of a signal is its median over the later half of the high pressure.
+
+    Parameters
+    ----------
+    time, pressure
+        `(n,)` each; the pressure rises once and may fall again.
+    others
+        Further signals `(n,)` that come to rest, by name.
+
+    Raises
+    ------
+    DataError
+        Where the pressure never rises, or nothing rests after it has.
+    """
+    low, high_end = float(pressure.min()), float(pressure.max())
+    upper = pressure > (low + high_end) / 2
+    noise = float(np.median(np.abs(np.diff(pressure)))) if len(pressure) > 1 else 0.0
+    # Medians: inertia and suction make the pressure overshoot when it rises, and more so when it falls.
+    base = float(np.median(pressure[~upper]))
+    span = float(np.median(pressure[upper])) - base if upper.any() else 0.0
+    if span <= NOISE_SPANS * noise or span == 0.0:
+        raise DataError(f"the pressure never rises: it stays between {low:g} and {high_end:g}", REMEDY)
+    high = np.flatnonzero(pressure >= base + RISEN * span)
+    later = high[len(high) // 2 :]
+    inside = _settled(pressure, later, span)
+    for signal in others.values():
+        inside &= _settled(signal, later, float(np.ptp(signal)))
+    end = later[0] + _first(~inside[later[0] :]) - 1
+    start = _last(~inside[: end + 1]) + 1
+    rise = time[high[0]] - time[_last(pressure[: high[0]] < base + (1 - RISEN) * span)]
+    if start >= end or time[end] - time[start] < SHORTEST * rise:
+        rest = max(0.0, float(time[end] - time[min(start, end)]))
+        names = " and ".join(["pressure", *others])
+        raise DataError(f"there is no plateau: {names} rest for {rest:.3g} s after a rise of {rise:.3g} s", REMEDY)
+    return float(time[start]), float(time[end])
+
+
+def _settled(signal: Array, later: IntArray, span: float) -> BoolArray:
+    """Where a signal is within the band around its median over the samples `later`."""
+    within: BoolArray = np.abs(signal - np.median(signal[later])) <= BAND * span
+    return within
+
+
+def _first(mask: BoolArray) -> int:
+    """Number of the first True, the length where there is none."""
+    return int(np.argmax(mask)) if mask.any() else len(mask)
+
+
+def _last(mask: BoolArray) -> int:
+    """Number of the last True, -1 where there is none."""
+    return len(mask) - 1 - int(np.argmax(mask[::-1])) if mask.any() else -1
+
+
+def without_steady_state(component: Array, plateau: BoolArray) -> Array:
+    """`F_d = F_d' - F_d,ssv`: a component less its mean over the plateau, and so without the static model's steady error (M2 eq 1)."""
+    return component - float(component[plateau].mean())

@@ -1,0 +1,141 @@
+"""What a model is compared with: formulas, other runs, and sums of a static and a damping formula."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.domain.fits import FormulaFit
+from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.modelling import literature
+from mapmore_cli.modelling.backbone import fit_formula, pooled_training
+from mapmore_cli.modelling.damping import damping_component
+from mapmore_cli.modelling.literature.hysteresis_loss import HysteresisLoss
+from mapmore_cli.modelling.model import predict
+from mapmore_cli.spec.models import Competitor
+from mapmore_cli.stages.ingestion.steps import DAMPING, STATIC_FORCE
+from mapmore_cli.storage.artefacts import read_dataset, read_model
+
+OWN = "mapmore"
+"""Name of the run's own model in its scores, and of the needed static model in a composite."""
+
+Predictions = tuple[Array, ...]
+"""Of one model, `(n_c,)` for every curve of the dataset."""
+
+
+@dataclass(frozen=True)
+class Rival:
+    """A competitor with its predictions; `formulas` are the fits behind it by the name they are shown under."""
+
+    name: str
+    predictions: Predictions
+    formulas: Mapping[str, FormulaFit] = field(default_factory=dict)
+
+    @property
+    def failed(self) -> bool:
+        """True where a fit gave no usable parameters."""
+        return any(fit.failed for fit in self.formulas.values())
+
+
+@dataclass(frozen=True)
+class Contest:
+    """The data and the other runs of a comparison: `model` is the run's own, `static_run` the needed run of the static force.
+
+    `length` (m) is the muscle's.
+    """
+
+    dataset: Dataset
+    model: Model
+    needed: Mapping[str, Path]
+    static_run: Path | None
+    length: float | None
+
+    def rival(self, competitor: str | Competitor) -> Rival:
+        """Fit a competitor to the same training data and predict every sample.
+
+        Raises
+        ------
+        SpecError, DataError
+            Where another run is of other quantities, or a formula lacks what it is fitted to.
+        """
+        if isinstance(competitor, str):
+            competitor = Competitor(model=competitor)
+        if competitor.run is not None or competitor.set is not None:
+            return Rival(competitor.label, self._of_run(self.needed[competitor.run or competitor.label]))
+        if competitor.static is not None:
+            return self._composite(competitor)
+        assert competitor.model is not None
+        fit = self._fitted(competitor.model, self.dataset.curves, self.dataset.target, competitor.method)
+        return Rival(competitor.label, _predicted(fit, self.dataset.curves), {competitor.label: fit})
+
+    def _of_run(self, run_dir: Path) -> Predictions:
+        other, quantities = read_model(run_dir / "model.h5"), self.dataset.quantities
+        differing = [q.name for q in (other.output, *other.inputs) if quantities.get(q.name) != q]
+        if other.output != self.model.output or differing:
+            what = ", ".join(differing) or other.output.name
+            raise SpecError(
+                f"validate.against: the model of {other.name} is of other quantities or units ({what})",
+                "compare runs of the same quantities in the same units",
+            )
+        return tuple(predict(other, curve.columns) for curve in self.dataset.curves)
+
+    def _composite(self, competitor: Competitor) -> Rival:
+        """A static formula fitted to the static run's training data, and a damping formula fitted to what it leaves here.
+
+        Against a damping model, the sum is treated as the measured force is: less the study's static force, less its mean on the plateau.
+        """
+        assert competitor.static is not None
+        assert competitor.damping is not None
+        curves, force = self.dataset.curves, self._force
+        fits: dict[str, FormulaFit] = {}
+        if competitor.static == OWN:
+            static = tuple(predict(self._static_model, curve.columns) for curve in curves)
+        else:
+            fits["static"] = fit_formula(competitor.static, self._static_dataset.curves, self._static_dataset.target, competitor.method)
+            static = _predicted(fits["static"], curves)
+        left = [damping_component(c.columns[force] - s, c) for c, s in zip(curves, static, strict=True)]
+        leaving = [replace(c, columns={**c.columns, DAMPING: rest}) for c, rest in zip(curves, left, strict=True)]
+        fits["damping"] = self._fitted(competitor.damping, leaving, DAMPING, competitor.method)
+        total = [s + d for s, d in zip(static, _predicted(fits["damping"], curves), strict=True)]
+        if self.dataset.target == DAMPING:
+            total = [damping_component(y - c.columns[STATIC_FORCE], c) for y, c in zip(total, curves, strict=True)]
+        return Rival(competitor.label, tuple(total), {f"{competitor.label} ({part})": fit for part, fit in fits.items()})
+
+    def _fitted(self, name: str, curves: Sequence[Curve], target: str, method: str | None) -> FormulaFit:
+        formula = literature.get(name)
+        if not isinstance(formula, HysteresisLoss):
+            return fit_formula(name, curves, target, method)
+        if self.length is None:
+            raise SpecError(f"validate.against: {name} needs the length of the muscle", "add `length: 88 mm` to `muscle`")
+        return formula.fit_cycles(pooled_training(self._static_dataset.curves), self.length)
+
+    @property
+    def _force(self) -> str:
+        return self._static_model.output.name
+
+    @cached_property
+    def _static_dataset(self) -> Dataset:
+        return read_dataset(self._static_folder / "ingest.h5")
+
+    @cached_property
+    def _static_model(self) -> Model:
+        return read_model(self._static_folder / "model.h5")
+
+    @property
+    def _static_folder(self) -> Path:
+        if self.static_run is None:
+            raise SpecError("validate.against: a competitor is fitted to the data of a static run", "add `needs: {static: my-static.yaml}`")
+        return self.static_run
+
+
+def _predicted(fit: FormulaFit, curves: Sequence[Curve]) -> Predictions:
+    if fit.failed:
+        return tuple(np.full(curve.size, np.nan) for curve in curves)
+    return tuple(literature.get(fit.name).predict(fit.parameters, curve.columns) for curve in curves)

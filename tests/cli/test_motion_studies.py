@@ -1,0 +1,111 @@
+"""The shipped damping and dynamic studies: one run of the dynamic spec makes the static and the damping study first."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import mapmore_cli
+from mapmore_cli.storage.artefacts import read_dataset, read_model, read_validation
+
+CONFIGS = Path(__file__).parents[2] / "configs" / "m2"
+
+NRMSE = {
+    "dmsp-20-88": {
+        "damping": {"mapmore": 0.0677, "none": 0.1880, "reynolds": 0.0595, "peternel": 0.0672, "sarosi_hysteresis_loss": 0.1808},
+        "dynamic": {"mapmore": 0.1662, "static_alone": 0.4468, "sarosi+reynolds": 0.1736},
+    },
+    "peano": {
+        "damping": {"mapmore": 0.1193, "none": 0.1522, "reynolds": 0.1366, "peternel": 0.1365, "sarosi_hysteresis_loss": 0.1471},
+        "dynamic": {"mapmore": 0.1707, "static_alone": 0.2136, "sarosi+reynolds": 0.1343},
+    },
+}
+"""Validation scores on the committed recordings, whole records; a change of these belongs in the changelog."""
+
+
+def pooled(run_dir: Path) -> dict[str, float]:
+    rows = json.loads((run_dir / "scores.json").read_text())["scores"]
+    return {row["model"]: row["nrmse"] for row in rows if (row["split"], row["curve"]) == ("validate", "all")}
+
+
+@pytest.fixture(scope="module", params=sorted(NRMSE))
+def muscle(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory, mapmore: Callable[..., Any]) -> tuple[str, Path]:
+    """A muscle and the folder of its runs, made by one command."""
+    runs = tmp_path_factory.mktemp(request.param)
+    result = mapmore("run", CONFIGS / f"{request.param}-dynamic.yaml", "--runs", runs, "-q")
+    assert result.exit_code == 0, result.stderr
+    return request.param, runs
+
+
+@pytest.mark.xdist_group("motion")
+def test_one_command_makes_every_study_with_its_scores(muscle: tuple[str, Path]) -> None:
+    name, runs = muscle
+    for study, wanted in NRMSE[name].items():
+        found = pooled(runs / f"{name}-{study}")
+        for model, nrmse in wanted.items():
+            assert found[model] == pytest.approx(nrmse, abs=1e-4, rel=5e-3), (study, model)
+    assert (runs / f"{name}-static-from-zero" / "report" / "index.html").is_file()
+    assert {"by_direction_and_pressure", "by_nothing", "by_pressure"} <= set(pooled(runs / f"{name}-damping"))
+
+
+@pytest.mark.xdist_group("motion")
+def test_the_report_shows_records_over_time_and_equations_in_the_papers_units(muscle: tuple[str, Path]) -> None:
+    name, runs = muscle
+    report = runs / f"{name}-damping" / "report"
+    assert "plateau" in (report / "fit.svg").read_text()
+    rows = list(csv.DictReader((report / "tables" / "equations.csv").read_text().splitlines()))
+    assert [row["id"] for row in rows] == ["all;direction=fall/all", "all;direction=rise/all"]
+    (other,) = [column for column in rows[0] if column.startswith("with ")]
+    assert "strain_rate in 1/ms" in other
+    fall = next(row for row in rows if "fall" in row["id"])
+    here, there = (float(fall[column].partition("*")[0]) for column in ("equation", other))
+    assert there == pytest.approx(here * 1000.0 ** (2 if fall["equation"].endswith("^2") else 1))
+    published = (report / "index.html").read_text()
+    assert "published NRMSE" in published
+
+
+@pytest.mark.xdist_group("motion")
+def test_a_table_of_time_pressure_and_strain_predicts_what_was_validated(
+    muscle: tuple[str, Path], tmp_path: Path, mapmore: Callable[..., Any]
+) -> None:
+    """Rates and direction follow from the table as they did at ingest; two recordings in one table are told apart."""
+    name, runs = muscle
+    run_dir = runs / f"{name}-dynamic"
+    dataset, validation = read_dataset(run_dir / "ingest.h5"), read_validation(run_dir / "validate.h5")
+    lines = ["recording,time,pressure,strain"]
+    for curve in dataset.curves[:2]:
+        columns = zip(*(curve.columns[column].tolist() for column in ("time", "pressure", "strain")), strict=True)
+        lines += [f"{curve.id},{t!r},{p!r},{e!r}" for t, p, e in columns]
+    (tmp_path / "table.csv").write_text("\n".join(lines) + "\n")
+    result = mapmore("predict", run_dir / "model.h5", tmp_path / "table.csv", "-o", tmp_path / "out.csv")
+    assert result.exit_code == 0, result.stderr
+    found = [float(row["force_predicted"]) for row in csv.DictReader((tmp_path / "out.csv").read_text().splitlines())]
+    wanted = np.concatenate(validation.predictions["mapmore"][:2])
+    assert np.allclose(found, wanted, rtol=1e-9, atol=1e-9)
+    first = dataset.curves[0].columns
+    model = mapmore_cli.load_model(run_dir / "model.h5")
+    assert np.allclose(model(time=first["time"], pressure=first["pressure"], strain=first["strain"]), wanted[: len(first["time"])])
+
+
+@pytest.mark.xdist_group("motion")
+def test_the_dynamic_model_is_the_sum_of_the_two(muscle: tuple[str, Path]) -> None:
+    name, runs = muscle
+    model = read_model(runs / f"{name}-dynamic" / "model.h5")
+    assert [part.name for part in model.summands] == [f"{name}-static-from-zero", f"{name}-damping"]
+    predictions = read_validation(runs / f"{name}-dynamic" / "validate.h5").predictions
+    own = read_validation(runs / f"{name}-damping" / "validate.h5").predictions["mapmore"]
+    for total, static, damping in zip(predictions["mapmore"], predictions["static_alone"], own, strict=True):
+        assert np.allclose(total, static + damping, atol=1e-9)
+
+
+def test_a_table_without_time_says_what_it_lacks(muscle: tuple[str, Path], mapmore: Callable[..., Any]) -> None:
+    name, runs = muscle
+    result = mapmore("predict", runs / f"{name}-dynamic" / "model.h5", "-", stdin="pressure,strain\n100,0.1\n")
+    assert result.exit_code == 4
+    assert "time" in result.stderr

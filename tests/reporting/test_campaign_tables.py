@@ -1,0 +1,82 @@
+"""What a campaign says over all its runs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mapmore_cli.domain.scores import REPEATABILITY, Score
+from mapmore_cli.reporting.campaign import CampaignScores, campaign_tables, hindsight_table, nrmse_table, published_table
+from mapmore_cli.reporting.inputs import Published
+
+
+def row(model: str, rmse: float, split: str = "validate") -> Score:
+    return Score(model, "static", split, "all", 10, rmse, rmse / 100, 100, "max|force| over validate", rmse, rmse / 100, 0.9)
+
+
+def rows(**errors: float) -> list[Score]:
+    return [row(model, rmse) for model, rmse in errors.items()]
+
+
+def test_ratios_are_of_the_runs_that_have_both() -> None:
+    runs = {"a": rows(mapmore=1, sarosi=2), "b": rows(mapmore=8, sarosi=4), "c": rows(mapmore=5)}
+    table = nrmse_table(CampaignScores(runs, relative_to="sarosi"))
+    assert table.rows[:3] == (("a", 1.0, 2.0), ("b", 8.0, 4.0), ("c", 5.0, None))
+    assert table.rows[3][1] == pytest.approx(math.sqrt(0.5 * 2))
+    assert table.rows[4][1:] == (2.0, 1.0)
+    assert table.rows[5][1:] == ("1 of 2", "0 of 2")
+
+
+def test_training_rows_count_where_nothing_is_held_out() -> None:
+    assert nrmse_table(CampaignScores({"a": [replace(row("mapmore", 3.0), split="train")]})).rows == (("a", 3.0),)
+    assert nrmse_table(CampaignScores({"a": [row("mapmore", 3.0), row("mapmore", 1.0, "train")]})).rows == (("a", 3.0),)
+
+
+def test_repeatability_wins_nothing_and_stands_last() -> None:
+    runs = {"a": rows(repeatability=0.1, mapmore=1, sarosi=2), "b": rows(mapmore=3, sarosi=4)}
+    scores = CampaignScores(runs, relative_to="sarosi", best_of=["sarosi"])
+    table = nrmse_table(scores)
+    assert table.headings == ("run", "mapmore", "sarosi", REPEATABILITY)
+    assert [line[-1] for line in table.rows] == [0.1, None, None, None, None, None]
+    a, b = hindsight_table(scores).rows
+    assert a == ("a", "mapmore", 1.0, "sarosi", 2.0, 1.0, 0.5, 10.0)
+    assert b[-1] is None
+
+
+def test_a_formula_is_not_below_itself() -> None:
+    runs = {"a": rows(mapmore=1, sarosi=2, other=3), "b": rows(mapmore=5, sarosi=4, other=3)}
+    closing = nrmse_table(CampaignScores(runs, best_of=["sarosi", "other"])).rows[-1]
+    assert closing == ("below the best formula", "1 of 2", "1 of 2", "1 of 2")
+
+
+@settings(deadline=None)
+@given(st.lists(st.lists(st.floats(0.1, 100), min_size=3, max_size=3), min_size=1, max_size=6))
+def test_of_the_formulas_one_is_best_in_every_run(errors: list[list[float]]) -> None:
+    names = ["f", "g", "h"]
+    runs = {f"run{i}": [row(name, rmse) for name, rmse in zip(names, of_run, strict=True)] for i, of_run in enumerate(errors)}
+    closing = nrmse_table(CampaignScores(runs, best_of=names)).rows[-1][1:]
+    won = sum(int(str(cell).split(" of ")[0]) for cell in closing)
+    untied = sum(sorted(of_run)[0] < sorted(of_run)[1] for of_run in errors)
+    assert won == untied
+
+
+def test_an_error_that_is_not_finite_is_nobodys_best() -> None:
+    runs = {"a": rows(mapmore=2, sarosi=math.nan, other=3)}
+    (line,) = hindsight_table(CampaignScores(runs, best_of=["sarosi", "other"])).rows
+    assert line[1:5] == ("mapmore", 2.0, "other", 3.0)
+
+
+def test_published_numbers_stand_beside_ours_and_empty_columns_are_left_out() -> None:
+    runs = {"a": rows(mapmore=2, sarosi=4), "b": rows(mapmore=3)}
+    table = published_table(CampaignScores(runs, units={"a": "N", "b": "N"}, published={"a": Published("a paper", rmse={"mapmore": 13.7})}))
+    assert table.headings == ("run", "model", "RMSE [N]", "published RMSE [N]", "NRMSE [%]")
+    assert table.rows == (("a", "mapmore", 2.0, 13.7, 2.0),)
+    assert table.notes == ("Published: a paper.",)
+
+
+def test_tables_without_rows_are_left_out() -> None:
+    assert [table.name for table in campaign_tables(CampaignScores({"a": rows(mapmore=1)}))] == ["nrmse"]

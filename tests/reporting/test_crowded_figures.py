@@ -1,0 +1,104 @@
+"""Figures of many models, of models that are far off, and of measurements that were repeated."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from report_builder import build, surface
+
+from mapmore_cli.domain.scores import REPEATABILITY
+from mapmore_cli.reporting.figures.registry import FIGURES, figure_style
+from mapmore_cli.reporting.figures.style import model_styles
+from mapmore_cli.reporting.inputs import MOST_LINES
+from mapmore_cli.reporting.tables import score_table
+
+NEAR = {f"near_{shift}": lambda p, e, shift=shift: surface(p, e) + shift for shift in range(9, 0, -1)}
+FAR = {"far": lambda p, e: surface(p, e) + 4000 * e**0.5}
+
+
+def drawing(inputs, name):
+    with figure_style():
+        return next(found for found in FIGURES[name.partition("_")[0]](inputs) if found.name == name)
+
+
+@pytest.fixture(scope="module")
+def crowd():
+    return build(competitors=NEAR)
+
+
+@pytest.fixture(scope="module")
+def outlier():
+    return build(competitors={"near": lambda p, e: surface(p, e) + 9, **FAR})
+
+
+@pytest.fixture(scope="module")
+def repeated(inputs):
+    floors = [replace(s, model=REPEATABILITY, rmse=3.0, nrmse=0.01) for s in inputs.validation.scores if s.model == "sarosi"]
+    return replace(inputs, validation=replace(inputs.validation, scores=(*inputs.validation.scores, *floors)))
+
+
+class TestManyModels:
+    def test_lines_are_drawn_of_the_best_in_the_order_of_the_table(self, crowd):
+        assert crowd.lines == ("mapmore", *(f"near_{shift}" for shift in (6, 5, 4, 3, 2, 1)))
+        fit = drawing(crowd, "fit")
+        labels = [label.get_text() for legend in fit.figure.legends for label in legend.get_texts()]
+        assert labels == ["measured", *crowd.lines]
+        assert "Of 10 models" in fit.caption
+
+    def test_every_line_has_a_look_of_its_own(self, crowd):
+        styles = model_styles([*crowd.lines, *crowd.models])
+        assert len({styles[model] for model in crowd.lines}) == MOST_LINES
+
+    def test_few_models_are_all_drawn(self, inputs):
+        assert inputs.lines == inputs.models
+        assert "models" not in drawing(inputs, "fit").caption
+
+
+class TestFarOff:
+    def test_they_do_not_set_the_scale(self, outlier):
+        assert outlier.far_off == ("far",)
+        near = build(competitors={"near": lambda p, e: surface(p, e) + 9})
+        for name in ("fit", "error"):
+            held, free = (drawing(study, name) for study in (outlier, near))
+            for ax, same in zip(held.figure.axes, free.figure.axes, strict=False):
+                assert np.ptp(ax.get_ylim()) == pytest.approx(np.ptp(same.get_ylim()), rel=0.15)
+            assert held.caption.endswith("Too far off for the scale: far.")
+            assert "Too far" not in free.caption
+
+    def test_their_panel_says_how_far(self, outlier):
+        errors = np.abs(np.concatenate(outlier.validation.predictions["far"]) - np.concatenate(
+            [curve.columns["force"] for curve in outlier.dataset.curves]
+        ))  # fmt: skip
+        panels = {ax.get_title(loc="left"): ax for ax in drawing(outlier, "error").figure.axes}
+        assert [text.get_text() for text in panels["far"].texts] == [f"beyond the scale: up to {errors.max():.3g} N"]
+        assert not panels["mapmore"].texts
+
+    def test_an_own_model_that_is_worst_hides_nobody(self, outlier):
+        predictions = outlier.validation.predictions
+        swapped = replace(outlier.validation, predictions={"far": predictions["far"], "mapmore": predictions["mapmore"]})
+        assert replace(outlier, validation=swapped).far_off == ()
+
+
+class TestRepeatability:
+    def test_a_dashed_line_marks_it_among_the_bars(self, inputs, repeated):
+        plain, marked = drawing(inputs, "nrmse"), drawing(repeated, "nrmse")
+        assert len(marked.figure.axes[0].patches) == len(plain.figure.axes[0].patches)
+        lines = marked.figure.axes[0].lines[: 1 + len(plain.figure.axes[0].lines)]
+        assert [line.get_xdata()[0] for line in lines if len(set(line.get_xdata())) == 1 and len(line.get_xdata()) == 2] == [1.0]
+        assert "repeated measurements" in marked.caption
+        assert "repeated measurements" not in plain.caption
+
+    def test_it_is_no_model_of_any_figure(self, repeated):
+        assert REPEATABILITY not in repeated.models
+        assert REPEATABILITY not in repeated.lines
+        titles = [ax.get_title(loc="left") for ax in drawing(repeated, "error").figure.axes]
+        assert REPEATABILITY not in titles
+
+    def test_the_table_says_what_it_is(self, inputs, repeated):
+        units = repeated.validation.units
+        table, plain = score_table(repeated.validation.scores, units), score_table(inputs.validation.scores, units)
+        assert len(table.rows) == len(plain.rows) + 2
+        assert any(note.startswith(REPEATABILITY) for note in table.notes)
+        assert not any(note.startswith(REPEATABILITY) for note in plain.notes)
