@@ -16,7 +16,7 @@ from mapmore_cli.spec.schema import json_schema
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 STUDIES = sorted(path for path in CONFIGS.rglob("*.yaml") if not path.name.startswith("_") and "campaigns" not in path.parts)
-MEASURED = [path for path in STUDIES if "MAPMORE_DATA" in load(path).resolved or path.parent.name in ("festo", "bellows")]
+MEASURED = [path for path in STUDIES if "/datasets/" not in load(path).resolved]
 CHAINED = [path for path in STUDIES if any(word in path.stem for word in ("-damping", "-dynamic", "-from-zero"))]
 """Studies that one run of a dynamic study makes: see test_motion_studies.py."""
 SIMULATED = [path for path in STUDIES if path not in MEASURED and path not in CHAINED]
