@@ -6,7 +6,7 @@ intervals alone. Rows outside of a transition zone then cost one segment functio
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise, product
@@ -18,7 +18,7 @@ from mapmore_cli.domain.arrays import Array, Value
 from mapmore_cli.domain.models import CurveFunction, Fusion, SegmentFunction
 from mapmore_cli.modelling.extrapolation import held_at
 from mapmore_cli.modelling.fusion.cells import TRANSITIONS, zones
-from mapmore_cli.modelling.segment_function import segment_slope, segment_value
+from mapmore_cli.modelling.segment_function import prepared, segment_slope
 
 Interval = tuple[float, float]
 """Values from the first up to, but without, the second."""
@@ -41,6 +41,7 @@ class Piece:
     """A segment that counts in a region, its weights where they are not one, and how far it reaches along variables where that matters."""
 
     segment: SegmentFunction
+    function: Callable[[Mapping[str, Value]], Value]
     weights: tuple[Weight, ...]
     reach: tuple[tuple[str, Interval], ...]
 
@@ -101,7 +102,7 @@ class FusedCurve:
         total: Value = np.float64(0.0)
         for piece in pieces.pieces:
             reached = {**at, **{name: np.clip(at[name], *ends) for name, ends in piece.reach}}
-            value = segment_value(piece.segment, reached)
+            value = piece.function(reached)
             for name, limit in pieces.straight.items():
                 value = value + segment_slope(piece.segment, reached, name) * (inputs[name] - limit)
             for weight in piece.weights:
@@ -125,7 +126,7 @@ class FusedCurve:
         for cell in product(*along):
             segment = self._segments[tuple(place for place, _ in cell)]
             weights = tuple(weight for _, weight in cell if (weight.left, weight.right) != (ALL, NOT_YET))
-            yield Piece(segment, weights, tuple(self._reach(segment, within)))
+            yield Piece(segment, prepared(segment), weights, tuple(self._reach(segment, within)))
 
     def _places(self, name: str, within: Interval) -> list[tuple[int, Weight]]:
         """Place and weight of the segments that count along one variable."""

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.fits import Segment, SegmentedCurve, SegmentFit
+from mapmore_cli.domain.fits import Segment, SegmentedCurve, SegmentFit, Selection
 from mapmore_cli.domain.recording import Curve
-from mapmore_cli.modelling.frols import TIE_TOLERANCE, frols
+from mapmore_cli.modelling.frols import TIE_TOLERANCE, frols, frols_streamed, reads_once
 from mapmore_cli.modelling.recipe import Recipe
 from mapmore_cli.modelling.scaling import placements, scaled
 from mapmore_cli.modelling.segmentation import samples_of
-from mapmore_cli.modelling.terms import Expression, NotFinite, dictionary_matrix, parse
+from mapmore_cli.modelling.terms import Expression, NotFinite, dictionary_blocks, dictionary_matrix, parse
 
 
 def dictionary_inputs(dictionary: Sequence[str]) -> tuple[str, ...]:
@@ -62,17 +63,27 @@ def fit_segment(segment: Segment, samples: Columns, terms: Sequence[Expression],
     best: SegmentFit | None = None
     for scaling in placements(recipe.scaling, X, y, variables):
         z = scaled(scaling, dict(zip(variables, X.T, strict=True)))
-        P = _matrix(segment, terms, z, len(y))
-        selection = frols(P, (y - scaling.y_intercept) / scaling.y_slope, recipe.max_terms, recipe.tolerance, stop=recipe.stop)
+        with _located(segment):
+            selection = _selection(terms, z, (y - scaling.y_intercept) / scaling.y_slope, recipe)
         if best is None or selection.sse < best.selection.sse * (1 - TIE_TOLERANCE):
             best = SegmentFit(segment.id, segment.curve, segment.cell, recipe.dictionary, scaling, selection)
     assert best is not None
     return best
 
 
-def _matrix(segment: Segment, terms: Sequence[Expression], z: Columns, n: int) -> Array:
+def _selection(terms: Sequence[Expression], z: Columns, y: Array, recipe: Recipe) -> Selection:
+    """FROLS on the dictionary, which is never there as a whole where it need not be read more than once or twice."""
+    n = len(y)
+    how = (recipe.max_terms, recipe.tolerance)
+    if reads_once(n, len(terms), recipe.max_terms):
+        return frols_streamed(lambda: ((P, y[rows]) for rows, P in dictionary_blocks(terms, z, n)), *how, stop=recipe.stop)
+    return frols(dictionary_matrix(terms, z, n), y, *how, stop=recipe.stop)
+
+
+@contextmanager
+def _located(segment: Segment) -> Iterator[None]:
     try:
-        return dictionary_matrix(terms, z, n)
+        yield
     except NotFinite as error:
         raise DataError(
             f"segment {segment.id}: {error}",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
 
 import numpy as np
@@ -15,9 +15,14 @@ from mapmore_cli.modelling.terms import Program, compiled, derivative, parse
 
 def segment_value(segment: SegmentFunction, columns: Mapping[str, Value]) -> Value:
     """The segment function at every row, (n,); one number where every column that it needs is one."""
-    scaling = segment.scaling
-    values = _program(segment.terms).values(scaled(scaling, columns))
-    return _combination(segment.theta * scaling.y_slope, values, np.float64(scaling.y_intercept))
+    return prepared(segment)(columns)
+
+
+def prepared(segment: SegmentFunction) -> Callable[[Mapping[str, Value]], Value]:
+    """`segment_value` of one segment, for many calls."""
+    scaling, program = segment.scaling, _program(segment.terms)
+    factors, constant = list(segment.theta * scaling.y_slope), np.float64(scaling.y_intercept)
+    return lambda columns: _combination(factors, program.values(scaled(scaling, columns)), constant)
 
 
 def segment_slope(segment: SegmentFunction, columns: Mapping[str, Value], name: str) -> Value:

@@ -17,6 +17,7 @@ HERE = Path(__file__).parent
 
 
 def main():
+    from ingest import ingest
     from program import evaluation, start_up
     from regression import regression
     from table import other_lines, regression_lines
@@ -26,6 +27,8 @@ def main():
         say("streaming")
         bench = {"machine": {"processor": processor(), "python": platform.python_version(), "threads": 1}}
         bench["streaming"] = streamed(options.samples, folder)
+        say("ingest")
+        bench["ingest"] = ingest(folder, options.megabytes)
         say("start-up and evaluation")
         bench["start_up"] = start_up(folder)
         bench["evaluation"] = evaluation(folder)
@@ -38,14 +41,15 @@ def main():
 
 def arguments():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--samples", type=int, default=10_000_000, help="length of the streamed record (10 million; 32 bytes each on disk)")
+    parser.add_argument("--samples", type=int, default=100_000_000, help="length of the streamed record (100 million; 3.2 GB)")
+    parser.add_argument("--megabytes", type=int, default=1000, help="size of the CSV log (1000)")
     parser.add_argument("--output", type=Path, default=Path("bench.json"))
     return parser.parse_args()
 
 
 def streamed(samples, folder):
     command = [sys.executable, HERE / "streaming.py", str(samples), folder]
-    return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    return json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout)
 
 
 def processor():

@@ -1,4 +1,4 @@
-"""A record that is fitted as it is read: `python streaming.py 10000000 FOLDER` prints its result as JSON.
+"""A record that is fitted as it is read: `python streaming.py 100000000 FOLDER` prints its result as JSON, and progress on stderr.
 
 A process of its own, since it reports its own peak of memory.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import resource
+import shutil
 import sys
 from itertools import combinations_with_replacement
 from pathlib import Path
@@ -16,13 +17,15 @@ import h5py
 import numpy as np
 from timing import median_seconds
 
+from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.modelling.frols import frols, frols_streamed
-from mapmore_cli.modelling.terms import dictionary_matrix, parse
+from mapmore_cli.modelling.terms import dictionary_blocks, dictionary_matrix, parse
 
 INPUTS = ("a", "b", "c")
 TERMS = [parse("*".join(term) or "1") for degree in range(5) for term in combinations_with_replacement(INPUTS, degree)]
 CHUNK = 65_536
-WHOLE = 1_000_000
+BYTES_PER_SAMPLE = 8 * (len(INPUTS) + 1)
+WHOLE = 5_000_000
 """Samples of the part that is fitted in memory as well."""
 MAX_TERMS = 8
 
@@ -40,14 +43,17 @@ def write_record(path, samples):
                 stored[name][rows] = column
 
 
-def dictionary_blocks(path, samples):
-    """The dictionary of 35 terms, built chunk by chunk from the record."""
+def blocks_of(path, samples, progress):
+    """The dictionary of 35 terms, built from one chunk of the record after the other."""
 
     def blocks():
         with h5py.File(path) as file:
             for start in range(0, samples, CHUNK):
-                rows = slice(start, min(start + CHUNK, samples))
-                yield dictionary_matrix(TERMS, {name: file[name][rows] for name in INPUTS}, rows.stop - start), file["y"][rows]
+                progress("samples", start, samples)
+                here = slice(start, min(start + CHUNK, samples))
+                y = file["y"][here]
+                for rows, P in dictionary_blocks(TERMS, {name: file[name][here] for name in INPUTS}, len(y)):
+                    yield P, y[rows]
 
     return blocks
 
@@ -60,10 +66,14 @@ def fit_in_memory(path, samples):
 
 def main(samples, folder):
     path = Path(folder) / "record.h5"
+    free = shutil.disk_usage(folder).free
+    if free < 1.1 * samples * BYTES_PER_SAMPLE:
+        sys.exit(f"{samples} samples take {samples * BYTES_PER_SAMPLE / 1e9:.1f} GB, {folder} has {free / 1e9:.1f} GB left: say --samples")
     write_record(path, samples)
-    start = perf_counter()
-    streamed = frols_streamed(dictionary_blocks(path, samples), MAX_TERMS)
-    elapsed = perf_counter() - start
+    with Reporter() as reporter:
+        start = perf_counter()
+        streamed = frols_streamed(blocks_of(path, samples, reporter.progress), MAX_TERMS)
+        elapsed = perf_counter() - start
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     part = min(WHOLE, samples)
     whole = fit_in_memory(path, part)
@@ -79,6 +89,7 @@ def main(samples, folder):
         "seconds_per_sample_over_in_memory": elapsed / samples / (whole_seconds / part),
         "same_terms": sorted(streamed.chosen.tolist()) == sorted(whole.chosen.tolist()),
     }
+    path.unlink()
     print(json.dumps(result))
 
 

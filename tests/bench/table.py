@@ -40,17 +40,23 @@ def _verdicts(shape, row):
 
 
 def other_lines(bench):
-    streaming, evaluation, start = bench["streaming"], bench["evaluation"], bench["start_up"]
+    streaming, ingest, evaluation, start = bench["streaming"], bench["ingest"], bench["evaluation"], bench["start_up"]
     yield (
         f"streaming   {streaming['samples']} samples, {streaming['candidates']} candidates: {streaming['seconds']:.3g} s, "
         f"{streaming['samples_per_second']:.3g} samples/s, {streaming['seconds_per_sample_over_in_memory']:.2f} times the in-memory "
         f"time per sample, peak {streaming['peak_memory_bytes'] / 2**20:.0f} MiB"
     )
     yield (
+        f"ingest      {ingest['megabytes']:.0f} MB of CSV: {ingest['parsed_megabytes_per_second']:.0f} MB/s parsed, "
+        f"{ingest['ingested_megabytes_per_second']:.0f} MB/s ingested, peak {ingest['peak_memory_bytes'] / 2**20:.0f} MiB "
+        f"({ingest['bytes_of_the_numbers'] / 2**20:.0f} MiB of numbers)"
+    )
+    yield (
         f"evaluation  {evaluation['points']} points: {evaluation['fused_model']:.3g} s, "
         f"{evaluation['evaluations_per_second']:.3g} a second, "
-        f"{evaluation['fused_model'] / evaluation['active_terms']:.2f} times its active terms "
-        f"({evaluation['active_terms_per_point']:.2f} a point)"
+        f"{evaluation['fused_model'] / evaluation['active_terms']:.1f} times its active terms on sorted rows "
+        f"({evaluation['active_terms_per_point']:.2f} a point), "
+        f"{evaluation['fused_model'] / evaluation['active_terms_in_place']:.1f} times on rows as they come"
     )
     yield (
         f"start-up    mapmore --version {start['version']:.2f} s (Python alone {start['python']:.2f}), "

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from exact_frols import exact_frols
 
-from mapmore_cli.modelling.frols import basis, frols, frols_streamed
+from mapmore_cli.modelling.frols import basis, frols, frols_streamed, reads_once
 from mapmore_cli.modelling.frols.blocks import row_blocks
 
 TARGETS = {
@@ -65,6 +65,33 @@ def test_powers_far_from_zero_keep_what_digits_there_are(target, fit):
     np.testing.assert_allclose(ours.err[:8], err, rtol=1e-2)
     assert ours.stop == "rank"
     assert ours.err.sum() <= 1 + 1e-12
+
+
+@pytest.mark.parametrize(("low", "high"), [(0.5, 1.5), (2, 4)])
+def test_long_records_of_powers_keep_their_digits(low, high):
+    """So long that the normal equations are formed first, and given up for the triangular factor."""
+    x, P = powers(low, high, n=7_000)
+    y = TARGETS["noisy"](x)
+    assert reads_once(*P.shape, 10)
+    chosen, err = exact_frols(P, y, 10)
+    ours = frols(P, y, 10)
+    assert ours.chosen.tolist() == chosen
+    np.testing.assert_allclose(ours.err[:9], err[:9], rtol=1e-6)
+    np.testing.assert_allclose(ours.err[9], err[9], rtol=1e-4)
+
+
+@pytest.mark.parametrize("n", [60, 20_000])
+@pytest.mark.parametrize("share", [1e-4, 1e-6, 1e-8])
+def test_nearly_dependent_columns_keep_their_digits(n, share):
+    """A near duplicate and a near sum, with an output that needs what little they have of their own."""
+    rng = np.random.default_rng(7)
+    a, b, c, d = rng.normal(size=(4, n))
+    P = np.column_stack([a, a + share * b, 1e3 * (a + c + share * d), 1e-3 * c])
+    y = a + 2 * c + 0.5 * b - d + 0.01 * rng.normal(size=n)
+    chosen, err = exact_frols(P, y, 4)
+    ours = frols(P, y, 4)
+    assert ours.chosen.tolist() == chosen
+    np.testing.assert_allclose(ours.err, err, rtol=1e-6)
 
 
 def test_the_normal_equations_alone_would_have_failed(monkeypatch):

@@ -16,7 +16,7 @@ FORMS = ("basis", "gram", "gathered", "triangle")
 def fit_by(form, P, y, *args, **options):
     """`frols` made to use one form: the basis on P, the Gram matrix as far as it goes, or what follows when that has no digits at all."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(engine, "prefers_gram", lambda *_: form != "basis")
+        patch.setattr(engine, "reads_once", lambda *_: form != "basis")
         patch.setattr(engine, "SMALL", 2**16 if form == "gathered" else 0)
         if form in ("gathered", "triangle"):
             patch.setattr(gram, "PIVOT_TOLERANCE", 2.0)
@@ -148,7 +148,7 @@ def test_a_sample_that_alone_decides_a_term_has_no_leave_one_out_error(form):
     ],
 )
 def test_the_shape_decides_the_form(n, M, terms, expected):
-    assert engine.prefers_gram(n, M, terms) is expected
+    assert engine.reads_once(n, M, terms) is expected
 
 
 @pytest.mark.parametrize("layout", ["C", "F", "strided"])

@@ -7,7 +7,7 @@ dictionary (`basis`), which for a tall dictionary may be its triangular factor (
 """
 
 from mapmore_cli.modelling.frols.blocks import Blocks
-from mapmore_cli.modelling.frols.engine import frols, frols_streamed
+from mapmore_cli.modelling.frols.engine import frols, frols_streamed, reads_once
 from mapmore_cli.modelling.frols.select import TIE_TOLERANCE
 
-__all__ = ["TIE_TOLERANCE", "Blocks", "frols", "frols_streamed"]
+__all__ = ["TIE_TOLERANCE", "Blocks", "frols", "frols_streamed", "reads_once"]

@@ -62,7 +62,7 @@ def frols(P: ArrayLike, y: ArrayLike, max_terms: int | None = None, tolerance: f
     if P.ndim != 2 or y.ndim != 1 or len(P) != len(y) or P.size == 0:
         raise ValueError(f"P must be (n, M) and y (n,), neither empty; they are {P.shape} and {y.shape}")
     n, M = P.shape
-    if prefers_gram(n, M, stopping.limit(n, M)):
+    if reads_once(n, M, stopping.limit(n, M)):
         return _by_gram(row_blocks(P, y), stopping)
     return _by_basis(P, y, stopping)
 
@@ -90,9 +90,11 @@ def frols_streamed(blocks: Blocks, max_terms: int | None = None, tolerance: floa
     return _by_gram(checked(blocks), Stopping(max_terms, tolerance, stop))
 
 
-def prefers_gram(n: int, M: int, terms: int) -> bool:
-    """Whether to form `P'P`: not for a small dictionary, which costs nothing anyway and keeps more digits on the basis; nor for one so wide
-    that reading it once for every term costs less.
+def reads_once(n: int, M: int, terms: int) -> bool:
+    """Whether `frols` forms `P'P`: not of a small dictionary, which costs nothing anyway and keeps more digits on the basis; nor of one so
+    wide that reading it once for every term costs less.
+
+    Where it does, `frols_streamed` does the same, and the dictionary need not be there as a whole.
     """
     return n * M > SMALL and n > M and GRAM_COLUMNS_PER_TERM * (terms + 2) >= M
 

@@ -2,7 +2,7 @@
 
 from mapmore_cli.modelling.terms.calculus import affine, derivative, exponents, substitute
 from mapmore_cli.modelling.terms.errors import ExpressionError, NotFinite
-from mapmore_cli.modelling.terms.evaluation import dictionary_matrix, evaluate
+from mapmore_cli.modelling.terms.evaluation import dictionary_blocks, dictionary_matrix, evaluate
 from mapmore_cli.modelling.terms.families import monomials
 from mapmore_cli.modelling.terms.parsing import parse
 from mapmore_cli.modelling.terms.printing import to_latex, to_text
@@ -27,6 +27,7 @@ __all__ = [
     "call",
     "compiled",
     "derivative",
+    "dictionary_blocks",
     "dictionary_matrix",
     "evaluate",
     "exponents",

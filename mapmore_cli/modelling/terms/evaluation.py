@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from mapmore_cli.modelling.terms.program import compiled
 from mapmore_cli.modelling.terms.syntax import Expression
 
 BLOCK = 8192
-"""Rows at a time in `dictionary_matrix`: shared powers of a block stay in the processor's cache, and memory stays bounded."""
+"""Rows at a time in a dictionary: shared powers of a block stay in the processor's cache, and memory stays bounded."""
 
 
 def evaluate(expression: Expression, columns: Columns, n: int | None = None) -> Array:
@@ -43,16 +43,25 @@ def dictionary_matrix(terms: Sequence[Expression], columns: Columns, n: int) -> 
     Powers and function values that several terms share are computed once.
     Raises `NotFinite` with the first row where a term has no finite value, `DataError` as `evaluate` does.
     """
+    matrix = np.empty((n, len(terms)), order="F")
+    for rows, block in dictionary_blocks(terms, columns, n):
+        matrix[rows] = block
+    return matrix
+
+
+def dictionary_blocks(terms: Sequence[Expression], columns: Columns, n: int) -> Iterator[tuple[slice, Array]]:
+    """The rows of `dictionary_matrix` in blocks, `(b, M)`, with where they stand; the whole is never there. Raises as it does."""
     values = _needed(frozenset[str]().union(*(term.names for term in terms)), columns, n)
     program = compiled(tuple(terms))
-    matrix = np.empty((n, len(terms)), order="F")
     for start in range(0, n, BLOCK):
-        block = {name: value[start : start + BLOCK] if value.ndim else value for name, value in values.items()}
+        rows = slice(start, min(start + BLOCK, n))
+        block = np.empty((rows.stop - start, len(terms)), order="F")
+        held = {name: value[rows] if value.ndim else value for name, value in values.items()}
         with np.errstate(all="ignore"):
-            for column, value in zip(matrix[start : start + BLOCK].T, program.values(block), strict=True):
+            for column, value in zip(block.T, program.values(held), strict=True):
                 column[:] = value
-        _refuse_not_finite(matrix[start : start + BLOCK], terms, values, start)
-    return matrix
+        _refuse_not_finite(block, terms, values, start)
+        yield rows, block
 
 
 def constant_value(expression: Expression) -> float:

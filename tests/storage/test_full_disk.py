@@ -1,0 +1,63 @@
+"""A disk that fills up while HDF5 writes. HDF5 itself would crash at the exit of the program: so each case runs in one of its own."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("resource", reason="the size of files can be limited on POSIX alone")
+
+SCRIPT = """
+import resource, sys
+from pathlib import Path
+import numpy as np
+from mapmore_cli.domain.errors import WriteError
+from mapmore_cli.domain.recording import Curve, Dataset, Quantity
+from mapmore_cli.storage.artefacts import read_dataset, write_dataset
+
+def dataset(n):
+    columns = {"force": np.random.default_rng(0).normal(size=n), "strain": np.arange(n) * 1.0}
+    curve = Curve("all", None, columns, np.zeros(n, bool), ())
+    return Dataset("force", None, {"force": Quantity("force", "N"), "strain": Quantity("strain", "1")}, (), (curve,))
+
+path = Path(sys.argv[1])
+write_dataset(path, dataset(10))
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), resource.RLIM_INFINITY))
+try:
+    write_dataset(path, dataset(int(sys.argv[3])))
+except WriteError as error:
+    print(error)
+print(read_dataset(path).curves[0].size)
+"""
+
+
+@pytest.mark.parametrize(
+    ("limit", "n"),
+    [
+        pytest.param(50_000, 200_000, id="compressed samples"),
+        pytest.param(20_000, 4_000, id="contiguous samples"),
+        pytest.param(700, 10, id="names and units"),
+    ],
+)
+def test_the_old_file_stays_and_the_program_goes_on(tmp_path: Path, limit: int, n: int) -> None:
+    told, kept = written(tmp_path, limit, n)
+    assert "cannot be written" in told
+    assert kept == 10
+
+
+def test_room_enough(tmp_path: Path) -> None:
+    assert written(tmp_path, 10_000_000, 200_000) == ("", 200_000)
+
+
+def written(folder: Path, limit: int, n: int) -> tuple[str, int]:
+    """What was told of n samples in a file of limited size, and how many the file has afterwards."""
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT, folder / "ingest.h5", str(limit), str(n)], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert [file.name for file in folder.iterdir()] == ["ingest.h5"]
+    *told, kept = done.stdout.splitlines()
+    return "\n".join(told), int(kept)
