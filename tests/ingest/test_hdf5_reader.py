@@ -6,6 +6,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+import scipy.io
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import READERS, RawTable, TableRequest
@@ -53,6 +54,14 @@ def test_addresses(file: Path, column: SourceColumn, request_: dict[str, Any], e
     (table,) = read(file, column, **request_)
     np.testing.assert_array_equal(table.columns[column], expected)
     assert table.columns[column].dtype == np.float64
+
+
+def test_a_file_that_matlab_wrote() -> None:
+    path = Path(scipy.io.__file__).parent / "matlab" / "tests" / "data" / "testhdf5_7.4_GLNX86.mat"
+    if not path.is_file():
+        pytest.skip("this SciPy comes without its test files")
+    (table,) = read(path, "testdouble[0,:]")  # as MATLAB shows it
+    np.testing.assert_allclose(table.columns["testdouble[0,:]"], np.linspace(0, 2 * np.pi, 9))
 
 
 def test_members_of_a_group_come_in_natural_order(file: Path) -> None:

@@ -1,0 +1,113 @@
+"""Competitors that are the run's own spec with other settings: runs of their own, in the same folder of runs."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cli_samples import write_study
+
+VARIATION = "{set: {fit.max_terms: 2, fuse: {z_s: 0.4}}, as: two}"
+
+
+@pytest.fixture
+def varied(tmp_path: Path) -> Path:
+    """`bench.yaml`, compared with itself with two terms."""
+    return against(write_study(tmp_path), VARIATION)
+
+
+def against(spec: Path, entry: str) -> Path:
+    spec.write_text(spec.read_text().replace("against: [polynomial_2]", f"against: [polynomial_2, {entry}]"))
+    return spec
+
+
+def run(mapmore: Callable[..., Any], spec: Path, runs: Path, *arguments: object) -> tuple[dict[str, float], dict[str, str]]:
+    result = mapmore("run", spec, "--runs", runs, "--json", "-q", *arguments)
+    assert result.exit_code == 0, result.stderr
+    document = json.loads(result.stdout)
+    return {r["model"]: r["rmse"] for r in document["scores"] if (r["split"], r["curve"]) == ("validate", "all")}, document["stages"]
+
+
+def test_a_variation_scores_as_a_run_with_these_settings_does(varied: Path, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    rmse, _ = run(mapmore, varied, tmp_path / "runs")
+    assert list(rmse) == ["mapmore", "polynomial_2", "two"]
+    alone, _ = run(mapmore, varied, tmp_path / "alone", "--set", "fit.max_terms=2", "--set", "fuse={z_s: 0.4}", "--set", "validate={}")
+    assert rmse["two"] == alone["mapmore"]
+    assert rmse["two"] != rmse["mapmore"]
+    assert (tmp_path / "runs" / "bench.two" / "model.h5").is_file()
+    assert not (tmp_path / "runs" / "bench.two" / "validate.h5").exists()
+    assert set(run(mapmore, varied, tmp_path / "runs")[1].values()) == {"up-to-date"}
+
+
+def test_a_change_of_the_spec_changes_the_variation(varied: Path, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    before, _ = run(mapmore, varied, tmp_path / "runs")
+    after, stages = run(mapmore, varied, tmp_path / "runs", "--set", "fit.max_terms=3", "--set", "segment.strain.count=1")
+    assert after["two"] != before["two"]
+    assert stages["ingest"] == "up-to-date"
+    varied.write_text(varied.read_text().replace("fit.max_terms: 2", "fit.max_terms: 1"))
+    again, stages = run(mapmore, varied, tmp_path / "runs")
+    assert again["mapmore"] == before["mapmore"]
+    assert again["two"] != before["two"]
+
+
+def test_overrides_of_the_run_hold_for_its_variations(varied: Path, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    run(mapmore, varied, tmp_path / "runs", "--set", "name=renamed", "--set", "fit.scaling=none")
+    text = (tmp_path / "runs" / "renamed.two" / "experiment.yaml").read_text()
+    assert "name: renamed.two" in text
+    assert "scaling: none" in text
+    assert "max_terms: 2" in text
+
+
+def test_a_variation_may_be_a_formula_or_lack_the_backbone(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    formula = "{set: {model: {type: literature, name: polynomial_2}}, as: formula}"
+    spec = against(write_study(tmp_path), f"{{set: {{model.backbone: null}}, as: bare}}, {formula}")
+    rmse, _ = run(mapmore, spec, tmp_path / "runs", "--set", "model.backbone=polynomial_2")
+    bare, _ = run(mapmore, spec, tmp_path / "bare", "--set", "validate={}")
+    assert rmse["bare"] == bare["mapmore"]
+    assert rmse["formula"] == pytest.approx(rmse["polynomial_2"])
+
+
+@pytest.mark.parametrize(
+    ("entry", "code", "words"),
+    [
+        ("{set: {fit.max_terms: 2}}", 3, ["need a name", "as: one_term"]),
+        ("{set: {fit.max_terms: 2}, as: two, method: levenberg_marquardt}", 3, ["method"]),
+        ("{set: {fit.max_terms: 2}, as: two, model: sarosi}", 3, ["keys `set`"]),
+        ("{set: {fit.max_terms: 2}, as: repeatability}", 3, ["named `repeatability`"]),
+        ("{set: {fit.max_term: 2}, as: two}", 3, ["as `two`", "max_term", "did you mean `max_terms`?"]),
+        ("{set: {segment.strain.count: 500}, as: two}", 4, ["bench.two: segment"]),
+    ],
+)
+def test_wrong_variations(entry: str, code: int, words: list[str], tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    result = mapmore("run", against(write_study(tmp_path), entry), "--runs", tmp_path / "runs")
+    assert result.exit_code == code
+    for word in words:
+        assert word in result.stderr
+
+
+def test_check_finds_what_is_wrong_with_a_variation(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    result = mapmore("check", against(write_study(tmp_path), "{set: {fit.max_term: 2}, as: two}"))
+    assert result.exit_code == 3
+    assert "did you mean `max_terms`?" in result.stderr
+
+
+def test_repeated_measurements_get_rows_of_their_own(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    """Without a repeat there is none; with one, the shift between both is what is told, over the models' normaliser."""
+    spec = write_study(tmp_path)
+    rmse, _ = run(mapmore, spec, tmp_path / "runs")
+    assert "repeatability" not in rmse
+    for level in (100, 200, 300):
+        header, *lines = (tmp_path / f"bench_{level}.csv").read_text().splitlines()
+        shifted = [",".join([*line.split(",")[:2], f"{float(line.split(',')[2]) + 5:.3f}"]) for line in lines]
+        (tmp_path / f"bench_{level}_again.csv").write_text("\n".join([header, *shifted]) + "\n")
+    result = mapmore("run", spec, "--runs", tmp_path / "runs", "--json", "-q")
+    rows = {(r["model"], r["split"]): r for r in json.loads(result.stdout)["scores"] if r["curve"] == "all"}
+    floor, own = rows["repeatability", "validate"], rows["mapmore", "validate"]
+    assert floor["rmse"] == pytest.approx(5.0, rel=1e-6)
+    assert (floor["normaliser"], floor["normaliser_name"]) == (own["normaliser"], own["normaliser_name"])
+    assert floor["n"] <= own["n"]
+    assert ("repeatability", "train") in rows
+    assert "repeatability" in (tmp_path / "runs" / "bench" / "report" / "index.html").read_text()
