@@ -51,7 +51,7 @@ def write_page(expanded: Expanded, results: Sequence[Finished | BaseException], 
 
     campaign = expanded.campaign
     finished = [result for result in results if not isinstance(result, BaseException)]
-    tables = campaign_tables(scores_of(campaign, finished))
+    tables = campaign_tables(scores_of(campaign, results))
     failed = {name: message(r) for name, r in zip(expanded.names, results, strict=True) if isinstance(r, BaseException)}
     pages = {run.name: f"../{run.name}/{PAGE.as_posix()}" for run in finished}
     folder = runs / campaign.campaign
@@ -63,11 +63,13 @@ def write_page(expanded: Expanded, results: Sequence[Finished | BaseException], 
     return View({}, tables, (f"campaign page: {folder / 'index.html'}",))
 
 
-def scores_of(campaign: Campaign, finished: Sequence[Finished]) -> CampaignScores:
-    """What its tables are made of."""
+def scores_of(campaign: Campaign, results: Sequence[Finished | BaseException]) -> CampaignScores:
+    """What its tables are made of: the results of its runs, one for each."""
     from mapmore_cli.reporting.campaign import CampaignScores
     from mapmore_cli.reporting.inputs import Published
 
+    pairs = [(variant, run) for variant, run in zip(campaign.runs, results, strict=True) if not isinstance(run, BaseException)]
+    finished = [run for _, run in pairs]
     printed = {run.name: run.published for run in finished if run.published is not None}
     return CampaignScores(
         {run.name: run.validation.scores for run in finished},
@@ -75,4 +77,5 @@ def scores_of(campaign: Campaign, finished: Sequence[Finished]) -> CampaignScore
         published={name: Published(paper.source, paper.nrmse, paper.rmse) for name, paper in printed.items()},
         relative_to=campaign.relative_to,
         best_of=campaign.best_of,
+        groups={run.name: variant.group for variant, run in pairs if variant.group is not None},
     )

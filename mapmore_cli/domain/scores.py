@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -17,7 +18,8 @@ class Score:
     """One row of the score table.
 
     `nrmse = rmse / normaliser` is a fraction; `normaliser` is the number and `normaliser_name` says what it is, as
-    `max|force| over validate`. `rmse`, `normaliser` and `max_abs_error` carry the target's unit.
+    `max|force| over validate`. `rmse`, `normaliser` and `max_abs_error` carry the target's unit. `rrse` is the root relative squared
+    error, of a free run where the model has memory; `rrse_one_step` then that of predictions from the measured past, else NaN.
     """
 
     model: str
@@ -32,6 +34,8 @@ class Score:
     max_abs_error: float
     max_abs_error_fs: float  # as a fraction of the normaliser
     r2: float
+    rrse: float = math.nan
+    rrse_one_step: float = math.nan
 
 
 @dataclass(frozen=True)

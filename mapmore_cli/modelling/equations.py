@@ -7,8 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from mapmore_cli.domain.memory import PIECE
 from mapmore_cli.domain.models import Equation, Model, SegmentFunction
 from mapmore_cli.modelling import literature
+from mapmore_cli.modelling.memory.equation import memory_equation
 from mapmore_cli.modelling.terms import (
     Expression,
     Name,
@@ -54,9 +56,14 @@ def _scaled(name: str, slope: float, intercept: float, units: Mapping[str, float
 
 
 def model_equations(model: Model, units: Mapping[str, float] = MODEL_UNITS) -> tuple[Equation, ...]:
-    """The backbone first, then every segment function, in the model's units or in others; of a sum, the equations of each summand."""
+    """The backbone first, then every segment function, or the model with memory, in the model's units or in others.
+
+    Of a sum, these are the equations of each summand.
+    """
     inner = [replace(one, id=f"{summand.name}: {one.id}") for summand in model.summands for one in model_equations(summand, units)]
     pieces = [(segment.id, segment_equation(segment, units)) for curve in model.curves for segment in curve.segments]
+    if model.memory is not None:
+        pieces.append((PIECE, memory_equation(model.memory, units)))
     if model.backbone is not None:
         formulas = literature.get(model.backbone.name).equations(model.backbone)
         other = {name: multiply(Number(factor), Name(name)) for name, factor in units.items()}

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.scores import Score
 
 
@@ -27,14 +27,39 @@ def max_abs(y: Array, quantity: str, split: str) -> Normaliser:
     return Normaliser(f"max|{quantity}| over {split}", float(np.abs(y).max()))
 
 
-def score(model: str, target: str, split: str, curve: str, measured: Array, predicted: Array, scale: Normaliser) -> Score:
+def extent(y: Array, quantity: str, split: str) -> Normaliser:
+    """`max y - min y` over the samples of a split, for quantities whose zero is arbitrary."""
+    return Normaliser(f"range of {quantity} over {split}", float(np.ptp(y)))
+
+
+NORMALISERS = {"max": max_abs, "range": extent}
+"""By the names that specs have for them."""
+
+
+def score(
+    model: str,
+    target: str,
+    split: str,
+    curve: str,
+    measured: Array,
+    predicted: Array,
+    scale: Normaliser,
+    *,
+    ready: BoolArray | None = None,
+    one_step: Array | None = None,
+) -> Score:
     """One row of the score table over n pooled samples.
 
-    `RMSE = sqrt(mean (y - yhat)^2)`, `NRMSE = RMSE / scale` (M2 eq 13), and `R^2 = 1 - SSE / sum (y - mean y)^2`, which is NaN for a
-    constant y. `scale` is the normaliser over all samples of the split, so that the rows of its curves can be compared.
+    `RMSE = sqrt(mean (y - yhat)^2)`, `NRMSE = RMSE / scale` (M2 eq 13), `R^2 = 1 - SSE / sum (y - mean y)^2`, which is NaN for a
+    constant y, and `RRSE = sqrt(SSE / sum (y - mean y)^2)`. `scale` is the normaliser over all samples of the split, so that the rows of
+    its curves can be compared.
+
+    Samples that are not `ready` (all are, where nothing is said) are the history that a model with memory goes on from: they count in no
+    number but the spread of the RRSE, as it is usual. `one_step` are predictions from the measured past.
     """
-    error = predicted - measured
-    spread = float(np.sum((measured - measured.mean()) ** 2))
+    known = np.ones(len(measured), dtype=np.bool_) if ready is None else ready
+    y, error = measured[known], (predicted - measured)[known]
+    spread = float(np.sum((y - y.mean()) ** 2))
     rmse = float(np.sqrt(np.mean(error**2)))
     worst = float(np.abs(error).max())
     return Score(
@@ -42,7 +67,7 @@ def score(model: str, target: str, split: str, curve: str, measured: Array, pred
         target=target,
         split=split,
         curve=curve,
-        n=len(measured),
+        n=len(y),
         rmse=rmse,
         nrmse=scale.fraction(rmse),
         normaliser=scale.value,
@@ -50,4 +75,12 @@ def score(model: str, target: str, split: str, curve: str, measured: Array, pred
         max_abs_error=worst,
         max_abs_error_fs=scale.fraction(worst),
         r2=1 - float(np.sum(error**2)) / spread if spread > 0 else float("nan"),
+        rrse=relative(error, measured),
+        rrse_one_step=float("nan") if one_step is None else relative((one_step - measured)[known], measured),
     )
+
+
+def relative(error: Array, measured: Array) -> float:
+    """`sqrt(sum error^2 / sum (y - mean y)^2)`, of errors of some or all of the measured samples; NaN for a constant y."""
+    spread = float(np.sum((measured - measured.mean()) ** 2))
+    return float(np.sqrt(np.sum(error**2) / spread)) if spread > 0 else float("nan")

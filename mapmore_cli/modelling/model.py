@@ -9,6 +9,7 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.fused_pieces import FusedPieces, level_values
 from mapmore_cli.modelling.fusion import level_weights
+from mapmore_cli.modelling.memory import free_run
 
 BLOCK = 2**18
 """Rows at a time: few enough to stay in the processor's cache, and enough for every region to have many."""
@@ -20,31 +21,38 @@ OUTSIDE_TOLERANCE = 1e-9
 def predict(model: Model, columns: Columns) -> Array:
     """Output of the model at every row, (n,); NaN where an input is NaN.
 
+    A model with memory runs free along one recording (`memory.free_run`): it has no prediction before there is history, and starts anew
+    after rows with a NaN.
+
     Parameters
     ----------
     columns
-        The model's inputs by name, each (n,), in the model's units.
+        The model's inputs by name, each (n,), in the model's units; with memory also `time`, and the output where it is fed back.
 
     Raises
     ------
     KeyError
         Where an input is missing.
+    DataError
+        Where a free run has nothing to begin from, or samples are not at the model's time steps.
     """
     inputs = {quantity.name: np.asarray(columns[quantity.name], dtype=np.float64) for quantity in model.inputs}
     pieces = FusedPieces(model) if any(curve.segments for curve in model.curves) else None
-    y = np.empty(len(next(iter(inputs.values()))))
+    y = np.empty(len(next(iter(columns.values()))))
     for start in range(0, len(y), BLOCK):
         block = {name: x[start : start + BLOCK] for name, x in inputs.items()}
         with np.errstate(all="ignore"):  # a term may overflow far outside, and what follows from a NaN is replaced
-            y[start : start + BLOCK] = _block(model, pieces, block)
+            y[start : start + BLOCK] = _block(model, pieces, block, len(y[start : start + BLOCK]))
+    if model.memory is not None:
+        y += free_run(model.memory, columns).values
     for summand in model.summands:
-        y += predict(summand, inputs)
+        y += predict(summand, columns)
     return y
 
 
-def _block(model: Model, pieces: FusedPieces | None, inputs: Columns) -> Array:
-    finite = np.logical_and.reduce([np.isfinite(x) for x in inputs.values()])
-    y = np.zeros(len(finite)) if pieces is None else pieces.values(inputs)
+def _block(model: Model, pieces: FusedPieces | None, inputs: Columns, n: int) -> Array:
+    finite = np.logical_and.reduce([np.ones(n, dtype=bool), *(np.isfinite(x) for x in inputs.values())])
+    y = np.zeros(n) if pieces is None else pieces.values(inputs)
     if model.backbone is not None:
         y += literature.get(model.backbone.name).predict(model.backbone.parameters, inputs)
     y[~finite] = np.nan

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from statistics import median
 
 from mapmore_cli.domain.scores import REPEATABILITY, Score
 from mapmore_cli.reporting.inputs import Published
@@ -33,6 +34,8 @@ class CampaignScores:
         The model that ratios are taken to.
     best_of
         Models of which the best in each run, picked afterwards, is compared with.
+    groups
+        What runs are summarised together, by run.
     """
 
     runs: Mapping[str, Sequence[Score]]
@@ -41,6 +44,7 @@ class CampaignScores:
     published: Mapping[str, Published] = field(default_factory=dict)
     relative_to: str | None = None
     best_of: Sequence[str] = ()
+    groups: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def pooled(self) -> dict[str, Pooled]:
@@ -68,14 +72,17 @@ def campaign_tables(scores: CampaignScores) -> tuple[Table, ...]:
 def nrmse_table(scores: CampaignScores) -> Table:
     """Validation NRMSE of every model (columns) in every run (rows); training rows where a run holds nothing out.
 
-    Closing rows give the geometric mean, the worst and the number of wins of each model's RMSE in ratio to that of `relative_to`, over the
-    runs that have both, and in how many runs it lies below the best of `best_of`.
+    Closing rows give the median and the worst of each group, over the runs that have the model; the geometric mean, the worst and the
+    number of wins of each model's RMSE in ratio to that of `relative_to`, over the runs that have both; and in how many runs it lies below
+    the best of `best_of`.
     """
     pooled, models = scores.pooled, scores.models
     rows: list[tuple[Cell, ...]] = [
         (name, *(100 * run[model].nrmse if model in run else None for model in models)) for name, run in pooled.items()
     ]
-    notes = ["NRMSE in per cent of the held-out rows, all curves pooled; normalised by max|measured| of these rows."]
+    normalisers = dict.fromkeys(score.normaliser_name for run in pooled.values() for score in run.values())
+    notes = [f"NRMSE in per cent, all curves pooled; normalised by {' and '.join(normalisers)}."]
+    rows += _summaries(scores)
     if scores.relative_to in models:
         rows += _ratios(list(pooled.values()), models, scores.relative_to)
         notes.append(f"Ratios are of RMSE to that of {scores.relative_to}; a ratio below one is better.")
@@ -84,6 +91,18 @@ def nrmse_table(scores: CampaignScores) -> Table:
         notes.append(f"The best formula of {', '.join(scores.best_of)}: which of them it is in a run, one knows afterwards only.")
     columns = (Column("run"), *(Column(model, "", ".3g") for model in models))
     return Table("nrmse", "NRMSE of every run and model", columns, tuple(rows), tuple(notes))
+
+
+def _summaries(scores: CampaignScores) -> list[tuple[Cell, ...]]:
+    """Median and worst NRMSE of each group; a run that diverged has no error, which is worse than any."""
+    rows: list[tuple[Cell, ...]] = []
+    for group in dict.fromkeys(scores.groups.values()):
+        runs = [run for name, run in scores.pooled.items() if scores.groups.get(name) == group]
+        found = [[100 * run[model].nrmse for run in runs if model in run] for model in scores.models]
+        errors = [[math.inf if math.isnan(error) else error for error in of_model] for of_model in found]
+        rows.append((f"{group}: median", *(median(of_model) if of_model else None for of_model in errors)))
+        rows.append((f"{group}: worst", *(max(of_model, default=None) for of_model in errors)))
+    return rows
 
 
 def _ratios(runs: Sequence[Pooled], models: Sequence[str], relative_to: str) -> list[tuple[Cell, ...]]:

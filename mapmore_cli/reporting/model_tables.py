@@ -60,10 +60,10 @@ def terms_table(fit: FitResult) -> Table:
         Column("tied"),
         Column("stop"),
     )
-    rows = tuple(row for segment in fit.fits for row in _term_rows(segment))
+    rows = tuple(row for piece in fit.pieces for row in _term_rows(piece))
     share = "share of the segment's uncentred sum of squares, in scaled coordinates, that a term explains when it is chosen"
     notes: tuple[str, ...] = (f"ERR: {share}.",)
-    if any(np.any(segment.selection.tied > 0) for segment in fit.fits):
+    if any(np.any(piece.selection.tied > 0) for piece in fit.pieces):
         notes += ("Tied: other candidates whose ERR was the same within 1e-9; the first of the dictionary was taken.",)
     return Table("terms", "Selected terms", columns, rows, notes)
 
@@ -105,7 +105,7 @@ def coefficients_table(inputs: ReportInputs) -> Table:
         Column("± 95 %", unit, ".3g"),
     )
     rows: list[tuple[Cell, ...]] = []
-    for segment in inputs.fit.fits:
+    for segment in inputs.fit.pieces:
         chosen, slope = segment.selection, segment.scaling.y_slope
         half = interval_half_width(chosen.theta_error, chosen.samples - len(chosen.theta))
         for term, theta, width in zip(segment.terms, chosen.theta.tolist(), half.tolist(), strict=True):

@@ -39,7 +39,8 @@ __all__ = [
 
 FLOOR_NOTE = (
     f"{REPEATABILITY}: no model, but how far a sample lies from the mean of the other recordings at its level, place and direction, "
-    "where there are others. It is about the least that can be asked for."
+    "where there are others; where cycles are held out, from the same moment of the last training cycle. It is about the least that can be "
+    "asked for."
 )
 
 

@@ -16,10 +16,14 @@ SpecPath = Annotated[str, RelativePath()]
 
 
 class Variant(Section):
-    """One run of a campaign: a spec (the campaign's `base` by default), the run's `name`, and keys to `set` as `--set` does."""
+    """One run of a campaign: a spec (the campaign's `base` by default), the run's `name`, and keys to `set` as `--set` does.
+
+    Of the runs of one `group`, the tables give the median and the worst.
+    """
 
     base: SpecPath | None = None
     name: Name | None = None
+    group: str | None = None
     set: dict[str, Any] = {}  # noqa: RUF012 (pydantic copies it)
 
     @model_validator(mode="after")

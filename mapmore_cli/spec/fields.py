@@ -125,6 +125,7 @@ def _metric_unit(around: Surroundings) -> str | None:
 
 Metres = Annotated[float, Field(gt=0), Measured(lambda _: "m")]
 Seconds = Annotated[float, Field(gt=0), Measured(lambda _: "s")]
+Hertz = Annotated[float, Field(gt=0), Measured(lambda _: "Hz")]
 SignedSeconds = Annotated[float, Measured(lambda _: "s")]
 OfKey = Annotated[float, Measured(lambda around: around.unit_of(around.key))]
 OfHeld = Annotated[float, Measured(lambda around: around.unit_of(around.level))]

@@ -12,7 +12,7 @@ from itertools import pairwise
 from pathlib import PurePosixPath
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationInfo, model_validator
+from pydantic import Field, TypeAdapter, ValidationError, ValidationInfo, model_validator
 
 from mapmore_cli.spec.data_section import (
     Between,
@@ -25,9 +25,11 @@ from mapmore_cli.spec.data_section import (
     Rate,
     Split,
 )
+from mapmore_cli.spec.dictionary_section import DictionaryEntry, Polynomial, remembers
 from mapmore_cli.spec.fields import (
     PARTIAL,
     Keyed,
+    Measured,
     Metres,
     Metric,
     Name,
@@ -157,30 +159,6 @@ class Needs(Section):
     damping: Annotated[str, RelativePath()] | None = None
 
 
-class Polynomial(Section):
-    """Every monomial of the quantities `of` with total degree up to `order`, the constant included unless `constant: false`."""
-
-    of: Annotated[list[str], Field(min_length=1)]
-    order: Annotated[int, Field(ge=1, le=20)]
-    constant: bool = True
-
-
-class DictionaryEntry(Section):
-    """One family of candidate terms: a `polynomial`, or `terms` written out as expressions."""
-
-    polynomial: Polynomial | None = None
-    terms: Annotated[list[str], Field(min_length=1)] | None = None
-
-    @model_validator(mode="after")
-    def _one_family(self) -> DictionaryEntry:
-        if (self.polynomial is None) == (self.terms is None):
-            found = "no family" if self.terms is None else "two families"
-            raise contradiction(
-                f"this entry has {found} of terms", "give `polynomial` or `terms`; further families are entries of their own"
-            )
-        return self
-
-
 class ModelChoice(Section):
     """What kind of model the run builds.
 
@@ -206,17 +184,24 @@ class ModelChoice(Section):
 
 
 class Fit(Section):
-    """Term selection (M2 eq 2-7): how segments are scaled, how many terms at most, and when to stop.
+    """Term selection (M2 eq 2-7): how inputs are scaled, how many terms at most, and when to stop.
 
-    `scaling` is `max_abs` for damping where nothing is said, else `unit_square`. `train_level` restricts the pieces to one training level,
-    as M2 does (`highest`); formulas are fitted to all of them.
+    `scaling` is `none` for terms with memory and `max_abs` for damping where nothing is said, else `unit_square`. `train_level` restricts
+    the pieces to one training level, as M2 does (`highest`); formulas are fitted to all of them.
+
+    With memory: `scaling: range` brings every state to [0, 1] on the training samples and clips it `margin` beyond; a `ridge`, as a
+    fraction of a candidate's variance, or `auto`, selects `forward` terms (three times `max_terms`) and prunes them; `stop: free_run`
+    keeps as many terms as run best over the last quarter of the training samples.
     """
 
-    scaling: Literal["unit_square", "max_abs", "none"] = "unit_square"
+    scaling: Literal["unit_square", "max_abs", "none", "range"] = "unit_square"
+    margin: Annotated[float, Field(ge=0), Measured(lambda _: "1")] = 0.15
     train_level: Annotated[Annotated[Literal["all", "highest"], Text] | Annotated[OfHeld, Number], by_shape] = "all"
     max_terms: Annotated[int, Field(ge=1)] = 1
     tolerance: Annotated[float, Field(ge=0, lt=1)] = 1e-4
-    stop: Literal["tolerance", "bic", "aicc", "press"] = "tolerance"
+    stop: Literal["tolerance", "bic", "aicc", "press", "free_run"] = "tolerance"
+    ridge: Annotated[Annotated[Literal["auto"], Text] | Annotated[Annotated[float, Field(ge=0)], Number], by_shape] = 0.0
+    forward: Annotated[int, Field(ge=1)] | None = None
 
 
 class BelowAbove(Section):
@@ -287,9 +272,13 @@ class Competitor(Section):
 
 
 class Validate(Section):
-    """What the model is compared with, and the limits that its scores must keep."""
+    """What the model is compared with, what errors are divided by, and the limits that its scores must keep.
+
+    `normaliser: max` is the largest absolute value of the measured target (M2 eq 13), `range` its extent, where its zero is arbitrary.
+    """
 
     against: list[Annotated[Annotated[str, Text] | Annotated[Competitor, Keyed], by_shape]] = []
+    normaliser: Literal["max", "range"] = "max"
     require: dict[str, Metric] = {}
 
 
@@ -314,6 +303,14 @@ _DEFAULTS_OF_TARGET: dict[str, tuple[str, dict[str, str]]] = {
     "damping": ("fit", {"scaling": "max_abs"}),  # M2's damping terms are pure products, which a shifted origin would not leave so
     "dynamic": ("model", {"type": "sum"}),
 }
+
+
+def _given_memory(dictionary: Any) -> bool:
+    """Whether a dictionary that is not validated yet has terms with memory; False where its form is wrong, which is reported elsewhere."""
+    try:
+        return remembers(TypeAdapter(list[DictionaryEntry]).validate_python(dictionary))
+    except ValidationError:
+        return False
 
 
 class ExperimentSpec(Section):
@@ -342,11 +339,13 @@ class ExperimentSpec(Section):
 
     @model_validator(mode="before")
     @classmethod
-    def _by_target(cls, given: Any) -> Any:
-        """Defaults that depend on the target."""
+    def _by_choice(cls, given: Any) -> Any:
+        """Defaults that depend on the target and on the terms."""
         if not isinstance(given, dict):
             return given
         section, defaults = _DEFAULTS_OF_TARGET.get(str(given.get("target")), ("", {}))
+        if _given_memory(given.get("dictionary")):
+            section, defaults = "fit", {"scaling": "none"}  # numbers of steps and widths in physical units stay readable
         said = given.get(section, {})
         if not isinstance(said, dict) or not defaults or (section == "model" and given.get("dictionary")):
             return given
@@ -362,6 +361,11 @@ class ExperimentSpec(Section):
         """Every quantity of the study: of its data, and the `direction` where segments are cut by it."""
         cut = [name for name, how in self.segment.items() if isinstance(how, Directions)]
         return tuple(dict.fromkeys((*self.data.quantities, *cut)))
+
+    @property
+    def has_memory(self) -> bool:
+        """Whether the run's own model has terms with memory."""
+        return self.model.type == "mapmore" and remembers(self.dictionary)
 
     @model_validator(mode="after")
     def _needs_terms(self, info: ValidationInfo) -> ExperimentSpec:

@@ -17,8 +17,8 @@ from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.backbone import fit_formula, pooled_training
 from mapmore_cli.modelling.damping import damping_component
+from mapmore_cli.modelling.forecast import Forecast, forecast
 from mapmore_cli.modelling.literature.hysteresis_loss import HysteresisLoss
-from mapmore_cli.modelling.model import predict
 from mapmore_cli.spec.models import Competitor
 from mapmore_cli.stages.ingestion.steps import DAMPING, STATIC_FORCE
 from mapmore_cli.storage.artefacts import read_dataset, read_model
@@ -26,16 +26,16 @@ from mapmore_cli.storage.artefacts import read_dataset, read_model
 OWN = "mapmore"
 """Name of the run's own model in its scores, and of the needed static model in a composite."""
 
-Predictions = tuple[Array, ...]
-"""Of one model, `(n_c,)` for every curve of the dataset."""
+Forecasts = tuple[Forecast, ...]
+"""Of one model, for every curve of the dataset."""
 
 
 @dataclass(frozen=True)
 class Rival:
-    """A competitor with its predictions; `formulas` are the fits behind it by the name they are shown under."""
+    """A competitor with what it says of every curve; `formulas` are the fits behind it by the name they are shown under."""
 
     name: str
-    predictions: Predictions
+    forecasts: Forecasts
     formulas: Mapping[str, FormulaFit] = field(default_factory=dict)
 
     @property
@@ -73,9 +73,9 @@ class Contest:
             return self._composite(competitor)
         assert competitor.model is not None
         fit = self._fitted(competitor.model, self.dataset.curves, self.dataset.target, competitor.method)
-        return Rival(competitor.label, _predicted(fit, self.dataset.curves), {competitor.label: fit})
+        return Rival(competitor.label, _forecasts(_predicted(fit, self.dataset.curves)), {competitor.label: fit})
 
-    def _of_run(self, run_dir: Path) -> Predictions:
+    def _of_run(self, run_dir: Path) -> Forecasts:
         other, quantities = read_model(run_dir / "model.h5"), self.dataset.quantities
         differing = [q.name for q in (other.output, *other.inputs) if quantities.get(q.name) != q]
         if other.output != self.model.output or differing:
@@ -84,7 +84,7 @@ class Contest:
                 f"validate.against: the model of {other.name} is of other quantities or units ({what})",
                 "compare runs of the same quantities in the same units",
             )
-        return tuple(predict(other, curve.columns) for curve in self.dataset.curves)
+        return tuple(forecast(other, curve) for curve in self.dataset.curves)
 
     def _composite(self, competitor: Competitor) -> Rival:
         """A static formula fitted to the static run's training data, and a damping formula fitted to what it leaves here.
@@ -96,7 +96,7 @@ class Contest:
         curves, force = self.dataset.curves, self._force
         fits: dict[str, FormulaFit] = {}
         if competitor.static == OWN:
-            static = tuple(predict(self._static_model, curve.columns) for curve in curves)
+            static = [forecast(self._static_model, curve).values for curve in curves]
         else:
             fits["static"] = fit_formula(competitor.static, self._static_dataset.curves, self._static_dataset.target, competitor.method)
             static = _predicted(fits["static"], curves)
@@ -106,7 +106,7 @@ class Contest:
         total = [s + d for s, d in zip(static, _predicted(fits["damping"], curves), strict=True)]
         if self.dataset.target == DAMPING:
             total = [damping_component(y - c.columns[STATIC_FORCE], c) for y, c in zip(total, curves, strict=True)]
-        return Rival(competitor.label, tuple(total), {f"{competitor.label} ({part})": fit for part, fit in fits.items()})
+        return Rival(competitor.label, _forecasts(total), {f"{competitor.label} ({part})": fit for part, fit in fits.items()})
 
     def _fitted(self, name: str, curves: Sequence[Curve], target: str, method: str | None) -> FormulaFit:
         formula = literature.get(name)
@@ -135,7 +135,11 @@ class Contest:
         return self.static_run
 
 
-def _predicted(fit: FormulaFit, curves: Sequence[Curve]) -> Predictions:
+def _predicted(fit: FormulaFit, curves: Sequence[Curve]) -> list[Array]:
     if fit.failed:
-        return tuple(np.full(curve.size, np.nan) for curve in curves)
-    return tuple(literature.get(fit.name).predict(fit.parameters, curve.columns) for curve in curves)
+        return [np.full(curve.size, np.nan) for curve in curves]
+    return [literature.get(fit.name).predict(fit.parameters, curve.columns) for curve in curves]
+
+
+def _forecasts(predictions: Sequence[Array]) -> Forecasts:
+    return tuple(Forecast.of(values) for values in predictions)

@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from mapmore_cli.spec.models import DictionaryEntry, ExperimentSpec, Fit, Fuse, Levels, ModelChoice
+from mapmore_cli.spec.dictionary_section import DictionaryEntry, remembers
+from mapmore_cli.spec.models import ExperimentSpec, Fit, Fuse, Levels, ModelChoice
+from mapmore_cli.stages.memory import fit_memory
 from mapmore_cli.stages.recipes import SegmentSection, recipe_of
 from mapmore_cli.stages.stage import Stage, Workspace
 
 if TYPE_CHECKING:
-    from mapmore_cli.domain.fits import FormulaFit
+    from mapmore_cli.domain.fits import FormulaFit, SegmentFit
     from mapmore_cli.domain.recording import Dataset
 
 
@@ -31,7 +33,7 @@ def reads(spec: ExperimentSpec) -> Slice:
 
 
 def run(part: Slice, workspace: Workspace) -> None:
-    """Fit the formula where the model has one, then what it leaves segment by segment."""
+    """Fit the formula where the model has one, then what it leaves: segment by segment, or with memory along whole recordings."""
     from mapmore_cli.domain.fits import FitResult
     from mapmore_cli.modelling.mapmore import fit
     from mapmore_cli.modelling.segmentation import trained_at
@@ -41,6 +43,11 @@ def run(part: Slice, workspace: Workspace) -> None:
     formula = _formula(part.model, dataset)
     if part.model.type != "mapmore":
         write_fit(workspace.out / "fit.h5", FitResult((), formula), units_of(dataset))
+        return
+    if remembers(part.dictionary):
+        memory = fit_memory(dataset, part.dictionary, part.fit, formula)
+        _warn_of_ties(memory.piece, workspace)
+        write_fit(workspace.out / "fit.h5", FitResult((), formula, memory=memory), units_of(dataset))
         return
     segmentation = read_segmentation(workspace.run_dir / "segment.h5")
     recipe = recipe_of(dataset.target, part.levels, part.segment, part.dictionary, part.fit, Fuse())
@@ -54,9 +61,13 @@ def run(part: Slice, workspace: Workspace) -> None:
 
     fits = fit(trained_at(dataset.curves, part.fit.train_level), segmentation, recipe, formula, tick)
     for one in fits:
-        if one.selection.tied.any():
-            workspace.warn(f"segment {one.id}: candidates tie within 1e-9; the first of the dictionary was taken")
+        _warn_of_ties(one, workspace)
     write_fit(workspace.out / "fit.h5", FitResult(fits, formula), units_of(dataset))
+
+
+def _warn_of_ties(fit: SegmentFit, workspace: Workspace) -> None:
+    if fit.selection.tied.any():
+        workspace.warn(f"segment {fit.id}: candidates tie within 1e-9; the first of the dictionary was taken")
 
 
 def _formula(model: ModelChoice, dataset: Dataset) -> FormulaFit | None:
@@ -80,4 +91,4 @@ def _formula(model: ModelChoice, dataset: Dataset) -> FormulaFit | None:
     return formula
 
 
-STAGE = Stage(name="fit", revision=2, outputs=("fit.h5",), reads=reads, run=run)
+STAGE = Stage(name="fit", revision=3, outputs=("fit.h5",), reads=reads, run=run)

@@ -69,6 +69,7 @@ def _sum(part: Slice, dataset: Dataset, workspace: Workspace) -> Model:
 def _fused(part: Slice, dataset: Dataset, workspace: Workspace) -> Model:
     """Fuse; on a backbone, keep as much of the residual as left-out training data support, unless the spec says how much."""
     from mapmore_cli.modelling.mapmore import fuse
+    from mapmore_cli.modelling.memory.assembly import model_with_memory
     from mapmore_cli.modelling.segmentation import trained_at
     from mapmore_cli.modelling.shrinkage import with_trusted_residual
     from mapmore_cli.storage.artefacts import read_fit, read_segmentation
@@ -76,6 +77,8 @@ def _fused(part: Slice, dataset: Dataset, workspace: Workspace) -> Model:
     curves = trained_at(dataset.curves, part.fit.train_level)
     segmentation = read_segmentation(workspace.run_dir / "segment.h5")
     result = read_fit(workspace.run_dir / "fit.h5")
+    if result.memory is not None:
+        return model_with_memory(part.name, result.memory.model, result.backbone, segmentation, dataset.quantities)
     recipe = recipe_of(dataset.target, part.levels, part.segment, part.dictionary, part.fit, part.fuse)
     model = fuse(part.name, curves, segmentation, result, recipe, dataset.quantities)
     if result.backbone is not None and result.fits and recipe.shrink is None:
@@ -94,4 +97,4 @@ def _provenance(part: Slice) -> dict[str, str]:
     return {**tool_versions(), "spec": json.dumps(plain(part), indent=1)}
 
 
-STAGE = Stage(name="fuse", revision=3, outputs=("model.h5",), reads=reads, run=run, needs=needs)
+STAGE = Stage(name="fuse", revision=4, outputs=("model.h5",), reads=reads, run=run, needs=needs)

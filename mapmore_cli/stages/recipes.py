@@ -6,7 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Literal
 
 from mapmore_cli.spec.data_section import STEP_OF, STEP_PRESSURE
+from mapmore_cli.spec.dictionary_section import remembers
 from mapmore_cli.spec.models import BelowAbove, Cuts, DictionaryEntry, Directions, Fit, Fuse, Levels
+from mapmore_cli.stages.dictionary import terms_of
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.models import Side
@@ -47,30 +49,17 @@ def _cut(cuts: Cuts | Directions) -> Cut:
     return Even(cuts.count)
 
 
-def terms_of(dictionary: Sequence[DictionaryEntry]) -> tuple[str, ...]:
-    """Names of all candidate terms in the order of the dictionary, each once."""
-    from mapmore_cli.modelling.terms import monomials, parse, to_text
-
-    names: list[str] = []
-    for entry in dictionary:
-        if entry.polynomial is not None:
-            family = entry.polynomial
-            names += [to_text(term) for term in monomials(family.of, family.order, family.constant)]
-        names += [to_text(parse(text)) for text in entry.terms or ()]
-    return tuple(dict.fromkeys(names))
-
-
 def recipe_of(
     target: str, levels: Levels | None, segment: SegmentSection, dictionary: Sequence[DictionaryEntry], fit: Fit, fuse: Fuse
 ) -> Recipe:
-    """The whole recipe of a MAPMORE model."""
+    """The whole recipe of a MAPMORE model; without candidate terms where one model with memory stands in place of the segments."""
     from mapmore_cli.modelling.recipe import Recipe
 
     return Recipe(
         target=target,
         level=level_of(levels, segment),
         cuts=cuts_of(segment),
-        dictionary=terms_of(dictionary),
+        dictionary=() if remembers(dictionary) else terms_of(dictionary),
         scaling=fit.scaling,
         max_terms=fit.max_terms,
         tolerance=fit.tolerance,

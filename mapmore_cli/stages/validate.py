@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from mapmore_cli.domain.recording import DIRECTION
+import numpy as np
+
 from mapmore_cli.spec.models import Competitor, ExperimentSpec
 from mapmore_cli.spec.overrides import as_overrides
 from mapmore_cli.stages.stage import Stage, Variation, Workspace
 
 if TYPE_CHECKING:
-    from mapmore_cli.domain.arrays import Array
     from mapmore_cli.domain.fits import FormulaFit
     from mapmore_cli.domain.recording import Dataset
     from mapmore_cli.domain.scores import Score
+    from mapmore_cli.modelling.forecast import Forecast
 
 AT_LEAST = frozenset({"r2", "n"})
 """Metrics whose limit is a lower one; all others are errors."""
@@ -23,25 +24,38 @@ AT_LEAST = frozenset({"r2", "n"})
 
 @dataclass(frozen=True)
 class Slice:
-    """What the scores depend on beyond the model; `static` is the spec of the needed static run, `length` the muscle's in m."""
+    """What the scores depend on beyond the model.
+
+    `static` is the spec of the needed static run, `length` the muscle's in m, `cycles_of` the quantity whose cycles are held out.
+    """
 
     target: str
     against: list[str | Competitor]
     static: str | None
     length: float | None
+    normaliser: str
+    cycles_of: str | None
 
 
 def reads(spec: ExperimentSpec) -> Slice:
     """The stage's slice of the spec; what only composites and load-cycle formulas need is in it where they may stand."""
     target = spec.target if isinstance(spec.target, str) else spec.target.column
     moving = target in ("damping", "dynamic")
-    return Slice(target, spec.validation.against, spec.needs.static if moving else None, spec.muscle.length if moving else None)
+    return Slice(
+        target=target,
+        against=spec.validation.against,
+        static=spec.needs.static if moving else None,
+        length=spec.muscle.length if moving else None,
+        normaliser=spec.validation.normaliser,
+        cycles_of=spec.data.split.hold_out.of if spec.data.split.hold_out is not None else None,
+    )
 
 
 def run(part: Slice, workspace: Workspace) -> None:
     """Fit the competitors to the same training data, predict every sample, and score."""
     from mapmore_cli.domain.scores import Validation
-    from mapmore_cli.modelling.model import predict
+    from mapmore_cli.modelling.forecast import forecast
+    from mapmore_cli.modelling.scoring import score_rows
     from mapmore_cli.stages.competitors import OWN, Contest
     from mapmore_cli.storage.artefacts import read_dataset, read_model, write_scores, write_validation
 
@@ -49,61 +63,54 @@ def run(part: Slice, workspace: Workspace) -> None:
     model = read_model(workspace.run_dir / "model.h5")
     static_run = workspace.needed[part.static] if part.static is not None else None
     contest = Contest(dataset, model, workspace.needed, static_run, part.length)
-    predictions = {OWN: tuple(predict(model, curve.columns) for curve in dataset.curves)}
+    forecasts = {OWN: tuple(forecast(model, curve) for curve in dataset.curves)}
     formulas: dict[str, FormulaFit] = {}
     failed = []
     for number, competitor in enumerate(part.against):
         rival = contest.rival(competitor)
-        predictions[rival.name] = rival.predictions
+        forecasts[rival.name] = rival.forecasts
         formulas |= rival.formulas
         if rival.failed:
             failed.append(rival.name)
             reasons = "; ".join(note for fit in rival.formulas.values() for note in fit.notes)
             workspace.warn(f"{rival.name}: the fit failed, its rows are left out: {reasons}")
         workspace.progress("competitors", number + 1, len(part.against))
-    scores = [row for name in predictions if name not in failed for row in _scores(name, part.target, predictions[name], dataset)]
-    scores += _floor(part.target, [quantity.name for quantity in model.inputs], dataset)
+    for name, found in forecasts.items():
+        _told_of_diverged(name, found, dataset, workspace.warn)
+    scored = [name for name in forecasts if name not in failed]
+    scores = [row for name in scored for row in score_rows(name, part.target, forecasts[name], dataset, part.normaliser)]
+    scores += _floor(part, [quantity.name for quantity in model.inputs], dataset)
+    predictions = {name: tuple(one.values for one in found) for name, found in forecasts.items()}
     validation = Validation(predictions, formulas, tuple(scores), {part.target: dataset.unit(dataset.target)})
     write_validation(workspace.out / "validate.h5", validation)
     write_scores(workspace.out, validation, model.name)
 
 
-def _scores(name: str, target: str, predictions: Sequence[Array], dataset: Dataset, partial: bool = False) -> Iterator[Score]:
-    """Rows of one model: each split pooled, curve by curve, and rise and fall by themselves where directions are told apart.
-
-    With `partial`, of the samples that it predicts.
-    """
-    import numpy as np
-
-    from mapmore_cli.modelling.metrics import max_abs, score
-    from mapmore_cli.modelling.signals.direction import FALL, RISE
-
-    for split, held_out in (("train", False), ("validate", True)):
-        every = [(curve, predicted, curve.held_out == held_out) for curve, predicted in zip(dataset.curves, predictions, strict=True)]
-        rows = [(curve, predicted, mask & np.isfinite(predicted) if partial else mask) for curve, predicted, mask in every]
-        parts = [(curve.id, curve.columns[dataset.target][mask], predicted[mask]) for curve, predicted, mask in rows if mask.any()]
-        if not parts:
-            continue
-        ways = [
-            (f"{curve.id};direction={word}", curve.columns[dataset.target][way], predicted[way])
-            for curve, predicted, mask in rows
-            for word, sign in (("rise", RISE), ("fall", FALL))
-            if DIRECTION in curve.columns and (way := mask & (curve.columns[DIRECTION] == sign)).any()
-        ]
-        scale = max_abs(np.concatenate([curve.columns[dataset.target][mask] for curve, _, mask in every]), dataset.target, split)
-        yield score(name, target, split, "all", np.concatenate([y for _, y, _ in parts]), np.concatenate([p for _, _, p in parts]), scale)
-        for curve, y, p in [*parts, *ways]:
-            yield score(name, target, split, curve, y, p, scale)
+def _told_of_diverged(name: str, forecasts: Sequence[Forecast], dataset: Dataset, warn: Callable[[str], None]) -> None:
+    """Say where free runs left all bounds: their scores are empty."""
+    for curve, found in zip(dataset.curves, forecasts, strict=True):
+        for row in found.diverged:
+            log = next(number for number, rows in enumerate(curve.logs) if row in rows)
+            at = f"sample {int(np.searchsorted(curve.logs[log], row))}"
+            when = f" ({curve.columns['time'][row]:g} {dataset.unit('time')})" if "time" in curve.columns else ""
+            warn(f"{name}: its free run diverges on {curve.recordings[log]} at {at}{when}; it has no scores there")
 
 
-def _floor(target: str, inputs: Sequence[str], dataset: Dataset) -> Iterator[Score]:
-    """Rows of the repeatability, where measurements at one level, coordinate and direction were repeated."""
+def _floor(part: Slice, inputs: Sequence[str], dataset: Dataset) -> Iterator[Score]:
+    """Rows of the repeatability: of held-out cycles, or where measurements at one level, coordinate and direction were repeated."""
     from mapmore_cli.domain.scores import REPEATABILITY
+    from mapmore_cli.modelling.forecast import Forecast
     from mapmore_cli.modelling.repeatability import repeats
+    from mapmore_cli.modelling.repeated_cycles import repeated_cycles
+    from mapmore_cli.modelling.scoring import score_rows
 
-    others = repeats(dataset.curves, dataset.target, [name for name in inputs if name != dataset.level])
+    if part.cycles_of is not None:
+        others = repeated_cycles(dataset.curves, dataset.target, part.cycles_of)
+    else:
+        others = repeats(dataset.curves, dataset.target, [name for name in inputs if name != dataset.level])
     if others is not None:
-        yield from _scores(REPEATABILITY, target, others, dataset, partial=True)
+        known = [Forecast(values, np.isfinite(values)) for values in others]
+        yield from score_rows(REPEATABILITY, part.target, known, dataset, part.normaliser, partial=True)
 
 
 def missed_limits(require: Mapping[str, float], scores: Sequence[Score]) -> list[str]:
@@ -131,4 +138,4 @@ def needs(spec: ExperimentSpec) -> list[str | Variation]:
     return [*dict.fromkeys([*runs, *([static] if static is not None else [])]), *variations]
 
 
-STAGE = Stage(name="validate", revision=2, outputs=("validate.h5", "scores.csv", "scores.json"), reads=reads, run=run, needs=needs)
+STAGE = Stage(name="validate", revision=3, outputs=("validate.h5", "scores.csv", "scores.json"), reads=reads, run=run, needs=needs)

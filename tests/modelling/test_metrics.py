@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from mapmore_cli.modelling.metrics import max_abs, score
+from mapmore_cli.modelling.metrics import extent, max_abs, score
 
 
 def test_a_row_by_hand():
@@ -20,6 +20,14 @@ def test_a_row_by_hand():
     assert row.max_abs_error_fs == pytest.approx(0.1)
     assert row.r2 == pytest.approx(1 - 12 / 1300)
     assert row.n == 4
+
+
+def test_errors_by_the_range_do_not_depend_on_where_zero_lies():
+    measured = np.array([110.0, 112, 130])
+    scale = extent(measured, "displacement", "validate")
+    row = score("m", "displacement", "validate", "all", measured, measured + 2, scale)
+    assert (row.nrmse, row.normaliser_name) == (pytest.approx(0.1), "range of displacement over validate")
+    assert extent(measured - 1000, "displacement", "validate") == scale
 
 
 def test_a_constant_has_no_r2_and_zeros_no_nrmse():

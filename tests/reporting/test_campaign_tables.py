@@ -31,6 +31,22 @@ def test_ratios_are_of_the_runs_that_have_both() -> None:
     assert table.rows[5][1:] == ("1 of 2", "0 of 2")
 
 
+def test_groups_have_a_median_and_a_worst() -> None:
+    runs = {"a": rows(mapmore=1, lags=9), "b": rows(mapmore=4, lags=7), "c": rows(mapmore=2), "d": rows(mapmore=8, lags=math.nan)}
+    table = nrmse_table(CampaignScores(runs, groups={"a": "steps", "b": "steps", "c": "steps", "d": "loops"}))
+    assert table.rows[4:] == (
+        ("steps: median", 2.0, 8.0),
+        ("steps: worst", 4.0, 9.0),
+        ("loops: median", 8.0, math.inf),
+        ("loops: worst", 8.0, math.inf),
+    )
+
+
+def test_the_note_names_what_the_errors_are_normalised_by() -> None:
+    scores = CampaignScores({"a": [replace(row("mapmore", 3.0), normaliser_name="range of force over validate")]})
+    assert nrmse_table(scores).notes == ("NRMSE in per cent, all curves pooled; normalised by range of force over validate.",)
+
+
 def test_training_rows_count_where_nothing_is_held_out() -> None:
     assert nrmse_table(CampaignScores({"a": [replace(row("mapmore", 3.0), split="train")]})).rows == (("a", 3.0),)
     assert nrmse_table(CampaignScores({"a": [row("mapmore", 3.0), row("mapmore", 1.0, "train")]})).rows == (("a", 3.0),)

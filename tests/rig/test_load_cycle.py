@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import trapezoid
 
 from mapmore_cli.rig.hysteresis import Hysteresis
-from mapmore_cli.rig.load_cycle import LoadCycle, Regulation, load_cycle, regulated_pressure
+from mapmore_cli.rig.load_cycle import LoadCycle, Regulation, load_cycle, regulated_pressure, strain_path
 from mapmore_cli.rig.muscle import free_strain
 from mapmore_cli.spec.simulation import McKibbenMuscle, PeanoMuscle
 from mapmore_cli.stages.rig_parts import muscle_of
@@ -66,6 +66,43 @@ def test_a_vented_muscle_makes_the_least_stroke_and_hangs_slack(kind):
     assert truth["strain"].max() == pytest.approx(0.01)
     assert np.all(truth["pressure"] == 0)
     assert truth["force"][1250] < 0.1
+
+
+INNER = LoadCycle(duration=125.0, sample_time=0.02, dwell=0.5, least_stroke=0.01, turns=(1.0, 0.3, 0.7, 0.0, 0.6))
+
+
+def test_the_actuator_turns_where_it_is_told_and_moves_at_one_speed():
+    time = 0.001 * np.arange(125_001)
+    strain = strain_path(INNER, 0.2, time)
+    moving = np.flatnonzero(np.diff(strain) != 0)
+    rates = np.abs(np.diff(strain)[moving]) / 0.001
+    assert np.quantile(rates, [0.01, 0.99]) == pytest.approx(2 * [2 * 4.0 * 0.2 / (2 * (125 - 7 * 0.5))], rel=1e-3)
+    pauses = np.flatnonzero(np.diff(moving) > 1)
+    np.testing.assert_allclose(strain[moving[pauses] + 1] / 0.2, INNER.turns, atol=1e-9)
+    assert np.diff(moving)[pauses] * 0.001 == pytest.approx([0.5] * 5, abs=2e-3)
+    assert (time[moving[0]], time[moving[-1]]) == pytest.approx((0.5, 124.5), abs=2e-3)
+
+
+@both
+def test_a_reversal_inside_the_loop_leaves_the_branch_and_comes_back_to_it(kind):
+    """What stop operators do: the inner loop closes, and the outer branch goes on as if nothing had been (Madelung)."""
+    inner, outer = run(kind, 350, INNER), run(kind, 350)
+    turn = int(np.argmax(inner["strain"]))
+    falling = slice(turn, turn + int(np.argmin(inner["strain"][turn : turn + 2000])))
+    stroke = inner["strain"].max()
+    last = int(np.flatnonzero(inner["strain"] > 0.69 * stroke)[-1])  # the end of the inner rise; the fall to zero follows
+    fall = slice(last, last + int(np.argmin(inner["strain"][last:])))
+    back = outer["strain"].argmax()
+    for strains, branch in ((0.8, falling), (0.2, fall)):
+        at = strains * stroke
+        on_branch = np.interp(at, inner["strain"][branch][::-1], inner["force"][branch][::-1])
+        on_outer = np.interp(at, outer["strain"][back:][::-1], outer["force"][back:][::-1])
+        assert on_branch == pytest.approx(on_outer, abs=0.02)
+    middle = 0.5 * stroke
+    rise = slice(falling.stop, last)
+    rising = np.interp(middle, inner["strain"][rise], inner["force"][rise])
+    extending = np.interp(middle, outer["strain"][back:][::-1], outer["force"][back:][::-1])
+    assert extending - rising > 5.0
 
 
 def test_ripple_has_the_declared_size_and_memory():

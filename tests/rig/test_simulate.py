@@ -11,6 +11,7 @@ import yaml
 from pydantic import ValidationError
 
 from mapmore_cli.domain.errors import WriteError
+from mapmore_cli.spec.loader import load_as
 from mapmore_cli.spec.simulated_experiments import pressure_label
 from mapmore_cli.spec.simulation import McKibbenMuscle, PeanoMuscle, SimulationSpec
 from mapmore_cli.stages.simulate import csv_text, decimals, recording, sensors, simulate
@@ -22,6 +23,11 @@ WET = {
     (kind, experiment): SimulationSpec.model_validate(yaml.safe_load((DATASETS / kind / f"{experiment}.yaml").read_text("utf-8")))
     for kind in SPECS
     for experiment in ("step_responses", "perturbations")
+}
+INNER = {
+    (kind, use): load_as(DATASETS / kind / f"inner_loops_{use}.yaml", SimulationSpec).spec
+    for kind in SPECS
+    for use in ("training", "validation")
 }
 shipped = pytest.mark.parametrize("kind", list(SPECS))
 
@@ -60,6 +66,21 @@ def test_committed_wet_recordings_regenerate(kind, experiment, pressure):
     committed = (DATASETS / kind / f"{spec.output}_{pressure_label(pressure)}.csv").read_bytes()
     assert made.startswith(b"t,P,eps,F,Q,Pm\n0.000,")
     assert_regenerated(made, committed, spec, 1e-2)
+
+
+@pytest.mark.parametrize(("kind", "use"), list(INNER))
+def test_committed_inner_loops_regenerate(kind, use, tmp_path):
+    paths = simulate(INNER[kind, use], tmp_path, silent)
+    assert {path.name for path in paths} == {path.name for path in (DATASETS / kind).glob(f"inner_loops_{use}_*.csv")}
+    for path in paths:
+        assert_regenerated(path.read_bytes(), (DATASETS / kind / path.name).read_bytes(), INNER[kind, use], 1e-3)
+
+
+@shipped
+def test_no_inner_loop_of_the_validation_has_an_amplitude_of_the_training(kind):
+    turns = [[0.0, *INNER[kind, use].experiment.turns, 0.0] for use in ("training", "validation")]
+    training, validation = (np.abs(np.diff(ends)) for ends in turns)
+    assert np.abs(training[:, None] - validation).min() > 0.015
 
 
 @pytest.mark.parametrize(("kind", "experiment"), list(WET))
@@ -152,6 +173,10 @@ def test_a_file_in_place_of_the_folder_is_refused(tmp_path):
         (("experiment", "pressures"), [-5], "greater than or equal to 0"),
         (("experiment", "pressures"), ["80 kPa"], "valid number"),
         (("experiment", "dwell"), 20, "no time to move"),
+        (("experiment", "turns"), [1, 0.5, 0.5], "must move from each of `turns`"),
+        (("experiment", "turns"), [1, 0], "must move from each of `turns`"),
+        (("experiment", "turns"), [1.1], "less than or equal to 1"),
+        (("experiment", "turns"), [], "at least 1"),
         (("experiment", "sample_time"), 5, "fewer than 100 samples"),
         (("experiment", "colour"), "red", "not permitted"),
         (("hysteresis", "stops"), [{"yield_strain": 0.01, "share": 0.9}], "add up to 1"),

@@ -46,7 +46,11 @@ def columns(size: int) -> st.SearchStrategy[Any]:
 
 QUANTITIES = st.builds(Quantity, NAMES, UNITS)
 RECORDINGS = st.integers(0, 5).flatmap(lambda n: st.builds(Recording, NAMES, NAMES, columns(n), COUNT, table(COUNT)))
-CURVES = st.integers(0, 5).flatmap(lambda n: st.builds(Curve, NAMES, st.none() | REAL, columns(n), arrays(np.bool_, n), NOTES))
+CURVES = st.integers(0, 5).flatmap(
+    lambda n: st.builds(
+        Curve, NAMES, st.none() | REAL, columns(n), arrays(np.bool_, n), NOTES, st.none() | arrays(np.bool_, n), st.none() | whole(n)
+    )
+)
 
 
 @st.composite

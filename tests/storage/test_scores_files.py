@@ -45,7 +45,7 @@ def test_table_has_the_same_rows(tmp_path: Path) -> None:
     document = json.loads((tmp_path / "scores.json").read_text(encoding="utf-8"))
     with (tmp_path / "scores.csv").open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    assert [{key: str(value) for key, value in row.items()} for row in document["scores"]] == rows
+    assert [{key: "" if value is None else str(value) for key, value in row.items()} for row in document["scores"]] == rows
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
+from mapmore_cli.modelling.metrics import relative
 
 
 def rrse(measured: Array, predicted: Array) -> float:
@@ -14,8 +15,7 @@ def rrse(measured: Array, predicted: Array) -> float:
     NaN where nothing is predicted, or the measured values do not vary.
     """
     known = np.isfinite(predicted)
-    spread = float(np.sum((measured - measured.mean()) ** 2)) if known.any() else 0.0
-    return float(np.sqrt(np.sum((predicted - measured)[known] ** 2) / spread)) if spread > 0 else float("nan")
+    return relative((predicted - measured)[known], measured) if known.any() else float("nan")
 
 
 def rmse(measured: Array, predicted: Array) -> float:

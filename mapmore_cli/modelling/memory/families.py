@@ -10,7 +10,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 
 from mapmore_cli.modelling.memory.capacity import refuse_beyond_memory
-from mapmore_cli.modelling.terms import Expression, Name, multiply, power
+from mapmore_cli.modelling.terms import Expression, multiply, parse, power
 from mapmore_cli.modelling.terms.states import OPERATORS, Operated, lagged, state
 from mapmore_cli.modelling.terms.syntax import MAX_EXPONENT
 
@@ -39,12 +39,16 @@ def operated(operator: str, of: Sequence[str], numbers: Sequence[float] = ()) ->
     if len(numbers) and 1 not in OPERATORS[operator]:
         raise ValueError(f"`{operator}` does not take one number")
     each: list[tuple[float, ...]] = [(float(number),) for number in numbers] or [()]
-    return tuple(state(Operated(operator, state(name), own).name).name for own in each for name in of)
+    return tuple(_operation(operator, name, own) for own in each for name in of)
 
 
-def resonances(of: Sequence[str]) -> tuple[str, ...]:
-    """Position and velocity of the oscillator that training finds for each state `of`."""
-    return tuple(name for one in of for name in (*operated("resonance", [one]), *operated("resonance_velocity", [one])))
+def resonances(of: Sequence[str], numbers: tuple[float, float] | tuple[()] = ()) -> tuple[str, ...]:
+    """Position and velocity of an oscillator for each state `of`: of frequency (Hz) and damping `numbers`, or as training finds it."""
+    return tuple(_operation(operator, one, numbers) for one in of for operator in ("resonance", "resonance_velocity"))
+
+
+def _operation(operator: str, of: str, numbers: tuple[float, ...]) -> str:
+    return state(Operated(operator, state(of), numbers).name).name
 
 
 def spread_widths(count: int) -> tuple[float, ...]:
@@ -60,7 +64,7 @@ def spread_times(count: int, step: float, longest: float) -> tuple[float, ...]:
 
 
 def products(of: Sequence[str], order: int, partners: Sequence[str] | None = None, constant: bool = True) -> tuple[Expression, ...]:
-    """Every product of states `of` of total degree up to `order`, as `terms.monomials`; or only those with few partners.
+    """Every product of states (or other terms) `of` of total degree up to `order`, as `terms.monomials`; or only those with few partners.
 
     With `partners`, a product holds powers of at most one state besides those of `partners`: for order 2 and one partner p these are all
     states, all squares and p times every state.
@@ -88,7 +92,8 @@ def products(of: Sequence[str], order: int, partners: Sequence[str] | None = Non
     refuse_beyond_memory(count_products(len(of), order, len(free)))
     degrees = range(0 if constant else 1, order + 1)
     chosen = [names for degree in degrees for names in combinations_with_replacement(of, degree) if len(set(names) - free) <= 1]
-    return tuple(multiply(*(power(Name(name), count) for name, count in sorted(Counter(names).items()))) for names in chosen)
+    trees = {name: parse(name) for name in of}
+    return tuple(multiply(*(power(trees[name], count) for name, count in sorted(Counter(names).items()))) for names in chosen)
 
 
 def count_products(states: int, order: int, partners: int) -> int:

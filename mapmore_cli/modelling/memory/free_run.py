@@ -8,17 +8,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.domain.arrays import Array, Columns, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.memory import MemoryModel
 from mapmore_cli.modelling.memory.evaluation import evaluate_states
 from mapmore_cli.modelling.memory.feedback import Feedback, fed_back
-from mapmore_cli.modelling.memory.records import uninterrupted
-from mapmore_cli.modelling.memory.resolution import output_lags
+from mapmore_cli.modelling.memory.records import UNEVEN, uninterrupted
+from mapmore_cli.modelling.memory.resolution import memory_inputs, output_lags
 from mapmore_cli.modelling.terms import Expression, dictionary_matrix, parse
 
 DIVERGED = 100.0
 """Training ranges by which a free run may leave the training range before it counts as diverged."""
+
+FEW = 2
+"""Samples up to which a longer step is taken for a gap."""
 
 
 @dataclass(frozen=True)
@@ -33,13 +36,16 @@ class Run:
 
 
 def one_step_ahead(model: MemoryModel, columns: Columns) -> Array:
-    """Prediction of every sample from the measured past, (n,); NaN before there is history. Memory starts anew at gaps of `time`."""
+    """Prediction of every sample from the measured past, (n,); NaN before there is history. Memory starts anew where `free_run`'s does."""
     terms = [parse(term) for term in model.terms]
-    return np.concatenate([_one_step_ahead(model, terms, piece) for piece in _pieces(model, columns)])
+    values = _nothing(columns)
+    for rows in _pieces(model, columns):
+        values[rows] = _one_step_ahead(model, terms, _rows_of(model, columns, rows))
+    return values
 
 
 def free_run(model: MemoryModel, columns: Columns) -> Run:
-    """Simulation from the first measured outputs; it starts anew at gaps of `time`, and where time runs backwards.
+    """Simulation from the first measured outputs; it starts anew at gaps of `time`, where that runs backwards, and after empty inputs.
 
     A model without delayed outputs needs none, and its free run is its one-step-ahead prediction. Otherwise the output must be measured at
     the beginning of every piece, for as many samples as the longest delay; measured outputs after them are not used.
@@ -56,21 +62,40 @@ def free_run(model: MemoryModel, columns: Columns) -> Run:
     """
     if not output_lags(model.states, model.output):
         return Run(one_step_ahead(model, columns))
-    runs, diverged, begin = [], [], 0
-    for piece in _pieces(model, columns):
-        run = _free_run(model, piece)
-        diverged += [begin + row for row in run.diverged]
-        begin += len(run.values)
-        runs.append(run.values)
-    return Run(np.concatenate(runs), tuple(diverged))
+    values, diverged = _nothing(columns), list[int]()
+    for rows in _pieces(model, columns):
+        run = _free_run(model, _rows_of(model, columns, rows))
+        values[rows] = run.values
+        diverged += [int(rows[row]) for row in run.diverged]
+    return Run(values, tuple(diverged))
 
 
-def _pieces(model: MemoryModel, columns: Columns) -> Iterator[Columns]:
-    if "time" not in columns:
-        yield columns
-        return
-    for rows in uninterrupted(np.asarray(columns["time"]), model.states.step):
-        yield {name: values[rows] for name, values in columns.items()}
+def _nothing(columns: Columns) -> Array:
+    return np.full(len(next(iter(columns.values()))), np.nan)
+
+
+def _rows_of(model: MemoryModel, columns: Columns, rows: IntArray) -> Columns:
+    return {name: np.asarray(columns[name])[rows] for name in (*memory_inputs(model), model.output) if name in columns}
+
+
+def _pieces(model: MemoryModel, columns: Columns) -> Iterator[IntArray]:
+    """Row numbers of the pieces within which memory lasts: rows with all inputs, one step apart."""
+    needed = [name for name in ("time", *memory_inputs(model)) if name in columns]
+    complete = np.logical_and.reduce([np.ones(len(_nothing(columns)), dtype=np.bool_), *(np.isfinite(columns[name]) for name in needed)])
+    rows = np.flatnonzero(complete)
+    time = np.asarray(columns["time"], dtype=np.float64)[rows] if "time" in columns else rows.astype(np.float64) * model.states.step
+    _refuse_other_steps(time, model.states.step)
+    yield from (rows[piece] for piece in uninterrupted(time, model.states.step) if len(rows[piece]))
+
+
+def _refuse_other_steps(time: Array, step: float) -> None:
+    """A record with longer steps than the model's would be all gaps."""
+    usual = float(np.median(np.diff(time))) if len(time) > FEW else step
+    if usual > step * (1 + UNEVEN):
+        raise DataError(
+            f"samples are {usual:.6g} s apart, those that the model was trained on {step:.6g} s: its memory counts samples",
+            f"bring the recording onto even steps of {step:.6g} s",
+        )
 
 
 def _one_step_ahead(model: MemoryModel, terms: Sequence[Expression], piece: Columns) -> Array:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.signals.gaps import find_resets, pieces
@@ -79,9 +79,23 @@ def time_step(curves: Sequence[Curve], tolerance: float = 1e-3) -> float:
 
 
 def records_of(curves: Sequence[Curve], step: float) -> tuple[Record, ...]:
-    """The curves cut into uninterrupted pieces; samples that are held out do not train."""
+    """The recordings of all curves cut into uninterrupted pieces; samples that are held out, or at rest, do not train.
+
+    Raises
+    ------
+    DataError
+        Where samples are not at even time steps.
+    """
     return tuple(
-        Record({name: values[rows] for name, values in curve.columns.items()}, ~curve.held_out[rows])
+        Record({name: values[rows][piece] for name, values in curve.columns.items()}, curve.training[rows][piece])
         for curve in curves
-        for rows in uninterrupted(curve.columns["time"], step)
+        for rows in curve.logs
+        for piece in _pieces(curve, rows, step)
     )
+
+
+def _pieces(curve: Curve, rows: IntArray, step: float) -> list[slice]:
+    try:
+        return uninterrupted(curve.columns["time"][rows], step)
+    except DataError as error:
+        raise DataError(f"{curve.id}: {error.message}", error.remedy) from error

@@ -9,7 +9,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.memory import StateSet
+from mapmore_cli.domain.memory import MemoryModel, StateSet
 from mapmore_cli.modelling.memory.evaluation import Known, value_of
 from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.memory.resonances import find_resonance
@@ -81,6 +81,11 @@ def _range(values: Array, name: str) -> tuple[float, float]:
     if not len(values):
         raise DataError(f"`{name}` has no value on any training sample", "use fewer steps of delay, or longer recordings")
     return float(values.min()), float(values.max())
+
+
+def memory_inputs(memory: MemoryModel) -> tuple[str, ...]:
+    """Every quantity that the states are made of, besides the output."""
+    return tuple(sorted({state(name).quantity for name in memory.states.names} - {memory.output}))
 
 
 def output_lags(states: StateSet, output: str) -> dict[str, int]:

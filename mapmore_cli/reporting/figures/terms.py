@@ -79,7 +79,7 @@ def draw_terms(ax: Axes, segments: Sequence[TermSteps]) -> None:
 
 def terms_figures(inputs: ReportInputs) -> list[Drawing]:
     """One figure for all segments; none where the model has no segments."""
-    fits = inputs.fit.fits
+    fits = inputs.fit.pieces
     segments = [term_steps(fit) for fit in whole_curves(fits, MOST_SEGMENTS) if fit.terms]
     if not segments:
         return []

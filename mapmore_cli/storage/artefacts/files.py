@@ -4,6 +4,7 @@ Format versions are read like semantic versions: a new major is refused by older
 
 1.0  first version.
 1.1  curves with samples at rest and the recording of each sample; models with signals and summands.
+1.2  fits and models with memory; scores with the root relative squared error.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from mapmore_cli.storage.versions import refuse_newer
 if TYPE_CHECKING:
     import h5py
 
-FORMAT_VERSION = "1.1"
+FORMAT_VERSION = "1.2"
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mapmore_cli.domain.fits import FitResult, FormulaFit, Scaling, Segment, SegmentedCurve, SegmentFit, Selection
+from mapmore_cli.domain.memory import MemoryFit, MemoryModel, StateSet
 from mapmore_cli.domain.models import CurveFunction, FoldError, Fusion, Model, SegmentFunction, Side, Signal
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
 from mapmore_cli.domain.scores import Score, Validation
@@ -25,7 +26,8 @@ REALS, TABLE = numbers("<f8"), numbers("<f8", ndim=2)
 INTEGERS = numbers("<i8")
 FLAGS = numbers("|u1", load_dtype="bool")  # not HDF5's enumeration, which MATLAB reads as text
 CELL = adapted(INTEGERS, store=list, load=lambda array: tuple(array.tolist()))
-LIMITS = named(adapted(REALS, store=list, load=lambda array: tuple(array.tolist())))
+SPAN = adapted(REALS, store=list, load=lambda array: tuple(array.tolist()))
+LIMITS = named(SPAN)
 
 
 @dataclass(frozen=True)
@@ -208,6 +210,48 @@ FOLD_ERROR = Schema(
     ),
 )
 
+STATE_SET = Schema(
+    StateSet,
+    "States with memory, and everything that their values on a new recording depend on.",
+    (
+        Field("names", TEXTS, "(s) as `pressure`, `force[k-1]`, `slow(play(pressure, 0.16), 0.3)`", NO_UNIT),
+        Field("step", REAL, "time between samples", "s"),
+        Field("ranges", LIMITS, "training range of each source of `play`, `stop` and `saturate`, by its name", "that of the source"),
+        Field("resonances", LIMITS, "frequency (Hz) and damping ratio that training found, by the name of their source", "Hz, 1"),
+        Field("low", REALS, "(s) least training value of each state, scaled to 0; empty where states are not scaled", "that of the state"),
+        Field("high", REALS, "(s) greatest training value of each state, scaled to 1; empty likewise", "that of the state"),
+        Field("margin", REAL, "how far beyond its training range a scaled state may go, as a fraction of it"),
+    ),
+)
+
+MEMORY_MODEL = Schema(
+    MemoryModel,
+    "`output[k] = constant + sum_j theta_j D_j(states[k])`.",
+    (
+        Field("output", TEXT, "the quantity whose delays are fed back", NO_UNIT),
+        Field("states", record(STATE_SET), "states with memory", NO_UNIT),
+        Field("terms", TEXTS, "(k) the terms D_j, in the order of selection", NO_UNIT),
+        Field("theta", REALS, "(k) coefficients of the terms, of states scaled as `states` says", "those of the terms"),
+        Field("theta_error", REALS, "(k) standard errors of theta; NaN without a degree of freedom", "those of the terms"),
+        Field("constant", REAL, "the constant", "[target]"),
+        Field("limits", SPAN, "least and greatest training output", "[target]"),
+    ),
+)
+
+MEMORY_FIT = Schema(
+    MemoryFit,
+    "A model with memory, and how its k terms were chosen of M candidates.",
+    (
+        Field("model", record(MEMORY_MODEL), "the model", NO_UNIT),
+        Field("candidates", TEXTS, "names of all M dictionary terms", NO_UNIT),
+        Field("selection", record(SELECTION), "how the terms were found; after pruning, among those kept", NO_UNIT),
+        Field("ridge", REAL, "ridge as a fraction of the variance of a standardised candidate; 0 for none"),
+        Field("forward", INTEGERS, "candidates chosen before pruning, in their order, from 0", NO_UNIT),
+        Field("substitutes", INTEGERS, "(k) candidate that would best replace each term, -1 for none; empty without a ridge", NO_UNIT),
+        Field("shares", REALS, "(k) its gain over the term's own; empty without a ridge"),
+    ),
+)
+
 FIT_RESULT = Schema(
     FitResult,
     "Segment functions, with every intermediate result of their selection.",
@@ -215,6 +259,7 @@ FIT_RESULT = Schema(
         Field("fits", numbered(record(SEGMENT_FIT)), "segment functions", NO_UNIT),
         Field("backbone", optional(record(FORMULA_FIT)), "formula whose residual the segments explain", NO_UNIT),
         Field("notes", TEXTS, "remarks for the reader", NO_UNIT),
+        Field("memory", optional(record(MEMORY_FIT)), "model with memory that stands in place of segments", NO_UNIT),
     ),
 )
 
@@ -299,6 +344,7 @@ MODEL: Schema = Schema(
         Field("notes", TEXTS, "remarks for the reader", NO_UNIT),
         Field("signals", added(rows(SIGNAL), ()), "inputs that follow from others over time, each after those", NO_UNIT),
         Field("summands", added(numbered(nested(Model, _model)), ()), "models that are added up", NO_UNIT),
+        Field("memory", optional(record(MEMORY_MODEL)), "model with memory that stands in place of segments", NO_UNIT),
     ),
     units=lambda model: {
         **{quantity.name: quantity.unit for quantity in (*model.inputs, model.output)},
@@ -325,6 +371,8 @@ SCORE = Schema(
         Field("max_abs_error", REAL, "greatest absolute error", "[target]"),
         Field("max_abs_error_fs", REAL, "greatest absolute error as a fraction of the normaliser"),
         Field("r2", REAL, "coefficient of determination"),
+        Field("rrse", REAL, "root relative squared error"),
+        Field("rrse_one_step", REAL, "the same of predictions from the measured past; NaN without memory"),
     ),
 )
 

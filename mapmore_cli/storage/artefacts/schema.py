@@ -81,7 +81,10 @@ def nested(type_: type, schema: Callable[[], Schema]) -> Codec:
 
 
 def rows(schema: Schema) -> Codec:
-    """A tuple of objects with scalar fields as a table: a group with one 1-D dataset for every field."""
+    """A tuple of objects with scalar fields as a table: a group with one 1-D dataset for every field.
+
+    A column that files of earlier versions lack is read as the default of its field.
+    """
     columns = {field: field.codec.column for field in schema.fields}
 
     def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
@@ -92,9 +95,9 @@ def rows(schema: Schema) -> Codec:
 
     def read(group: h5py.Group, name: str) -> tuple[Any, ...]:
         table = group[name]
-        cells = [_plain(column.read(table, field.name)) for field, column in columns.items() if column]
-        names = [field.name for field in columns]
-        return tuple(schema.type(**dict(zip(names, row, strict=True))) for row in zip(*cells, strict=True))
+        known = {field.name: column for field, column in columns.items() if column and field.name in table}
+        cells = [_plain(column.read(table, name)) for name, column in known.items()]
+        return tuple(schema.type(**dict(zip(known, row, strict=True))) for row in zip(*cells, strict=True))
 
     return Codec(f"table of [{schema.type.__name__}](#{schema.type.__name__.lower()}), a dataset for every column", write, read)
 

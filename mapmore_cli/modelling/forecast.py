@@ -1,0 +1,73 @@
+"""What a model says of a measured recording: its prediction, where it has one, and one step ahead."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.domain.memory import MemoryModel
+from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.recording import Curve
+from mapmore_cli.modelling.memory import one_step_ahead
+from mapmore_cli.modelling.model import predict
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """Predictions of the samples of a curve, (n,) each.
+
+    Attributes
+    ----------
+    values
+        The model's prediction, in free run where it has memory; NaN before there is history, and from where a run diverged.
+    ready
+        Samples with enough history to be predicted; what is NaN among them has diverged.
+    one_step
+        Prediction of every sample from the measured past; None for a model without memory.
+    """
+
+    values: Array
+    ready: BoolArray
+    one_step: Array | None = None
+
+    @classmethod
+    def of(cls, values: Array) -> Forecast:
+        """Predictions that need no history; what is NaN among them is none."""
+        return cls(values, np.ones(len(values), dtype=np.bool_))
+
+    @property
+    def diverged(self) -> tuple[int, ...]:
+        """Rows at which a free run diverges."""
+        if self.one_step is None:
+            return ()
+        lost = self.ready & np.isnan(self.values)
+        return tuple(np.flatnonzero(lost & ~np.concatenate([[False], lost[:-1]])).tolist())
+
+
+def forecast(model: Model, curve: Curve) -> Forecast:
+    """Predict every sample of a curve, recording by recording; raises as `model.predict`."""
+    if not any(_memories(model)):
+        return Forecast.of(predict(model, curve.columns))
+    values, one_step, ready = np.empty(curve.size), np.empty(curve.size), np.empty(curve.size, dtype=np.bool_)
+    for rows in curve.logs:
+        columns = {name: column[rows] for name, column in curve.columns.items()}
+        steps = [one_step_ahead(memory, columns) for memory in _memories(model)]
+        ready[rows] = np.logical_and.reduce([np.isfinite(step) for step in steps])
+        one_step[rows] = predict(_without_memory(model), columns) + np.sum(steps, axis=0)
+        values[rows] = predict(model, columns)
+    return Forecast(values, ready, one_step)
+
+
+def _memories(model: Model) -> Iterator[MemoryModel]:
+    """Every part of a model that has memory."""
+    if model.memory is not None:
+        yield model.memory
+    for summand in model.summands:
+        yield from _memories(summand)
+
+
+def _without_memory(model: Model) -> Model:
+    return replace(model, memory=None, summands=tuple(_without_memory(summand) for summand in model.summands))
