@@ -10,12 +10,17 @@ from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.signals.strokes import cycle_starts
 
+SAME_COURSE = 0.05
+"""Root mean square difference of two cycles' courses, as a part of the range, up to which one repeats the other in time."""
+
 
 def repeated_cycles(curves: Sequence[Curve], target: str, driven: str) -> tuple[Array, ...] | None:
     """The target of the last training cycle of `driven`, again from the beginning of every held-out cycle, `(n_c,)` for every curve.
 
-    Sample stands beside sample, over all pieces of a log in the order of time; NaN in the training data and where a held-out cycle takes
-    longer than that one. None where no log has cycles of both kinds, or where curves are no recordings but levels.
+    Where the quantity takes the same course in time again, as in a programme of steps, the same moment of that cycle stands beside each
+    sample; where it does not, as in loops driven by hand, the same place on the same stroke, rise or fall, which leaves out what a slower
+    or faster stroke changes. NaN in the training data, and where a held-out cycle lasts longer or reaches further than that one. None where
+    no log has cycles of both kinds, or where curves are no recordings but levels.
     """
     if any(curve.level is not None for curve in curves):
         return None
@@ -37,8 +42,22 @@ def _again(x: Array, y: Array, held_out: BoolArray) -> Array:
     trained, held = starts[~held_out[starts]], starts[held_out[starts]]
     if not len(trained) or not len(held):
         return again
-    last = y[trained[-1] : held[0]]
+    last = slice(trained[-1], held[0])
     for start, end in zip(held, [*held[1:], len(y)], strict=True):
-        n = min(end - start, len(last))
-        again[start : start + n] = last[:n]
+        n = min(end - start, last.stop - last.start)
+        difference = x[start : start + n] - x[last][:n]
+        if np.sqrt(np.mean(difference**2)) <= SAME_COURSE * np.ptp(x):
+            again[start : start + n] = y[last][:n]
+        else:
+            again[start:end] = _on_strokes(x[start:end], x[last], y[last])
     return again
+
+
+def _on_strokes(x: Array, x_last: Array, y_last: Array) -> Array:
+    """The target of the last cycle where it was at `x`, (n,), on the rise for samples before the highest of `x`, else on the fall."""
+    values = np.empty(len(x))
+    peak, peak_last = int(np.argmax(x)), int(np.argmax(x_last))
+    for rows, rows_last in ((slice(peak), slice(peak_last + 1)), (slice(peak, None), slice(peak_last, None))):
+        order = np.argsort(x_last[rows_last], kind="stable")
+        values[rows] = np.interp(x[rows], x_last[rows_last][order], y_last[rows_last][order], left=np.nan, right=np.nan)
+    return values

@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from mapmore_cli.domain.fits import FitResult, SegmentedCurve
 from mapmore_cli.domain.models import Equation, Model
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
@@ -114,11 +116,19 @@ class ReportInputs:
         return any(curve.at_rest is not None for curve in self.dataset.curves)
 
     @property
+    def has_memory(self) -> bool:
+        """True where the model runs along recordings, by itself or as a part of a sum."""
+        return _remembers(self.model)
+
+    @property
     def in_curve(self) -> Quantity:
-        """The quantity that varies within a curve: the first segmented one, else the first input that is not the level."""
-        free = [q for q in self.model.inputs if q.name != self.model.level]
+        """The quantity that varies within a curve: the first segmented one, else the first varying input that is not the level."""
+        free = [q for q in self.model.inputs if q.name != self.model.level and self._varies(q.name)]
         name = self.model.variables[0] if self.model.variables else (free or self.model.inputs)[0].name
         return self.dataset.quantities[name]
+
+    def _varies(self, name: str) -> bool:
+        return any(bool(np.ptp(curve.columns[name]) > 0) for curve in self.dataset.curves if curve.size and name in curve.columns)
 
     @property
     def all_notes(self) -> tuple[str, ...]:
@@ -132,3 +142,7 @@ class ReportInputs:
             return curve.id
         unit = self.dataset.unit(level)
         return f"{level} {curve.level:.4g}" if unit == "1" else f"{curve.level:.4g} {unit}"
+
+
+def _remembers(model: Model) -> bool:
+    return model.memory is not None or any(_remembers(summand) for summand in model.summands)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.scores import REPEATABILITY, Score
 from mapmore_cli.reporting.inputs import Published, ReportInputs
+from mapmore_cli.reporting.memory_tables import states_table, substitutes_table
 from mapmore_cli.reporting.model_tables import (
     coefficients_table,
     equations_table,
@@ -39,14 +41,19 @@ __all__ = [
 
 FLOOR_NOTE = (
     f"{REPEATABILITY}: no model, but how far a sample lies from the mean of the other recordings at its level, place and direction, "
-    "where there are others; where cycles are held out, from the same moment of the last training cycle. It is about the least that can be "
-    "asked for."
+    "where there are others; where cycles are held out, from the last training cycle: at the same moment where the input repeats "
+    "itself in time, else at the same place of the same stroke. It is about the least that can be asked for."
+)
+FREE_RUN_NOTE = (
+    "All figures are of the free run, in which a model with delayed outputs is given its own. RRSE: root relative squared error, the RMSE "
+    "over the standard deviation of the measured values; one step: with the measured past instead, which says little about a simulation."
 )
 
 
 def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
     """Every table of the report, in the order of the page."""
     scores, units = inputs.validation.scores, inputs.validation.units
+    memory = inputs.fit.memory
     return (
         score_table(scores, units, inputs.published, inputs.failed),
         recordings_table(inputs.dataset),
@@ -58,6 +65,7 @@ def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
         equations_table(inputs.equations, inputs.other_equations),
         formulas_table(inputs),
         folds_table(inputs.model.cross_validation, inputs.target.unit),
+        *((states_table(memory.model.states), substitutes_table(memory)) if memory is not None else ()),
     )
 
 
@@ -70,12 +78,15 @@ def score_table(scores: Sequence[Score], units: Mapping[str, str], published: Pu
     pooled = sorted((s for s in scores if s.curve == "all"), key=lambda s: s.split != "validate")
     unit = units[pooled[0].target] if pooled else ""
     compared = pooled[0].split if pooled else ""
-    columns = [Column("model"), Column("data"), *_metric_columns(unit)]
-    rows = [_score_cells(s) for s in pooled] + [(name, "failed", *[None] * (len(columns) - 2)) for name in failed]
+    free_running = _run_free(pooled)
+    columns = [Column("model"), Column("data"), *_metric_columns(unit, free_running)]
+    rows = [_score_cells(s, free_running) for s in pooled] + [(name, "failed", *[None] * (len(columns) - 2)) for name in failed]
     full_scales = dict.fromkeys((s.split, f"{s.normaliser_name} = {s.normaliser:.4g} {unit}".rstrip()) for s in pooled)
     notes = [f"NRMSE {split}: RMSE / FS, the full scale FS = {full_scale}." for split, full_scale in full_scales]
     if any(s.model == REPEATABILITY for s in pooled):
         notes.append(FLOOR_NOTE)
+    if free_running:
+        notes.append(FREE_RUN_NOTE)
     if published is not None:
         for heading, of, factor, unit_of in (("NRMSE", published.nrmse, 100.0, "%"), ("RMSE", published.rmse, 1.0, unit)):
             if of:
@@ -91,11 +102,18 @@ def curve_scores_table(scores: Sequence[Score], units: Mapping[str, str]) -> Tab
     order = {curve: place for place, curve in enumerate(dict.fromkeys(s.curve for s in scores))}
     single = sorted((s for s in scores if s.curve != "all"), key=lambda s: (s.split != "validate", order[s.curve]))
     unit = units[single[0].target] if single else ""
-    columns = (Column("curve"), Column("model"), Column("data"), *_metric_columns(unit))
-    return Table("curve_scores", "Scores by curve", columns, tuple((s.curve, *_score_cells(s)) for s in single))
+    free_running = _run_free(single)
+    columns = (Column("curve"), Column("model"), Column("data"), *_metric_columns(unit, free_running))
+    return Table("curve_scores", "Scores by curve", columns, tuple((s.curve, *_score_cells(s, free_running)) for s in single))
 
 
-def _metric_columns(unit: str) -> tuple[Column, ...]:
+def _run_free(scores: Sequence[Score]) -> bool:
+    """Whether any model feeds its own output back, so that the measured past would have told it more."""
+    return any(math.isfinite(s.rrse_one_step) and s.rrse_one_step != s.rrse for s in scores)
+
+
+def _metric_columns(unit: str, free_running: bool) -> tuple[Column, ...]:
+    one_step = (Column("RRSE, free run", "", ".5f"), Column("RRSE, one step", "", ".5f")) if free_running else ()
     return (
         Column("samples"),
         Column("RMSE", unit),
@@ -103,12 +121,14 @@ def _metric_columns(unit: str) -> tuple[Column, ...]:
         Column("max error", unit),
         Column("max error", "% FS", ".2f"),
         Column("R²", "", ".4f"),
+        *one_step,
     )
 
 
-def _score_cells(score: Score) -> tuple[Cell, ...]:
+def _score_cells(score: Score, free_running: bool) -> tuple[Cell, ...]:
     errors = (score.rmse, 100 * score.nrmse, score.max_abs_error, 100 * score.max_abs_error_fs)
-    return (score.model, score.split, score.n, *errors, score.r2)
+    one_step = (score.rrse, score.rrse_one_step) if free_running else ()
+    return (score.model, score.split, score.n, *errors, score.r2, *one_step)
 
 
 def recordings_table(dataset: Dataset) -> Table:

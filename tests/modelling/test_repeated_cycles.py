@@ -53,6 +53,25 @@ def test_a_longer_cycle_is_unknown_at_its_end():
     np.testing.assert_array_equal(np.flatnonzero(np.isfinite(again)), np.arange(begin, begin + len(ONE)))
 
 
+def test_cycles_of_another_course_are_compared_on_the_same_stroke():
+    slower = np.interp(np.arange(160), [0, 20, 80, 160], [0, 0, 90, 0])
+    pressure = np.concatenate([ONE, slower])
+    falling = np.concatenate([np.arange(80) > 40, np.arange(160) > 80])
+    motion = 2 * pressure + 30 * falling + 4 * (np.arange(240) >= 80)
+    held = last_cycles(pressure, 0.5)
+    (again,) = repeated_cycles([Curve("a", None, {"pressure": pressure, "displacement": motion}, held, ("a",))], "displacement", "pressure")
+    inside = np.isfinite(again) & (np.abs(pressure - 90) > 1)
+    assert inside[held].mean() > 0.9
+    np.testing.assert_allclose((again - motion)[inside & (pressure > 10)], -4.0)
+
+
+def test_a_cycle_that_reaches_further_is_unknown_there():
+    pressure = np.concatenate([ONE, 1.3 * ONE])
+    curve = Curve("a", None, {"pressure": pressure, "displacement": pressure}, last_cycles(pressure, 0.5), ("a",))
+    (again,) = repeated_cycles([curve], "displacement", "pressure")
+    np.testing.assert_array_equal(np.isfinite(again), curve.held_out & (pressure <= 100))
+
+
 def test_nothing_repeats_without_cycles_of_both_kinds():
     curve = record(2)[0]
     for held in (np.zeros(160, bool), np.ones(160, bool)):

@@ -8,31 +8,32 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from mapmore_cli.domain.arrays import IntArray
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.reporting.figures.drawing import Drawing
-from mapmore_cli.reporting.figures.style import BLACK, DOUBLE, ModelStyle, axis_label, model_styles, shortened, some_of, zero_line
+from mapmore_cli.reporting.figures.style import BLACK, DOUBLE, GREY, ModelStyle, axis_label, model_styles, shortened, some_of, zero_line
 from mapmore_cli.reporting.figures.thinning import envelope, spread
 from mapmore_cli.reporting.inputs import ReportInputs
 
 MOST_RECORDINGS = 4
 MOST_RIVALS = 4
 POINTS_A_LINE = 2000
+MEASURED = 0.9
+"""Width of a measured line."""
 PLATEAU = "#f0f0f0"
 
 
 def motion_figures(inputs: ReportInputs) -> list[Drawing]:
-    """Held-out recordings, and training recordings in a figure of their own: force above, error below, the plateau shaded."""
+    """Recordings with held-out samples, and training recordings in a figure of their own: target above, error below, the plateau shaded."""
     numbers = {
         "fit": [i for i, curve in enumerate(inputs.dataset.curves) if curve.held_out.any()],
-        "training": [i for i, curve in enumerate(inputs.dataset.curves) if not curve.held_out.all()],
+        "training": [i for i, curve in enumerate(inputs.dataset.curves) if not curve.held_out.any()],
     }
     return [_figure(inputs, name, found) for name, found in numbers.items() if found]
 
 
 def _figure(inputs: ReportInputs, name: str, numbers: list[int]) -> Drawing:
     shown = [numbers[i] for i in spread(len(numbers), MOST_RECORDINGS)]
-    models = _shown_models(inputs)
+    models = shown_models(inputs, MOST_RIVALS)
     styles = model_styles(models)
     figure = Figure(figsize=(DOUBLE, 0.45 + 2.5 * len(shown)), layout="constrained")
     axes = figure.subplots(2 * len(shown), 1, height_ratios=[2.0, 1.0] * len(shown), squeeze=False)[:, 0]
@@ -40,11 +41,13 @@ def _figure(inputs: ReportInputs, name: str, numbers: list[int]) -> Drawing:
         _draw(inputs, number, axes[2 * place], axes[2 * place + 1], styles)
     figure.align_ylabels()
     resting = any(curve.at_rest is not None and curve.at_rest.any() for curve in inputs.dataset.curves)
-    figure.legend(handles=_legend(styles, resting), loc="outside upper left", ncols=6)
+    mixed = any(_mixed(inputs.dataset.curves[number]) for number in shown)
+    figure.legend(handles=_legend(styles, resting, mixed), loc="outside upper left", ncols=6)
     what = "held-out" if name == "fit" else "training"
     rivals = len(inputs.models) - len(models)
     others = f" The best {len(models) - 1} of {len(inputs.models) - 1} competitors are drawn." if rivals else ""
     rest = " The plateau is grey: it is scored, and trains nothing." if resting else ""
+    rest += " The measured line is grey where samples train." if mixed else ""
     caption = (
         f"Measured and predicted {inputs.target.name} of the {what} recordings over time, predicted minus measured below.{rest}{others}"
         f"{some_of(len(shown), len(numbers), f'{what} recordings')}"
@@ -52,13 +55,11 @@ def _figure(inputs: ReportInputs, name: str, numbers: list[int]) -> Drawing:
     return Drawing(name, caption, f"Measured and predicted {inputs.target.name} over time, {what} recordings.", figure)
 
 
-def _shown_models(inputs: ReportInputs) -> list[str]:
+def shown_models(inputs: ReportInputs, most_rivals: int) -> list[str]:
     """The run's own model and the competitors with the least pooled error, in the order of the table."""
-    pooled = [row for row in inputs.validation.scores if row.curve == "all" and row.model in inputs.models[1:]]
-    split = "validate" if any(row.split == "validate" for row in pooled) else "train"
-    best = sorted((row.rmse, row.model) for row in pooled if row.split == split)[:MOST_RIVALS]
-    chosen = {inputs.own, *(model for _, model in best)}
-    return [model for model in inputs.models if model in chosen]
+    errors = inputs.pooled_errors
+    best = sorted((model for model in inputs.models[1:] if model in errors), key=lambda model: errors[model])[:most_rivals]
+    return [model for model in inputs.models if model in {inputs.own, *best}]
 
 
 def _draw(inputs: ReportInputs, number: int, top: Axes, bottom: Axes, styles: dict[str, ModelStyle]) -> None:
@@ -67,9 +68,11 @@ def _draw(inputs: ReportInputs, number: int, top: Axes, bottom: Axes, styles: di
     for ax in (top, bottom):
         for start, end in _plateaus(curve):
             ax.axvspan(start, end, color=PLATEAU, zorder=-1, linewidth=0)
-    for piece in _recordings(curve):
+    for piece in curve.logs:
         rows = piece[envelope(measured[piece], POINTS_A_LINE)]
-        top.plot(time[rows], measured[rows], color=BLACK, linewidth=0.9, zorder=2)
+        top.plot(time[rows], measured[rows], color=GREY if _mixed(curve) else BLACK, linewidth=MEASURED, zorder=2)
+        if _mixed(curve):
+            top.plot(time[rows], np.where(curve.held_out, measured, np.nan)[rows], color=BLACK, linewidth=MEASURED, zorder=2)
         for model, style in styles.items():
             predicted = inputs.validation.predictions[model][number]
             rows = piece[envelope(predicted[piece], POINTS_A_LINE)]
@@ -85,22 +88,22 @@ def _draw(inputs: ReportInputs, number: int, top: Axes, bottom: Axes, styles: di
     bottom.set_xlabel(axis_label(inputs.dataset.quantities.get("time", Quantity("time", "s"))))
 
 
-def _recordings(curve: Curve) -> list[IntArray]:
-    """Row numbers of each recording of a curve, in order of time."""
-    if curve.origin is None:
-        return [np.arange(curve.size)]
-    return [np.flatnonzero(curve.origin == number) for number in np.unique(curve.origin)]
+def _mixed(curve: Curve) -> bool:
+    """Whether some of its samples train and others are held out."""
+    return bool(curve.held_out.any() and not curve.held_out.all())
 
 
 def _plateaus(curve: Curve) -> list[tuple[float, float]]:
     if curve.at_rest is None:
         return []
-    resting = [rows[curve.at_rest[rows]] for rows in _recordings(curve)]
+    resting = [rows[curve.at_rest[rows]] for rows in curve.logs]
     return [(float(curve.columns["time"][rows[0]]), float(curve.columns["time"][rows[-1]])) for rows in resting if len(rows)]
 
 
-def _legend(styles: dict[str, ModelStyle], resting: bool) -> list[Line2D | Patch]:
-    handles: list[Line2D | Patch] = [Line2D([], [], color=BLACK, linewidth=0.9, label="measured")]
+def _legend(styles: dict[str, ModelStyle], resting: bool, mixed: bool) -> list[Line2D | Patch]:
+    handles: list[Line2D | Patch] = [Line2D([], [], color=BLACK, linewidth=MEASURED, label="held out" if mixed else "measured")]
+    if mixed:
+        handles.append(Line2D([], [], color=GREY, linewidth=MEASURED, label="training"))
     for model, style in styles.items():
         handles.append(Line2D([], [], color=style.colour, linestyle=style.dashes, linewidth=style.width, label=model))
     return [*handles, Patch(color=PLATEAU, label="plateau")] if resting else handles

@@ -11,6 +11,7 @@ from matplotlib import rc_context, rcdefaults
 from mapmore_cli.reporting.figures.drawing import Drawing, to_svg
 from mapmore_cli.reporting.figures.errors import error_figures
 from mapmore_cli.reporting.figures.fit import fit_figures
+from mapmore_cli.reporting.figures.loops import loop_figures
 from mapmore_cli.reporting.figures.motion import motion_figures
 from mapmore_cli.reporting.figures.scores import nrmse_figures
 from mapmore_cli.reporting.figures.segments import segment_figures
@@ -20,9 +21,17 @@ from mapmore_cli.reporting.figures.traces import data_figures
 from mapmore_cli.reporting.figures.training import training_figures
 from mapmore_cli.reporting.inputs import ReportInputs
 
+
+def _fit_figures(inputs: ReportInputs) -> list[Drawing]:
+    """Over time where curves are recordings of motion, and as loops where the model has memory; else over the in-curve quantity."""
+    if inputs.has_memory:
+        return [*loop_figures(inputs), *motion_figures(inputs)]
+    return motion_figures(inputs) if inputs.over_time else [*fit_figures(inputs), *training_figures(inputs)]
+
+
 FIGURES: Mapping[str, Callable[[ReportInputs], list[Drawing]]] = {
     "data": data_figures,
-    "fit": lambda inputs: motion_figures(inputs) if inputs.over_time else [*fit_figures(inputs), *training_figures(inputs)],
+    "fit": _fit_figures,
     "error": error_figures,
     "nrmse": nrmse_figures,
     "segments": segment_figures,

@@ -1,0 +1,114 @@
+"""The report of a model with memory: loops, what oscillates, what else would have served, free run beside one step."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mapmore_cli.domain.fits import FitResult, SegmentedCurve
+from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
+from mapmore_cli.domain.scores import Validation
+from mapmore_cli.modelling.forecast import Forecast, forecast
+from mapmore_cli.modelling.memory import MemoryRecipe, fit_with_memory, records_of
+from mapmore_cli.modelling.memory.assembly import model_with_memory
+from mapmore_cli.modelling.scoring import score_rows
+from mapmore_cli.reporting.figures.registry import FIGURES, figure_style
+from mapmore_cli.reporting.inputs import ReportInputs
+from mapmore_cli.reporting.page import render_page
+from mapmore_cli.reporting.tables import all_tables, score_table
+
+STEP = 0.01
+QUANTITIES = {q.name: q for q in (Quantity("time", "s"), Quantity("load", "N"), Quantity("pressure", "kPa"), Quantity("motion", "mm"))}
+
+
+def report_of(dictionary, *, ridge=0.0, scale=False, held=0.5):
+    """A muscle that lags behind its pressure; the later part of the record is held out."""
+    n = 1200
+    time = np.arange(n) * STEP
+    pressure = 300 + 200 * np.sin(2 * np.pi * time / 3) + 60 * np.sin(2 * np.pi * time / 0.7)
+    motion = np.zeros(n)
+    for k in range(1, n):
+        motion[k] = 0.9 * motion[k - 1] + 0.004 * pressure[k - 1]
+    motion += np.random.default_rng(1).normal(0, 0.01, n)
+    columns = {"time": time, "load": np.full(n, 5.0), "pressure": pressure, "motion": motion}
+    curve = Curve("a", None, columns, time > (1 - held) * time[-1], ("a",), None, np.zeros(n, dtype=np.int64))
+    dataset = Dataset("motion", None, QUANTITIES, (Recording("a", "a.csv", columns, n, {}),), (curve,))
+    recipe = MemoryRecipe("motion", tuple(dictionary), STEP, max_terms=2, ridge=ridge, scale=scale)
+    fit = fit_with_memory(records_of([curve], STEP), recipe)
+    limits = {name: (float(x.min()), float(x.max())) for name, x in columns.items()}
+    model = model_with_memory("demo", fit.model, None, (SegmentedCurve("a", None, (), (), limits, ()),), QUANTITIES)
+    forecasts = {"mapmore": (forecast(model, curve),), "flat": (Forecast.of(np.full(n, 12.0)),)}
+    scores = [row for name, found in forecasts.items() for row in score_rows(name, "motion", found, dataset, "range")]
+    predictions = {name: tuple(one.values for one in found) for name, found in forecasts.items()}
+    validation = Validation(predictions, {}, tuple(scores), {"motion": "mm"})
+    result = FitResult((), memory=fit)
+    return ReportInputs("demo", {}, QUANTITIES["motion"], dataset, (), result, model, validation, (), None, "", {})
+
+
+@pytest.fixture(scope="module")
+def fed_back():
+    return report_of(["motion[k-1]", "pressure[k-1]", "load"])
+
+
+@pytest.fixture(scope="module")
+def driven():
+    return report_of(["pressure", "slow(pressure, 0.1)", "play(pressure, 0.2)", "resonance(pressure)"], ridge=1e-3, scale=True)
+
+
+def table(inputs, name):
+    return next(table for table in all_tables(inputs) if table.name == name)
+
+
+def test_loops_are_drawn_in_the_order_of_time_over_what_drives_them(fed_back):
+    with figure_style():
+        drawings = {drawing.name: drawing for drawing in FIGURES["fit"](fed_back)}
+    assert list(drawings) == ["loops", "fit"]
+    panel = drawings["loops"].figure.axes[0]
+    assert panel.get_xlabel() == "Pressure (kPa)"  # not the load, which never varies
+    measured, own = panel.lines
+    assert (np.diff(measured.get_xdata()) < 0).any()
+    curve = fed_back.dataset.curves[0]
+    assert measured.get_xdata()[0] == curve.columns["pressure"][curve.held_out][0]
+    np.testing.assert_allclose(own.get_ydata(), measured.get_ydata(), atol=0.1)
+    assert "grey where samples train" in drawings["fit"].caption
+
+
+def test_no_loops_without_held_out_samples():
+    inputs = report_of(["motion[k-1]", "pressure[k-1]"], held=0.0)
+    with figure_style():
+        assert [drawing.name for drawing in FIGURES["fit"](inputs)] == ["training"]
+
+
+def test_free_run_stands_beside_one_step_where_they_differ(fed_back, driven):
+    scores = fed_back.validation.scores
+    shown = score_table(scores, {"motion": "mm"})
+    assert [column.name for column in shown.columns[-2:]] == ["RRSE, free run", "RRSE, one step"]
+    own, flat = shown.rows[:2]
+    assert 0 < own[-2] != own[-1] > 0
+    assert own[-2] == pytest.approx(np.sqrt(1 - own[-3]))
+    assert np.isnan(flat[-1])
+    assert not any("RRSE" in column.name for column in score_table(driven.validation.scores, {"motion": "mm"}).columns)
+
+
+def test_the_states_tell_what_training_found(driven):
+    rows = {(row[0], row[1]): row[2:] for row in table(driven, "states").rows}
+    training = driven.dataset.curves[0].columns["pressure"][driven.dataset.curves[0].training]
+    assert rows["pressure", "training range, of which widths are parts"][:2] == (training.min(), training.max())
+    frequency, damping = rows["pressure", "oscillator it drives"][2:]
+    assert frequency > 0
+    assert 0 < damping < 2
+    assert {name for name, what in rows if what == "scaled to [0, 1]"} == set(driven.fit.memory.model.states.names)
+
+
+def test_every_term_has_its_best_substitute(driven):
+    rows = table(driven, "substitutes").rows
+    assert [row[0] for row in rows] == list(driven.fit.memory.model.terms)
+    assert all(row[1] not in driven.fit.memory.model.terms for row in rows)
+    assert all(row[2] >= 0 for row in rows)
+
+
+def test_the_page_has_it_all(driven, fed_back):
+    page = render_page(driven, all_tables(driven), {})
+    for words in ("its terms have memory", "What else would have served", "States with memory"):
+        assert words in page
+    assert "What else would have served" not in render_page(fed_back, all_tables(fed_back), {})
