@@ -11,13 +11,17 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
+from mapmore_cli.cli.options import Quiet
 from mapmore_cli.domain.errors import UsageError
 
 if TYPE_CHECKING:
+    from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.domain.models import Model
 
 STANDARD = Path("-")
 """Stands for stdin or stdout."""
+
+MEGABYTE = 10**6
 
 
 def add_to(app: typer.Typer) -> None:
@@ -40,33 +44,42 @@ def predict(
             "--grid", metavar="AXES", help="Make a lookup table instead: pressure=0:600:25,strain=0:0.25:0.01.", show_default=False
         ),
     ] = None,
+    quiet: Quiet = False,
 ) -> None:
     """Evaluate a model on a table.
 
     Every column is kept; <output>_predicted and outside_range (true or false) are added, row for row.
 
     Tables may be larger than memory, and gzipped where the name ends in .gz. Where an input is empty, so is the prediction.
+
+    A model with memory needs the column time (in s), and the measured output where it goes on from that: it runs free from the first rows
+    of every recording, and starts anew where the column recording changes, where time is set back, and after gaps.
     """
+    from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.stages.predict import predicted_lines
     from mapmore_cli.storage.artefacts import read_model
 
     if (table is None) == (grid is None):
         raise UsageError("give either a TABLE or --grid", "as in: mapmore predict model.h5 measured.csv -o predicted.csv")
     model = read_model(model_file)
-    lines, label = _input(model, table, grid)
-    _write(predicted_lines(model, lines, label), output)
+    with Reporter(quiet) as reporter:
+        lines, label = _input(model, table, grid, reporter)
+        _write(predicted_lines(model, lines, label, warn=reporter.warn), output)
 
 
-def _input(model: Model, table: Path | None, grid: str | None) -> tuple[Iterator[str], str]:
+def _input(model: Model, table: Path | None, grid: str | None, reporter: Reporter) -> tuple[Iterator[str], str]:
     """The lines to predict for, and what messages call them."""
     from mapmore_cli.stages.grid import grid_lines
     from mapmore_cli.storage.text_streams import as_text, lines_of
 
+    if grid is not None and model.memories:
+        columns = ", ".join(["time", *(quantity.name for quantity in model.inputs)])
+        raise UsageError("--grid: this model has memory, and a grid has no time", f"give a TABLE of recordings with the columns {columns}")
     if grid is not None:
         return grid_lines(grid, [quantity.name for quantity in model.inputs]), "--grid"
     if table is None or table == STANDARD:
         return as_text(sys.stdin.buffer), "stdin"
-    return lines_of(table), str(table)
+    return lines_of(table, lambda read, size: reporter.progress("MB read", read // MEGABYTE, -(-size // MEGABYTE))), str(table)
 
 
 def _write(lines: Iterator[str], output: Path) -> None:

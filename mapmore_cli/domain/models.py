@@ -116,6 +116,12 @@ class Model:
     summands: tuple[Model, ...] = ()
     memory: MemoryModel | None = None
 
+    @property
+    def memories(self) -> tuple[MemoryModel, ...]:
+        """Every part that has memory: its own, and those of its summands."""
+        own = () if self.memory is None else (self.memory,)
+        return (*own, *(memory for summand in self.summands for memory in summand.memories))
+
 
 @dataclass(frozen=True)
 class Equation:

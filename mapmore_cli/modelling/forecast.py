@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray
-from mapmore_cli.domain.memory import MemoryModel
+from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve
-from mapmore_cli.modelling.memory import one_step_ahead
+from mapmore_cli.modelling.memory import AtSample, one_step_ahead
 from mapmore_cli.modelling.model import predict
 
 
@@ -48,25 +47,21 @@ class Forecast:
 
 
 def forecast(model: Model, curve: Curve) -> Forecast:
-    """Predict every sample of a curve, recording by recording; raises as `model.predict`."""
-    if not any(_memories(model)):
+    """Predict every sample of a curve, recording by recording; raises as `model.predict`, naming the recording."""
+    memories = model.memories
+    if not memories:
         return Forecast.of(predict(model, curve.columns))
     values, one_step, ready = np.empty(curve.size), np.empty(curve.size), np.empty(curve.size, dtype=np.bool_)
-    for rows in curve.logs:
+    for log, rows in enumerate(curve.logs):
         columns = {name: column[rows] for name, column in curve.columns.items()}
-        steps = [one_step_ahead(memory, columns) for memory in _memories(model)]
+        try:
+            steps = [one_step_ahead(memory, columns) for memory in memories]
+            values[rows] = predict(model, columns)
+        except AtSample as error:
+            raise DataError(f"{model.name} on {curve.recordings[log]}: {error.message}", error.remedy) from error
         ready[rows] = np.logical_and.reduce([np.isfinite(step) for step in steps])
         one_step[rows] = predict(_without_memory(model), columns) + np.sum(steps, axis=0)
-        values[rows] = predict(model, columns)
     return Forecast(values, ready, one_step)
-
-
-def _memories(model: Model) -> Iterator[MemoryModel]:
-    """Every part of a model that has memory."""
-    if model.memory is not None:
-        yield model.memory
-    for summand in model.summands:
-        yield from _memories(summand)
 
 
 def _without_memory(model: Model) -> Model:

@@ -9,7 +9,7 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.fused_pieces import FusedPieces, level_values
 from mapmore_cli.modelling.fusion import level_weights
-from mapmore_cli.modelling.memory import free_run
+from mapmore_cli.modelling.memory import Run, free_run
 
 BLOCK = 2**18
 """Rows at a time: few enough to stay in the processor's cache, and enough for every region to have many."""
@@ -19,7 +19,12 @@ OUTSIDE_TOLERANCE = 1e-9
 
 
 def predict(model: Model, columns: Columns) -> Array:
-    """Output of the model at every row, (n,); NaN where an input is NaN.
+    """Output of the model at every row, (n,), as `simulate` has it."""
+    return simulate(model, columns).values
+
+
+def simulate(model: Model, columns: Columns) -> Run:
+    """Output of the model at every row, (n,), NaN where an input is NaN; and the rows at which a free run diverges.
 
     A model with memory runs free along one recording (`memory.free_run`): it has no prediction before there is history, and starts anew
     after rows with a NaN.
@@ -43,11 +48,11 @@ def predict(model: Model, columns: Columns) -> Array:
         block = {name: x[start : start + BLOCK] for name, x in inputs.items()}
         with np.errstate(all="ignore"):  # a term may overflow far outside, and what follows from a NaN is replaced
             y[start : start + BLOCK] = _block(model, pieces, block, len(y[start : start + BLOCK]))
-    if model.memory is not None:
-        y += free_run(model.memory, columns).values
-    for summand in model.summands:
-        y += predict(summand, columns)
-    return y
+    runs = [] if model.memory is None else [free_run(model.memory, columns)]
+    runs += [simulate(summand, columns) for summand in model.summands]
+    for run in runs:
+        y += run.values
+    return Run(y, tuple(sorted({row for run in runs for row in run.diverged})))
 
 
 def _block(model: Model, pieces: FusedPieces | None, inputs: Columns, n: int) -> Array:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import graphlib
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from mapmore_cli.domain.recording import DIRECTION
+from mapmore_cli.spec.check_dictionary import word
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean
 from mapmore_cli.spec.models import Direction, Directions, ExperimentSpec, FileEntry, Keep, Rate, TargetColumn
 from mapmore_cli.spec.tree import Loc
@@ -59,9 +59,6 @@ def _uses(spec: ExperimentSpec) -> Iterator[_Use]:
             yield _Use(name, ("segment", name), on_key=True)
         if isinstance(cut, Directions):
             yield _Use(cut.of, ("segment", name, "of"))
-    for i, entry in enumerate(spec.dictionary):
-        for j, name in enumerate(entry.polynomial.of if entry.polynomial else ()):
-            yield _Use(name, ("dictionary", i, "polynomial", "of", j))
     if isinstance(spec.fuse.extrapolation, Mapping):
         for name in spec.fuse.extrapolation:
             yield _Use(name, ("fuse", "extrapolation", name), on_key=True)
@@ -119,18 +116,14 @@ def clocks(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def expressions(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Expressions must parse, and use quantities of the study (those of the dictionary without the target)."""
-    have = spec.quantities
+    """Expressions of derived quantities must parse, and use quantities of the study as they are at the same moment."""
     for name, rule in spec.data.derive.items():
         if isinstance(rule, str):
-            yield from _expression(rule, ("data", "derive", name), have, None)
-    for i, entry in enumerate(spec.dictionary):
-        for j, text in enumerate(entry.terms or ()):
-            yield from _expression(text, ("dictionary", i, "terms", j), have, spec.target_quantity)
+            yield from _expression(rule, ("data", "derive", name), spec.quantities)
 
 
-def _expression(text: str, loc: Loc, have: Sequence[str], target: str | None) -> Iterator[Finding]:
-    from mapmore_cli.modelling.terms import ExpressionError, parse
+def _expression(text: str, loc: Loc, have: Sequence[str]) -> Iterator[Finding]:
+    from mapmore_cli.modelling.terms import ExpressionError, parse, state
 
     try:
         names = parse(text).names
@@ -138,14 +131,10 @@ def _expression(text: str, loc: Loc, have: Sequence[str], target: str | None) ->
         yield Finding(loc, f"not an expression: {error.message}", offset=error.position)
         return
     for name in sorted(names):
-        at = _word(name, text)
-        if name not in have:
-            yield Finding(loc, f"there is no quantity `{name}` in this study", did_you_mean(name, have), offset=at)
-        elif name == target:
-            yield Finding(loc, f"`{name}` is the target", "a model cannot explain its target by itself: take it out", offset=at)
-
-
-def _word(name: str, text: str) -> int:
-    """Offset of a name in an expression, where it is not part of a longer one."""
-    found = re.search(rf"(?<![A-Za-z0-9_]){re.escape(name)}(?![A-Za-z0-9_])", text)
-    return found.start() if found else 0
+        quantity = state(name).quantity
+        at = word(quantity, text)
+        if quantity not in have:
+            yield Finding(loc, f"there is no quantity `{quantity}` in this study", did_you_mean(quantity, have), offset=at)
+        elif name != quantity:
+            remedy = "name the state in the `dictionary`, or derive rates by `rate_of`"
+            yield Finding(loc, f"`{name}` has memory, which derived quantities have not", remedy, offset=at)

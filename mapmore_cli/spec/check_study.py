@@ -65,10 +65,6 @@ def target(spec: ExperimentSpec) -> Iterator[Finding]:
     if spec.target == "hysteresis" and spec.data.cycles is None:
         yield Finding(("target",), "target `hysteresis` needs load cycles", "add `cycles: {over: strain}` to `data`")
     remedy = "a model cannot explain its target by itself: take it out"
-    for i, entry in enumerate(spec.dictionary):
-        for j, name in enumerate(entry.polynomial.of if entry.polynomial else ()):
-            if name == target:
-                yield Finding(("dictionary", i, "polynomial", "of", j), f"`{name}` is the target", remedy)
     for name in spec.segment:
         if name == target:
             yield Finding(("segment", name), f"`{name}` is the target", remedy, on_key=True)

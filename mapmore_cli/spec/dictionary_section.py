@@ -163,12 +163,17 @@ def _of_entry(entry: DictionaryEntry, loc: Loc) -> Iterator[tuple[Loc, str, Fami
 def texts_of(dictionary: Sequence[DictionaryEntry]) -> Iterator[tuple[Loc, str, bool]]:
     """Place and text of everything that names quantities: expressions (True), and names of states (False)."""
     for loc, _, family in entries_of(dictionary):
-        if isinstance(family, list):
-            yield from (((*loc, place), text, True) for place, text in enumerate(family))
-            continue
-        yield from (((*loc, "of", place), text, False) for place, text in enumerate(family.of) if isinstance(text, str))
-        partners = family.partners if isinstance(family, Products) else None
-        yield from (((*loc, "with", place), text, False) for place, text in enumerate(partners or ()))
+        yield from texts_in(loc, family)
+
+
+def texts_in(loc: Loc, family: Family) -> Iterator[tuple[Loc, str, bool]]:
+    """The same of one family, which stands at `loc`, without those inside it."""
+    if isinstance(family, list):
+        yield from (((*loc, place), text, True) for place, text in enumerate(family))
+        return
+    yield from (((*loc, "of", place), text, False) for place, text in enumerate(family.of) if isinstance(text, str))
+    partners = family.partners if isinstance(family, Products) else None
+    yield from (((*loc, "with", place), text, False) for place, text in enumerate(partners or ()))
 
 
 def remembers(dictionary: Sequence[DictionaryEntry]) -> bool:

@@ -92,13 +92,16 @@ def resolved(spec: BaseModel) -> str:
 
 def _beyond(error: ValidationError, root: Node, model: type[M], check: Check[M]) -> list[Problem]:
     """What `check` finds in a spec without its parts of wrong form, so that all mistakes are seen at once."""
+    lost = set[str | int]()
     while True:
         for loc in sorted(faulty(error, root), key=_last_items_first, reverse=True):
             if _echoes(loc):
                 return []
             root = without(root, loc)
+            lost.add(loc[0])
         try:
-            return [locate(finding, root) for finding in check(model.model_validate(plain(root), context=PARTIAL))]
+            found = check(model.model_validate(plain(root), context=PARTIAL))
+            return [locate(finding, root) for finding in found if not ("dictionary" in lost and finding.loc[:1] == ("fit",))]
         except ValidationError as still:  # what was left out was required: its section goes next
             error = still
 

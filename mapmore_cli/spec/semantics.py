@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mapmore_cli.spec import check_motion, check_names, check_study
+from mapmore_cli.spec import check_dictionary, check_memory, check_motion, check_names, check_study
 from mapmore_cli.spec.diagnostics import Finding
 from mapmore_cli.spec.models import ExperimentSpec
 
@@ -13,6 +13,7 @@ CHECKS = (
     check_names.derived,
     check_names.clocks,
     check_names.expressions,
+    check_dictionary.terms,
     check_study.levels,
     check_study.joining,
     check_study.held_out,
@@ -26,6 +27,9 @@ CHECKS = (
     check_motion.training_level,
     check_motion.load_cycle_formulas,
     check_motion.composites,
+    check_memory.time,
+    check_memory.segments,
+    check_memory.settings,
 )
 
 

@@ -13,11 +13,14 @@ from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.equations import model_equations
 from mapmore_cli.modelling.model import outside_range, predict
 from mapmore_cli.modelling.signals.following import with_signals
+from mapmore_cli.stages.prediction.reading import reading_of
 
 
 @dataclass(frozen=True)
 class LoadedModel:
     """Callable with one keyword for every input, in the model's units; with `time`, rates and directions may be left out.
+
+    A model with memory takes one recording: its `time` in s, and the measured output where it goes on from that.
 
     Examples
     --------
@@ -46,8 +49,8 @@ class LoadedModel:
     def __call__(self, **columns: ArrayLike) -> Array:
         """Output at the inputs, which are broadcast against each other; NaN where an input is not finite.
 
-        With `time`, the inputs are samples of one recording, from which the model's rates and directions follow. Raises `TypeError` for an
-        input that is missing or that the model does not have.
+        With `time`, the inputs are samples of one recording, from which the model's rates and directions follow, and along which a model
+        with memory runs (NaN before there is history). Raises `TypeError` for an input that is missing or that the model does not have.
         """
         flat, shape = self._flattened(columns)
         return predict(self.model, flat).reshape(shape)
@@ -58,11 +61,13 @@ class LoadedModel:
         return outside_range(self.model, flat).reshape(shape)
 
     def _flattened(self, columns: dict[str, ArrayLike]) -> tuple[dict[str, Array], tuple[int, ...]]:
-        signals = self.model.signals if "time" in columns else ()
-        wanted = dict.fromkeys([quantity.name for quantity in self.inputs] + ["time" for _ in signals] + [signal.of for signal in signals])
-        needed = [name for name in wanted if name not in {signal.name for signal in signals if signal.name not in columns}]
-        if set(columns) != set(needed):
+        given = columns if "time" in columns else [*columns, *(signal.name for signal in self.model.signals)]
+        reading = reading_of(self.model, given)
+        needed = list(dict.fromkeys((*reading.columns, *reading.outputs)))
+        signals = self.model.signals
+        spare = {"time", *(signal.of for signal in signals)} if signals else set[str]()  # what given rates and directions follow from
+        if not set(needed) <= set(columns) <= {*needed, *spare}:
             raise TypeError(f"this model is a function of {', '.join(needed)}; got {', '.join(columns) or 'nothing'}")
         arrays = np.broadcast_arrays(*(np.asarray(columns[name], dtype=np.float64) for name in needed))
         flat = {name: array.ravel() for name, array in zip(needed, arrays, strict=True)}
-        return with_signals(signals, flat), arrays[0].shape
+        return with_signals(reading.signals, flat), arrays[0].shape

@@ -9,7 +9,7 @@ import gzip
 import io
 import os
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from secrets import token_hex
@@ -20,19 +20,28 @@ from mapmore_cli.storage.atomic import TEMPORARY, sync_folder
 
 TEXT_ERRORS = "surrogateescape"
 
+TOLD_EVERY = 4096  # lines
+
 
 def as_text(binary: IO[bytes]) -> TextIO:
     """A text stream over a binary one; a byte order mark is swallowed."""
     return io.TextIOWrapper(binary, encoding="utf-8-sig", errors=TEXT_ERRORS, newline="")
 
 
-def lines_of(path: Path) -> Iterator[str]:
-    """Yield the lines of a file with their ends; DataError where it is missing, unreadable or cut off."""
+def lines_of(path: Path, told: Callable[[int, int], None] = lambda _read, _size: None) -> Iterator[str]:
+    """Yield the lines of a file with their ends; DataError where it is missing, unreadable or cut off.
+
+    `told` is told now and then how many bytes of the file have been read, and how many it has.
+    """
     try:
         with path.open("rb") as raw:
             unzipped: IO[bytes] = cast(IO[bytes], gzip.GzipFile(fileobj=raw)) if path.suffix == ".gz" else raw
+            size = os.fstat(raw.fileno()).st_size
             with as_text(unzipped) as text:
-                yield from text
+                for number, line in enumerate(text):
+                    if number % TOLD_EVERY == 0:
+                        told(raw.tell(), size)
+                    yield line
     except (EOFError, zlib.error, gzip.BadGzipFile) as fault:
         raise DataError(f"{path}: the file is damaged ({fault})", "it may have been cut off while copying; get it again") from fault
     except OSError as fault:

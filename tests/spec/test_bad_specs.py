@@ -133,6 +133,8 @@ OTHER_SLIPS = [
     (LOGS, "  header: 2", "  reader: ▸excel\n  header: 2", ["`data.reader` cannot be the text 'excel'", "`xlsx`"]),
     (LOGS, "reader: mat\n      root", "reader: xlsx\n      ▸root", ["reader `xlsx` has no use for `root`", "`mat` and `hdf5`"]),
     (LOGS, "reader: xlsx, sheet: Run1, columns", "reader: tdms, ▸columns", ["finds channels by name", "Group/Channel"]),
+    (FORMULA, "columns: {pressure", "every: ▸0, columns: {pressure", ["`data.every` should be at least 1"]),
+    (FORMULA, "columns: {pressure: {", "▸columns: {pressure: {rest: 1 s, ", ["`rest` needs the time", "`sample_time`"]),
     (LOGS, "  resample:", "  ▸sample_time: 1 ms\n  resample:", ["`time` is a column, and `sample_time`", "keep one"]),
     (STATIC, "files: [", "files: [{path: a.csv, keep: [{quantity: ▸tim, above: 1}]}, ", ["no quantity `tim`", "did you mean `time`?"]),
     # joined logs and the clock

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from mapmore_cli.cli.views import remembering
 from mapmore_cli.cli.views.view import View
 
 if TYPE_CHECKING:
@@ -13,13 +14,18 @@ if TYPE_CHECKING:
 
 
 def of_fit(result: FitResult) -> View:
-    """The segments with their terms in the order of selection; theta is in scaled coordinates."""
+    """The segments, or the model with memory, with their terms in the order of selection; theta is in scaled coordinates."""
     from mapmore_cli.reporting.tables import terms_table
 
-    segments = [_segment(fit, fit.selection) for fit in result.fits]
-    tables = (terms_table(result),) if result.fits else ()
-    lines = (*_formula_lines(result.backbone), *result.notes)
-    return View({"segments": segments, "backbone": _formula(result.backbone), "notes": result.notes}, tables, lines)
+    document = {
+        "segments": [_segment(fit, fit.selection) for fit in result.pieces],
+        "memory": remembering.fit_document(result.memory),
+        "backbone": _formula(result.backbone),
+        "notes": result.notes,
+    }
+    tables = [terms_table(result)] if result.pieces else []
+    tables += remembering.fit_tables(result.memory) if result.memory is not None else ()
+    return View(document, tuple(tables), (*_formula_lines(result.backbone), *result.notes))
 
 
 def of_model(model: Model) -> View:
@@ -34,6 +40,7 @@ def of_model(model: Model) -> View:
         "inputs": [asdict(quantity) for quantity in model.inputs],
         "level": model.level,
         "segments": [_segment(segment, segment) for curve in model.curves for segment in curve.segments],
+        "memory": remembering.model_document(model.memory),
         "backbone": _formula(model.backbone),
         "cross_validation": [asdict(error) for error in model.cross_validation],
         "weights": _weights(model),
@@ -41,10 +48,12 @@ def of_model(model: Model) -> View:
         "equations": [asdict(equation) for equation in equations],
         "notes": model.notes,
     }
-    inputs = ", ".join(f"{quantity.name} [{quantity.unit}]" for quantity in model.inputs)
+    inputs = ", ".join(f"{quantity.name} [{quantity.unit}]" for quantity in model.inputs) or "its own past"
     title = f"{model.name}: {model.output.name} [{model.output.unit}] from {inputs}"
     table = Table("equations", title, (Column("piece"), Column("equation")), tuple((equation.id, equation.text) for equation in equations))
-    return View(document, (table,), (*_fusion_lines(model.fusion), *model.notes))
+    tables = (table, *(one for memory in model.memories for one in remembering.model_tables(memory)))
+    lines = _fusion_lines(model.fusion) if model.memory is None else ()
+    return View(document, tables, (*lines, *remembering.running_lines(model), *model.notes))
 
 
 def _segment(named: SegmentFit | SegmentFunction, found: Selection | SegmentFunction) -> dict[str, Any]:

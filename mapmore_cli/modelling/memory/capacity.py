@@ -46,7 +46,7 @@ def refuse_beyond_memory(candidates: int) -> None:
     if needed > room:
         raise DataError(
             f"a dictionary of {candidates} candidates needs {_size(needed)} of memory for their products alone; {_size(room)} may be used",
-            "lower the order of the products, or use fewer states or `partners`",
+            "lower the order of the products, use fewer states, or restrict the products by `with`",
         )
 
 

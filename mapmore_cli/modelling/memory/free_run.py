@@ -9,11 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns, IntArray
-from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.memory import MemoryModel
 from mapmore_cli.modelling.memory.evaluation import evaluate_states
 from mapmore_cli.modelling.memory.feedback import Feedback, fed_back
-from mapmore_cli.modelling.memory.records import UNEVEN, uninterrupted
+from mapmore_cli.modelling.memory.records import UNEVEN, AtSample, numbered, uninterrupted
 from mapmore_cli.modelling.memory.resolution import memory_inputs, output_lags
 from mapmore_cli.modelling.terms import Expression, dictionary_matrix, parse
 
@@ -58,13 +57,14 @@ def free_run(model: MemoryModel, columns: Columns) -> Run:
     Raises
     ------
     DataError
-        Where an input or a first output is missing, or samples are not at the model's time steps.
+        Where an input is missing; as `AtSample` where a first output is, or samples are not at the model's time steps.
     """
     if not output_lags(model.states, model.output):
         return Run(one_step_ahead(model, columns))
     values, diverged = _nothing(columns), list[int]()
     for rows in _pieces(model, columns):
-        run = _free_run(model, _rows_of(model, columns, rows))
+        with numbered(rows):
+            run = _free_run(model, _rows_of(model, columns, rows))
         values[rows] = run.values
         diverged += [int(rows[row]) for row in run.diverged]
     return Run(values, tuple(diverged))
@@ -84,16 +84,20 @@ def _pieces(model: MemoryModel, columns: Columns) -> Iterator[IntArray]:
     complete = np.logical_and.reduce([np.ones(len(_nothing(columns)), dtype=np.bool_), *(np.isfinite(columns[name]) for name in needed)])
     rows = np.flatnonzero(complete)
     time = np.asarray(columns["time"], dtype=np.float64)[rows] if "time" in columns else rows.astype(np.float64) * model.states.step
-    _refuse_other_steps(time, model.states.step)
-    yield from (rows[piece] for piece in uninterrupted(time, model.states.step) if len(rows[piece]))
+    with numbered(rows):
+        _refuse_other_steps(time, model.states.step)
+        parts = uninterrupted(time, model.states.step)
+    yield from (rows[part] for part in parts if len(rows[part]))
 
 
 def _refuse_other_steps(time: Array, step: float) -> None:
     """A record with longer steps than the model's would be all gaps."""
     usual = float(np.median(np.diff(time))) if len(time) > FEW else step
     if usual > step * (1 + UNEVEN):
-        raise DataError(
-            f"samples are {usual:.6g} s apart, those that the model was trained on {step:.6g} s: its memory counts samples",
+        raise AtSample(
+            int(np.argmax(np.diff(time) > step * (1 + UNEVEN))) + 1,
+            f"{usual:.6g} s after the one before, as most are; those that the model was trained on are {step:.6g} s apart, and its memory "
+            "counts samples",
             f"bring the recording onto even steps of {step:.6g} s",
         )
 
@@ -132,8 +136,10 @@ def _history(model: MemoryModel, piece: Columns, start: int, longest: int) -> li
         history = np.full(longest, np.nan)
     else:
         history = np.asarray(piece[model.output][start - longest : start], dtype=np.float64)
-    if not np.isfinite(history).all():
-        raise DataError(
+    known = np.isfinite(history)
+    if not known.all():
+        raise AtSample(
+            start - longest + int(np.argmin(known)),
             f"{model.output} is missing where a free run begins: the model goes on from measured outputs",
             f"give the column {model.output} with values in the first {start} samples of every recording, and after every gap",
         )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,24 @@ from mapmore_cli.modelling.signals.gaps import find_resets, pieces
 
 UNEVEN = 1e-3
 """Of a time step: more than this apart from an even grid, samples are not evenly spaced. Stamps are often rounded so far."""
+
+
+class AtSample(DataError):
+    """A mistake at one `sample`, counted from 0 in what was given; `fault` is the message without its number."""
+
+    def __init__(self, sample: int, fault: str, remedy: str | None) -> None:
+        super().__init__(f"sample {sample}: {fault}", remedy)
+        self.sample = sample
+        self.fault = fault
+
+
+@contextmanager
+def numbered(rows: IntArray) -> Iterator[None]:
+    """Mistakes at the samples of a part are told by their `rows` in the whole."""
+    try:
+        yield
+    except AtSample as error:
+        raise AtSample(int(rows[error.sample]), error.fault, error.remedy) from error
 
 
 @dataclass(frozen=True)
@@ -41,17 +60,17 @@ def uninterrupted(time: Array, step: float) -> list[slice]:
 
     Raises
     ------
-    DataError
+    AtSample
         Where stamps are neither `step` apart nor a gap: the memory of the model counts samples.
     """
     distances = np.diff(time)
     slack = UNEVEN * step + 4 * np.finfo(np.float64).eps * float(np.abs(time).max(initial=0.0))
     early = np.flatnonzero((distances >= 0) & (distances < step - slack))
     if len(early):
-        at = int(early[0])
-        raise DataError(
-            f"the samples {at} and {at + 1} are {distances[at]:.6g} s apart; a model with memory needs even steps of {step:.6g} s",
-            "bring the recording onto even time steps, as `resample` does",
+        raise AtSample(
+            int(early[0]) + 1,
+            f"only {distances[early[0]]:.6g} s after the one before; a model with memory needs even steps of {step:.6g} s",
+            f"bring the recording onto even steps of {step:.6g} s",
         )
     breaks = np.union1d(np.flatnonzero(distances > step + slack), find_resets(time))
     return pieces(len(time), breaks)
@@ -89,13 +108,16 @@ def records_of(curves: Sequence[Curve], step: float) -> tuple[Record, ...]:
     return tuple(
         Record({name: values[rows][piece] for name, values in curve.columns.items()}, curve.training[rows][piece])
         for curve in curves
-        for rows in curve.logs
-        for piece in _pieces(curve, rows, step)
+        for log, rows in enumerate(curve.logs)
+        for piece in _pieces(curve.recordings[log], curve.columns["time"][rows], step)
     )
 
 
-def _pieces(curve: Curve, rows: IntArray, step: float) -> list[slice]:
+def _pieces(recording: str, time: Array, step: float) -> list[slice]:
     try:
-        return uninterrupted(curve.columns["time"][rows], step)
-    except DataError as error:
-        raise DataError(f"{curve.id}: {error.message}", error.remedy) from error
+        return uninterrupted(time, step)
+    except AtSample as error:
+        raise DataError(
+            f"{recording}: sample {error.sample} (at {time[error.sample]:.9g} s): {error.fault}",
+            f"add `resample: {step:.6g} s` to `data`, with `gaps: {{longer_than: ..., action: split}}` where recordings break off",
+        ) from error

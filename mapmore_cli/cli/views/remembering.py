@@ -1,0 +1,65 @@
+"""What fits and models with memory have to show beside their terms and equations."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from mapmore_cli.domain.memory import MemoryFit, MemoryModel
+    from mapmore_cli.domain.models import Model
+    from mapmore_cli.reporting.tables import Table
+
+
+def model_document(memory: MemoryModel | None) -> dict[str, Any] | None:
+    """The model with memory as it is stored; theta is of states scaled as `states` says."""
+    return None if memory is None else asdict(memory)
+
+
+def fit_document(fit: MemoryFit | None) -> dict[str, Any] | None:
+    """The same, with how its terms were found: those chosen forward, and the best substitute of each."""
+    if fit is None:
+        return None
+    found = {
+        "ridge": fit.ridge,
+        "forward": [fit.candidates[place] for place in fit.forward],
+        "substitutes": [fit.candidates[place] if place >= 0 else None for place in fit.substitutes],
+        "shares": fit.shares,
+    }
+    return {**asdict(fit.model), **found}
+
+
+def fit_tables(fit: MemoryFit) -> tuple[Table, ...]:
+    """What else would have served, where a ridge tells; then the tables of the model."""
+    from mapmore_cli.reporting.memory_tables import substitutes_table
+
+    others = (substitutes_table(fit),) if len(fit.substitutes) else ()
+    return (*others, *model_tables(fit.model))
+
+
+def model_tables(memory: MemoryModel) -> tuple[Table, ...]:
+    """Coefficients with standard errors, and the numbers behind the states where there are any."""
+    from mapmore_cli.reporting.memory_tables import states_table
+    from mapmore_cli.reporting.tables import Column, Table
+
+    columns = (Column("term"), Column("coefficient", "", "#.6g"), Column("standard error", "", ".3g"))
+    rows = tuple(zip(memory.terms, memory.theta.tolist(), memory.theta_error.tolist(), strict=True))
+    constant = (("(constant)", memory.constant, None),) if memory.constant else ()
+    scaled = "Coefficients of scaled states." if memory.states.scaled else "Coefficients in physical units."
+    title = f"Coefficients of {memory.output}"
+    coefficients = Table("coefficients", title, columns, (*constant, *rows), (scaled,))
+    states = states_table(memory.states)
+    return (coefficients, states) if states.rows else (coefficients,)
+
+
+def running_lines(model: Model) -> tuple[str, ...]:
+    """How each part with memory is run."""
+    from mapmore_cli.modelling.memory.resolution import output_lags
+
+    lines = []
+    for memory in model.memories:
+        steps = sorted(output_lags(memory.states, memory.output).values())
+        first = f"the first {steps[-1]} measured samples" if steps and steps[-1] > 1 else "the first measured sample"
+        start = f"from {first} of {memory.output}" if steps else f"without measured {memory.output}"
+        lines.append(f"Runs free {start}, at steps of {memory.states.step:.6g} s.")
+    return tuple(lines)

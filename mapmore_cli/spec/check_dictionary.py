@@ -1,0 +1,130 @@
+"""Checks of candidate terms: texts that are terms, quantities of the study, and the target by its past alone."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.spec.diagnostics import Finding, did_you_mean
+from mapmore_cli.spec.dictionary_section import Delays, Family, Lags, Polynomial, Products, entries_of, texts_in
+from mapmore_cli.spec.models import ExperimentSpec
+from mapmore_cli.spec.tree import Loc
+
+if TYPE_CHECKING:
+    from mapmore_cli.modelling.terms.states import State
+
+DERIVED = ("damping", "hysteresis")
+"""Targets that no column holds: nothing of them can be fed back."""
+
+
+def terms(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Every text of the dictionary is a term or the name of a state, of quantities of the study."""
+    for loc, name, family in entries_of(spec.dictionary):
+        for at, text, is_expression in texts_in(loc, family):
+            yield from _expression(text, at, spec) if is_expression else _state(text, at, spec, name, family)
+        yield from _lags_of_now(loc, family, spec.target_quantity)
+
+
+def _expression(text: str, loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
+    from mapmore_cli.modelling.memory.feedback import parted
+    from mapmore_cli.modelling.terms import ExpressionError, parse, state
+
+    try:
+        term = parse(text)
+    except ExpressionError as error:
+        yield Finding(loc, f"not an expression: {error.message}", offset=error.position)
+        return
+    states = [state(name) for name in sorted(term.names)]
+    found = [finding for one in states for finding in (*_quantity(one, text, loc, spec), *_target(one, text, loc, spec))]
+    yield from found
+    if not found:
+        try:
+            parted(term, [one.name for one in states if one.quantity == spec.target_quantity])
+        except DataError as error:
+            yield Finding(loc, error.message, error.remedy)
+
+
+def _state(text: str, loc: Loc, spec: ExperimentSpec, name: str, family: Family) -> Iterator[Finding]:
+    from mapmore_cli.modelling.terms import ExpressionError, state
+
+    try:
+        found = state(text)
+    except ExpressionError as error:
+        remedy = "name a quantity, or a state with memory, as `play(pressure, 0.16)`"
+        yield Finding(loc, f"not the name of a quantity or a state: {error.message}", remedy, offset=error.position)
+        return
+    yield from _quantity(found, text, loc, spec)
+    if isinstance(family, (Lags, Delays)):
+        yield from _delayed_target(found, text, loc, spec)
+    elif isinstance(family, (Polynomial, Products)):
+        yield from _target(found, text, loc, spec)
+    elif found.quantity == spec.target_quantity:
+        yield _inside(name, text, loc, spec)
+
+
+def _quantity(found: State, text: str, loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
+    """The quantity that a state is made of is one of the study."""
+    have = spec.quantities
+    if found.quantity not in have:
+        what = f"there is no quantity `{found.quantity}` in this study"
+        yield Finding(loc, what, did_you_mean(found.quantity, have), offset=word(found.quantity, text))
+
+
+def _target(found: State, text: str, loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
+    """A state of the target is the target some samples ago, and nothing else."""
+    from mapmore_cli.modelling.terms.states import Lagged, Measured, Operated
+
+    if found.quantity != spec.target_quantity:
+        return
+    if isinstance(found, Operated):
+        yield _inside(found.operator, text, loc, spec)
+    elif isinstance(found, Lagged) and not isinstance(found.source, Measured):
+        yield _inside(found.source.name.partition("(")[0], text, loc, spec)
+    elif isinstance(found, Measured) or spec.target in DERIVED:
+        yield _is_target(text, loc, spec)
+
+
+def _delayed_target(found: State, text: str, loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
+    """What `lags` and `delays` delay is the target itself, where it is of the target."""
+    from mapmore_cli.modelling.terms.states import Measured
+
+    if found.quantity != spec.target_quantity:
+        return
+    if spec.target in DERIVED:
+        yield _is_target(text, loc, spec)
+    elif not isinstance(found, Measured):
+        target = spec.target_quantity
+        yield Finding(
+            loc, f"`{text}` is of the target, and no quantity", f"name `{target}` itself: here it is delayed", offset=word(target, text)
+        )
+
+
+def _lags_of_now(loc: Loc, family: Family, target: str) -> Iterator[Finding]:
+    """No step of `lags` is the target as it is now."""
+    if isinstance(family, Lags) and target in family.of and 0 in family.steps:
+        remedy = "a model cannot explain its target by itself: begin at 1, and give the inputs `lags` of their own"
+        yield Finding((*loc, "steps", family.steps.index(0)), f"step 0 of the target `{target}` is the target itself", remedy)
+
+
+def _is_target(text: str, loc: Loc, spec: ExperimentSpec) -> Finding:
+    target = spec.target_quantity
+    back = "" if spec.target in DERIVED else f", or let it look back, as `{target}[k-1]`"
+    return Finding(
+        loc, f"`{target}` is the target", f"a model cannot explain its target by itself: take it out{back}", offset=word(target, text)
+    )
+
+
+def _inside(operator: str, text: str, loc: Loc, spec: ExperimentSpec) -> Finding:
+    target = spec.target_quantity
+    if spec.target in DERIVED:
+        return _is_target(text, loc, spec)
+    remedy = f"a free run feeds back delayed outputs alone, as `{target}[k-1]`: let operators work on inputs"
+    return Finding(loc, f"`{operator}` works on `{target}`, which is the target", remedy, offset=word(target, text))
+
+
+def word(name: str, text: str) -> int:
+    """Offset of a name in an expression, where it is not part of a longer one."""
+    found = re.search(rf"(?<![A-Za-z0-9_]){re.escape(name)}(?![A-Za-z0-9_])", text)
+    return found.start() if found else 0

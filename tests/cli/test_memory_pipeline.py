@@ -1,0 +1,346 @@
+"""Models with memory from end to end: planted models are found again, predicted as they were validated, and mishaps are told."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import mapmore_cli
+from mapmore_cli.storage.artefacts import read_dataset, read_fit, read_model, read_validation
+
+STEP = 0.01
+GAP = 150
+"""The row of every recording before which half a second is missing."""
+
+Call = Callable[..., Any]
+
+SPEC = """\
+schema_version: 1
+name: {name}
+data:
+  files: ["{name}_*.csv"]
+  columns: {{time: {{column: t}}, pressure: {{column: p}}, load: {{column: w, unit: N}}, displacement: {{column: x, unit: m}}}}
+  gaps: {{longer_than: 100 ms, action: split}}
+  split: {{validate: {{recordings: ["{name}_c*"]}}}}
+target: {{column: displacement}}
+{model}
+validate: {{normaliser: range}}
+report: {{figures: [], formats: [csv]}}
+"""
+NARX = """\
+dictionary:
+  - lags: {of: [displacement, pressure], steps: [1, 2], order: 2}
+  - terms: [load, load^2]
+fit: {max_terms: 4, tolerance: 0}
+"""
+PLAY = """\
+dictionary:
+  - terms: [pressure, load]
+  - play: {of: [pressure], widths: [0.05, 0.1, 0.2, 0.3, 0.4]}
+  - slow: {of: [pressure], tau: [50 ms, 0.5 s]}
+fit: {max_terms: 3, tolerance: 0}
+"""
+
+
+def narx(pressure: NDArray[np.float64], load: NDArray[np.float64]) -> NDArray[np.float64]:
+    """x[k] = 0.5 p[k-1] - 0.4 x[k-2] + 0.3 p[k-1] x[k-1] + 0.1 w."""
+    x = np.zeros(len(pressure))
+    for k in range(2, len(x)):
+        x[k] = 0.5 * pressure[k - 1] - 0.4 * x[k - 2] + 0.3 * pressure[k - 1] * x[k - 1] + 0.1 * load[k]
+    return x
+
+
+def hysteresis(pressure: NDArray[np.float64], load: NDArray[np.float64]) -> NDArray[np.float64]:
+    """x = 2 p - 1.5 play(p; 0.2 of the range 2) + 0.5 w; the slack starts centred."""
+    held, x = pressure[0], np.zeros(len(pressure))
+    for k, now in enumerate(pressure):
+        held = min(max(held, now - 0.4), now + 0.4)
+        x[k] = 2 * now - 1.5 * held + 0.5 * load[k]
+    return x
+
+
+def write_study(folder: Path, name: str, model: str, law: Callable[..., NDArray[np.float64]]) -> Path:
+    """Three recordings at loads of their own, each with a gap; the third validates. The pressure just reaches -1 and 1."""
+    for number, letter in enumerate("abc"):
+        rng = np.random.default_rng(number)
+        k = np.arange(300)
+        pressure = np.clip(1.2 * np.sin(k / (7 + number)) * np.cos(k / 31) + rng.normal(0, 0.2, 300), -1, 1)
+        load = np.full(300, float(number))
+        x = np.concatenate([law(pressure[part], load[part]) for part in (slice(GAP), slice(GAP, 300))])
+        time = k * STEP + np.where(k >= GAP, 0.5, 0.0)
+        rows = zip(time.round(9).tolist(), pressure.tolist(), load.tolist(), x.tolist(), strict=True)
+        (folder / f"{name}_{letter}.csv").write_text("\n".join(["t,p,w,x", *(",".join(map(repr, row)) for row in rows)]) + "\n")
+    spec = folder / f"{name}.yaml"
+    spec.write_text(SPEC.format(name=name, model=model))
+    return spec
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory, mapmore: Call) -> dict[str, tuple[Path, Path]]:
+    """Both studies, run: their specs and run folders; not to be changed."""
+    folder = tmp_path_factory.mktemp("memory")
+    found = {}
+    for name, model, law in (("narx", NARX, narx), ("play", PLAY, hysteresis)):
+        spec = write_study(folder, name, model, law)
+        result = mapmore("run", spec, "--runs", folder / "runs", "-q")
+        assert result.exit_code == 0, result.stderr
+        found[name] = (spec, folder / "runs" / name)
+    return found
+
+
+def scores(run_dir: Path) -> dict[tuple[str, str], dict[str, str]]:
+    rows = csv.DictReader((run_dir / "scores.csv").read_text().splitlines())
+    return {(row["split"], row["curve"]): row for row in rows if row["model"] == "mapmore"}
+
+
+PLANTED = {
+    "narx": {"pressure[k-1]": 0.5, "displacement[k-2]": -0.4, "displacement[k-1]*pressure[k-1]": 0.3, "load": 0.1},
+    "play": {"pressure": 2.0, "play(pressure, 0.2)": -1.5, "load": 0.5},
+}
+
+
+@pytest.mark.parametrize("name", sorted(PLANTED))
+def test_planted_coefficients_are_recovered(name: str, finished: dict[str, tuple[Path, Path]]) -> None:
+    model = read_model(finished[name][1] / "model.h5").memory
+    assert model is not None
+    assert dict(zip(model.terms, model.theta, strict=True)) == pytest.approx(PLANTED[name], abs=1e-9)
+
+
+@pytest.mark.parametrize("name", sorted(PLANTED))
+def test_free_run_and_one_step_are_scored_on_the_recording_that_was_held_out(name: str, finished: dict[str, tuple[Path, Path]]) -> None:
+    found = scores(finished[name][1])
+    assert {curve for split, curve in found if split == "validate"} == {"all", f"{name}_c#1", f"{name}_c#2"}
+    row = found["validate", "all"]
+    assert float(row["rrse"]) < 1e-9
+    assert float(row["rrse_one_step"]) < 1e-9
+    assert int(row["n"]) == {"narx": 296, "play": 300}[name]  # two pieces, each without the two samples of history
+
+
+def test_the_second_run_does_nothing_and_another_one_gives_the_same_bytes(
+    finished: dict[str, tuple[Path, Path]], tmp_path: Path, mapmore: Call
+) -> None:
+    spec, run_dir = finished["narx"]
+    again = mapmore("run", spec, "--runs", run_dir.parent, "--json", "-q")
+    assert set(json.loads(again.stdout)["stages"].values()) == {"up-to-date"}
+    assert mapmore("run", spec, "--runs", tmp_path, "-q").exit_code == 0
+    for name in ("fit.h5", "model.h5", "validate.h5", "scores.csv", "scores.json"):
+        assert (tmp_path / "narx" / name).read_bytes() == (run_dir / name).read_bytes(), name
+
+
+# predict -----------------------------------------------------------------------------------------------------------------------------
+
+
+def measured(run_dir: Path) -> list[dict[str, str]]:
+    """The recordings of a study as one table with canonical names; the gaps are gaps of time here."""
+    rows = []
+    for curve in read_dataset(run_dir / "ingest.h5").curves:
+        columns = {name: curve.columns[name].tolist() for name in ("time", "pressure", "load", "displacement")}
+        rows += [
+            {"recording": curve.id.partition("#")[0], **dict(zip(columns, map(repr, values), strict=True))}
+            for values in zip(*columns.values(), strict=True)
+        ]
+    return rows
+
+
+def predicted(mapmore: Call, run_dir: Path, rows: list[dict[str, str]]) -> tuple[list[float], Any]:
+    """Predictions of a table of rows (NaN for an empty one), and what the command said."""
+    text = "\n".join([",".join(rows[0]), *(",".join(row.values()) for row in rows)]) + "\n"
+    result = mapmore("predict", run_dir / "model.h5", "-", stdin=text)
+    out = list(csv.DictReader(result.stdout.splitlines())) if result.exit_code == 0 else []
+    return [float(row["displacement_predicted"] or "nan") for row in out], result
+
+
+@pytest.mark.parametrize("name", sorted(PLANTED))
+def test_a_table_predicts_what_was_validated(name: str, finished: dict[str, tuple[Path, Path]], mapmore: Call) -> None:
+    run_dir = finished[name][1]
+    found, result = predicted(mapmore, run_dir, measured(run_dir))
+    assert (result.exit_code, result.stderr) == (0, "")
+    wanted = np.concatenate(read_validation(run_dir / "validate.h5").predictions["mapmore"])
+    np.testing.assert_allclose(found, wanted, rtol=1e-11, atol=1e-300)
+    assert np.isnan(wanted).sum() == {"narx": 12, "play": 0}[name]
+
+
+def test_only_the_first_measured_outputs_are_used(finished: dict[str, tuple[Path, Path]], mapmore: Call) -> None:
+    run_dir = finished["narx"][1]
+    rows = measured(run_dir)
+    whole, _ = predicted(mapmore, run_dir, rows)
+    blank = [{**row, "displacement": row["displacement"] if i % GAP < 2 else ""} for i, row in enumerate(rows)]
+    found, _ = predicted(mapmore, run_dir, blank)
+    np.testing.assert_array_equal(found, whole)
+
+
+def test_a_clock_that_is_set_back_begins_a_recording(finished: dict[str, tuple[Path, Path]], mapmore: Call) -> None:
+    run_dir = finished["narx"][1]
+    rows = measured(run_dir)
+    whole, _ = predicted(mapmore, run_dir, rows)
+    nameless = [{key: cell for key, cell in row.items() if key != "recording"} for row in rows]
+    found, _ = predicted(mapmore, run_dir, nameless)
+    np.testing.assert_array_equal(found, whole)
+
+
+def test_a_run_starts_anew_after_an_empty_input(finished: dict[str, tuple[Path, Path]], mapmore: Call) -> None:
+    run_dir = finished["narx"][1]
+    rows = measured(run_dir)[:GAP]
+    rows[70] = {**rows[70], "pressure": ""}
+    found, _ = predicted(mapmore, run_dir, rows)
+    assert [i for i, value in enumerate(found) if math.isnan(value)] == [0, 1, 70, 71, 72]
+    later, _ = predicted(mapmore, run_dir, rows[71:])
+    np.testing.assert_array_equal(found[71:], later)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda rows: [{**row, "time": repr(2 * float(row["time"]))} for row in rows], ["row 3", "0.02 s after the one before", "0.01 s"]),
+        (lambda rows: [*rows[:40], {**rows[40], "time": "0.395"}, *rows[41:]], ["row 42", "only 0.005 s after", "even steps of 0.01 s"]),
+        (lambda rows: [*rows[:1], {**rows[1], "displacement": ""}, *rows[2:]], ["row 3", "displacement is missing", "first 2 samples"]),
+        (lambda rows: [{k: v for k, v in row.items() if k != "displacement"} for row in rows], ["no column 'displacement'"]),
+        (lambda rows: [{k: v for k, v in row.items() if k != "time"} for row in rows], ["no column 'time'"]),
+    ],
+    ids=["other steps", "uneven", "no first output", "no output", "no time"],
+)
+def test_a_table_that_no_run_can_follow_is_refused_with_its_row(
+    change: Callable[[Any], Any], words: list[str], finished: dict[str, tuple[Path, Path]], mapmore: Call
+) -> None:
+    run_dir = finished["narx"][1]
+    _, result = predicted(mapmore, run_dir, change(measured(run_dir)[:GAP]))
+    assert result.exit_code == 4
+    assert all(word in result.stderr for word in ["stdin", *words]), result.stderr
+
+
+def test_the_row_of_a_mistake_counts_recordings_before_it(finished: dict[str, tuple[Path, Path]], mapmore: Call) -> None:
+    run_dir = finished["narx"][1]
+    rows = measured(run_dir)
+    rows[5] = {**rows[5], "pressure": ""}
+    rows[440] = {**rows[440], "time": rows[439]["time"]}
+    _, result = predicted(mapmore, run_dir, rows)
+    assert "stdin:row 442: only 0 s after the one before" in result.stderr
+
+
+def test_a_run_that_diverges_leaves_cells_empty_and_says_where(
+    finished: dict[str, tuple[Path, Path]], tmp_path: Path, mapmore: Call
+) -> None:
+    rows = measured(finished["narx"][1])[:GAP]
+    exploding = [{**row, "pressure": "30"} if i > 50 else row for i, row in enumerate(rows)]
+    found, result = predicted(mapmore, finished["narx"][1], exploding)
+    assert result.exit_code == 0
+    start = next(i for i, value in enumerate(found) if i > 2 and math.isnan(value))
+    assert 52 < start < 80
+    assert np.isnan(found[start:]).all()
+    assert f"warning: stdin:row {start + 2}: the free run diverges" in result.stderr
+
+
+def test_a_grid_has_no_time(finished: dict[str, tuple[Path, Path]], mapmore: Call) -> None:
+    result = mapmore("predict", finished["play"][1] / "model.h5", "--grid", "pressure=0:1:0.5,load=0")
+    assert result.exit_code == 2
+    assert "a grid has no time" in result.stderr
+    assert "time, load, pressure" in result.stderr
+
+
+def test_a_loaded_model_runs_along_a_recording(finished: dict[str, tuple[Path, Path]]) -> None:
+    run_dir = finished["narx"][1]
+    curve = read_dataset(run_dir / "ingest.h5").curves[0]
+    model = mapmore_cli.load_model(run_dir / "model.h5")
+    names = ("time", "load", "pressure", "displacement")
+    values = model(**{name: curve.columns[name] for name in names})
+    np.testing.assert_array_equal(values, read_validation(run_dir / "validate.h5").predictions["mapmore"][0])
+    with pytest.raises(TypeError, match="a function of time, load, pressure, displacement"):
+        model(pressure=[1.0], load=[0.0])
+
+
+# what goes wrong -----------------------------------------------------------------------------------------------------------------------
+
+
+def test_a_diverging_run_has_no_score_and_says_at_which_sample(tmp_path: Path, mapmore: Call) -> None:
+    def growing(pressure: NDArray[np.float64], load: NDArray[np.float64]) -> NDArray[np.float64]:
+        return 1.3 ** np.arange(len(pressure)) * (1e-15 if load[0] < 2 else 1.0)
+
+    spec = write_study(tmp_path, "growth", "dictionary: [{lags: {of: [displacement], steps: [1], constant: false}}]", growing)
+    result = mapmore("run", spec, "--runs", tmp_path / "runs")
+    assert result.exit_code == 0, result.stderr
+    told = [line for line in result.stderr.splitlines() if "diverges" in line]
+    assert len(told) == 2
+    dataset, validation = read_dataset(tmp_path / "runs/growth/ingest.h5"), read_validation(tmp_path / "runs/growth/validate.h5")
+    for line, curve, values in zip(told, dataset.curves[4:], validation.predictions["mapmore"][4:], strict=True):
+        sample = 1 + int(np.argmax(np.isnan(values[1:])))
+        assert f"free run diverges on {curve.id} at sample {sample} ({curve.columns['time'][sample]:g} s)" in line
+    row = scores(tmp_path / "runs/growth")["validate", "all"]
+    assert (row["rrse"], row["rmse"]) == ("", "")
+    assert float(row["rrse_one_step"]) < 1e-9
+
+
+def test_uneven_recordings_are_refused_with_the_remedy(tmp_path: Path, mapmore: Call) -> None:
+    spec = write_study(tmp_path, "uneven", PLAY, hysteresis)
+    file = tmp_path / "uneven_b.csv"
+    file.write_text(file.read_text().replace("\n0.2,", "\n0.195,"))
+    result = mapmore("run", spec, "--runs", tmp_path / "runs", "-q")
+    assert result.exit_code == 4
+    assert "uneven_b#1: sample 20 (at 0.195 s): only 0.005 s after the one before" in result.stderr
+    assert "add `resample: 0.01 s` to `data`" in result.stderr
+    assert mapmore("run", spec, "--runs", tmp_path / "runs", "-q", "--set", "data.resample=0.01 s").exit_code == 0
+
+
+@pytest.mark.parametrize(
+    "family",
+    [
+        f"products: {{of: [{{lags: {{of: [pressure], steps: {list(range(400))}}}}}], order: 3}}",
+        f"lags: {{of: [pressure], steps: {list(range(400))}, order: 3}}",
+        "products: {of: [{play: {of: [pressure], count: 99}}, {slow: {of: [load], count: 99}}], order: 12}",
+    ],
+    ids=["products", "lags", "order 12"],
+)
+def test_a_dictionary_beyond_memory_is_refused_with_numbers(
+    family: str, finished: dict[str, tuple[Path, Path]], tmp_path: Path, mapmore: Call
+) -> None:
+    result = mapmore("fit", finished["play"][0], "--runs", tmp_path, "-q", "--set", f"dictionary=[{{{family}}}]")
+    assert result.exit_code == 4
+    assert "GB of memory for their products alone" in result.stderr
+    assert "may be used" in result.stderr
+    assert not (tmp_path / "play" / "fit.h5").exists()
+
+
+# show ----------------------------------------------------------------------------------------------------------------------------------
+
+
+def test_show_tells_terms_coefficients_and_states(finished: dict[str, tuple[Path, Path]], mapmore: Call, document: Call) -> None:
+    run_dir = finished["play"][1]
+    fit = read_fit(run_dir / "fit.h5").memory
+    assert fit is not None
+    shown = document("show", run_dir / "fit.h5")
+    assert shown["segments"][0]["id"] == "memory"
+    assert shown["segments"][0]["terms"] == shown["memory"]["terms"] == list(fit.model.terms)
+    assert shown["segments"][0]["err"] == fit.selection.err.tolist()
+    assert shown["memory"]["states"]["ranges"] == {"pressure": list(fit.model.states.ranges["pressure"])}
+    shown = document("show", run_dir / "model.h5")
+    assert shown["memory"]["theta"] == fit.model.theta.tolist()
+    text = mapmore("show", run_dir / "model.h5").stdout
+    assert "training range, of which widths are parts" in text
+    assert "Runs free without measured displacement, at steps of 0.01 s." in text
+    text = mapmore("show", finished["narx"][1] / "model.h5").stdout
+    assert "Runs free from the first 2 measured samples of displacement" in text
+
+
+def test_show_tells_the_resonance_and_what_else_would_have_served(tmp_path: Path, mapmore: Call, document: Call) -> None:
+    model = "dictionary: [{terms: [pressure, load]}, {resonance: {of: [pressure]}}]\nfit: {max_terms: 2, ridge: 1e-6, scaling: range}"
+    spec = write_study(tmp_path, "ringing", model, hysteresis)
+    assert mapmore("run", spec, "--runs", tmp_path / "runs", "-q").exit_code == 0
+    file = tmp_path / "runs/ringing/fit.h5"
+    shown = document("show", file)["memory"]
+    hertz, damping = shown["states"]["resonances"]["pressure"]
+    assert len(shown["substitutes"]) == len(shown["terms"]) == 2
+    text = mapmore("show", file).stdout
+    assert "oscillator it drives" in text
+    assert "best substitute" in text
+    assert f"{damping:.4g}"[:4] in text
+    with h5py.File(file) as stored:
+        assert hertz > 0
+        assert "memory" in stored
