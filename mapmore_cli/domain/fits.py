@@ -1,15 +1,11 @@
-"""What a fit leaves behind: scalings, FROLS selections, segment fits, fits of formulas."""
+"""What fitting finds out: scalings, FROLS selections, segment fits, fits of formulas."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.arrays import Array, IntArray
-
-if TYPE_CHECKING:
-    from mapmore_cli.domain.memory import MemoryFit
 
 
 @dataclass(frozen=True)
@@ -141,22 +137,3 @@ class FormulaFit:
     def failed(self) -> bool:
         """True where the fit gave no usable parameters."""
         return self.status == "failed"
-
-
-@dataclass(frozen=True)
-class FitResult:
-    """What the fit stage hands on: the segment functions, fitted to what `backbone` leaves where there is one.
-
-    `fits` is empty where the run's own model is a formula, which is then the backbone, and where one model with `memory` stands in their
-    place.
-    """
-
-    fits: tuple[SegmentFit, ...]
-    backbone: FormulaFit | None = None
-    notes: tuple[str, ...] = ()
-    memory: MemoryFit | None = None
-
-    @property
-    def pieces(self) -> tuple[SegmentFit, ...]:
-        """Everything that terms were chosen for: the segments, or the model with memory as one piece."""
-        return self.fits if self.memory is None else (*self.fits, self.memory.piece)

@@ -10,9 +10,10 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from mapmore_cli.domain.arrays import IntArray
-from mapmore_cli.domain.fits import FitResult, FormulaFit, Segment, SegmentedCurve, SegmentFit
+from mapmore_cli.domain.fits import FormulaFit, Segment, SegmentedCurve, SegmentFit
 from mapmore_cli.domain.models import CurveFunction, Fusion, Model, SegmentFunction, Side
 from mapmore_cli.domain.recording import Curve, Quantity
+from mapmore_cli.domain.results import FitResult
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.backbone import residual_of
 from mapmore_cli.modelling.fusion.alignment import threshold

@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mapmore_cli.domain.fits import FitResult, SegmentedCurve
+from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.models import Equation, Model
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
+from mapmore_cli.domain.results import FitResult
 from mapmore_cli.domain.scores import Validation
 
 MOST_LINES = 7

@@ -8,8 +8,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.domain.fits import FitResult, FormulaFit, SegmentFit
+from mapmore_cli.domain.fits import FormulaFit, SegmentFit
 from mapmore_cli.domain.models import Equation, FoldError
+from mapmore_cli.domain.results import FitResult
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.table import Cell, Column, Table
 

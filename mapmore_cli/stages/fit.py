@@ -34,7 +34,7 @@ def reads(spec: ExperimentSpec) -> Slice:
 
 def run(part: Slice, workspace: Workspace) -> None:
     """Fit the formula where the model has one, then what it leaves: segment by segment, or with memory along whole recordings."""
-    from mapmore_cli.domain.fits import FitResult
+    from mapmore_cli.domain.results import FitResult
     from mapmore_cli.modelling.mapmore import fit
     from mapmore_cli.modelling.segmentation import trained_at
     from mapmore_cli.storage.artefacts import read_dataset, read_segmentation, units_of, write_fit

@@ -6,9 +6,10 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from mapmore_cli.domain.fits import FitResult, FormulaFit, Scaling, Segment, SegmentedCurve, SegmentFit, Selection
+from mapmore_cli.domain.fits import FormulaFit, Scaling, Segment, SegmentedCurve, SegmentFit, Selection
 from mapmore_cli.domain.models import CurveFunction, Equation, Fusion, Model, SegmentFunction
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
+from mapmore_cli.domain.results import FitResult
 from mapmore_cli.domain.scores import Score, Validation
 from mapmore_cli.modelling.fusion import cell_weights, level_weights
 from mapmore_cli.reporting.inputs import Published, ReportInputs

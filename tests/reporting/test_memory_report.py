@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mapmore_cli.domain.fits import FitResult, SegmentedCurve
+from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
+from mapmore_cli.domain.results import FitResult
 from mapmore_cli.domain.scores import Validation
 from mapmore_cli.modelling.forecast import Forecast, forecast
 from mapmore_cli.modelling.memory import MemoryRecipe, fit_with_memory, records_of

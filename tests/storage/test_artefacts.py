@@ -18,9 +18,10 @@ from hypothesis import strategies as st
 from stored_records import DATASETS, FITS, MODELS, SEGMENTATIONS, VALIDATIONS, same
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.fits import FitResult, FormulaFit, Scaling, Segment, SegmentedCurve, SegmentFit, Selection
+from mapmore_cli.domain.fits import FormulaFit, Scaling, Segment, SegmentedCurve, SegmentFit, Selection
 from mapmore_cli.domain.models import CurveFunction, Fusion, Model, SegmentFunction
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
+from mapmore_cli.domain.results import FitResult
 from mapmore_cli.domain.scores import Validation
 from mapmore_cli.storage import artefacts
 from mapmore_cli.storage.artefacts import layout

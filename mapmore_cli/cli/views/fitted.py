@@ -9,8 +9,9 @@ from mapmore_cli.cli.views import remembering
 from mapmore_cli.cli.views.view import View
 
 if TYPE_CHECKING:
-    from mapmore_cli.domain.fits import FitResult, FormulaFit, SegmentFit, Selection
+    from mapmore_cli.domain.fits import FormulaFit, SegmentFit, Selection
     from mapmore_cli.domain.models import CurveFunction, Fusion, Model, SegmentFunction
+    from mapmore_cli.domain.results import FitResult
 
 
 def of_fit(result: FitResult) -> View:

@@ -11,9 +11,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from mapmore_cli.domain.fits import FitResult, SegmentedCurve
+from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.domain.results import FitResult
 from mapmore_cli.domain.scores import Validation
 from mapmore_cli.storage.artefacts.files import DATASET_FILE, FIT_FILE, MODEL_FILE, SEGMENTATION_FILE, VALIDATION_FILE, kind_of
 from mapmore_cli.storage.artefacts.layout import SegmentationFile

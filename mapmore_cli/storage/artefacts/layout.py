@@ -10,10 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mapmore_cli.domain.fits import FitResult, FormulaFit, Scaling, Segment, SegmentedCurve, SegmentFit, Selection
+from mapmore_cli.domain.fits import FormulaFit, Scaling, Segment, SegmentedCurve, SegmentFit, Selection
 from mapmore_cli.domain.memory import MemoryFit, MemoryModel, StateSet
 from mapmore_cli.domain.models import CurveFunction, FoldError, Fusion, Model, SegmentFunction, Side, Signal
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
+from mapmore_cli.domain.results import FitResult
 from mapmore_cli.domain.scores import Score, Validation
 from mapmore_cli.storage.artefacts.codecs import adapted, added, named, number, numbered, numbers, optional, pairs, text, texts
 from mapmore_cli.storage.artefacts.label import NO_UNIT
