@@ -111,10 +111,8 @@ def tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
     }
 
 
-def main(runs: Path) -> None:
-    """Replace every table of the page."""
-    page = DOCS / "measured-static.md"
-    found = tables(runs)
+def write_tables(page: Path, found: Mapping[str, Callable[[], Table]]) -> None:
+    """Replace every table of a page by the one found of its name."""
 
     def table(match: re.Match[str]) -> str:
         return f"{match[1]}\n{to_markdown(found[match[2]]())}{match[3]}"
@@ -124,4 +122,4 @@ def main(runs: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    write_tables(DOCS / "measured-static.md", tables(Path(sys.argv[1])))

@@ -123,13 +123,18 @@ class ReportInputs:
 
     @property
     def in_curve(self) -> Quantity:
-        """The quantity that varies within a curve: the first segmented one, else the first varying input that is not the level."""
-        free = [q for q in self.model.inputs if q.name != self.model.level and self._varies(q.name)]
-        name = self.model.variables[0] if self.model.variables else (free or self.model.inputs)[0].name
+        """The quantity that varies within a curve: the first segmented one, else the input of which a curve covers most."""
+        free = [q.name for q in self.model.inputs if q.name != self.model.level] or [q.name for q in self.model.inputs]
+        name = self.model.variables[0] if self.model.variables else max(free, key=self._covered)
         return self.dataset.quantities[name]
 
-    def _varies(self, name: str) -> bool:
-        return any(bool(np.ptp(curve.columns[name]) > 0) for curve in self.dataset.curves if curve.size and name in curve.columns)
+    def _covered(self, name: str) -> float:
+        """How much of the range of a quantity one curve covers, in the mean: little of what is held, if not quite, within each."""
+        columns = [curve.columns[name] for curve in self.dataset.curves if curve.size and name in curve.columns]
+        if not columns:
+            return 0.0
+        whole = float(np.ptp([end for column in columns for end in (column.min(), column.max())]))
+        return round(float(np.mean([np.ptp(column) for column in columns])) / whole, 2) if whole > 0 else 0.0
 
     @property
     def all_notes(self) -> tuple[str, ...]:

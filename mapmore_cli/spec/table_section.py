@@ -57,13 +57,15 @@ class FileEntry(Section):
 class Column(Section):
     """Where a quantity comes from: a `column` by name, 0-based index or address, as `value * scale + offset` in `unit`.
 
-    An address leads into MAT and HDF5 files, as `run.P` or `y[:,0]`; a TDMS channel is `Group/Channel`.
+    An address leads into MAT and HDF5 files, as `run.P` or `y[:,0]`; a TDMS channel is `Group/Channel`. Where every recording has a zero of
+    its own, `rest` is how long it rests at its beginning: the mean over that time is taken off.
     """
 
     column: Annotated[Annotated[str, Text] | Annotated[int, Number], by_shape]
     unit: str | None = None
     scale: float = 1.0
     offset: InColumnUnit = 0.0
+    rest: Seconds | None = None
 
 
 class Table(Section):
@@ -72,7 +74,7 @@ class Table(Section):
     `files` are globs that start at the folder of the spec. `header` is the number of header lines (`true` is one), the first with the
     names, after `skip_rows` lines. `delimiter` is a character, `tab` or `whitespace`. `sheet` names the sheet of a workbook, `root`
     the place in a MAT or HDF5 file from which columns are addressed: with `[*]` at its end every element is a recording of its own.
-    `sample_time` makes the time where no column holds it.
+    `sample_time` makes the time where no column holds it. Of so many samples, `every` reads the first.
     """
 
     files: Annotated[
@@ -89,6 +91,7 @@ class Table(Section):
     root: str | None = None
     columns: Annotated[dict[Quantity, Column], Field(min_length=1)]
     sample_time: Seconds | None = None
+    every: Annotated[int, Field(ge=1)] = 1
 
     @model_validator(mode="after")
     def _reader_has_use(self) -> Table:
@@ -100,6 +103,8 @@ class Table(Section):
             raise contradiction("reader `tdms` finds channels by name", "write `column: Group/Channel`", "columns")
         if self.sample_time is not None and "time" in self.columns:
             raise contradiction("`time` is a column, and `sample_time` makes it as well", "keep one of both", "sample_time")
+        if self.sample_time is None and "time" not in self.columns and any(column.rest is not None for column in self.columns.values()):
+            raise contradiction("`rest` needs the time", "add `time` to `columns`, or `sample_time`", "columns")
         return self
 
     @model_validator(mode="after")

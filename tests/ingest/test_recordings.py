@@ -32,6 +32,38 @@ def test_without_levels_every_recording_is_a_curve(ingest: Ingest) -> None:
     assert (dataset.target, dataset.recordings[0].source) == ("force", "a.csv")
 
 
+def test_every_recording_counts_from_where_it_rests(ingest: Ingest) -> None:
+    """The mean over the first seconds is taken off, in the model's unit; values that are missing do no harm."""
+    columns = {**COLUMNS, "force": {"column": "F", "unit": "kN", "scale": 2.0, "offset": 1.0, "rest": 0.25}}
+    first = csv_text(t=[5, 5.1, 5.2, 5.3, 5.4], P=80, eps=0, F=[0.1, np.nan, 0.3, 0.7, 0.2])
+    second = csv_text(t=[0, 0.1, 0.2, 0.3], P=80, eps=0, F=[9, 9, 9, 8])
+    one, other = ingest({"a.csv": first, "b.csv": second}, columns=columns, missing="drop", units={"time": "ms"}).curves
+    np.testing.assert_allclose(one.columns["force"], [-200, 200, 1000, 0], atol=1e-9)
+    np.testing.assert_allclose(other.columns["force"], [0, 0, 0, -2000], atol=1e-9)
+
+
+def test_a_recording_without_values_at_rest_is_refused(ingest: Ingest) -> None:
+    columns = {**COLUMNS, "force": {"column": "F", "rest": 0.15}}
+    with pytest.raises(DataError, match=r"a\.csv: force has no value in the first 0\.15 s") as refused:
+        ingest({"a.csv": csv_text(t=[0, 0.1, 0.2], P=80, eps=0, F=[np.nan, np.nan, 1])}, columns=columns, missing="drop")
+    assert "rest" in refused.value.remedy
+
+
+@given(every=st.integers(1, 7), samples=st.integers(1, 30))
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_of_so_many_samples_the_first_is_read(ingest: Ingest, every: int, samples: int) -> None:
+    """Their time stays that of the file, made or measured; a second log is thinned by itself and paired row by row."""
+    force = np.arange(samples) ** 2.0
+    made = {"columns": {"pressure": {"column": "P"}, "strain": {"column": "eps"}}, "sample_time": 0.5, "every": every}
+    join = [{"files": ["b.csv"], "columns": {"force": {"column": "F"}}, "on": "row", "every": every}]
+    logs = {"a.csv": csv_text(P=np.full(samples, 80.0), eps=0), "b.csv": csv_text(F=force)}
+    dataset = ingest(logs, files=["a.csv"], join=join, **made)
+    (curve,) = dataset.curves
+    np.testing.assert_array_equal(curve.columns["time"], 0.5 * np.arange(samples)[::every])
+    np.testing.assert_array_equal(curve.columns["force"], force[::every])
+    assert dict(dataset.recordings[0].dropped) == {}
+
+
 def test_time_is_not_needed(ingest: Ingest) -> None:
     columns = {name: column for name, column in COLUMNS.items() if name != "time"}
     assert "time" not in ingest({"a.csv": steps(80)}, columns=columns).curves[0].columns

@@ -20,7 +20,7 @@ from mapmore_cli.reporting.inputs import ReportInputs
 
 MOST_RECORDINGS = 3
 MOST_RIVALS = 2
-POINTS_A_PATH = 1500
+POINTS_A_PATH = 600
 
 
 def loop_figures(inputs: ReportInputs) -> list[Drawing]:

@@ -38,16 +38,30 @@ def read_tables(log: Log, table: Table, missing: str, units: Mapping[str, str], 
 
 
 def _in_model_units(raw: RawTable, table: Table, units: Mapping[str, str]) -> Samples:
-    """Return `value * scale + offset`, converted from the column's unit to the model's."""
+    """Return `value * scale + offset`, converted from the column's unit to the model's, less its mean at rest."""
+    taken = slice(None, None, table.every)
     columns: dict[str, Array] = {}
     for name, column in table.columns.items():
-        values = raw.columns[column.column]
+        values = raw.columns[column.column][taken]
         if (column.scale, column.offset) != (1.0, 0.0):  # else the column itself: long recordings are not copied without need
             values = values * column.scale + column.offset
         columns[name] = values if column.unit is None else convert(values, column.unit, units[name])
     if table.sample_time is not None:
-        columns["time"] = np.arange(len(raw.rows), dtype=np.float64) * convert(table.sample_time, "s", units["time"])
-    return Samples(raw.label, raw.place, raw.rows, columns, {}, raw.element)
+        columns["time"] = np.arange(len(raw.rows), dtype=np.float64)[taken] * convert(table.sample_time, "s", units["time"])
+    for name, column in table.columns.items():
+        if column.rest is not None:
+            rest = _mean_at_rest(columns[name], columns["time"], convert(column.rest, "s", units["time"]))
+            if rest is None:
+                raise DataError(f"{raw.label}: {name} has no value in the first {column.rest:g} s", "Lengthen `rest`, or mend the file.")
+            columns[name] = columns[name] - rest
+    return Samples(raw.label, raw.place, raw.rows[taken], columns, {}, raw.element)
+
+
+def _mean_at_rest(values: Array, time: Array, rest: float) -> float | None:
+    """The mean over the first `rest` of a recording; None where there is no value in it."""
+    first = next(iter(time[np.isfinite(time)]), np.nan)
+    resting = np.isfinite(values) & (time - first <= rest)
+    return float(values[resting].mean()) if resting.any() else None
 
 
 def without_missing(samples: Samples, table: Table, missing: str) -> Samples:

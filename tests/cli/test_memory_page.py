@@ -1,0 +1,116 @@
+"""docs/memory.md says what the runs say: its tables fit each other, and some of the runs are done again.
+
+`test_shipped_studies` runs the studies that are no campaigns and holds them against the page.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import pytest
+from page_tables import MEMORY, numbers, page_table
+from test_shipped_studies import CONFIGS, NRMSE
+
+from mapmore_cli.spec.campaign import Campaign, Entry, load_campaign
+from mapmore_cli.spec.loader import load
+from mapmore_cli.storage.artefacts import read_model
+
+DIGITS = 0.006  # three of them
+AGAIN = {"coiled": ["loops-2-200g", "steps-2-500g"], "coiled_loads": ["loads-2-400g-from-300g-500g"]}
+"""Runs of the campaigns that are done again: one that needs no cutting, one that does, and one of another load."""
+
+
+def campaign(name: str) -> tuple[Campaign, dict[str, Entry]]:
+    """A shipped campaign, its runs by their names."""
+    spec, entries = load_campaign(CONFIGS / "campaigns" / f"{name}.yaml")
+    return spec, {str(variant.name): entry for variant, entry in zip(spec.runs, entries, strict=True)}
+
+
+def rows_of(table: str) -> dict[str, dict[str, float]]:
+    """NRMSE in per cent of the runs of a campaign, by run and model."""
+    _, runs = campaign(table)
+    found = page_table(table, MEMORY)
+    return {name: numbers(found[name]) for name in runs}
+
+
+def nrmse(mapmore: Callable[..., Any], entry: Entry, runs: Path) -> float:
+    """NRMSE in per cent of a run's own model on what was held out."""
+    overrides = [part for override in entry.overrides for part in ("--set", override)]
+    result = mapmore("validate", entry.config, "--runs", runs, "--json", "-q", *overrides, "--set", "validate.against=[]")
+    assert result.exit_code == 0, result.stderr
+    rows = json.loads(result.stdout)["scores"]
+    keys = ("mapmore", "validate", "all")
+    return next(100 * row["nrmse"] for row in rows if (row["model"], row["split"], row["curve"]) == keys)
+
+
+def test_the_worked_spec_is_one(tmp_path: Path) -> None:
+    block = re.search(r"```yaml\n(.*?)```", MEMORY.read_text(encoding="utf-8"), re.DOTALL)
+    assert block
+    (tmp_path / "spec.yaml").write_text(block[1])
+    assert load(tmp_path / "spec.yaml").spec.has_memory
+
+
+@pytest.mark.parametrize("name", AGAIN)
+def test_every_run_is_shown_with_the_median_and_the_worst_of_its_group(name: str) -> None:
+    spec, _ = campaign(name)
+    rows, table = rows_of(name), page_table(name, MEMORY)
+    for group in {str(variant.group) for variant in spec.runs}:
+        members = [rows[str(variant.name)] for variant in spec.runs if variant.group == group]
+        for model, told in numbers(table[f"{group}: median"]).items():
+            assert told == pytest.approx(median(row[model] for row in members), rel=2 * DIGITS)
+        for model, told in numbers(table[f"{group}: worst"]).items():
+            assert told == max(row[model] for row in members)
+
+
+@pytest.mark.parametrize("group", ["steps", "loops"])
+def test_one_setting_keeps_the_limits_on_both_sets(group: str) -> None:
+    """At most 12 terms: 4 % in the median, 10 % at worst; below every competitor in the median."""
+    table = page_table("coiled", MEMORY)
+    typical, worst = numbers(table[f"{group}: median"]), numbers(table[f"{group}: worst"])
+    assert typical["mapmore"] <= 4
+    assert worst["mapmore"] <= 10
+    assert all(typical["mapmore"] < told for model, told in typical.items() if model not in ("mapmore", "repeatability"))
+
+
+def test_the_campaign_has_every_record_and_one_fragment() -> None:
+    spec, runs = campaign("coiled")
+    assert [sum(variant.group == group for variant in spec.runs) for group in ("steps", "loops")] == [10, 5]
+    assert {entry.config.name for entry in runs.values()} == {"coiled_steps.yaml", "coiled_loops.yaml"}
+    assert all(set(variant.set) <= {"data.files"} for variant in spec.runs)
+
+
+@pytest.mark.parametrize(("table", "name"), [(table, name) for table, names in AGAIN.items() for name in names])
+def test_a_run_gives_what_the_page_says(table: str, name: str, tmp_path: Path, mapmore: Callable[..., Any], measured_data: Path) -> None:
+    _, runs = campaign(table)
+    assert nrmse(mapmore, runs[name], tmp_path) == pytest.approx(rows_of(table)[name]["mapmore"], rel=0.02)
+
+
+def test_the_true_terms_of_the_simulated_record(tmp_path: Path, mapmore: Callable[..., Any], measured_data: Path) -> None:
+    result = mapmore("fuse", CONFIGS / "identification" / "data_for_testing.yaml", "--runs", tmp_path, "-q")
+    assert result.exit_code == 0, result.stderr
+    model = read_model(tmp_path / "data_for_testing" / "model.h5").memory
+    assert model is not None
+    truth = {"x[k-2]": 0.6, "y[k-2]": -0.5, "x[k-1]*y[k-1]": 0.7, "x[k-2]*y[k-2]": -0.7, "y[k-1]^2": 0.2}
+    assert dict(zip(model.terms, model.theta, strict=True)) == pytest.approx(truth, abs=1e-6)
+
+
+def test_identification_records_run_as_freely_as_the_peers() -> None:
+    rows = page_table("identification", MEMORY)
+    for name in ("buck", "motor_generator"):
+        row = numbers(rows[name])
+        assert row["RRSE, free run"] == pytest.approx(row["peer's"], rel=0.005)
+        assert row["RRSE, one step"] == pytest.approx(row["peer's one step"], rel=0.005)
+
+
+def test_inner_reversals_are_shown_as_they_run() -> None:
+    for name, row in page_table("reversals", MEMORY).items():
+        if name not in NRMSE:
+            continue
+        errors = numbers(row)
+        assert errors == pytest.approx({model: 100 * told for model, told in NRMSE[name].items()}, rel=0.01)
+        assert all(errors["mapmore"] < told for model, told in errors.items() if model != "mapmore")
