@@ -36,6 +36,10 @@ def test_the_clean_study_has_no_issues(tmp_path: Path) -> None:
     assert inspection.dataset is not None
 
 
+def test_a_clean_study_of_memory_has_no_issues(tmp_path: Path) -> None:
+    assert inspected(tmp_path, **MEMORY).issues == ()
+
+
 def longer(level: float, factor: float) -> Spoil:
     return lambda at, columns: scaled(eps=factor)(at, columns) if at == level else columns
 
@@ -52,6 +56,7 @@ def held_out(**condition: Any) -> dict[str, Any]:
 ONE_LEVEL = {"data": {"levels": {"at": [100.0], "within": 50.0}, "split": None}}
 BY_FILE = {"data": {"levels": None, "split": {"validate": {"files": ["level_300.csv"]}}}}
 THREE_LEVELS = {"data": {"levels": {"at": [100, 200, 400]}}}
+MEMORY = {**BY_FILE, "segment": {}, "dictionary": [{"slow": {"of": ["strain"], "tau": [0.5]}}, {"terms": ["pressure"]}]}
 FIRST_SAMPLES = {"data": {"keep": [{"quantity": "strain", "below": 0.008}]}, "segment": {}}
 
 
@@ -75,6 +80,9 @@ FIRST_SAMPLES = {"data": {"keep": [{"quantity": "strain", "below": 0.008}]}, "se
         ("validation-outside", "warning", longer(200, 1.5), held_out(pressure=[200], strain={"between": [[0.1, 0.4]]})),
         ("many-dropped", "warning", scaled(), ONE_LEVEL),
         ("few-kept", "hint", scaled(), FIRST_SAMPLES),
+        ("memory-breaks", "warning", lambda _, c: {name: np.delete(values, slice(20, 25)) for name, values in c.items()}, MEMORY),
+        ("uneven-steps", "error", lambda _, c: {**c, "t": c["t"] + 0.03 * (np.arange(60) % 2)}, MEMORY),
+        ("uneven-steps", "error", lambda level, c: {**c, "t": c["t"] * (2 if level == 400 else 1)}, MEMORY),
     ],
 )
 def test_a_rule_speaks_of_what_it_is_made_for(tmp_path: Path, id_: str, severity: str, spoil: Spoil, spec: dict[str, Any]) -> None:

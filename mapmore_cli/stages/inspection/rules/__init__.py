@@ -5,7 +5,7 @@ What the readers and the spec refuse by themselves is no business of a rule.
 
 from __future__ import annotations
 
-from mapmore_cli.stages.inspection.rules import levels, samples, units
+from mapmore_cli.stages.inspection.rules import levels, memory, samples, units
 from mapmore_cli.stages.inspection.subject import Rule
 
 OF_RECORDINGS: tuple[Rule, ...] = (
@@ -28,5 +28,6 @@ OF_CURVES: tuple[Rule, ...] = (
     samples.many_dropped,
     samples.unsettled,
     samples.slack_foot,
+    memory.even_steps,
 )
 """Rules that need the curves."""
