@@ -2,9 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
 import typer
 
-from mapmore_cli.cli.options import NO_OVERRIDES, AsJson, Config, Overrides, Quiet
+from mapmore_cli.cli.exits import exit_code
+from mapmore_cli.cli.options import NO_OVERRIDES, AsJson, Overrides, Quiet
+from mapmore_cli.domain.errors import MapmoreError
+
+if TYPE_CHECKING:
+    from mapmore_cli.cli.progress import Reporter
+    from mapmore_cli.spec.campaign import Entry
+    from mapmore_cli.stages.inspection.lint import Inspection
 
 
 def add_to(app: typer.Typer) -> None:
@@ -13,21 +23,41 @@ def add_to(app: typer.Typer) -> None:
 
 
 def check(
-    config: Config,
+    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="Experiment spec or campaign (YAML).", show_default=False)],
     overrides: Overrides = NO_OVERRIDES,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Check a spec and its data; compute nothing."""
+    """Check a spec and its data, or those of every run of a campaign; compute nothing."""
+    from mapmore_cli.cli.campaigns import expanded
     from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.cli.views import inspected
+
+    campaigns, entries = expanded([config], overrides)
+    with Reporter(quiet) as reporter:
+        if not campaigns:
+            name, inspection = _inspected(entries[0], reporter)
+            print_view(inspected.of_inspection(inspection).under({"name": name}), as_json)
+            if inspection.verdict is not None:
+                raise inspection.verdict
+            return
+        results: dict[str, Inspection | MapmoreError] = {}
+        for number, (run, entry) in enumerate(zip(campaigns[0].names, entries, strict=True)):
+            reporter.progress("runs", number, len(entries))
+            try:
+                results[run] = _inspected(entry, reporter)[1]
+            except MapmoreError as fault:
+                results[run] = fault
+    print_view(inspected.of_campaign(results).under({"campaign": campaigns[0].campaign.campaign}), as_json)
+    verdicts = [result if isinstance(result, MapmoreError) else result.verdict for result in results.values()]
+    if code := max((exit_code(verdict) for verdict in verdicts if verdict is not None), default=0):
+        raise typer.Exit(code)
+
+
+def _inspected(entry: Entry, reporter: Reporter) -> tuple[str, Inspection]:
     from mapmore_cli.spec.loader import load
     from mapmore_cli.stages.inspection.lint import inspect
 
-    loaded = load(config, overrides)
-    with Reporter(quiet) as reporter:
-        inspection = inspect(loaded, progress=reporter.progress, warn=reporter.warn)
-    print_view(inspected.of_inspection(inspection).under({"name": loaded.spec.name}), as_json)
-    if inspection.verdict is not None:
-        raise inspection.verdict
+    loaded = load(entry.config, entry.overrides)
+    return loaded.spec.name, inspect(loaded, progress=reporter.progress, warn=reporter.warn)

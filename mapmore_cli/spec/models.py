@@ -339,6 +339,13 @@ class ExperimentSpec(Section):
 
     @model_validator(mode="before")
     @classmethod
+    def _no_campaign(cls, given: Any) -> Any:
+        if isinstance(given, dict) and "campaign" in given:
+            raise contradiction("this is a campaign of several runs, not an experiment", "run it with `mapmore batch`", "campaign")
+        return given
+
+    @model_validator(mode="before")
+    @classmethod
     def _by_choice(cls, given: Any) -> Any:
         """Defaults that depend on the target and on the terms."""
         if not isinstance(given, dict):

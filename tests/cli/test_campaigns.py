@@ -81,6 +81,27 @@ def test_wrong_campaigns(campaign: Path, old: str, new: str, words: list[str], m
         assert word in result.stderr
 
 
+def test_every_run_of_a_campaign_is_checked(campaign: Path, mapmore: Callable[..., Any]) -> None:
+    result = mapmore("check", campaign)
+    assert result.exit_code == 4
+    assert "one: no issues" in result.stdout
+    assert "two: no issues" in result.stdout
+    assert "none_*.csv" in result.stdout
+    document = json.loads(mapmore("check", campaign, "--json").stdout)
+    assert document["campaign"] == "sweep"
+    assert document["runs"]["one"] == {"issues": []}
+    assert "none_*.csv" in document["runs"]["broken"]["error"]
+    sound = mapmore("check", campaign, "--set", "data.files=[bench_*.csv]")
+    assert (sound.exit_code, sound.stdout) == (0, "one: no issues\ntwo: no issues\nbroken: no issues\n")
+
+
+def test_a_campaign_is_no_experiment(campaign: Path, mapmore: Callable[..., Any]) -> None:
+    result = mapmore("run", campaign)
+    assert result.exit_code == 3
+    for word in ("sweep.yaml:1:1", "campaign", "mapmore batch"):
+        assert word in result.stderr
+
+
 def test_two_campaigns_are_both_shown(campaign: Path, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
     other = tmp_path / "other.yaml"
     other.write_text(
