@@ -24,7 +24,7 @@ QUANTITIES = {q.name: q for q in (Quantity("time", "s"), Quantity("load", "N"), 
 
 def report_of(dictionary, *, ridge=0.0, scale=False, held=0.5):
     """A muscle that lags behind its pressure; the later part of the record is held out."""
-    n = 1200
+    n = 590
     time = np.arange(n) * STEP
     pressure = 300 + 200 * np.sin(2 * np.pi * time / 3) + 60 * np.sin(2 * np.pi * time / 0.7)
     motion = np.zeros(n)
