@@ -62,12 +62,12 @@ def runs_at(needs: Sequence[str | Variation], loaded: LoadedSpec, heirs: tuple[P
 
 
 def _varied(loaded: LoadedSpec, variation: Variation) -> LoadedSpec:
-    """The spec with other settings."""
+    """The spec with other settings, and without competitors: it is one, and those of the spec may not suit it."""
     from mapmore_cli.spec.loader import load
     from mapmore_cli.spec.overrides import as_overrides
 
-    name = as_overrides({"name": f"{loaded.spec.name}.{variation.name}"})
+    own = as_overrides({"name": f"{loaded.spec.name}.{variation.name}", "validate.against": []})
     try:
-        return load(loaded.path, (*loaded.overrides, *variation.overrides, *name))
+        return load(loaded.path, (*loaded.overrides, *variation.overrides, *own))
     except SpecError as error:
         raise SpecError(f"{loaded.path}: as `{variation.name}`, with other settings: {error.message}", error.remedy) from error
