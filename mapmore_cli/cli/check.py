@@ -28,7 +28,7 @@ def check(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Check a spec and its data, or those of every run of a campaign; compute nothing."""
+    """Check a spec and its data, or a campaign; compute nothing."""
     from mapmore_cli.cli.campaigns import expanded
     from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.progress import Reporter

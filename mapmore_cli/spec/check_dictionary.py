@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean
-from mapmore_cli.spec.dictionary_section import Delays, Family, Lags, Polynomial, Products, entries_of, texts_in
-from mapmore_cli.spec.models import ExperimentSpec
+from mapmore_cli.spec.experiment import ExperimentSpec
+from mapmore_cli.spec.sections.dictionary import Delays, Family, Lags, Polynomial, Products, entries_of, texts_in
 from mapmore_cli.spec.tree import Loc
 
 if TYPE_CHECKING:

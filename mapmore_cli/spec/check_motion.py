@@ -6,9 +6,11 @@ from collections.abc import Iterator
 
 from mapmore_cli.domain.recording import DIRECTION
 from mapmore_cli.spec.check_study import formula_uses
-from mapmore_cli.spec.data_section import STEP_OF
 from mapmore_cli.spec.diagnostics import Finding
-from mapmore_cli.spec.models import Competitor, Directions, ExperimentSpec
+from mapmore_cli.spec.experiment import ExperimentSpec
+from mapmore_cli.spec.sections.data import STEP_OF
+from mapmore_cli.spec.sections.segment import Directions
+from mapmore_cli.spec.sections.validate import Competitor
 
 
 def needed_runs(spec: ExperimentSpec) -> Iterator[Finding]:

@@ -9,7 +9,11 @@ from dataclasses import dataclass
 from mapmore_cli.domain.recording import DIRECTION
 from mapmore_cli.spec.check_dictionary import word
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean
-from mapmore_cli.spec.models import Direction, Directions, ExperimentSpec, FileEntry, Keep, Rate, TargetColumn
+from mapmore_cli.spec.experiment import ExperimentSpec, TargetColumn
+from mapmore_cli.spec.sections.data import Direction, Rate
+from mapmore_cli.spec.sections.keep import Keep
+from mapmore_cli.spec.sections.segment import Directions
+from mapmore_cli.spec.sections.table import FileEntry
 from mapmore_cli.spec.tree import Loc
 
 NO_TIME = "add `time` to `columns`, or `sample_time` to `data`"

@@ -12,10 +12,10 @@ from pydantic import BaseModel, ValidationError
 from mapmore_cli.spec import semantics
 from mapmore_cli.spec.diagnostics import Finding, Problem, locate, new_places, raise_if_any
 from mapmore_cli.spec.environment import escape
+from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.explain import explain, faulty
 from mapmore_cli.spec.fields import PARTIAL
 from mapmore_cli.spec.inherit import read
-from mapmore_cli.spec.models import ExperimentSpec
 from mapmore_cli.spec.overrides import apply
 from mapmore_cli.spec.quantities import resolve
 from mapmore_cli.spec.tree import Loc, Node, nearest, plain, without

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from mapmore_cli.spec import check_dictionary, check_memory, check_motion, check_names, check_study
 from mapmore_cli.spec.diagnostics import Finding
-from mapmore_cli.spec.models import ExperimentSpec
+from mapmore_cli.spec.experiment import ExperimentSpec
 
 CHECKS = (
     check_names.names,

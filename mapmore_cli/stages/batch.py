@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.scores import Validation
-    from mapmore_cli.spec.models import Published
+    from mapmore_cli.spec.sections.report import Published
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.spec.dictionary_section import (
+from mapmore_cli.spec.sections.dictionary import (
     Delays,
     DictionaryEntry,
     Lags,

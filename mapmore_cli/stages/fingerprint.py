@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from mapmore_cli.spec.models import ExperimentSpec
+from mapmore_cli.spec.experiment import ExperimentSpec
 
 LONGEST_VALUE = 60
 """Characters of a value that a difference shows."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from mapmore_cli.spec.models import ExperimentSpec
+from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.stages.ingestion.files import find_sources
 from mapmore_cli.stages.ingestion.slice import IngestSlice, slice_of
 from mapmore_cli.stages.stage import Stage, Workspace

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Literal
 
-from mapmore_cli.spec.data_section import STEP_OF, STEP_PRESSURE
-from mapmore_cli.spec.dictionary_section import remembers
-from mapmore_cli.spec.models import BelowAbove, Cuts, DictionaryEntry, Directions, Fit, Fuse, Levels
+from mapmore_cli.spec.sections.data import STEP_OF, STEP_PRESSURE, Levels
+from mapmore_cli.spec.sections.dictionary import DictionaryEntry, remembers
+from mapmore_cli.spec.sections.fit import Fit
+from mapmore_cli.spec.sections.fuse import BelowAbove, Fuse
+from mapmore_cli.spec.sections.segment import Cuts, Directions
 from mapmore_cli.stages.dictionary import terms_of
 
 if TYPE_CHECKING:

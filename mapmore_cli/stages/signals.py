@@ -6,7 +6,9 @@ import graphlib
 from collections.abc import Mapping
 
 from mapmore_cli.domain.models import Signal
-from mapmore_cli.spec.models import Direction, Directions, ExperimentSpec, Rate
+from mapmore_cli.spec.experiment import ExperimentSpec
+from mapmore_cli.spec.sections.data import Direction, Rate
+from mapmore_cli.spec.sections.segment import Directions
 from mapmore_cli.spec.units import convert, default_unit
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from mapmore_cli.spec.models import ExperimentSpec
+from mapmore_cli.spec.experiment import ExperimentSpec
 
 Progress = Callable[[str, int, int], None]
 """`progress(what, done, total)`: called as long work goes on."""

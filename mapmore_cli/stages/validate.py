@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mapmore_cli.spec.models import Competitor, ExperimentSpec
+from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.overrides import as_overrides
+from mapmore_cli.spec.sections.validate import Competitor
 from mapmore_cli.stages.stage import Stage, Variation, Workspace
 
 if TYPE_CHECKING:

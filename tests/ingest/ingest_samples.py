@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mapmore_cli.domain.recording import Dataset
-from mapmore_cli.spec.models import ExperimentSpec
+from mapmore_cli.spec.experiment import ExperimentSpec
 
 COLUMNS = {
     "time": {"column": "t", "unit": "s"},

@@ -9,21 +9,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from spec_examples import FORMULA, GOOD, LOGS, MEASURED, STATIC, load_text
 
+from mapmore_cli.spec.experiment import ExperimentSpec
+from mapmore_cli.spec.fields import Section
 from mapmore_cli.spec.loader import load, load_as, resolved
-from mapmore_cli.spec.models import (
-    BelowAbove,
-    Between,
-    Competitor,
-    Cuts,
-    ExperimentSpec,
-    FileEntry,
-    Gaps,
-    Holdout,
-    Keep,
-    Levels,
-    Rate,
-    Section,
-)
+from mapmore_cli.spec.sections.data import Between, Gaps, Holdout, Levels, Rate
+from mapmore_cli.spec.sections.fuse import BelowAbove
+from mapmore_cli.spec.sections.keep import Keep
+from mapmore_cli.spec.sections.segment import Cuts
+from mapmore_cli.spec.sections.table import FileEntry
+from mapmore_cli.spec.sections.validate import Competitor
 
 PROJECT = Path(__file__).resolve().parents[2]
 SHIPPED = sorted(

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from spec_examples import load_text, refusal
 
-from mapmore_cli.spec.models import Directions
+from mapmore_cli.spec.sections.segment import Directions
 from mapmore_cli.stages.recipes import recipe_of
 from mapmore_cli.stages.signals import signals_of, units_of
 

@@ -10,7 +10,7 @@ from mapmore_cli.cli.views.view import View
 if TYPE_CHECKING:
     from mapmore_cli.domain.scores import Validation
     from mapmore_cli.reporting.tables import Table
-    from mapmore_cli.spec.models import Published
+    from mapmore_cli.spec.sections.report import Published
 
 
 def of_scores(validation: Validation, published: Published | None = None) -> View:

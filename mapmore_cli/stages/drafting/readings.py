@@ -11,7 +11,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.recording import Dataset
-from mapmore_cli.spec.models import Data
+from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.spec.units import default_unit
 from mapmore_cli.stages.drafting.groups import Group
 from mapmore_cli.stages.ingestion.dataset import build_dataset

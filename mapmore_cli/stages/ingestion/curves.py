@@ -12,7 +12,7 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve, Recording
 from mapmore_cli.modelling.signals.cycles import split_cycles
 from mapmore_cli.modelling.signals.levels import default_within, find_levels, match_levels
-from mapmore_cli.spec.models import Cycles, Levels
+from mapmore_cli.spec.sections.data import Cycles, Levels
 from mapmore_cli.stages.ingestion.samples import located
 from mapmore_cli.stages.ingestion.steps import PLATEAU
 

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import Dataset, Quantity, Recording
-from mapmore_cli.spec.models import Data, FileEntry
+from mapmore_cli.spec.sections.data import Data
+from mapmore_cli.spec.sections.table import FileEntry
 from mapmore_cli.stages.ingestion.curves import cut_by_level, join_branches, joined_curves, level_set
 from mapmore_cli.stages.ingestion.files import Source, find_sources
 from mapmore_cli.stages.ingestion.meter import Meter

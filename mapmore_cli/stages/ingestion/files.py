@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mapmore_cli.domain.errors import DataError, SpecError
-from mapmore_cli.spec.models import FileEntry, Join, Keep
+from mapmore_cli.spec.sections.keep import Keep
+from mapmore_cli.spec.sections.table import FileEntry, Join
 from mapmore_cli.storage.readers.files import expand, relative_name, unique_ids
 
 

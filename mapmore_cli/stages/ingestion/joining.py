@@ -8,7 +8,8 @@ import numpy as np
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.signals.alignment import align
-from mapmore_cli.spec.models import Data, Join
+from mapmore_cli.spec.sections.data import Data
+from mapmore_cli.spec.sections.table import Join
 from mapmore_cli.spec.units import convert
 from mapmore_cli.stages.ingestion.clock import in_time_order
 from mapmore_cli.stages.ingestion.files import Log, Source

@@ -12,7 +12,8 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.modelling import terms
 from mapmore_cli.modelling.signals.following import signal_values
-from mapmore_cli.spec.models import Data, Direction, Keep, Rate
+from mapmore_cli.spec.sections.data import Data, Direction, Rate
+from mapmore_cli.spec.sections.keep import Keep
 from mapmore_cli.stages.ingestion.clock import Clocked, clocked
 from mapmore_cli.stages.ingestion.files import Source
 from mapmore_cli.stages.ingestion.joining import joined

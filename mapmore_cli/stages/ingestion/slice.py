@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Literal
 
-from mapmore_cli.spec.models import Data, ExperimentSpec, Section, Split
+from mapmore_cli.spec.experiment import ExperimentSpec
+from mapmore_cli.spec.fields import Section
+from mapmore_cli.spec.sections.data import Data, Split
 from mapmore_cli.stages.signals import derivations_of, units_of
 
 

@@ -12,7 +12,7 @@ from mapmore_cli.domain.arrays import BoolArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.modelling.signals.strokes import last_cycles
-from mapmore_cli.spec.models import Between, Holdout
+from mapmore_cli.spec.sections.data import Between, Holdout
 from mapmore_cli.stages.ingestion.curves import LevelSet, Part
 from mapmore_cli.stages.ingestion.samples import located
 from mapmore_cli.storage.readers.files import relative_name

@@ -8,7 +8,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.spec.models import Table
+from mapmore_cli.spec.sections.table import Table
 from mapmore_cli.spec.units import convert
 from mapmore_cli.stages.ingestion.files import Log
 from mapmore_cli.stages.ingestion.meter import Meter

@@ -9,7 +9,7 @@ from typing import Any
 from mapmore_cli.domain.errors import DataError, MapmoreError, SpecError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.spec.loader import LoadedSpec
-from mapmore_cli.spec.models import Split
+from mapmore_cli.spec.sections.data import Split
 from mapmore_cli.stages.ingestion.dataset import build_dataset
 from mapmore_cli.stages.ingestion.slice import slice_of
 from mapmore_cli.stages.inspection.issue import ORDER, Cause, Issue

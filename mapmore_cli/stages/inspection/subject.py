@@ -10,7 +10,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Dataset, Recording
-from mapmore_cli.spec.models import ExperimentSpec
+from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.units import convert
 from mapmore_cli.stages.inspection.issue import Issue
 

@@ -9,7 +9,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Dataset
-from mapmore_cli.spec.models import Cuts
+from mapmore_cli.spec.sections.segment import Cuts
 from mapmore_cli.stages.inspection.issue import Issue
 from mapmore_cli.stages.inspection.subject import Subject
 

@@ -25,8 +25,8 @@ from mapmore_cli.spec.fields import (
     of_sibling,
     with_key,
 )
-from mapmore_cli.spec.keep import Keep
-from mapmore_cli.spec.table_section import FileEntry, Join, Table
+from mapmore_cli.spec.sections.keep import Keep
+from mapmore_cli.spec.sections.table import FileEntry, Join, Table
 
 OfLevel = Annotated[float, of_sibling("of")]
 

@@ -25,7 +25,7 @@ from mapmore_cli.spec.fields import (
     by_shape,
     contradiction,
 )
-from mapmore_cli.spec.keep import Keep
+from mapmore_cli.spec.sections.keep import Keep
 
 FilePattern = Annotated[str, RelativePath()]
 ReaderName = Literal["csv", "xlsx", "mat", "hdf5", "tdms"]

@@ -1,0 +1,138 @@
+"""The experiment spec as a pydantic model: its sections, and what holds between them.
+
+Units: every number is already in the model's unit; the loader turns `250 kPa` into a number before validation (see `spec.quantities`), in
+the unit that the field's mark names.
+"""
+
+# ruff: noqa: RUF012 (pydantic copies the default of a field for every instance)
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, TypeAdapter, ValidationError, ValidationInfo, model_validator
+
+from mapmore_cli.spec.fields import (
+    PARTIAL,
+    Keyed,
+    Metres,
+    Name,
+    Quantity,
+    Section,
+    Text,
+    by_shape,
+    by_shape_or_key,
+    contradiction,
+    with_key,
+)
+from mapmore_cli.spec.sections.data import Data
+from mapmore_cli.spec.sections.dictionary import DictionaryEntry, remembers
+from mapmore_cli.spec.sections.fit import Fit
+from mapmore_cli.spec.sections.fuse import Fuse
+from mapmore_cli.spec.sections.model import ModelChoice, Needs
+from mapmore_cli.spec.sections.report import Report
+from mapmore_cli.spec.sections.segment import Cuts, Directions
+from mapmore_cli.spec.sections.validate import Validate
+
+
+class Muscle(Section):
+    """What was measured, with dimensions in metres; recorded in the results, and used by formulas that need dimensions."""
+
+    name: str | None = None
+    kind: str | None = None
+    length: Metres | None = None
+    diameter: Metres | None = None
+
+
+class TargetColumn(Section):
+    """A canonical quantity as target."""
+
+    column: str
+
+
+_DEFAULTS_OF_TARGET: dict[str, tuple[str, dict[str, str]]] = {
+    "damping": ("fit", {"scaling": "max_abs"}),  # M2's damping terms are pure products, which a shifted origin would not leave so
+    "dynamic": ("model", {"type": "sum"}),
+}
+
+
+def _given_memory(dictionary: Any) -> bool:
+    """Whether a dictionary that is not validated yet has terms with memory; False where its form is wrong, which is reported elsewhere."""
+    try:
+        return remembers(TypeAdapter(list[DictionaryEntry]).validate_python(dictionary))
+    except ValidationError:
+        return False
+
+
+class ExperimentSpec(Section):
+    """One experiment: what was measured, how to cut it up, which terms may appear, how to join, what to compare with."""
+
+    schema_version: Literal[1] = 1
+    name: Name
+    muscle: Muscle = Muscle()
+    units: dict[Quantity, str] = {}
+    data: Data
+    needs: Needs = Needs()
+    target: Annotated[Annotated[Literal["static", "hysteresis", "damping", "dynamic"], Text] | Annotated[TargetColumn, Keyed], by_shape]
+    segment: dict[
+        str,
+        Annotated[
+            Annotated[Cuts, Keyed] | Annotated[Directions, with_key("dead_band")] | Annotated[Literal["none", "levels"], Text],
+            by_shape_or_key("dead_band"),
+        ],
+    ] = {}
+    dictionary: list[DictionaryEntry] = []
+    model: ModelChoice = ModelChoice()
+    fit: Fit = Fit()
+    fuse: Fuse = Fuse()
+    validation: Validate = Field(default=Validate(), alias="validate")
+    report: Report = Report()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _no_campaign(cls, given: Any) -> Any:
+        if isinstance(given, dict) and "campaign" in given:
+            raise contradiction("this is a campaign of several runs, not an experiment", "run it with `mapmore batch`", "campaign")
+        return given
+
+    @model_validator(mode="before")
+    @classmethod
+    def _by_choice(cls, given: Any) -> Any:
+        """Defaults that depend on the target and on the terms."""
+        if not isinstance(given, dict):
+            return given
+        section, defaults = _DEFAULTS_OF_TARGET.get(str(given.get("target")), ("", {}))
+        if _given_memory(given.get("dictionary")):
+            section, defaults = "fit", {"scaling": "none"}  # numbers of steps and widths in physical units stay readable
+        said = given.get(section, {})
+        if not isinstance(said, dict) or not defaults or (section == "model" and given.get("dictionary")):
+            return given
+        return {**given, section: {**defaults, **said}}
+
+    @property
+    def target_quantity(self) -> str:
+        """The measured quantity that is modelled, or whose component is."""
+        return self.target.column if isinstance(self.target, TargetColumn) else "force"
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """Every quantity of the study: of its data, and the `direction` where segments are cut by it."""
+        cut = [name for name, how in self.segment.items() if isinstance(how, Directions)]
+        return tuple(dict.fromkeys((*self.data.quantities, *cut)))
+
+    @property
+    def has_memory(self) -> bool:
+        """Whether the run's own model has terms with memory."""
+        return self.model.type == "mapmore" and remembers(self.dictionary)
+
+    @model_validator(mode="after")
+    def _needs_terms(self, info: ValidationInfo) -> ExperimentSpec:
+        if self.model.type == "mapmore" and not self.dictionary and info.context is not PARTIAL:
+            raise contradiction(
+                "there are no candidate terms",
+                "add a `dictionary`, as `[{polynomial: {of: [strain], order: 4}}]`, or `model: {type: literature, name: sarosi}`",
+                "dictionary",
+                "model",
+                "name",
+            )
+        return self

@@ -1,0 +1,62 @@
+"""The `validate` section: what the model is compared with."""
+
+# ruff: noqa: RUF012 (pydantic copies the default of a field for every instance)
+
+from __future__ import annotations
+
+from pathlib import PurePosixPath
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from mapmore_cli.spec.fields import Keyed, Metric, Name, RelativePath, Section, Text, by_shape, contradiction
+
+
+class Competitor(Section):
+    """A competitor with settings of its own: a literature `model`, or that of another `run` (the path of its spec) or of this one, changed.
+
+    `set` has keys of this spec with other values, as `--set` takes them; the run is called `<name>.<as>`. A composite of a `static` and a
+    `damping` formula stands against damping and dynamic models; `static: mapmore` is the static model that the spec needs. `method` says
+    how a literature model is fitted, `as` is the name of the scores; a run's is else the name of its file.
+    """
+
+    model: str | None = None
+    run: Annotated[str, RelativePath()] | None = None
+    set: dict[str, Any] | None = None
+    static: str | None = None
+    damping: str | None = None
+    method: Literal["variable_projection", "levenberg_marquardt"] | None = None
+    as_: Name | None = Field(default=None, alias="as")
+
+    @model_validator(mode="after")
+    def _one_model(self) -> Competitor:
+        kinds = (self.model, self.run, self.set, self.static if self.static is not None else self.damping)
+        if sum(kind is not None for kind in kinds) != 1:
+            remedy = "give one of the four, as `{model: sarosi}`"
+            found = "a competitor is a `model`, a `run`, this spec with keys `set`, or `static` with `damping`"
+            raise contradiction(found, remedy, "model", "run", "set", "static")
+        if self.set is not None and self.as_ is None:
+            raise contradiction("changed settings need a name", "add it, as `{set: {fit.max_terms: 1}, as: one_term}`", "set")
+        if (self.static is None) != (self.damping is None):
+            remedy = "add the other, as `{static: sarosi, damping: reynolds}`; `damping: none` adds nothing"
+            raise contradiction("a composite needs `static` and `damping`", remedy, "static", "damping")
+        if (self.run is not None or self.set is not None) and self.method is not None:
+            raise contradiction("another run has a fit of its own", "remove `method`", "method")
+        return self
+
+    @property
+    def label(self) -> str:
+        """The name of its scores."""
+        composite = f"{self.static}+{self.damping}" if self.static else None
+        return self.as_ or self.model or composite or PurePosixPath(str(self.run)).stem
+
+
+class Validate(Section):
+    """What the model is compared with, what errors are divided by, and the limits that its scores must keep.
+
+    `normaliser: max` is the largest absolute value of the measured target (M2 eq 13), `range` its extent, where its zero is arbitrary.
+    """
+
+    against: list[Annotated[Annotated[str, Text] | Annotated[Competitor, Keyed], by_shape]] = []
+    normaliser: Literal["max", "range"] = "max"
+    require: dict[str, Metric] = {}
