@@ -24,9 +24,9 @@ from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.domain.scores import Validation
 from mapmore_cli.storage import artefacts
-from mapmore_cli.storage.artefacts import layout
 from mapmore_cli.storage.artefacts.codecs import escaped
 from mapmore_cli.storage.artefacts.label import NO_UNIT, Label
+from mapmore_cli.storage.artefacts.layout import SCHEMAS
 from mapmore_cli.storage.artefacts.schema import Schema
 
 KINDS: dict[str, tuple[Callable[..., None], Callable[[Path], Any], st.SearchStrategy[Any]]] = {
@@ -142,7 +142,7 @@ def test_equality_of_records_sees_a_difference() -> None:
     assert not same(fit, other)
 
 
-@pytest.mark.parametrize("schema", [value for value in vars(layout).values() if isinstance(value, Schema)], ids=lambda s: s.type.__name__)
+@pytest.mark.parametrize("schema", SCHEMAS, ids=lambda s: s.type.__name__)
 def test_every_field_of_a_stored_type_is_declared(schema: Schema) -> None:
     declared = [field.name for field in schema.fields if not field.derived]
     assert declared == [field.name for field in fields(schema.type)]

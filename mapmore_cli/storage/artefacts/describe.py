@@ -8,8 +8,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from mapmore_cli.storage.artefacts import layout
 from mapmore_cli.storage.artefacts.label import NO_UNIT
+from mapmore_cli.storage.artefacts.layout import SCHEMAS
 from mapmore_cli.storage.artefacts.schema import Field, Schema
 
 START, END = "<!-- stored types: start -->\n", "<!-- stored types: end -->\n"
@@ -19,8 +19,7 @@ def described(page: str) -> str:
     """The page with its part between the two markers made anew."""
     head, rest = page.split(START)
     tail = rest.split(END)[1]
-    schemas = [value for value in vars(layout).values() if isinstance(value, Schema)]
-    return f"{head}{START}\n{''.join(map(_section, schemas))}{END}{tail}"
+    return f"{head}{START}\n{''.join(map(_section, SCHEMAS))}{END}{tail}"
 
 
 def _section(schema: Schema) -> str:

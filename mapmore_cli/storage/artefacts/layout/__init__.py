@@ -1,0 +1,44 @@
+"""The stored types: every field of every HDF5 file of a run, declared once.
+
+Units in brackets name the quantity whose unit applies: `[target]` is the modelled quantity, `[variables.0]` the first segmented variable,
+`[*]` the quantity that a part is named after, `[slopes]` one over the unit of each scaled variable.
+"""
+
+from __future__ import annotations
+
+from mapmore_cli.storage.artefacts.layout.data import CURVE, DATASET, QUANTITY, RECORDING
+from mapmore_cli.storage.artefacts.layout.fits import FORMULA_FIT, SCALING, SEGMENT_FIT, SELECTION
+from mapmore_cli.storage.artefacts.layout.memory import MEMORY_FIT, MEMORY_MODEL, STATE_SET
+from mapmore_cli.storage.artefacts.layout.model import CURVE_FUNCTION, FOLD_ERROR, FUSION, MODEL, SEGMENT_FUNCTION, SIGNAL
+from mapmore_cli.storage.artefacts.layout.results import FIT_RESULT
+from mapmore_cli.storage.artefacts.layout.scores import SCORE, VALIDATION
+from mapmore_cli.storage.artefacts.layout.segmentation import SEGMENT, SEGMENTATION, SEGMENTED_CURVE, SegmentationFile
+
+__all__ = ["DATASET", "FIT_RESULT", "MODEL", "SCHEMAS", "SEGMENTATION", "VALIDATION", "SegmentationFile"]
+
+SCHEMAS = (
+    QUANTITY,
+    RECORDING,
+    CURVE,
+    DATASET,
+    SEGMENT,
+    SEGMENTED_CURVE,
+    SEGMENTATION,
+    SCALING,
+    SELECTION,
+    SEGMENT_FIT,
+    FORMULA_FIT,
+    FOLD_ERROR,
+    STATE_SET,
+    MEMORY_MODEL,
+    MEMORY_FIT,
+    FIT_RESULT,
+    SEGMENT_FUNCTION,
+    CURVE_FUNCTION,
+    FUSION,
+    SIGNAL,
+    MODEL,
+    SCORE,
+    VALIDATION,
+)
+"""Every stored type, each after those that it is made of."""
