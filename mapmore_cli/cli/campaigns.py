@@ -46,12 +46,17 @@ def write_page(expanded: Expanded, results: Sequence[Finished | BaseException], 
     """Write `RUNS/CAMPAIGN/index.html` and its tables; a view of these, with the page's path."""
     from mapmore_cli.cli.views.files import PAGE
     from mapmore_cli.reporting.campaign import campaign_tables, render_campaign
+    from mapmore_cli.reporting.figures.campaign import campaign_figures
+    from mapmore_cli.reporting.figures.registry import figure_style, rendered
     from mapmore_cli.reporting.tables import to_csv
     from mapmore_cli.storage.atomic import refusals_told, write_text
 
     campaign = expanded.campaign
     finished = [result for result in results if not isinstance(result, BaseException)]
-    tables = campaign_tables(scores_of(campaign, results))
+    scores = scores_of(campaign, results)
+    tables = campaign_tables(scores)
+    with figure_style():
+        figures = [rendered(drawing) for drawing in campaign_figures(scores)]
     failed = {name: message(r) for name, r in zip(expanded.names, results, strict=True) if isinstance(r, BaseException)}
     pages = {run.name: f"../{run.name}/{PAGE.as_posix()}" for run in finished}
     folder = runs / campaign.campaign
@@ -59,7 +64,9 @@ def write_page(expanded: Expanded, results: Sequence[Finished | BaseException], 
         (folder / "tables").mkdir(parents=True, exist_ok=True)
         for table in tables:
             write_text(folder / "tables" / f"{table.name}.csv", to_csv(table))
-        write_text(folder / "index.html", render_campaign(campaign.title or campaign.campaign, tables, pages, failed))
+        for figure in figures:
+            write_text(folder / f"{figure.name}.svg", figure.svg)
+        write_text(folder / "index.html", render_campaign(campaign.title or campaign.campaign, tables, figures, pages, failed))
     return View({}, tables, (f"campaign page: {folder / 'index.html'}",))
 
 

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 from statistics import median
 
 from mapmore_cli.domain.scores import REPEATABILITY, Score
+from mapmore_cli.reporting.figures.registry import RenderedFigure
 from mapmore_cli.reporting.inputs import Published
-from mapmore_cli.reporting.page import environment
+from mapmore_cli.reporting.page import SCREEN_SCALE, environment
 from mapmore_cli.reporting.table import Cell, Column, Table
 
 Pooled = Mapping[str, Score]
@@ -180,6 +181,9 @@ def published_table(scores: CampaignScores) -> Table:
     return Table("published", "Beside the published numbers", tuple(columns[j] for j in filled), kept, tuple(sources))
 
 
-def render_campaign(title: str, tables: Sequence[Table], pages: Mapping[str, str], failed: Mapping[str, str]) -> str:
+def render_campaign(
+    title: str, tables: Sequence[Table], figures: Sequence[RenderedFigure], pages: Mapping[str, str], failed: Mapping[str, str]
+) -> str:
     """The page: `pages` are links by run, `failed` the messages of runs that did not end."""
-    return environment().get_template("campaign.html").render(title=title, tables=tables, pages=pages, failed=failed)
+    template = environment().get_template("campaign.html")
+    return template.render(title=title, tables=tables, figures=figures, scale=SCREEN_SCALE, pages=pages, failed=failed)

@@ -6,20 +6,13 @@ import math
 from dataclasses import replace
 
 import pytest
+from campaign_rows import row, rows
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mapmore_cli.domain.scores import REPEATABILITY, Score
+from mapmore_cli.domain.scores import REPEATABILITY
 from mapmore_cli.reporting.campaign import CampaignScores, campaign_tables, hindsight_table, nrmse_table, published_table
 from mapmore_cli.reporting.inputs import Published
-
-
-def row(model: str, rmse: float, split: str = "validate") -> Score:
-    return Score(model, "static", split, "all", 10, rmse, rmse / 100, 100, "max|force| over validate", rmse, rmse / 100, 0.9)
-
-
-def rows(**errors: float) -> list[Score]:
-    return [row(model, rmse) for model, rmse in errors.items()]
 
 
 def test_ratios_are_of_the_runs_that_have_both() -> None:

@@ -61,8 +61,9 @@ class RenderedFigure:
 def rendered_figures(inputs: ReportInputs, names: Sequence[str]) -> dict[str, list[RenderedFigure]]:
     """The figures behind each name, in the order of the page; a name may have none (no segments) or several (two variables)."""
     with figure_style():
-        return {name: [_rendered(drawing) for drawing in draw(inputs)] for name, draw in FIGURES.items() if name in names}
+        return {name: [rendered(drawing) for drawing in draw(inputs)] for name, draw in FIGURES.items() if name in names}
 
 
-def _rendered(drawing: Drawing) -> RenderedFigure:
+def rendered(drawing: Drawing) -> RenderedFigure:
+    """A drawing as SVG; call it within `figure_style`."""
     return RenderedFigure(drawing.name, drawing.caption, to_svg(drawing), float(drawing.figure.get_figwidth()))

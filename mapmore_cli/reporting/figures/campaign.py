@@ -1,0 +1,81 @@
+"""Errors of all models in all runs of a campaign, at a glance."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
+
+from mapmore_cli.domain.scores import REPEATABILITY
+from mapmore_cli.reporting.campaign import CampaignScores
+from mapmore_cli.reporting.figures.drawing import Drawing
+from mapmore_cli.reporting.figures.style import DOUBLE, GREY, LIGHT, ModelStyle, best_of, model_styles, shortened
+from mapmore_cli.reporting.inputs import MOST_LINES
+
+FEWEST_RUNS = 2
+FLOOR: dict[str, Any] = {"linestyle": "none", "marker": "|", "markersize": 9, "markeredgewidth": 1.2, "color": GREY}
+
+
+def campaign_figures(scores: CampaignScores) -> list[Drawing]:
+    """A line of dots for each run, a dot for each model, on a logarithmic axis; none for a single run."""
+    runs = {name: {model: 100 * row.nrmse for model, row in run.items() if row.nrmse > 0} for name, run in scores.pooled.items()}
+    shown = _shown(scores)
+    if len(runs) < FEWEST_RUNS or not any(model in run for run in runs.values() for model in shown):
+        return []
+    styles = model_styles(shown)
+    figure = Figure(figsize=(DOUBLE, 0.9 + 0.21 * len(runs)), layout="constrained")
+    ax = figure.subplots()
+    for place, run in enumerate(runs.values()):
+        _draw_run(ax, place, run, styles)
+    ax.set_yticks(range(len(runs)), [shortened(name, 40) for name in runs])
+    ax.tick_params(axis="y", length=0)
+    ax.set_ylim(len(runs) - 0.4, -0.6)
+    _label_logarithm(ax)
+    handles = [Line2D([], [], label=model, **_look(style)) for model, style in styles.items()]
+    if any(REPEATABILITY in run for run in runs.values()):
+        handles.append(Line2D([], [], label=REPEATABILITY, **FLOOR))
+    figure.legend(handles=handles, loc="outside upper left", ncols=4)
+    models = [model for model in scores.models if model != REPEATABILITY]
+    caption = f"NRMSE of every run, further left is better.{best_of(len(shown), len(models))}"
+    return [Drawing("nrmse", caption, "NRMSE of every run and model; the numbers are in the table below.", figure)]
+
+
+def _shown(scores: CampaignScores) -> list[str]:
+    """The runs' own model first, and those of the others that are the nearest to the best, in the order of the table."""
+    others = [model for model in scores.models if model not in (scores.own, REPEATABILITY)]
+    best = sorted(others, key=lambda model: _mean_logarithm(scores, model))[: MOST_LINES - 1]
+    return [scores.own, *(model for model in others if model in best)]
+
+
+def _mean_logarithm(scores: CampaignScores, model: str) -> float:
+    """Of its NRMSE over the runs that have it, as the geometric mean has it; infinite where a run diverged."""
+    found = [run[model].nrmse for run in scores.pooled.values() if model in run]
+    return sum(math.log(value) if 0 < value < math.inf else math.inf for value in found) / len(found)
+
+
+def _draw_run(ax: Axes, place: int, run: dict[str, float], styles: dict[str, ModelStyle]) -> None:
+    ax.axhline(place, color=LIGHT, linewidth=0.4, zorder=0)
+    for model, style in reversed(styles.items()):  # the own one last, on top
+        if math.isfinite(run.get(model, math.nan)):
+            ax.plot([run[model]], [place], **_look(style))
+    if math.isfinite(run.get(REPEATABILITY, math.nan)):
+        ax.plot([run[REPEATABILITY]], [place], **FLOOR)
+
+
+def _look(style: ModelStyle) -> dict[str, Any]:
+    return {"linestyle": "none", "marker": style.marker, "markersize": 4.0 + style.width, "color": style.colour, "markeredgewidth": 0}
+
+
+def _label_logarithm(ax: Axes) -> None:
+    """Plain numbers, as 0.5, 1, 2, 5, 10."""
+    ax.set_xscale("log")
+    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    formatter = ScalarFormatter()
+    formatter.set_scientific(False)
+    ax.xaxis.set_major_formatter(formatter)
+    ax.xaxis.set_minor_formatter(NullFormatter())
+    ax.set_xlabel("NRMSE (%)")
