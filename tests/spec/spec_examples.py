@@ -131,3 +131,14 @@ def refusal(folder: Path, text: str | bytes, overrides: Sequence[str] = ()) -> s
     with pytest.raises(SpecError) as caught:
         load_text(folder, text, overrides)
     return str(caught.value).replace(f"{folder}/", "")
+
+
+def refuse_slip(folder: Path, base: str, old: str, new: str, words: list[str]) -> None:
+    """Put `new` in place of `old`: one message has to name the place of its mark (a triangle, which is left out) and hold the words."""
+    assert old in base
+    before, after = base.replace(old, new, 1).split("▸")
+    place = f"{before.count(chr(10)) + 1}:{len(before) - before.rfind(chr(10))}"
+    message = refusal(folder, before + after)
+    assert message.startswith(f"spec.yaml:{place}: "), message
+    assert all(word in message for word in words), message
+    assert message.count("spec.yaml:") == 1, message

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from spec_examples import load_text, refusal
+from spec_examples import load_text, refusal, refuse_slip
 
 MOTION = """\
 name: motion
@@ -88,13 +88,7 @@ SLIPS = [
 
 @pytest.mark.parametrize(("base", "old", "new", "words"), SLIPS, ids=lambda value: str(value)[:40])
 def test_one_slip_gives_one_message_with_its_place(tmp_path: Path, base: str, old: str, new: str, words: list[str]) -> None:
-    assert old in base
-    before, after = base.replace(old, new, 1).split("▸")
-    place = f"{before.count(chr(10)) + 1}:{len(before) - before.rfind(chr(10))}"
-    message = refusal(tmp_path, before + after)
-    assert message.startswith(f"spec.yaml:{place}: "), message
-    assert all(word in message for word in words), message
-    assert message.count("spec.yaml:") == 1, message
+    refuse_slip(tmp_path, base, old, new, words)
 
 
 def test_memory_needs_the_time(tmp_path: Path) -> None:
