@@ -25,6 +25,7 @@ def terms(spec: ExperimentSpec) -> Iterator[Finding]:
         for at, text, is_expression in texts_in(loc, family):
             yield from _expression(text, at, spec) if is_expression else _state(text, at, spec, name, family)
         yield from _lags_of_now(loc, family, spec.target_quantity)
+        yield from _partners(loc, family)
 
 
 def _expression(text: str, loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
@@ -106,6 +107,27 @@ def _lags_of_now(loc: Loc, family: Family, target: str) -> Iterator[Finding]:
     if isinstance(family, Lags) and target in family.of and 0 in family.steps:
         remedy = "a model cannot explain its target by itself: begin at 1, and give the inputs `lags` of their own"
         yield Finding((*loc, "steps", family.steps.index(0)), f"step 0 of the target `{target}` is the target itself", remedy)
+
+
+def _partners(loc: Loc, family: Family) -> Iterator[Finding]:
+    """Partners of products are among the terms of these; what families within products will be called is known to the fit alone."""
+    if not isinstance(family, Products) or family.partners is None:
+        return
+    names = [text for text in family.of if isinstance(text, str)]
+    for place, partner in enumerate(family.partners if len(names) == len(family.of) else ()):
+        if _canonical(partner) not in map(_canonical, names):
+            remedy = f"add it to `of`: there are {', '.join(names)}"
+            yield Finding((*loc, "with", place), f"`{partner}` is none of the terms that are multiplied", remedy)
+
+
+def _canonical(text: str) -> str:
+    """The name of a state, however it is written; what is none is reported elsewhere."""
+    from mapmore_cli.modelling.terms import ExpressionError, state
+
+    try:
+        return state(text).name
+    except ExpressionError:
+        return text
 
 
 def _is_target(text: str, loc: Loc, spec: ExperimentSpec) -> Finding:

@@ -55,6 +55,7 @@ SLIPS = [
     (MOTION, '"play(pressure, 0.16)"', '"pressure▸[k+1]"', ["a delay is written [k-1]"]),
     (MOTION, "exp(-play(pressure, 0.2)/300)", "exp(-play(pressure▸)/300)", ["not an expression", "takes 1 number(s)"]),
     (FORCE, "of: [pressure, strain]", 'of: [pressure, "strain▸^2"]', ["not the name of a quantity or a state"]),
+    (FORCE, "{polynomial: {of: [pressure, strain]", "{products: {with: [▸time], of: [pressure, strain]", ["`time` is none of the terms"]),
     # the target, by its past alone
     (MOTION, "steps: [1, 2]", "steps: [1, ▸0]", ["step 0 of the target `displacement`", "begin at 1"]),
     (MOTION, "of: [pressure, ", "of: [▸displacement, ", ["`displacement` is the target", "`displacement[k-1]`"]),
