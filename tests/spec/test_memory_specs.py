@@ -24,6 +24,24 @@ dictionary:
   - terms: ["pressure*displacement[k-1]", "exp(-play(pressure, 0.2)/300)"]
 fit: {max_terms: 4, ridge: auto, forward: 12}
 """
+RECORD = """\
+schema_version: 1
+name: coiled-200g
+data:
+  files: ["${MAPMORE_DATA:-../../shared/data}/coiled_isotonic_steps/Sample 1 Final 200 grams.xlsx"]
+  reader: xlsx
+  header: false
+  columns: {time: {column: 2, unit: s}, pressure: {column: 3, unit: psi}, displacement: {column: 4, unit: mm, scale: -1}}
+  gaps: {longer_than: 10 ms, action: split}
+  resample: 10 ms
+  split: {validate: {last: 0.5}}
+target: {column: displacement}
+dictionary:
+  - products:
+      of: [{lags: {of: [pressure], steps: [0, 1]}}, {slow: {of: [pressure], tau: [0.05, 0.5, 5]}}, {play: {of: [pressure], count: 4}}]
+      order: 2
+fit: {max_terms: 12, stop: bic, ridge: auto}
+"""
 FORCE = """\
 name: force
 data: {files: [a.csv], columns: {time: {column: 0}, pressure: {column: 1}, strain: {column: 2}, force: {column: 3}}}
@@ -32,7 +50,7 @@ dictionary: [{polynomial: {of: [pressure, strain], order: 2}}]
 """
 
 
-@pytest.mark.parametrize("text", [MOTION, FORCE, FORCE.replace("of: [pressure, strain]", 'of: [pressure, "force[k-1]"]')])
+@pytest.mark.parametrize("text", [MOTION, RECORD, FORCE, FORCE.replace("of: [pressure, strain]", 'of: [pressure, "force[k-1]"]')])
 def test_what_is_right_loads_and_resolves_to_itself(text: str, tmp_path: Path) -> None:
     loaded = load_text(tmp_path, text)
     assert load_text(tmp_path, loaded.resolved).spec == loaded.spec
