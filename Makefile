@@ -12,7 +12,7 @@ demo: .venv/program
 	$(BIN)/mapmore batch $(STUDIES)
 
 test: lint
-	$(BIN)/pytest -q -n 2
+	$(BIN)/pytest -q -n 2 --dist loadgroup  # the tests of one long study follow each other
 
 lint: .venv/development
 	$(BIN)/ruff check .

@@ -58,7 +58,9 @@ def batch(
     view = _joint(ordered)
     pages = [write_page(campaign, [results[number] for number in campaign.jobs], runs) for campaign in campaigns]
     if pages:
-        tables = tuple(table for page in pages for table in page.tables)
+        taken = {number for campaign in campaigns for number in campaign.jobs}
+        alone = [result for number, result in results.items() if number not in taken and not isinstance(result, BaseException)]
+        tables = (*(table for page in pages for table in page.tables), *((_joint_table(alone),) if alone else ()))
         view = View(view.document, tables, (*view.lines, *(line for page in pages for line in page.lines)))
     print_view(view, as_json)
     if code := max(_code(result) for _, result in ordered):

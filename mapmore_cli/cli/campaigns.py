@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from mapmore_cli.cli.exits import message
@@ -36,10 +36,17 @@ def expanded(configs: Sequence[Path], overrides: Sequence[str]) -> tuple[list[Ex
             entries.append(Entry(config, tuple(overrides)))
             continue
         campaign, runs = load_campaign(config)
-        names = tuple(run.name or entry.config.stem for run, entry in zip(campaign.runs, runs, strict=True))
+        names = _names(campaign)
         campaigns.append(Expanded(campaign, tuple(range(len(entries), len(entries) + len(runs))), names))
         entries += [Entry(entry.config, (*entry.overrides, *overrides)) for entry in runs]
     return campaigns, entries
+
+
+def _names(campaign: Campaign) -> tuple[str, ...]:
+    """What its runs are called in messages: their own name, else that of their spec, with its folder where another is called alike."""
+    bases = [str(run.base or campaign.base) for run in campaign.runs]
+    short = [run.name or PurePosixPath(base).stem for run, base in zip(campaign.runs, bases, strict=True)]
+    return tuple(name if short.count(name) == 1 else base for name, base in zip(short, bases, strict=True))
 
 
 def write_page(expanded: Expanded, results: Sequence[Finished | BaseException], runs: Path) -> View:

@@ -10,7 +10,7 @@ import numpy as np
 from mapmore_cli.domain.memory import PIECE
 from mapmore_cli.domain.models import Equation, Model, SegmentFunction
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.memory.equation import memory_equation
+from mapmore_cli.modelling.memory.equation import MODEL_UNITS, memory_equation
 from mapmore_cli.modelling.terms import (
     Expression,
     Name,
@@ -28,8 +28,6 @@ from mapmore_cli.modelling.terms import (
 DIGITS = 6
 """Digits of the printed numbers; model.h5 holds all of them."""
 
-MODEL_UNITS: Mapping[str, float] = {}
-
 
 def segment_equation(segment: SegmentFunction, units: Mapping[str, float] = MODEL_UNITS) -> Expression:
     """`y_slope sum_k theta_k D_k(slope x + intercept) + y_intercept` with the scaling put in (M2 eq 8).
@@ -38,7 +36,7 @@ def segment_equation(segment: SegmentFunction, units: Mapping[str, float] = MODE
     scaled without an offset keeps its form, with one coefficient in front, as M2's table 5 prints them.
     """
     scaling = segment.scaling
-    offsets = dict(zip(scaling.variables, zip(scaling.slope * 1.0, scaling.intercept * 1.0, strict=True), strict=True))
+    offsets = dict(zip(scaling.variables, zip(scaling.slope.tolist(), scaling.intercept.tolist(), strict=True), strict=True))
     terms = []
     for theta, text in zip(segment.theta, segment.terms, strict=True):
         term, size = parse(text), scaling.y_slope * float(theta)
@@ -52,7 +50,7 @@ def segment_equation(segment: SegmentFunction, units: Mapping[str, float] = MODE
 
 
 def _scaled(name: str, slope: float, intercept: float, units: Mapping[str, float]) -> Expression:
-    return affine(Name(name), float(slope * units.get(name, 1.0)), float(intercept))
+    return affine(Name(name), slope * units.get(name, 1.0), intercept)
 
 
 def model_equations(model: Model, units: Mapping[str, float] = MODEL_UNITS) -> tuple[Equation, ...]:

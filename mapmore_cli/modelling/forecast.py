@@ -10,7 +10,7 @@ from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve
-from mapmore_cli.modelling.memory import AtSample, one_step_ahead
+from mapmore_cli.modelling.memory import AtSample, free_run, one_step_ahead
 from mapmore_cli.modelling.model import predict
 
 
@@ -51,16 +51,18 @@ def forecast(model: Model, curve: Curve) -> Forecast:
     memories = model.memories
     if not memories:
         return Forecast.of(predict(model, curve.columns))
+    static = _without_memory(model)
     values, one_step, ready = np.empty(curve.size), np.empty(curve.size), np.empty(curve.size, dtype=np.bool_)
     for log, rows in enumerate(curve.logs):
         columns = {name: column[rows] for name, column in curve.columns.items()}
         try:
             steps = [one_step_ahead(memory, columns) for memory in memories]
-            values[rows] = predict(model, columns)
+            runs = [free_run(memory, columns).values for memory in memories]
         except AtSample as error:
             raise DataError(f"{model.name} on {curve.recordings[log]}: {error.message}", error.remedy) from error
         ready[rows] = np.logical_and.reduce([np.isfinite(step) for step in steps])
-        one_step[rows] = predict(_without_memory(model), columns) + np.sum(steps, axis=0)
+        rest = predict(static, columns)
+        one_step[rows], values[rows] = rest + np.sum(steps, axis=0), rest + np.sum(runs, axis=0)
     return Forecast(values, ready, one_step)
 
 

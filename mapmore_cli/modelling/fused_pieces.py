@@ -20,7 +20,7 @@ from mapmore_cli.modelling.fusion.alignment import aligned
 from mapmore_cli.modelling.fusion.bands import Band, alone, bands
 from mapmore_cli.modelling.fusion.regions import interval, regions
 
-FEW = 256
+FEW = 255
 """Regions up to which rows are sorted in one go: their numbers fit into a byte. More are sorted band by band, each with its own edges."""
 
 

@@ -39,17 +39,20 @@ def repeated_cycles(curves: Sequence[Curve], target: str, driven: str) -> tuple[
 def _again(x: Array, y: Array, held_out: BoolArray) -> Array:
     starts = cycle_starts(x)
     again = np.full(len(y), np.nan)
-    trained, held = starts[~held_out[starts]], starts[held_out[starts]]
-    if not len(trained) or not len(held):
+    ends = np.append(starts[1:], len(y))
+    held = held_out[starts]
+    trained = np.flatnonzero(~held[: int(np.argmax(held))]) if held.any() else np.empty(0, dtype=np.int64)
+    if not len(trained):
         return again
-    last = slice(trained[-1], held[0])
-    for start, end in zip(held, [*held[1:], len(y)], strict=True):
+    last = slice(starts[trained[-1]], ends[trained[-1]])
+    for start, end in zip(starts[held], ends[held], strict=True):
         n = min(end - start, last.stop - last.start)
         difference = x[start : start + n] - x[last][:n]
         if np.sqrt(np.mean(difference**2)) <= SAME_COURSE * np.ptp(x):
             again[start : start + n] = y[last][:n]
         else:
             again[start:end] = _on_strokes(x[start:end], x[last], y[last])
+    again[~held_out] = np.nan
     return again
 
 

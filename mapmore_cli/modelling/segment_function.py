@@ -13,20 +13,15 @@ from mapmore_cli.modelling.scaling import scaled
 from mapmore_cli.modelling.terms import Program, compiled, derivative, parse
 
 
-def segment_value(segment: SegmentFunction, columns: Mapping[str, Value]) -> Value:
-    """The segment function at every row, (n,); one number where every column that it needs is one."""
-    return prepared(segment)(columns)
-
-
 def prepared(segment: SegmentFunction) -> Callable[[Mapping[str, Value]], Value]:
-    """`segment_value` of one segment, for many calls."""
+    """The segment function, for many calls: its value at every row, (n,); one number where every column that it needs is one."""
     scaling, program = segment.scaling, _program(segment.terms)
     factors, constant = list(segment.theta * scaling.y_slope), np.float64(scaling.y_intercept)
     return lambda columns: _combination(factors, program.values(scaled(scaling, columns)), constant)
 
 
 def segment_slope(segment: SegmentFunction, columns: Mapping[str, Value], name: str) -> Value:
-    """Derivative of `segment_value` with respect to one input."""
+    """Derivative of the segment function with respect to one input."""
     scaling = segment.scaling
     if name not in scaling.variables:
         return np.float64(0.0)

@@ -107,7 +107,8 @@ def _summaries(scores: CampaignScores) -> list[tuple[Cell, ...]]:
 
 
 def _ratios(runs: Sequence[Pooled], models: Sequence[str], relative_to: str) -> list[tuple[Cell, ...]]:
-    ratios = {m: [run[m].rmse / run[relative_to].rmse for run in runs if m in run and relative_to in run] for m in models}
+    compared = {m: [_ratio(run[m], run[relative_to]) for run in runs if m in run and relative_to in run] for m in models}
+    ratios = {m: [ratio for ratio in found if ratio is not None] for m, found in compared.items()}
     ratios[REPEATABILITY] = []  # the floor wins nothing
     means = {m: math.exp(sum(map(math.log, r)) / len(r)) if r and min(r) > 0 else None for m, r in ratios.items()}
     return [
@@ -115,6 +116,13 @@ def _ratios(runs: Sequence[Pooled], models: Sequence[str], relative_to: str) -> 
         ("ratio, worst", *(max(ratios[m], default=None) for m in models)),
         ("runs better", *(f"{sum(r < 1 for r in ratios[m])} of {len(ratios[m])}" if ratios[m] else None for m in models)),
     ]
+
+
+def _ratio(score: Score, other: Score) -> float | None:
+    """Of two RMSE; infinite where the first run diverged, None where the second did or has no error at all."""
+    if not other.rmse > 0:
+        return None
+    return math.inf if math.isnan(score.rmse) else score.rmse / other.rmse
 
 
 def _wins(runs: Iterable[Pooled], model: str, best_of: Sequence[str]) -> str | None:
@@ -133,10 +141,8 @@ def hindsight_table(scores: CampaignScores) -> Table:
         formula, own, floor = _best(run, scores.best_of), run.get(scores.own), run.get(REPEATABILITY)
         if least is None or formula is None or own is None:
             continue
-        to_floor = own.rmse / floor.rmse if floor else None
-        rows.append(
-            (name, least.model, 100 * least.nrmse, formula.model, 100 * formula.nrmse, 100 * own.nrmse, own.rmse / formula.rmse, to_floor)
-        )
+        ratios = (_ratio(own, formula), _ratio(own, floor) if floor else None)
+        rows.append((name, least.model, 100 * least.nrmse, formula.model, 100 * formula.nrmse, 100 * own.nrmse, *ratios))
     columns = (
         Column("run"),
         Column("least of all"),

@@ -119,7 +119,7 @@ class ReportInputs:
     @property
     def has_memory(self) -> bool:
         """True where the model runs along recordings, by itself or as a part of a sum."""
-        return _remembers(self.model)
+        return bool(self.model.memories)
 
     @property
     def in_curve(self) -> Quantity:
@@ -148,7 +148,3 @@ class ReportInputs:
             return curve.id
         unit = self.dataset.unit(level)
         return f"{level} {curve.level:.4g}" if unit == "1" else f"{curve.level:.4g} {unit}"
-
-
-def _remembers(model: Model) -> bool:
-    return model.memory is not None or any(_remembers(summand) for summand in model.summands)

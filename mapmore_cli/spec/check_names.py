@@ -93,7 +93,7 @@ def derived(spec: ExperimentSpec) -> Iterator[Finding]:
         try:
             needs[name] = set(parse(rule).names)
         except ExpressionError:
-            continue  # found by `_expressions`
+            continue  # found by `expressions`
     try:
         graphlib.TopologicalSorter(needs).prepare()
     except graphlib.CycleError as error:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from typing import Any
 
 _REFERENCE = re.compile(r"\$\$\{|\$\{([^{}]*)(\}?)")
 _BODY = re.compile(r"([A-Za-z_][A-Za-z0-9_]*)(:-(.*))?", re.DOTALL)
@@ -22,9 +23,13 @@ def expand(text: str) -> str:
     return _REFERENCE.sub(_value, text) if "${" in text else text
 
 
-def escape(text: str) -> str:
-    """Text that `expand` turns back into this text."""
-    return text.replace("${", "$${")
+def escaped(value: Any) -> Any:
+    """A value with texts, wherever they are in it, that `expand` turns back into these."""
+    if isinstance(value, dict):
+        return {key: escaped(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [escaped(item) for item in value]
+    return value.replace("${", "$${") if isinstance(value, str) else value
 
 
 def _value(reference: re.Match[str]) -> str:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
 from mapmore_cli.spec import semantics
 from mapmore_cli.spec.diagnostics import Finding, Problem, locate, new_places, raise_if_any
-from mapmore_cli.spec.environment import escape
+from mapmore_cli.spec.environment import escaped
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.explain import explain, faulty
 from mapmore_cli.spec.fields import PARTIAL
@@ -87,7 +87,7 @@ def load_as(path: Path, model: type[M], overrides: Sequence[str] = (), check: Ch
 
 def resolved(spec: BaseModel) -> str:
     """The spec as YAML that loads to an equal one."""
-    return dump(_escaped(spec.model_dump(mode="json", by_alias=True, exclude_none=True)))
+    return dump(escaped(spec.model_dump(mode="json", by_alias=True, exclude_none=True)))
 
 
 def _beyond(error: ValidationError, root: Node, model: type[M], check: Check[M]) -> list[Problem]:
@@ -114,11 +114,3 @@ def _echoes(loc: Loc) -> bool:
 def _last_items_first(loc: Loc) -> tuple[tuple[int, str], ...]:
     """Sorts ways so that, in reverse, removing one list item leaves the numbers of those before it."""
     return tuple((step, "") if isinstance(step, int) else (0, step) for step in loc)
-
-
-def _escaped(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _escaped(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_escaped(item) for item in value]
-    return escape(value) if isinstance(value, str) else value

@@ -10,6 +10,7 @@ from typing import Any
 
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.spec.diagnostics import Problem, fail
+from mapmore_cli.spec.environment import escaped
 from mapmore_cli.spec.tree import Node, Source, with_child
 from mapmore_cli.spec.yaml_loader import parse
 
@@ -37,7 +38,7 @@ def apply(root: Node, overrides: Sequence[str], problems: list[Problem]) -> Node
 
 def as_overrides(settings: Mapping[str, Any]) -> tuple[str, ...]:
     """Settings by key path (`{"fit.max_terms": 2}`) as `--set` has them."""
-    return tuple(f"{key}={json.dumps(value)}" for key, value in settings.items())
+    return tuple(f"{key}={json.dumps(escaped(value), ensure_ascii=False)}" for key, value in settings.items())
 
 
 def _source(override: str, text: str, folder: Path) -> Source:

@@ -75,11 +75,11 @@ def _surroundings(root: Any) -> Surroundings:
     """What the root says about units and target, as far as it is well-formed."""
     units = {name: unit for name, unit in _mapping(root, "units").items() if isinstance(unit, str)}
     column = _mapping(root, "target").get("column")
-    rates = {name: _mapping(rule).get("rate_of") for name, rule in _mapping(root, "data", "derive").items()}
-    rate_units = {name: f"{default_unit(of, units)}/{default_unit('time', units)}" for name, of in rates.items() if isinstance(of, str)}
+    derived = {name: _mapping(rule).get("rate_of") for name, rule in _mapping(root, "data", "derive").items()}
+    rates = {name: of for name, of in derived.items() if isinstance(of, str)}
     level = _mapping(root, "data", "levels").get("of")
     return Surroundings(
-        units={**rate_units, **units},
+        units={**{name: default_unit(name, units, rates) for name in rates}, **units},
         target=column if isinstance(column, str) else "force",
         level=level if isinstance(level, str) else None,
     )

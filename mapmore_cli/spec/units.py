@@ -40,17 +40,19 @@ _UNIT = re.compile(rf"{_FACTOR}(?:\s*[*/]\s*{_FACTOR})*")
 _LONGEST_UNIT = 60
 
 
-def default_unit(name: str, changes: Mapping[str, str] = _NO_CHANGES) -> str:
+def default_unit(name: str, changes: Mapping[str, str] = _NO_CHANGES, rates: Mapping[str, str] = _NO_CHANGES) -> str:
     """The model's unit of a quantity: what `changes` (the spec's `units:`) says, else the canonical one, else `1`.
 
-    The rate of a quantity is in its unit per unit of time: `pressure_rate` in `kPa/s`; `step_pressure` is in the unit of the pressure.
+    The rate of a quantity is in its unit per unit of time: `pressure_rate` in `kPa/s`, and so are `rates` by another name, given with the
+    quantity that each is the rate of; `step_pressure` is in the unit of the pressure.
     """
     if name in changes:
         return changes[name]
-    if name.endswith("_rate"):
-        return f"{default_unit(name.removesuffix('_rate'), changes)}/{default_unit('time', changes)}"
+    others = {key: of for key, of in rates.items() if key != name}  # a circle of rates is reported elsewhere
+    if name in rates or name.endswith("_rate"):
+        return f"{default_unit(rates.get(name, name.removesuffix('_rate')), changes, others)}/{default_unit('time', changes)}"
     if name.startswith("step_"):
-        return default_unit(name.removeprefix("step_"), changes)
+        return default_unit(name.removeprefix("step_"), changes, others)
     return CANONICAL.get(name, "1")
 
 

@@ -80,7 +80,7 @@ def prepare_all(jobs: Sequence[Job]) -> None:
     from mapmore_cli.stages.runner import prepare
 
     for job in jobs:
-        with suppress(MapmoreError):
+        with suppress(MapmoreError):  # a spec that is wrong
             prepare(load(job.config, job.overrides), job.runs)
 
 

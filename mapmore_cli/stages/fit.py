@@ -95,4 +95,4 @@ def _formula(model: ModelChoice, dataset: Dataset) -> FormulaFit | None:
     return formula
 
 
-STAGE = Stage(name="fit", revision=3, outputs=("fit.h5",), reads=reads, run=run)
+STAGE = Stage(name="fit", revision=4, outputs=("fit.h5",), reads=reads, run=run)

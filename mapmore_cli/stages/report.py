@@ -73,12 +73,8 @@ def _in_units(model: Model, units: Mapping[str, str]) -> dict[str, tuple[Equatio
     if not units:
         return {}
     rates = {signal.name: signal.of for signal in model.signals if signal.kind == "rate"}
-
-    def unit_of(name: str) -> str:
-        return f"{unit_of(rates[name])}/{unit_of('time')}" if name in rates and name not in units else default_unit(name, known)
-
     known = {**{quantity.name: quantity.unit for quantity in model.inputs if quantity.name not in rates}, **units}
-    named = {quantity.name: unit_of(quantity.name) for quantity in model.inputs}
+    named = {quantity.name: default_unit(quantity.name, known, rates) for quantity in model.inputs}
     factors = {quantity.name: convert(1.0, named[quantity.name], quantity.unit) for quantity in model.inputs}
     changed = {quantity.name: factors[quantity.name] for quantity in model.inputs if named[quantity.name] != quantity.unit}
     words = ", ".join(f"{name} in {named[name]}" for name in changed)

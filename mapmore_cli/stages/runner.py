@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -123,14 +123,18 @@ def bring_up_to_date(
 
 
 def prepare(loaded: LoadedSpec, runs: Path) -> None:
-    """Bring every run up to date that a whole run needs, so that runs which share one can go on side by side; raises as that does."""
+    """Bring the runs of other specs up to date that a whole run needs, so that runs which share one can go on side by side.
+
+    What goes wrong is told by the run that needs it.
+    """
     every = pipeline()
     run = _Run(loaded, runs / loaded.spec.name, every, lambda *_: None, lambda _: None, lambda *_: None)
-    for other in runs_built_on(loaded, ()):
-        run.bring(other, every[-1].name)
-    for stage in every:
-        for other in needed_runs(stage, loaded, ()):
-            run.bring(other, MODEL_STAGE)
+    wanted = [(other, every[-1].name) for other in runs_built_on(loaded, ())]
+    wanted += [(other, MODEL_STAGE) for stage in every for other in needed_runs(stage, loaded, ())]
+    for other, until in wanted:
+        if other.loaded.path != loaded.path:  # else a variation, which no other run shares
+            with suppress(Exception):
+                run.bring(other, until)
 
 
 @dataclass(frozen=True)

@@ -35,12 +35,8 @@ def derivations_of(spec: ExperimentSpec) -> dict[str, str | Rate | Direction]:
 
 def units_of(spec: ExperimentSpec) -> dict[str, str]:
     """The model's unit of every quantity; a rate by any name has the unit of its quantity per unit of time."""
-    rates = {name: rule.rate_of for name, rule in spec.data.derive.items() if isinstance(rule, Rate) and name not in spec.units}
-    per_time = default_unit("time", spec.units)
-    units = {}
-    for name in spec.quantities:
-        units[name] = f"{default_unit(rates[name], spec.units)}/{per_time}" if name in rates else default_unit(name, spec.units)
-    return units
+    rates = {name: rule.rate_of for name, rule in spec.data.derive.items() if isinstance(rule, Rate)}
+    return {name: default_unit(name, spec.units, rates) for name in spec.quantities}
 
 
 def signals_of(spec: ExperimentSpec) -> tuple[Signal, ...]:

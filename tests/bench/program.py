@@ -13,7 +13,7 @@ from timing import median_seconds, medians_in_turn
 from mapmore_cli.modelling.fused_pieces import level_values
 from mapmore_cli.modelling.fusion import cell_weights, level_weights
 from mapmore_cli.modelling.model import predict
-from mapmore_cli.modelling.segment_function import segment_value
+from mapmore_cli.modelling.segment_function import prepared
 from mapmore_cli.storage.artefacts import read_model
 
 STUDY = Path(__file__).parents[2] / "configs" / "m2" / "dmsp-20-88-static.yaml"
@@ -57,12 +57,12 @@ def evaluation(runs_folder):
     def in_place():
         y = np.zeros(POINTS)
         for segment, rows in parts:
-            y[rows] += segment_value(segment, {name: columns[name][rows] for name in segment.scaling.variables})
+            y[rows] += prepared(segment)({name: columns[name][rows] for name in segment.scaling.variables})
 
     took = medians_in_turn(
         {
             "fused_model": lambda: predict(model, columns),
-            "active_terms": lambda: [segment_value(segment, at) for segment, at in ordered],
+            "active_terms": lambda: [prepared(segment)(at) for segment, at in ordered],
             "active_terms_in_place": in_place,
         },
         RUNS,

@@ -9,7 +9,7 @@ import json
 import re
 from collections.abc import Callable
 from pathlib import Path
-from statistics import median
+from statistics import geometric_mean, median
 from typing import Any
 
 import pytest
@@ -20,6 +20,7 @@ from mapmore_cli.spec.campaign import Campaign, Entry, load_campaign
 from mapmore_cli.spec.loader import load
 from mapmore_cli.storage.artefacts import read_model
 
+REVERSALS = ("dmsp-20-88-inner-reversals", "peano-inner-reversals")
 DIGITS = 0.006  # three of them
 AGAIN = {"coiled": ["loops-2-200g", "steps-2-500g"], "coiled_loads": ["loads-2-400g-from-300g-500g"]}
 """Runs of the campaigns that are done again: one that needs no cutting, one that does, and one of another load."""
@@ -67,6 +68,25 @@ def test_every_run_is_shown_with_the_median_and_the_worst_of_its_group(name: str
             assert told == max(row[model] for row in members)
 
 
+@pytest.mark.parametrize(("name", "runs"), [("coiled", None), ("coiled_loads", None), ("reversals", REVERSALS)])
+def test_ratios_follow_from_the_rows(name: str, runs: tuple[str, ...] | None) -> None:
+    table = page_table(name, MEMORY)
+    rows = [numbers(table[run]) for run in runs or rows_of(name)]
+    for model in numbers(table["ratio, geometric mean"]):
+        ratios = [row[model] / row["static"] for row in rows]
+        assert float(table["ratio, geometric mean"][model]) == pytest.approx(geometric_mean(ratios), rel=2 * DIGITS)
+        assert float(table["ratio, worst"][model]) == pytest.approx(max(ratios), rel=2 * DIGITS)
+        assert table["runs better"][model] == f"{sum(ratio < 1 for ratio in ratios)} of {len(ratios)}"
+
+
+def test_what_is_cut_is_in_the_table_of_all_records() -> None:
+    cut = page_table("uncut", MEMORY)
+    assert len(cut) == 4
+    for name, row in cut.items():
+        assert float(row["cut"]) == pytest.approx(rows_of("coiled")[name]["mapmore"], rel=DIGITS)
+        assert float(row["uncut"]) > float(row["cut"])
+
+
 @pytest.mark.parametrize("group", ["steps", "loops"])
 def test_one_setting_keeps_the_limits_on_both_sets(group: str) -> None:
     """At most 12 terms: 4 % in the median, 10 % at worst; below every competitor in the median."""
@@ -99,18 +119,21 @@ def test_the_true_terms_of_the_simulated_record(tmp_path: Path, mapmore: Callabl
     assert dict(zip(model.terms, model.theta, strict=True)) == pytest.approx(truth, abs=1e-6)
 
 
-def test_identification_records_run_as_freely_as_the_peers() -> None:
+def test_identification_records_run_as_freely_as_the_peers(measured_data: Path) -> None:
+    """`test_shipped_studies` holds our figures against runs; the peer's are those of its file."""
+    peer = json.loads((measured_data / "system_identification" / "peer_sysidentpy.json").read_text())["runs"]
     rows = page_table("identification", MEMORY)
-    for name in ("buck", "motor_generator"):
+    for name, run in (("buck", "buck_deg2_lag2_n8"), ("motor_generator", "generator_dec500_deg2_lag2_n8")):
         row = numbers(rows[name])
+        assert row["peer's"] == pytest.approx(peer[run]["rrse_free"], abs=1e-5)
+        assert row["peer's one step"] == pytest.approx(peer[run]["rrse_one"], abs=1e-5)
         assert row["RRSE, free run"] == pytest.approx(row["peer's"], rel=0.005)
         assert row["RRSE, one step"] == pytest.approx(row["peer's one step"], rel=0.005)
 
 
 def test_inner_reversals_are_shown_as_they_run() -> None:
-    for name, row in page_table("reversals", MEMORY).items():
-        if name not in NRMSE:
-            continue
-        errors = numbers(row)
+    table = page_table("reversals", MEMORY)
+    for name in REVERSALS:
+        errors = numbers(table[name])
         assert errors == pytest.approx({model: 100 * told for model, told in NRMSE[name].items()}, rel=0.01)
         assert all(errors["mapmore"] < told for model, told in errors.items() if model != "mapmore")

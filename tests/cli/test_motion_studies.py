@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from page_tables import DOCS, page_table
 
 import mapmore_cli
 from mapmore_cli.storage.artefacts import read_dataset, read_model, read_validation
 
 CONFIGS = Path(__file__).parents[2] / "configs" / "m2"
+DAMPING = DOCS / "damping.md"
 
 NRMSE = {
     "dmsp-20-88": {
@@ -45,12 +48,36 @@ NRMSE = {
 """Validation scores on the committed recordings, whole records; a change of these belongs in the changelog."""
 
 
+SHOWN = {
+    "damping": {
+        **{name: [name] for name in ("none", "linear_viscous", "pressure_viscous", "reynolds", "cao", "tondu_kinetic_friction")},
+        "peternel, as printed / with absolute powers": ["peternel", "peternel_absolute"],
+        "sarosi_hysteresis_loss, with the length / as printed": ["sarosi_hysteresis_loss", "sarosi_hysteresis_loss_printed"],
+        "mapmore: one term for each direction": ["mapmore"],
+        "by direction and pressure": ["by_direction_and_pressure"],
+        "by pressure alone": ["by_pressure"],
+        "by nothing": ["by_nothing"],
+        "by nothing, two terms from all training pressures": ["by_nothing_two_terms"],
+        "with lags and operators, likewise": ["with_lags_and_operators"],
+        "sarosi + reynolds, each fitted to what it is for": ["sarosi+reynolds"],
+    },
+    "dynamic": {
+        "mapmore: static + damping": ["mapmore"],
+        "its static model alone": ["static_alone"],
+        "sarosi alone": ["sarosi_alone"],
+        "sarosi + reynolds": ["sarosi+reynolds"],
+        "mapmore's static model + reynolds": ["mapmore+reynolds"],
+    },
+}
+"""Rows of the tables of docs/damping.md, and the models that they are about."""
+
+
 def pooled(run_dir: Path) -> dict[str, float]:
     rows = json.loads((run_dir / "scores.json").read_text())["scores"]
     return {row["model"]: row["nrmse"] for row in rows if (row["split"], row["curve"]) == ("validate", "all")}
 
 
-@pytest.fixture(scope="module", params=sorted(NRMSE))
+@pytest.fixture(scope="module", params=[pytest.param(name, marks=pytest.mark.xdist_group(name)) for name in sorted(NRMSE)])
 def muscle(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory, mapmore: Callable[..., Any]) -> tuple[str, Path]:
     """A muscle and the folder of its runs, made by one command."""
     runs = tmp_path_factory.mktemp(request.param)
@@ -59,7 +86,6 @@ def muscle(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
     return request.param, runs
 
 
-@pytest.mark.xdist_group("motion")
 def test_one_command_makes_every_study_with_its_scores(muscle: tuple[str, Path]) -> None:
     name, runs = muscle
     for study, wanted in NRMSE[name].items():
@@ -70,7 +96,16 @@ def test_one_command_makes_every_study_with_its_scores(muscle: tuple[str, Path])
     assert {"by_direction_and_pressure", "by_nothing", "by_pressure"} <= set(pooled(runs / f"{name}-damping"))
 
 
-@pytest.mark.xdist_group("motion")
+@pytest.mark.parametrize("study", SHOWN)
+def test_the_page_shows_what_the_runs_say(study: str, muscle: tuple[str, Path]) -> None:
+    name, runs = muscle
+    found, table = pooled(runs / f"{name}-{study}"), page_table(study, DAMPING)
+    assert set(table) == set(SHOWN[study])
+    for row, models in SHOWN[study].items():
+        told = re.sub(r"\([^)]*\)|\*", "", table[row]["McKibben" if name == "dmsp-20-88" else "Peano"]).split("/")
+        assert [float(per_cent) for per_cent in told] == pytest.approx([100 * found[model] for model in models], abs=0.051)
+
+
 def test_the_report_shows_records_over_time_and_equations_in_the_papers_units(muscle: tuple[str, Path]) -> None:
     name, runs = muscle
     report = runs / f"{name}-damping" / "report"
@@ -86,7 +121,6 @@ def test_the_report_shows_records_over_time_and_equations_in_the_papers_units(mu
     assert "published NRMSE" in published
 
 
-@pytest.mark.xdist_group("motion")
 def test_a_table_of_time_pressure_and_strain_predicts_what_was_validated(
     muscle: tuple[str, Path], tmp_path: Path, mapmore: Callable[..., Any]
 ) -> None:
@@ -109,7 +143,6 @@ def test_a_table_of_time_pressure_and_strain_predicts_what_was_validated(
     assert np.allclose(model(time=first["time"], pressure=first["pressure"], strain=first["strain"]), wanted[: len(first["time"])])
 
 
-@pytest.mark.xdist_group("motion")
 def test_the_dynamic_model_is_the_sum_of_the_two(muscle: tuple[str, Path]) -> None:
     name, runs = muscle
     model = read_model(runs / f"{name}-dynamic" / "model.h5")

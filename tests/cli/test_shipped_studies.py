@@ -91,6 +91,10 @@ def test_a_measured_study_runs(path: Path, tmp_path: Path, mapmore: Callable[...
     assert not told or set(told) == set(rows)
     for model, per_cent in told.items():
         assert 100 * rows[model]["nrmse"] == pytest.approx(per_cent, rel=0.02), model
+    if path.parent.name == "identification":
+        row = numbers(page_table("identification", MEMORY)[path.stem])
+        told_of_runs = (row["RRSE, free run"], row["RRSE, one step"])
+        assert (rows["mapmore"]["rrse"], rows["mapmore"]["rrse_one_step"]) == pytest.approx(told_of_runs, abs=2e-5)
     for backbone, left_out in left_out_of(path.stem).items():
         folds = read_model(tmp_path / f"{path.stem}.{backbone}" / "model.h5").cross_validation
         assert min(fold.rmse for fold in folds) == pytest.approx(left_out, rel=0.02)

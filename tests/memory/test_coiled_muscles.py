@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import openpyxl
 import pytest
+from closeness import nrmse_by_range
 from memory_samples import record
 
 from mapmore_cli.modelling.memory import MemoryRecipe, fit_with_memory, free_run
-from mapmore_cli.modelling.memory.closeness import nrmse_by_range
 from mapmore_cli.modelling.memory.families import operated, products, resonances
 from mapmore_cli.modelling.signals.gaps import find_gaps, pieces
 from mapmore_cli.modelling.signals.resampling import resample

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from closeness import nrmse_by_range, rmse, rrse
 from memory_samples import STEP, narx_truth, record, wandering
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.memory import MemoryRecipe, capacity, fit_with_memory, free_run
-from mapmore_cli.modelling.memory.closeness import nrmse_by_range, rmse, rrse
 from mapmore_cli.modelling.memory.equation import memory_equation
 from mapmore_cli.modelling.memory.families import lags, operated, products
 from mapmore_cli.modelling.memory.operators import play, slow
@@ -53,7 +53,7 @@ def test_stop_rules_find_the_number_of_terms(stop, ridge):
     recipe = replace(LAGGED, max_terms=10, stop=stop, ridge=ridge)
     fit = fit_with_memory(narx_records(noise=1e-3), recipe)
     assert {"x[k-2]", "y[k-2]", "x[k-1]*y[k-1]", "y[k-1]^2"} <= set(fit.model.terms)
-    assert len(fit.model.terms) < 10
+    assert len(fit.model.terms) <= (4 if stop in ("bic", "free_run") else 8)  # AICc and PRESS are known to take a few too many
 
 
 def test_a_tolerance_ends_a_regularised_selection():
@@ -128,7 +128,7 @@ def test_a_dictionary_beyond_memory_is_built_block_by_block(recipe, monkeypatch)
 
 
 def test_a_regularised_fit_never_holds_its_dictionary():
-    n, names = 40_000, lags(["x"], range(12))
+    n, names = 80_000, lags(["x"], range(12))
     dictionary = tuple(to_text(term) for term in products(names, 2))
     x = np.random.default_rng(0).normal(size=n)
     given = [record(x=x, y=np.roll(x, 1) ** 2)]

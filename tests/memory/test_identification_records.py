@@ -7,10 +7,10 @@ import re
 
 import numpy as np
 import pytest
+from closeness import rmse, rrse
 from memory_samples import record
 
 from mapmore_cli.modelling.memory import MemoryRecipe, fit_with_memory, free_run, one_step_ahead
-from mapmore_cli.modelling.memory.closeness import rmse, rrse
 from mapmore_cli.modelling.memory.families import lags, products
 from mapmore_cli.modelling.terms import to_text
 

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from closeness import nrmse_by_range
 from memory_samples import record
 
 from mapmore_cli.modelling.memory import MemoryRecipe, fit_with_memory, free_run
-from mapmore_cli.modelling.memory.closeness import nrmse_by_range
 from mapmore_cli.modelling.memory.families import operated, products, spread_widths
 from mapmore_cli.modelling.terms import to_text
 from mapmore_cli.rig.hysteresis import Hysteresis

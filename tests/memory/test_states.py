@@ -117,3 +117,12 @@ def test_pieces_of_curves_share_one_time_step():
         time_step([*curves, curve("c", np.arange(9) * 2 * STEP)])
     with pytest.raises(DataError, match="there is no time step"):
         time_step([curve("single", [0.0])])
+
+
+def test_a_resonance_is_found_behind_a_delay():
+    x = wandering(1500)
+    y = 2 * resonance(x, 4.0, 0.3, STEP)
+    states = resolve(["resonance(x[k-3])"], [record(x=x, y=np.roll(y, 3))], "y", STEP, scale=False)
+    frequency, damping = states.resonances["x[k-3]"]
+    assert frequency == pytest.approx(4.0, rel=0.3)
+    assert 0 < damping < 1

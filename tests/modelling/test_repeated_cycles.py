@@ -78,3 +78,19 @@ def test_nothing_repeats_without_cycles_of_both_kinds():
         assert repeated_cycles([Curve("a", None, curve.columns, held, ("a",))], "displacement", "pressure") is None
     levelled = Curve("pressure=80", 80.0, curve.columns, curve.held_out, ("a",))
     assert repeated_cycles([levelled], "displacement", "pressure") is None
+
+
+def test_a_held_out_cycle_between_training_ones_is_compared_with_the_one_before():
+    (whole,) = record(4, drift=3.0)
+    starts = BEGIN + len(ONE) * np.arange(5)
+    held = np.zeros(whole.size, bool)
+    held[starts[2] : starts[3]] = True
+    (again,) = repeated_cycles([Curve("a", None, whole.columns, held, ("a",))], "displacement", "pressure")
+    np.testing.assert_array_equal(np.isfinite(again), held)
+    np.testing.assert_allclose((again - whole.columns["displacement"])[held][1:], -3.0)
+
+
+def test_what_trains_after_a_held_out_cycle_is_nothing_to_compare_with():
+    curve = record(2)[0]
+    held = ~curve.held_out
+    assert repeated_cycles([Curve("a", None, curve.columns, held, ("a",))], "displacement", "pressure") is None

@@ -89,3 +89,16 @@ def test_published_numbers_stand_beside_ours_and_empty_columns_are_left_out() ->
 
 def test_tables_without_rows_are_left_out() -> None:
     assert [table.name for table in campaign_tables(CampaignScores({"a": rows(mapmore=1)}))] == ["nrmse"]
+
+
+def test_a_run_that_diverged_is_worse_than_any_in_whatever_order() -> None:
+    good, bad = rows(mapmore=1, sarosi=2), rows(mapmore=math.nan, sarosi=2)
+    for runs in ({"a": good, "b": bad}, {"b": bad, "a": good}):
+        table = nrmse_table(CampaignScores(runs, relative_to="sarosi"))
+        assert [row[1] for row in table.rows[2:]] == [math.inf, math.inf, "1 of 2"]
+
+
+def test_nothing_is_in_proportion_to_an_error_of_zero() -> None:
+    scores = CampaignScores({"a": rows(mapmore=1, sarosi=0, repeatability=0)}, relative_to="sarosi", best_of=["sarosi"])
+    assert nrmse_table(scores).rows[1][1] is None
+    assert hindsight_table(scores).rows[0][-2:] == (None, None)

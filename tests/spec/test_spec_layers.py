@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from spec_examples import FORMULA, STATIC, load_text, refusal
 
 from mapmore_cli.domain.errors import SpecError, UsageError
-from mapmore_cli.spec.environment import escape, expand
+from mapmore_cli.spec.environment import escaped, expand
 from mapmore_cli.spec.loader import load
+from mapmore_cli.spec.overrides import as_overrides
 
 # Environment -------------------------------------------------------------------------------------------------------------------------
 
@@ -27,7 +28,7 @@ def test_variables_are_expanded(monkeypatch: pytest.MonkeyPatch) -> None:
 @settings(deadline=None)
 @given(st.text(st.sampled_from("$${{}:-A "), max_size=20))
 def test_escaped_text_stays_as_it_is(text: str) -> None:
-    assert expand(escape(text)) == text
+    assert expand(escaped(text)) == text
 
 
 @pytest.mark.parametrize("text", ["${}", "${1A}", "${A", "${A:b}", "${A-b}", "${A:-${B}}", "${ A }"])
@@ -200,3 +201,12 @@ def test_an_override_of_another_form_is_wrong_usage(tmp_path: Path, override: st
 def test_overridden_paths_start_at_the_spec(family: Path) -> None:
     assert load(family / "child" / "spec.yaml", ["data.files=[x.csv]"]).spec.data.files == ["x.csv"]
     assert load(family / "child" / "spec.yaml", ["data.files.0=y.csv"]).spec.data.files == ["y.csv"]
+
+
+def test_settings_keep_their_texts_on_their_way(tmp_path: Path) -> None:
+    texts = ["${HOME}", "$${HOME}", "\N{FLEXED BICEPS}", "a: [b"]
+    path = tmp_path / "spec.yaml"
+    path.write_text(STATIC)
+    loaded = load(path, as_overrides({"muscle.name": texts[2], "data.files": texts}))
+    assert loaded.spec.muscle.name == texts[2]
+    assert loaded.spec.data.files == texts

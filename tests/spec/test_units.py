@@ -132,3 +132,10 @@ def test_any_text_is_a_unit_or_refused(text: str) -> None:
         convert(1.0, text, "kPa")
     except SpecError as error:
         assert error.remedy  # noqa: PT017 (most texts are refused, a few are units of pressure)
+
+
+def test_a_rate_of_a_rate_has_the_unit_of_neither_name() -> None:
+    rates = {"v": "displacement", "a": "v"}
+    assert [default_unit(name, {}, rates) for name in ("v", "a")] == ["m/s", "m/s/s"]
+    assert default_unit("a", {"v": "mm/s"}, rates) == "mm/s/s"
+    assert default_unit("b", {}, {"b": "c", "c": "b"})  # a circle is reported elsewhere

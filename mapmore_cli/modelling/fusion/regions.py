@@ -22,11 +22,11 @@ def interval(edges: Array, number: int) -> tuple[float, float]:
 def regions(axes: Sequence[Axis], n: int) -> Iterator[tuple[tuple[int, ...], IntArray]]:
     """Every region that holds some of the n rows: the number of its interval on each axis, and its rows.
 
-    Rows that are NaN on an axis count as below its lowest edge. With at most 65536 regions the sort is a radix sort, whose time does not
+    Rows that are NaN on an axis count as below its lowest edge. With fewer than 65536 regions the sort is a radix sort, whose time does not
     depend on how the rows lie.
     """
     shape = [len(edges) + 1 for _, edges in axes]
-    number = np.zeros(n, dtype=np.min_scalar_type(prod(shape) - 1))
+    number = np.zeros(n, dtype=np.min_scalar_type(prod(shape)))
     above = np.empty(n, dtype=bool)
     for (x, edges), count in zip(axes, shape, strict=True):
         number *= number.dtype.type(count)

@@ -97,14 +97,14 @@ def _terms_by_free_run(records: Sequence[Record], recipe: MemoryRecipe) -> int:
 
 
 def _error_of_runs(model: MemoryModel, records: Sequence[Record], rows: Sequence[BoolArray]) -> float:
-    """Sum of squared errors over some rows of every piece; infinite where a run diverges, or no row has a prediction."""
+    """Mean squared error over those of some rows of every piece that have a prediction; infinite where a run diverges, or none has one."""
     runs = [free_run(model, record.columns) for record in records]
     misses = np.concatenate(
         [(run.values - record.columns[model.output])[held] for run, record, held in zip(runs, records, rows, strict=True)]
     )
     if any(run.diverged for run in runs) or np.isnan(misses).all():
         return np.inf
-    return float(np.nansum(misses**2))
+    return float(np.nanmean(misses**2))
 
 
 def _late(record: Record) -> BoolArray:

@@ -76,7 +76,7 @@ def uninterrupted(time: Array, step: float) -> list[slice]:
     return pieces(len(time), breaks)
 
 
-def time_step(curves: Sequence[Curve], tolerance: float = 1e-3) -> float:
+def time_step(curves: Sequence[Curve]) -> float:
     """The time between samples that all curves have in common, s: the median.
 
     Raises
@@ -87,7 +87,7 @@ def time_step(curves: Sequence[Curve], tolerance: float = 1e-3) -> float:
     steps = {curve.id: float(np.median(np.diff(curve.columns["time"]))) for curve in curves if curve.size > 1}
     usual = float(np.median(list(steps.values()))) if steps else float("nan")
     for name, step in steps.items():
-        if not abs(step - usual) <= tolerance * usual:
+        if not abs(step - usual) <= UNEVEN * usual:
             raise DataError(
                 f"{name}: its samples are {step:.6g} s apart, those of other recordings {usual:.6g} s",
                 "bring all recordings onto the same time steps with `resample`",

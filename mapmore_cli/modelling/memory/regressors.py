@@ -12,10 +12,7 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.memory import StateSet
 from mapmore_cli.modelling.memory.evaluation import evaluate_states
 from mapmore_cli.modelling.memory.records import Record
-from mapmore_cli.modelling.terms import Expression, dictionary_matrix
-
-BLOCK = 4096
-"""Rows of the dictionary at a time."""
+from mapmore_cli.modelling.terms import Expression, dictionary_blocks, dictionary_matrix
 
 
 @dataclass(frozen=True)
@@ -41,9 +38,8 @@ class Regressors:
 
     def blocks(self) -> Iterator[tuple[Array, Array]]:
         """The dictionary and the output, block by block."""
-        for start in range(0, self.samples, BLOCK):
-            block = self.rows(slice(start, start + BLOCK))
-            yield block.whole(), block.y
+        for rows, P in dictionary_blocks(self.terms, self.states, self.samples):
+            yield P, self.y[rows]
 
 
 def regressors(records: Sequence[Record], states: StateSet, terms: Sequence[Expression], target: str) -> Regressors:

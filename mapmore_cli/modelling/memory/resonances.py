@@ -57,7 +57,7 @@ def find_resonance(driving: Sequence[Array], output: Sequence[Array], training: 
     for frequency in frequencies:
         for damping in DAMPINGS:
             positions = [resonance(one, frequency, damping, step) for one in driving]
-            velocities = [np.diff(one, prepend=one[:1]) for one in positions]
+            velocities = [np.nan_to_num(np.diff(one, prepend=one[:1])) for one in positions]  # at rest where they begin
             moved = np.column_stack([_pooled(positions, training), _pooled(velocities, training)])[known]
             gain = _explained(left, moved, basis)
             if gain > best[0] * (1 + TIE):

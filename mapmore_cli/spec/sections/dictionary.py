@@ -160,14 +160,11 @@ def _of_entry(entry: DictionaryEntry, loc: Loc) -> Iterator[tuple[Loc, str, Fami
             yield from _of_entry(inner, (*loc, name, "of", place))
 
 
-def texts_of(dictionary: Sequence[DictionaryEntry]) -> Iterator[tuple[Loc, str, bool]]:
-    """Place and text of everything that names quantities: expressions (True), and names of states (False)."""
-    for loc, _, family in entries_of(dictionary):
-        yield from texts_in(loc, family)
-
-
 def texts_in(loc: Loc, family: Family) -> Iterator[tuple[Loc, str, bool]]:
-    """The same of one family, which stands at `loc`, without those inside it."""
+    """Place and text of all in a family, which stands at `loc`, that names quantities: expressions (True), and names of states (False).
+
+    Families inside it are left out.
+    """
     if isinstance(family, list):
         yield from (((*loc, place), text, True) for place, text in enumerate(family))
         return
@@ -179,9 +176,10 @@ def texts_in(loc: Loc, family: Family) -> Iterator[tuple[Loc, str, bool]]:
 def remembers(dictionary: Sequence[DictionaryEntry]) -> bool:
     """Whether any term needs more of a recording than the sample itself."""
     plain = {"polynomial", "terms", "products"}
-    if any(name not in plain for _, name, _ in entries_of(dictionary)):
-        return True
-    return any(_has_memory(text) for _, text, _ in texts_of(dictionary))
+    for loc, name, family in entries_of(dictionary):
+        if name not in plain or any(_has_memory(text) for _, text, _ in texts_in(loc, family)):
+            return True
+    return False
 
 
 def _has_memory(text: str) -> bool:

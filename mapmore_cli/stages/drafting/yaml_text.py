@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from mapmore_cli.spec.environment import escape
+from mapmore_cli.spec.environment import escaped
 from mapmore_cli.spec.yaml_core import tag_of
 
 WIDEST = 132
@@ -83,7 +83,7 @@ def _flow(value: Any) -> str:
         case float():
             return f"{value:.10g}"
         case str():
-            text = escape(value)
+            text = escaped(value)
             bare = _BARE.fullmatch(text) and tag_of(text) == "str"
             return text if bare else json.dumps(text, ensure_ascii=not text.isprintable())
         case _:

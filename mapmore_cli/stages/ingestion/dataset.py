@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset, Quantity, Recording
 from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.spec.sections.table import FileEntry
@@ -47,7 +48,9 @@ def build_dataset(
     readings = _read_all(find_sources(data.files, spec_dir, data.join), slice_, progress)
     units = dict(slice_.units)
     if data.plateau is not None:
-        readings = [_stepped(reading, slice_, static_run, warn) for reading in readings]
+        measured = Quantity(slice_.measured, slice_.units[slice_.measured])
+        static = None if static_run is None else static_model(static_run, measured, slice_.units)
+        readings = [_stepped(reading, slice_, static, warn) for reading in readings]
         units[PLATEAU] = "1"
     levels = level_set(data.levels, [piece for reading in readings for piece in reading.pieces]) if data.levels else None
     recordings, parts = cut_by_level([reading.pieces for reading in readings], levels)
@@ -94,13 +97,12 @@ def _read_all(sources: Sequence[Source], slice_: IngestSlice, progress: Progress
     return [reading for source in sources for reading in read_recordings(source, slice_.data, slice_.units, meter)]
 
 
-def _stepped(reading: Reading, slice_: IngestSlice, static_run: Path | None, warn: Callable[[str], None]) -> Reading:
+def _stepped(reading: Reading, slice_: IngestSlice, static: Model | None, warn: Callable[[str], None]) -> Reading:
     """The pieces of a log with their plateau, and with the damping force where a static model is at hand."""
     assert slice_.data.plateau is not None
     pieces = [with_plateau(piece, slice_.data.plateau, slice_.units) for piece in reading.pieces]
-    if static_run is not None:
-        model = static_model(static_run, Quantity(slice_.measured, slice_.units[slice_.measured]), slice_.units)
-        pieces = [with_damping(piece, slice_.measured, model, warn) for piece in pieces]
+    if static is not None:
+        pieces = [with_damping(piece, slice_.measured, static, warn) for piece in pieces]
     return replace(reading, pieces=tuple(pieces))
 
 

@@ -17,6 +17,7 @@ from mapmore_cli.modelling.model import outside_range, predict
 from mapmore_cli.modelling.signals.plateau import find_plateau, without_steady_state
 from mapmore_cli.spec.sections.data import STEP_OF, STEP_PRESSURE
 from mapmore_cli.spec.units import convert
+from mapmore_cli.stages.ingestion.samples import located
 from mapmore_cli.storage.artefacts import read_model
 
 PLATEAU = "plateau"
@@ -42,10 +43,8 @@ def with_plateau(recording: Recording, plateau: Plateau, units: Mapping[str, str
     seconds = convert(columns["time"], units["time"], "s")
     if plateau == "auto":
         others = {name: columns[name] for name in ("strain", "displacement") if name in columns}
-        try:
+        with located(recording.source):
             start, end = find_plateau(seconds, columns[STEP_OF], others)
-        except DataError as error:
-            raise DataError(f"{recording.source}: {error.message}", error.remedy) from error
     else:
         start, end = plateau
     on: BoolArray = (seconds >= start) & (seconds <= end)
