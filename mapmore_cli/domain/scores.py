@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import FormulaFit
+
+OWN = "mapmore"
+"""Name of the run's own model in its scores, and of the needed static model in a composite."""
 
 REPEATABILITY = "repeatability"
 """Name of the rows that say how far repeated measurements lie apart: the floor of every model's error, and no model itself."""
@@ -49,3 +52,10 @@ class Validation:
     formulas: Mapping[str, FormulaFit]
     scores: tuple[Score, ...]
     units: Mapping[str, str]
+
+
+def deciding(scores: Iterable[Score]) -> list[Score]:
+    """The rows that decide: all curves pooled, of the held-out data where there are any, else of the training data."""
+    pooled = [score for score in scores if score.curve == "all"]
+    held_out = [score for score in pooled if score.split == "validate"]
+    return held_out or pooled

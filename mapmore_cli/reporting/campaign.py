@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from statistics import median
 
-from mapmore_cli.domain.scores import REPEATABILITY, Score
+from mapmore_cli.domain.scores import OWN, REPEATABILITY, Score, deciding
 from mapmore_cli.reporting.figures.registry import RenderedFigure
 from mapmore_cli.reporting.inputs import Published
 from mapmore_cli.reporting.page import SCREEN_SCALE, environment
@@ -40,7 +40,7 @@ class CampaignScores:
     """
 
     runs: Mapping[str, Sequence[Score]]
-    own: str = "mapmore"
+    own: str = OWN
     units: Mapping[str, str] = field(default_factory=dict)
     published: Mapping[str, Published] = field(default_factory=dict)
     relative_to: str | None = None
@@ -50,19 +50,13 @@ class CampaignScores:
     @property
     def pooled(self) -> dict[str, Pooled]:
         """The scores that count, by run."""
-        return {name: _pooled(scores) for name, scores in self.runs.items()}
+        return {name: {score.model: score for score in deciding(scores)} for name, scores in self.runs.items()}
 
     @property
     def models(self) -> tuple[str, ...]:
         """Every model of any run, what is no model last."""
         names = dict.fromkeys(model for scores in self.pooled.values() for model in scores)
         return tuple(sorted(names, key=lambda name: name == REPEATABILITY))
-
-
-def _pooled(scores: Sequence[Score]) -> Pooled:
-    rows = [score for score in scores if score.curve == "all"]
-    split = "validate" if any(score.split == "validate" for score in rows) else "train"
-    return {score.model: score for score in rows if score.split == split}
 
 
 def campaign_tables(scores: CampaignScores) -> tuple[Table, ...]:

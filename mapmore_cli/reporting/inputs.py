@@ -12,7 +12,7 @@ from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.models import Equation, Model
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult
-from mapmore_cli.domain.scores import Validation
+from mapmore_cli.domain.scores import Validation, deciding
 
 MOST_LINES = 7
 """Lines that can be told apart in one panel."""
@@ -96,9 +96,7 @@ class ReportInputs:
     @property
     def pooled_errors(self) -> dict[str, float]:
         """RMSE of every model that has one, of the held-out data where there are any."""
-        pooled = [s for s in self.validation.scores if s.curve == "all" and math.isfinite(s.rmse)]
-        split = "validate" if any(s.split == "validate" for s in pooled) else "train"
-        return {s.model: s.rmse for s in pooled if s.split == split}
+        return {score.model: score.rmse for score in deciding(self.validation.scores) if math.isfinite(score.rmse)}
 
     @property
     def failed(self) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.domain.scores import REPEATABILITY, Score
+from mapmore_cli.domain.scores import REPEATABILITY, Score, deciding
 
 EQUAL_WITHIN = 0.01
 """Relative difference of two errors below which neither model is called better."""
@@ -17,16 +17,14 @@ def verdict(scores: Sequence[Score], own: str, target: Quantity, failed: Sequenc
 
     `failed` names the competitors that have no scores, because their fit failed.
     """
-    pooled = [s for s in scores if s.curve == "all"]
-    split = "validate" if any(s.split == "validate" for s in pooled) else "train"
-    compared = [s for s in pooled if s.split == split]
+    compared = deciding(scores)
     ours = next((s for s in compared if s.model == own), None)
     if ours is None or not math.isfinite(ours.nrmse):
         return f"{own} gave no prediction."
     where = {
         "validate": "on the held-out data",
         "train": "on its own training data (nothing was held out, so this says little about new data)",
-    }[split]
+    }[ours.split]
     first = f"{own} predicts {target.name} with an NRMSE of {_percent(ours.nrmse)} (RMSE {ours.rmse:.3g} {target.unit}) {where}"
     return f"{first}; {_comparison(ours, [s for s in compared if s.model not in (own, REPEATABILITY)], failed)}{_floor(compared)}."
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import get_type_hints
 
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.domain.scores import REPEATABILITY, Score
+from mapmore_cli.domain.scores import OWN, REPEATABILITY, Score
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean
 from mapmore_cli.spec.experiment import ExperimentSpec, TargetColumn
 from mapmore_cli.spec.sections.fuse import Fuse
@@ -15,9 +15,6 @@ from mapmore_cli.spec.sections.table import Table
 from mapmore_cli.spec.sections.validate import Competitor
 from mapmore_cli.spec.tree import Loc
 from mapmore_cli.spec.units import CANONICAL, check_unit, convert, default_unit, is_canonical
-
-OWN = "mapmore"
-"""Name of the run's own model in its scores."""
 
 
 def levels(spec: ExperimentSpec) -> Iterator[Finding]:

@@ -14,6 +14,7 @@ from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.domain.scores import OWN
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.backbone import fit_formula, pooled_training
 from mapmore_cli.modelling.damping import damping_component
@@ -22,9 +23,6 @@ from mapmore_cli.modelling.literature.hysteresis_loss import HysteresisLoss
 from mapmore_cli.spec.sections.validate import Competitor
 from mapmore_cli.stages.ingestion.steps import DAMPING, STATIC_FORCE
 from mapmore_cli.storage.artefacts import read_dataset, read_model
-
-OWN = "mapmore"
-"""Name of the run's own model in its scores, and of the needed static model in a composite."""
 
 Forecasts = tuple[Forecast, ...]
 """Of one model, for every curve of the dataset."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mapmore_cli.domain.scores import OWN, deciding
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.overrides import as_overrides
 from mapmore_cli.spec.sections.validate import Competitor
@@ -57,7 +58,7 @@ def run(part: Slice, workspace: Workspace) -> None:
     from mapmore_cli.domain.scores import Validation
     from mapmore_cli.modelling.forecast import forecast
     from mapmore_cli.modelling.scoring import score_rows
-    from mapmore_cli.stages.competitors import OWN, Contest
+    from mapmore_cli.stages.competitors import Contest
     from mapmore_cli.storage.artefacts import read_dataset, read_model, write_scores, write_validation
 
     dataset = read_dataset(workspace.run_dir / "ingest.h5")
@@ -119,8 +120,7 @@ def missed_limits(require: Mapping[str, float], scores: Sequence[Score]) -> list
 
     Limits hold on the pooled validation rows, or on the training rows where nothing is held out.
     """
-    pooled = [row for row in scores if row.model == "mapmore" and row.curve == "all"]
-    row = next((row for row in pooled if row.split == "validate"), pooled[0])
+    row = deciding(score for score in scores if score.model == OWN)[0]
     missed = []
     for metric, limit in require.items():
         value = float(getattr(row, metric))

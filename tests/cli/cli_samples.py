@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -68,3 +71,11 @@ def by_hand(pressure: float, strain: float) -> float:
     """What `hand_model` says, in plain arithmetic."""
     t = min(max((pressure - 100) / 100, 0.0), 1.0)
     return (1 - t) * (100 - 400 * strain) + t * (200 - 500 * strain)
+
+
+def scored_run(mapmore: Callable[..., Any], spec: Path, runs: Path, *arguments: object) -> tuple[dict[str, float], dict[str, str]]:
+    """RMSE of every model on the held-out data, and what was done, of one `mapmore run`."""
+    result = mapmore("run", spec, "--runs", runs, "--json", "-q", *arguments)
+    assert result.exit_code == 0, result.stderr
+    document = json.loads(result.stdout)
+    return {r["model"]: r["rmse"] for r in document["scores"] if (r["split"], r["curve"]) == ("validate", "all")}, document["stages"]

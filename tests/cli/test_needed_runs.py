@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-from cli_samples import write_study
+from cli_samples import scored_run, write_study
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.spec.loader import load
@@ -26,30 +25,23 @@ def pair(tmp_path: Path) -> tuple[Path, Path]:
     return bench, tmp_path / "rival_base.yaml"
 
 
-def scores(mapmore: Callable[..., Any], spec: Path, runs: Path) -> tuple[dict[str, float], dict[str, str]]:
-    result = mapmore("run", spec, "--runs", runs, "--json", "-q")
-    assert result.exit_code == 0, result.stderr
-    document = json.loads(result.stdout)
-    return {r["model"]: r["rmse"] for r in document["scores"] if (r["split"], r["curve"]) == ("validate", "all")}, document["stages"]
-
-
 def test_the_other_run_is_made_first_and_scored_beside(pair: tuple[Path, Path], tmp_path: Path, mapmore: Callable[..., Any]) -> None:
     bench, rival = pair
-    rmse, _ = scores(mapmore, bench, tmp_path / "runs")
+    rmse, _ = scored_run(mapmore, bench, tmp_path / "runs")
     assert list(rmse) == ["mapmore", "polynomial_2", "line"]
-    own, _ = scores(mapmore, rival, tmp_path / "elsewhere")
+    own, _ = scored_run(mapmore, rival, tmp_path / "elsewhere")
     assert rmse["line"] == own["mapmore"]
     assert (tmp_path / "runs" / "rival" / "model.h5").is_file()
     assert not (tmp_path / "runs" / "rival" / "scores.json").exists()
-    assert set(scores(mapmore, bench, tmp_path / "runs")[1].values()) == {"up-to-date"}
+    assert set(scored_run(mapmore, bench, tmp_path / "runs")[1].values()) == {"up-to-date"}
 
 
 def test_a_change_of_the_other_run_makes_the_scores_stale(pair: tuple[Path, Path], tmp_path: Path, mapmore: Callable[..., Any]) -> None:
     bench, rival = pair
-    before, _ = scores(mapmore, bench, tmp_path / "runs")
+    before, _ = scored_run(mapmore, bench, tmp_path / "runs")
     rival.write_text(rival.read_text().replace("order: 1", "order: 2"))
     assert "rival_base.yaml" in mapmore("run", bench, "--runs", tmp_path / "runs", "--explain").stdout
-    after, stages = scores(mapmore, bench, tmp_path / "runs")
+    after, stages = scored_run(mapmore, bench, tmp_path / "runs")
     assert [name for name, status in stages.items() if status == "done"] == ["validate", "report"]
     assert after["mapmore"] == before["mapmore"]
 
@@ -58,8 +50,8 @@ def test_two_runs_may_be_compared_with_each_other(pair: tuple[Path, Path], tmp_p
     """Only models are needed, and these stand before the comparison: there is no circle."""
     bench, rival = pair
     rival.write_text(rival.read_text().replace("against: [polynomial_2]", "against: [{run: bench.yaml}]"))
-    one, _ = scores(mapmore, bench, tmp_path / "runs")
-    other, _ = scores(mapmore, rival, tmp_path / "runs")
+    one, _ = scored_run(mapmore, bench, tmp_path / "runs")
+    other, _ = scored_run(mapmore, rival, tmp_path / "runs")
     assert (one["mapmore"], one["line"]) == (other["bench"], other["mapmore"])
 
 

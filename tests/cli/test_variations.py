@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cli_samples import write_study
+from cli_samples import scored_run, write_study
 
 VARIATION = "{set: {fit.max_terms: 2, fuse: {z_s: 0.4}}, as: two}"
 
@@ -24,37 +24,32 @@ def against(spec: Path, entry: str) -> Path:
     return spec
 
 
-def run(mapmore: Callable[..., Any], spec: Path, runs: Path, *arguments: object) -> tuple[dict[str, float], dict[str, str]]:
-    result = mapmore("run", spec, "--runs", runs, "--json", "-q", *arguments)
-    assert result.exit_code == 0, result.stderr
-    document = json.loads(result.stdout)
-    return {r["model"]: r["rmse"] for r in document["scores"] if (r["split"], r["curve"]) == ("validate", "all")}, document["stages"]
-
-
 def test_a_variation_scores_as_a_run_with_these_settings_does(varied: Path, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
-    rmse, _ = run(mapmore, varied, tmp_path / "runs")
+    rmse, _ = scored_run(mapmore, varied, tmp_path / "runs")
     assert list(rmse) == ["mapmore", "polynomial_2", "two"]
-    alone, _ = run(mapmore, varied, tmp_path / "alone", "--set", "fit.max_terms=2", "--set", "fuse={z_s: 0.4}", "--set", "validate={}")
+    alone, _ = scored_run(
+        mapmore, varied, tmp_path / "alone", "--set", "fit.max_terms=2", "--set", "fuse={z_s: 0.4}", "--set", "validate={}"
+    )
     assert rmse["two"] == alone["mapmore"]
     assert rmse["two"] != rmse["mapmore"]
     assert (tmp_path / "runs" / "bench.two" / "model.h5").is_file()
     assert not (tmp_path / "runs" / "bench.two" / "validate.h5").exists()
-    assert set(run(mapmore, varied, tmp_path / "runs")[1].values()) == {"up-to-date"}
+    assert set(scored_run(mapmore, varied, tmp_path / "runs")[1].values()) == {"up-to-date"}
 
 
 def test_a_change_of_the_spec_changes_the_variation(varied: Path, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
-    before, _ = run(mapmore, varied, tmp_path / "runs")
-    after, stages = run(mapmore, varied, tmp_path / "runs", "--set", "fit.max_terms=3", "--set", "segment.strain.count=1")
+    before, _ = scored_run(mapmore, varied, tmp_path / "runs")
+    after, stages = scored_run(mapmore, varied, tmp_path / "runs", "--set", "fit.max_terms=3", "--set", "segment.strain.count=1")
     assert after["two"] != before["two"]
     assert stages["ingest"] == "up-to-date"
     varied.write_text(varied.read_text().replace("fit.max_terms: 2", "fit.max_terms: 1"))
-    again, stages = run(mapmore, varied, tmp_path / "runs")
+    again, stages = scored_run(mapmore, varied, tmp_path / "runs")
     assert again["mapmore"] == before["mapmore"]
     assert again["two"] != before["two"]
 
 
 def test_overrides_of_the_run_hold_for_its_variations(varied: Path, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
-    run(mapmore, varied, tmp_path / "runs", "--set", "name=renamed", "--set", "fit.scaling=none")
+    scored_run(mapmore, varied, tmp_path / "runs", "--set", "name=renamed", "--set", "fit.scaling=none")
     text = (tmp_path / "runs" / "renamed.two" / "experiment.yaml").read_text()
     assert "name: renamed.two" in text
     assert "scaling: none" in text
@@ -64,8 +59,8 @@ def test_overrides_of_the_run_hold_for_its_variations(varied: Path, tmp_path: Pa
 def test_a_variation_may_be_a_formula_or_lack_the_backbone(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
     formula = "{set: {model: {type: literature, name: polynomial_2}}, as: formula}"
     spec = against(write_study(tmp_path), f"{{set: {{model.backbone: null}}, as: bare}}, {formula}")
-    rmse, _ = run(mapmore, spec, tmp_path / "runs", "--set", "model.backbone=polynomial_2")
-    bare, _ = run(mapmore, spec, tmp_path / "bare", "--set", "validate={}")
+    rmse, _ = scored_run(mapmore, spec, tmp_path / "runs", "--set", "model.backbone=polynomial_2")
+    bare, _ = scored_run(mapmore, spec, tmp_path / "bare", "--set", "validate={}")
     assert rmse["bare"] == bare["mapmore"]
     assert rmse["formula"] == pytest.approx(rmse["polynomial_2"])
 
@@ -97,7 +92,7 @@ def test_check_finds_what_is_wrong_with_a_variation(tmp_path: Path, mapmore: Cal
 def test_repeated_measurements_get_rows_of_their_own(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
     """Without a repeat there is none; with one, the shift between both is what is told, over the models' normaliser."""
     spec = write_study(tmp_path)
-    rmse, _ = run(mapmore, spec, tmp_path / "runs")
+    rmse, _ = scored_run(mapmore, spec, tmp_path / "runs")
     assert "repeatability" not in rmse
     for level in (100, 200, 300):
         header, *lines = (tmp_path / f"bench_{level}.csv").read_text().splitlines()
