@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from mapmore_cli.spec.fields import Name, RelativePath, Section, contradiction
+from mapmore_cli.spec.layers import as_overrides
 from mapmore_cli.spec.loader import load_as
-from mapmore_cli.spec.overrides import as_overrides
 
 SpecPath = Annotated[str, RelativePath()]
 

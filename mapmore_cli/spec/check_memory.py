@@ -8,8 +8,7 @@ from mapmore_cli.spec.check_names import NO_TIME
 from mapmore_cli.spec.diagnostics import Finding
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.dictionary import remembers
-from mapmore_cli.spec.sections.fit import Fit
-from mapmore_cli.spec.sections.fuse import Fuse
+from mapmore_cli.spec.sections.method import Fit, Fuse
 from mapmore_cli.spec.tree import Loc
 from mapmore_cli.spec.units import default_unit
 

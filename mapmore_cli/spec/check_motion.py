@@ -9,8 +9,8 @@ from mapmore_cli.spec.check_study import formula_uses
 from mapmore_cli.spec.diagnostics import Finding
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.data import STEP_OF
-from mapmore_cli.spec.sections.segment import Directions
-from mapmore_cli.spec.sections.validate import Competitor
+from mapmore_cli.spec.sections.method import CutByDirection
+from mapmore_cli.spec.sections.results import Competitor
 
 
 def needed_runs(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -40,9 +40,9 @@ def plateaus(spec: ExperimentSpec) -> Iterator[Finding]:
 def directions(spec: ExperimentSpec) -> Iterator[Finding]:
     """The segments of rise and fall go by the quantity `direction`."""
     for name, cut in spec.segment.items():
-        if isinstance(cut, Directions) and name != DIRECTION:
+        if isinstance(cut, CutByDirection) and name != DIRECTION:
             yield Finding(("segment", name), f"`{name}` has no rise and fall", f"call it `{DIRECTION}`", on_key=True)
-        if isinstance(cut, Directions) and name in spec.data.quantities:
+        if isinstance(cut, CutByDirection) and name in spec.data.quantities:
             remedy = f"derive it or cut by it: remove `{name}` from `data`, or write `{name}: {{method: breakpoints, at: [0]}}` here"
             yield Finding(("segment", name), f"`{name}` is a quantity of the data already", remedy, on_key=True)
 

@@ -11,9 +11,8 @@ from mapmore_cli.spec.check_dictionary import word
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean
 from mapmore_cli.spec.experiment import ExperimentSpec, TargetColumn
 from mapmore_cli.spec.sections.data import Direction, Rate
-from mapmore_cli.spec.sections.keep import Keep
-from mapmore_cli.spec.sections.segment import Directions
-from mapmore_cli.spec.sections.table import FileEntry
+from mapmore_cli.spec.sections.logs import FileEntry, Keep
+from mapmore_cli.spec.sections.method import CutByDirection
 from mapmore_cli.spec.tree import Loc
 
 NO_TIME = "add `time` to `columns`, or `sample_time` to `data`"
@@ -61,7 +60,7 @@ def _uses(spec: ExperimentSpec) -> Iterator[_Use]:
     for name, cut in spec.segment.items():
         if (name, cut) != (DIRECTION, "none"):  # takes back the cut of a spec that is extended
             yield _Use(name, ("segment", name), on_key=True)
-        if isinstance(cut, Directions):
+        if isinstance(cut, CutByDirection):
             yield _Use(cut.of, ("segment", name, "of"))
     if isinstance(spec.fuse.extrapolation, Mapping):
         for name in spec.fuse.extrapolation:

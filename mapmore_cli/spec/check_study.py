@@ -9,10 +9,9 @@ from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.scores import OWN, REPEATABILITY, Score
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean
 from mapmore_cli.spec.experiment import ExperimentSpec, TargetColumn
-from mapmore_cli.spec.sections.fuse import Fuse
-from mapmore_cli.spec.sections.segment import Cuts
-from mapmore_cli.spec.sections.table import Table
-from mapmore_cli.spec.sections.validate import Competitor
+from mapmore_cli.spec.sections.logs import Logs
+from mapmore_cli.spec.sections.method import Cuts, Fuse
+from mapmore_cli.spec.sections.results import Competitor
 from mapmore_cli.spec.tree import Loc
 from mapmore_cli.spec.units import CANONICAL, check_unit, convert, default_unit, is_canonical
 
@@ -128,7 +127,7 @@ def units(spec: ExperimentSpec) -> Iterator[Finding]:
         found = list(_unit(("units", name), unit, default_unit(name) if is_canonical(name) else unit))
         wrong += [name] if found else []
         yield from found
-    tables: list[tuple[Loc, Table]] = [(("data",), spec.data), *((("data", "join", i), join) for i, join in enumerate(spec.data.join))]
+    tables: list[tuple[Loc, Logs]] = [(("data",), spec.data), *((("data", "join", i), join) for i, join in enumerate(spec.data.join))]
     for loc, table in tables:
         for name, column in table.columns.items():
             if column.unit is not None and name not in wrong:

@@ -16,7 +16,7 @@ _MOST = 25  # mistakes that are shown
 
 
 @dataclass(frozen=True)
-class Problem:
+class Mistake:
     """One mistake: where, what is wrong, and what would be right."""
 
     at: Position
@@ -38,11 +38,11 @@ class Finding:
     on_key: bool = False
 
 
-def locate(finding: Finding, root: Node) -> Problem:
+def locate(finding: Finding, root: Node) -> Mistake:
     """The finding with its place; a value that the sources do not hold is placed at its nearest ancestor."""
     node = nearest(root, finding.loc)
     at = node.start if finding.on_key or len(finding.loc) == 0 else node.at
-    return Problem(within(at, node.value, finding.offset), finding.message, finding.remedy)
+    return Mistake(within(at, node.value, finding.offset), finding.message, finding.remedy)
 
 
 def within(at: Position, value: object, offset: int) -> Position:
@@ -64,13 +64,13 @@ def did_you_mean(word: str, known: Iterable[str], otherwise: str = "known are") 
     return f"{otherwise} {', '.join(f'`{candidate}`' for candidate in words)}" if words else None
 
 
-def new_places(problems: Iterable[Problem], known: Sequence[Problem]) -> list[Problem]:
+def new_places(problems: Iterable[Mistake], known: Sequence[Mistake]) -> list[Mistake]:
     """Problems where none is known yet: the later ones at the same place are consequences of the first."""
     taken = {problem.at for problem in known}
     return [problem for problem in problems if problem.at not in taken]
 
 
-def raise_if_any(problems: Sequence[Problem]) -> None:
+def raise_if_any(problems: Sequence[Mistake]) -> None:
     """Raise one SpecError that shows every problem, in the order of the sources."""
     if not problems:
         return
@@ -84,10 +84,10 @@ def raise_if_any(problems: Sequence[Problem]) -> None:
 
 def fail(at: Position, message: str, remedy: str | None = None) -> NoReturn:
     """Raise a SpecError about one mistake that makes further reading pointless."""
-    raise SpecError(_block(Problem(at, message, remedy)))
+    raise SpecError(_block(Mistake(at, message, remedy)))
 
 
-def _block(problem: Problem) -> str:
+def _block(problem: Mistake) -> str:
     """The place and the message, the source line with a caret, the remedy."""
     remedy = [] if problem.remedy is None else [f"  {problem.remedy}"]
     return "\n".join([f"{problem.at}: {problem.message}", *_snippet(problem.at), *remedy])

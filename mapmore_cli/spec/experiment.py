@@ -27,12 +27,8 @@ from mapmore_cli.spec.fields import (
 )
 from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry, remembers
-from mapmore_cli.spec.sections.fit import Fit
-from mapmore_cli.spec.sections.fuse import Fuse
-from mapmore_cli.spec.sections.model import ModelChoice, Needs
-from mapmore_cli.spec.sections.report import Report
-from mapmore_cli.spec.sections.segment import Cuts, Directions
-from mapmore_cli.spec.sections.validate import Validate
+from mapmore_cli.spec.sections.method import CutByDirection, Cuts, Fit, Fuse, ModelChoice, Needs
+from mapmore_cli.spec.sections.results import Report, Validate
 
 
 class Muscle(Section):
@@ -77,7 +73,7 @@ class ExperimentSpec(Section):
     segment: dict[
         str,
         Annotated[
-            Annotated[Cuts, Keyed] | Annotated[Directions, with_key("dead_band")] | Annotated[Literal["none", "levels"], Text],
+            Annotated[Cuts, Keyed] | Annotated[CutByDirection, with_key("dead_band")] | Annotated[Literal["none", "levels"], Text],
             by_shape_or_key("dead_band"),
         ],
     ] = {}
@@ -117,7 +113,7 @@ class ExperimentSpec(Section):
     @property
     def quantities(self) -> tuple[str, ...]:
         """Every quantity of the study: of its data, and the `direction` where segments are cut by it."""
-        cut = [name for name, how in self.segment.items() if isinstance(how, Directions)]
+        cut = [name for name, how in self.segment.items() if isinstance(how, CutByDirection)]
         return tuple(dict.fromkeys((*self.data.quantities, *cut)))
 
     @property

@@ -10,10 +10,9 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from mapmore_cli.spec.diagnostics import Problem, did_you_mean
+from mapmore_cli.spec.diagnostics import Mistake, did_you_mean
 from mapmore_cli.spec.fields import shape
-from mapmore_cli.spec.tree import Loc, Node, nearest
-from mapmore_cli.spec.typed_tree import keys_at
+from mapmore_cli.spec.tree import Loc, Node, keys_at, nearest
 
 Explained = tuple[str, str | None]
 """What is wrong, and what would be right."""
@@ -38,7 +37,7 @@ _BOUNDS = {
 }
 
 
-def explain(error: ValidationError, root: Node, model: type[BaseModel]) -> list[Problem]:
+def explain(error: ValidationError, root: Node, model: type[BaseModel]) -> list[Mistake]:
     """One problem for each mistake that pydantic found in the tree: a key that is missing because it is misspelt is one mistake."""
     errors = error.errors(include_url=False)
     meant = {_meant(details["loc"], root, model) for details in errors if details["type"] == "extra_forbidden"}
@@ -50,7 +49,7 @@ def faulty(error: ValidationError, root: Node) -> list[Loc]:
     return [_split(details["loc"], root)[0] for details in error.errors(include_url=False)]
 
 
-def _problem(details: ErrorDetails, root: Node, model: type[BaseModel]) -> Problem:
+def _problem(details: ErrorDetails, root: Node, model: type[BaseModel]) -> Mistake:
     loc, rest = _split(details["loc"], root)
     node = nearest(root, loc)
     context: Mapping[str, Any] = details.get("ctx", {})
@@ -59,21 +58,21 @@ def _problem(details: ErrorDetails, root: Node, model: type[BaseModel]) -> Probl
         return misspelt
     match details["type"]:
         case "extra_forbidden":
-            return Problem(node.start, *_unknown_key(loc, model))
+            return Mistake(node.start, *_unknown_key(loc, model))
         case "missing" if isinstance(rest[-1], int):
-            return Problem(node.at, f"{_name(loc)} has too few values", "give two: `[low, high]`")
+            return Mistake(node.at, f"{_name(loc)} has too few values", "give two: `[low, high]`")
         case "missing":
-            return Problem(node.start, f"{_name(loc)} lacks the key `{rest[-1]}`", f"add `{rest[-1]}: ...`")
+            return Mistake(node.start, f"{_name(loc)} lacks the key `{rest[-1]}`", f"add `{rest[-1]}: ...`")
         case "contradiction":
             beside = [node.child(key) for key in context["near"]]
             at = next((child.start for child in beside if child is not None), node.start)
-            return Problem(at, context["message"], context["remedy"])
+            return Mistake(at, context["message"], context["remedy"])
         case "string_pattern_mismatch" if rest and rest[-1] == "[key]":
-            return Problem(
+            return Mistake(
                 node.start, f"{str(loc[-1])!r} cannot be the name of a quantity", "use letters, digits and `_`, as `step_pressure`"
             )
         case kind:
-            return Problem(node.at, *_value(kind, node.value, context, details["msg"], _name(loc)))
+            return Mistake(node.at, *_value(kind, node.value, context, details["msg"], _name(loc)))
 
 
 def _value(kind: str, value: object, context: Mapping[str, Any], said: str, name: str) -> Explained:
@@ -151,12 +150,12 @@ def _split(loc: Loc, root: Node) -> tuple[tuple[str | int, ...], tuple[str | int
     return tuple(held), tuple(rest)
 
 
-def _misspelt_key(loc: Loc, root: Node, model: type[BaseModel]) -> Problem | None:
+def _misspelt_key(loc: Loc, root: Node, model: type[BaseModel]) -> Mistake | None:
     """A key that would be a quantity, as keys of `split.validate` may be, but whose value says that a near one is meant."""
     for depth, key in enumerate(loc):
         known = keys_at(model, loc[:depth])
         if known and isinstance(key, str) and key not in known and get_close_matches(key, known, n=1, cutoff=0.75):
-            return Problem(nearest(root, loc[: depth + 1]).start, *_unknown_key(loc[: depth + 1], model))
+            return Mistake(nearest(root, loc[: depth + 1]).start, *_unknown_key(loc[: depth + 1], model))
     return None
 
 

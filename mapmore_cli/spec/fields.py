@@ -94,7 +94,7 @@ class Surroundings:
 
 
 @dataclass(frozen=True)
-class Measured:
+class WithUnit:
     """Marks a number that may be written with a unit; `unit` says which one the loader converts it to."""
 
     unit: Callable[[Surroundings], str | None]
@@ -109,9 +109,9 @@ class RelativePath:
     """Marks a path that starts at the folder of the file that it is written in."""
 
 
-def of_sibling(name: str) -> Measured:
+def of_sibling(name: str) -> WithUnit:
     """A number in the unit of the quantity that another key of the section names."""
-    return Measured(lambda around: around.unit_of(around.sibling(name)))
+    return WithUnit(lambda around: around.unit_of(around.sibling(name)))
 
 
 def _column_unit(around: Surroundings) -> str | None:
@@ -123,16 +123,16 @@ def _metric_unit(around: Surroundings) -> str | None:
     return around.unit_of(around.target) if around.key in ("rmse", "normaliser", "max_abs_error") else "1"
 
 
-Metres = Annotated[float, Field(gt=0), Measured(lambda _: "m")]
-Seconds = Annotated[float, Field(gt=0), Measured(lambda _: "s")]
-Hertz = Annotated[float, Field(gt=0), Measured(lambda _: "Hz")]
-SignedSeconds = Annotated[float, Measured(lambda _: "s")]
-OfKey = Annotated[float, Measured(lambda around: around.unit_of(around.key))]
-OfHeld = Annotated[float, Measured(lambda around: around.unit_of(around.level))]
-OfTarget = Annotated[float, Measured(lambda around: around.unit_of(around.target))]
-InColumnUnit = Annotated[float, Measured(_column_unit)]
-Metric = Annotated[float, Measured(_metric_unit)]
-Share = Annotated[float, Measured(lambda _: "1")]
+Metres = Annotated[float, Field(gt=0), WithUnit(lambda _: "m")]
+Seconds = Annotated[float, Field(gt=0), WithUnit(lambda _: "s")]
+Hertz = Annotated[float, Field(gt=0), WithUnit(lambda _: "Hz")]
+SignedSeconds = Annotated[float, WithUnit(lambda _: "s")]
+OfKey = Annotated[float, WithUnit(lambda around: around.unit_of(around.key))]
+OfHeld = Annotated[float, WithUnit(lambda around: around.unit_of(around.level))]
+OfTarget = Annotated[float, WithUnit(lambda around: around.unit_of(around.target))]
+InColumnUnit = Annotated[float, WithUnit(_column_unit)]
+Metric = Annotated[float, WithUnit(_metric_unit)]
+Share = Annotated[float, WithUnit(lambda _: "1")]
 
 Quantity = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
 """The name of a quantity, as expressions spell it."""

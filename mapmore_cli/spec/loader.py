@@ -10,16 +10,14 @@ from typing import Generic, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from mapmore_cli.spec import semantics
-from mapmore_cli.spec.diagnostics import Finding, Problem, locate, new_places, raise_if_any
-from mapmore_cli.spec.environment import escaped
+from mapmore_cli.spec.diagnostics import Finding, Mistake, locate, new_places, raise_if_any
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.explain import explain, faulty
 from mapmore_cli.spec.fields import PARTIAL
-from mapmore_cli.spec.inherit import read
-from mapmore_cli.spec.overrides import apply
+from mapmore_cli.spec.layers import apply, read
 from mapmore_cli.spec.quantities import resolve
 from mapmore_cli.spec.tree import Loc, Node, nearest, plain, without
-from mapmore_cli.spec.yaml_core import dump
+from mapmore_cli.spec.yaml_core import dump, escaped
 
 M = TypeVar("M", bound=BaseModel)
 Check = Callable[[M], Iterable[Finding]]
@@ -73,7 +71,7 @@ def load(path: Path, overrides: Sequence[str] = ()) -> LoadedSpec:
 
 def load_as(path: Path, model: type[M], overrides: Sequence[str] = (), check: Check[M] = lambda _: ()) -> Loaded[M]:
     """Read a spec of any kind; raises as `load` does."""
-    problems: list[Problem] = []
+    problems: list[Mistake] = []
     written = apply(read(path, problems), overrides, problems)
     root = resolve(written, model, problems)
     try:
@@ -90,7 +88,7 @@ def resolved(spec: BaseModel) -> str:
     return dump(escaped(spec.model_dump(mode="json", by_alias=True, exclude_none=True)))
 
 
-def _beyond(error: ValidationError, root: Node, model: type[M], check: Check[M]) -> list[Problem]:
+def _beyond(error: ValidationError, root: Node, model: type[M], check: Check[M]) -> list[Mistake]:
     """What `check` finds in a spec without its parts of wrong form, so that all mistakes are seen at once."""
     lost = set[str | int]()
     while True:

@@ -12,14 +12,13 @@ from typing import Any
 from pydantic import BaseModel
 
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.spec.diagnostics import Problem
-from mapmore_cli.spec.fields import Measured, RelativePath, Surroundings
-from mapmore_cli.spec.tree import Node, plain
-from mapmore_cli.spec.typed_tree import Kind, below, is_free
+from mapmore_cli.spec.diagnostics import Mistake
+from mapmore_cli.spec.fields import RelativePath, Surroundings, WithUnit
+from mapmore_cli.spec.tree import Kind, Node, below, is_free, plain
 from mapmore_cli.spec.units import default_unit, is_quantity, parse_quantity, split_quantity
 
 
-def resolve(root: Node, model: type[BaseModel], problems: list[Problem]) -> Node:
+def resolve(root: Node, model: type[BaseModel], problems: list[Mistake]) -> Node:
     """The tree with every `250 kPa` replaced by a number, and every inherited relative path by one from the root's folder.
 
     A wrong unit is added to `problems`; the number is then NaN, which validation refuses at the same place.
@@ -30,7 +29,7 @@ def resolve(root: Node, model: type[BaseModel], problems: list[Problem]) -> Node
 @dataclass(frozen=True)
 class _Resolver:
     folder: Path
-    problems: list[Problem]
+    problems: list[Mistake]
 
     def node(self, node: Node, kinds: Sequence[Kind], around: Surroundings) -> Node:
         """The same node, resolved, given what it may be."""
@@ -53,7 +52,7 @@ class _Resolver:
     def _text(self, node: Node, text: str, marks: Sequence[Any], around: Surroundings) -> str | float:
         if any(isinstance(mark, RelativePath) for mark in marks):
             return _from_folder(text, node.at.source.folder, self.folder)
-        rule = next((mark for mark in marks if isinstance(mark, Measured)), None)
+        rule = next((mark for mark in marks if isinstance(mark, WithUnit)), None)
         if rule is None or not is_quantity(text):
             return text
         unit = rule.unit(around)
@@ -61,7 +60,7 @@ class _Resolver:
             # Where no unit is known, another key is wrong, and is reported as such.
             return split_quantity(text)[0] if unit is None else parse_quantity(text, unit)
         except SpecError as error:
-            self.problems.append(Problem(node.at, error.message, error.remedy))
+            self.problems.append(Mistake(node.at, error.message, error.remedy))
             return math.nan
 
 

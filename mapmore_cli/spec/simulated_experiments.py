@@ -8,7 +8,61 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from mapmore_cli.spec.fields import Positive, Section
-from mapmore_cli.spec.water_rig import BumperSpec, NonNegative, ReservoirSpec, WaterRig
+
+NonNegative = Annotated[float, Field(ge=0)]
+
+
+class PipeSpec(Section):
+    """A round pipe full of water."""
+
+    length: Positive  # m
+    diameter: Positive  # m
+    loss: NonNegative  # K of entry, bends and fittings
+
+
+class WallSpec(Section):
+    """A soft wall that bulges late."""
+
+    compliance: Positive  # m3/Pa
+    relaxation_time: Positive  # s
+
+
+class RubberSpec(Section):
+    """A Maxwell element beside the muscle."""
+
+    stiffness: NonNegative  # N per strain
+    relaxation_time: Positive  # s
+
+
+class WaterRig(Section):
+    """From the reservoir to the load cell (see `mapmore_cli.rig.wet_muscle`)."""
+
+    line: PipeSpec  # reservoir to pressure sensor
+    hose: WallSpec  # of the line, where the sensor sits
+    tube: PipeSpec  # sensor to muscle
+    trapped_air: Positive  # in the muscle, m3 at no gauge pressure
+    wall: WallSpec  # of the muscle
+    rubber: RubberSpec
+    load_cell: Positive  # cut-off of its amplifier, Hz
+
+
+class ReservoirSpec(Section):
+    """Bottle of water under air, between a supply and an exhaust valve by ISO 6358."""
+
+    air_volume: Positive  # m3
+    polytropic: Annotated[float, Field(ge=1, le=1.4)]
+    supply_conductance: Positive  # m3/(s Pa)
+    exhaust_conductance: Positive
+    critical_ratio: Annotated[float, Field(ge=0, lt=0.99)]
+
+
+class BumperSpec(Section):
+    """The stop on which the weight rests."""
+
+    stiffness: Positive  # N/m
+    damping: NonNegative  # s/m
+    pretension: Positive  # of the muscle, N
+
 
 Pressure = Annotated[float, Field(ge=0, le=2000)]  # kPa, gauge; above, the geometry of the muscles means nothing
 Fraction = Annotated[float, Field(ge=0, le=1)]
@@ -26,7 +80,7 @@ def _once(pressures: list[float]) -> list[float]:
     return pressures
 
 
-class Regulation(Section):
+class RegulationSpec(Section):
     """Slow wander of the regulated pressure."""
 
     ripple: NonNegative  # standard deviation as a fraction of the set pressure
@@ -43,7 +97,7 @@ class LoadCycles(Section):
     dwell: NonNegative  # rest before, between and after the moves, s
     turns: Annotated[list[Fraction], Field(min_length=1)] = [1.0]  # noqa: RUF012 (pydantic copies it); of the stroke, from zero to zero
     least_stroke: Annotated[float, Field(gt=0, le=0.2)]  # strain reached even where the muscle has no force
-    regulation: Regulation
+    regulation: RegulationSpec
 
     @model_validator(mode="after")
     def _possible(self) -> LoadCycles:
@@ -57,14 +111,14 @@ class LoadCycles(Section):
         return self
 
 
-class Step(Section):
+class StepSpec(Section):
     """One recording."""
 
     pressure: DrivingPressure  # of the supply, kPa
     weight: Positive  # that hangs on the muscle, N
 
 
-def _each_once(steps: list[Step]) -> list[Step]:
+def _each_once(steps: list[StepSpec]) -> list[StepSpec]:
     _once([step.pressure for step in steps])
     return steps
 
@@ -73,7 +127,7 @@ class StepResponses(Section):
     """A weight is suddenly lifted and dropped again, once for each step (M2 section 4.1, table 3)."""
 
     type: Literal["step_responses"]
-    steps: Annotated[list[Step], Field(min_length=1), AfterValidator(_each_once)]
+    steps: Annotated[list[StepSpec], Field(min_length=1), AfterValidator(_each_once)]
     rest: Positive  # before the supply opens, s
     hold: Positive  # until the exhaust opens, s
     fall: Positive  # until the recording ends, s

@@ -11,8 +11,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from mapmore_cli.spec.fields import Name, Positive, Section
-from mapmore_cli.spec.simulated_experiments import LoadCycles, Perturbations, StepResponses
-from mapmore_cli.spec.water_rig import NonNegative
+from mapmore_cli.spec.simulated_experiments import LoadCycles, NonNegative, Perturbations, StepResponses
 
 
 class McKibbenMuscle(Section):

@@ -8,10 +8,9 @@ from typing import NoReturn
 import yaml
 
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.spec.diagnostics import Problem, fail
-from mapmore_cli.spec.environment import expand
-from mapmore_cli.spec.tree import Node, Position, Source
-from mapmore_cli.spec.yaml_core import DEEPEST, CoreLoader, TooDeep, scalar, tag_of
+from mapmore_cli.spec.diagnostics import Mistake, fail
+from mapmore_cli.spec.tree import Node, Position, SourceText
+from mapmore_cli.spec.yaml_core import DEEPEST, CoreLoader, TooDeep, expand, scalar, tag_of
 
 _LARGEST = 1_000_000  # bytes of a file
 _MOST_VALUES = 50_000  # after aliases are followed: nine levels of nine aliases would be 4e8
@@ -29,7 +28,7 @@ _PLAINER = (  # what PyYAML says, what is meant, what to do
 )
 
 
-def read_source(path: Path, shown: str | None = None) -> Source:
+def read_source(path: Path, shown: str | None = None) -> SourceText:
     """A file's text.
 
     Raises
@@ -51,10 +50,10 @@ def read_source(path: Path, shown: str | None = None) -> Source:
         line = data.count(b"\n", 0, error.start) + 1
         column = error.start - data.rfind(b"\n", 0, error.start)
         raise SpecError(f"{name}:{line}:{column}: byte 0x{data[error.start]:02x} is not UTF-8", "save the file as UTF-8") from error
-    return Source(name, path.parent, text)
+    return SourceText(name, path.parent, text)
 
 
-def parse(source: Source, problems: list[Problem]) -> Node:
+def parse(source: SourceText, problems: list[Mistake]) -> Node:
     """The tree of a YAML text, with `${VAR}` expanded; a duplicate key or an unset variable is added to `problems`.
 
     Raises
@@ -74,7 +73,7 @@ def parse(source: Source, problems: list[Problem]) -> Node:
 class _Builder:
     """Turns PyYAML's nodes into ours and counts them."""
 
-    def __init__(self, source: Source, problems: list[Problem]) -> None:
+    def __init__(self, source: SourceText, problems: list[Mistake]) -> None:
         self.source = source
         self.problems = problems
         self.count = 0
@@ -103,7 +102,7 @@ class _Builder:
                 continue
             if key in children:
                 first = children[key].start
-                self.problems.append(Problem(at, f"key `{key}` stands twice; first on line {first.line}", "remove one of the two"))
+                self.problems.append(Mistake(at, f"key `{key}` stands twice; first on line {first.line}", "remove one of the two"))
                 continue
             children[key] = self.node(value_node, depth + 1, at)
         return children
@@ -112,7 +111,7 @@ class _Builder:
         if isinstance(node, yaml.ScalarNode) and node.tag.endswith(":str"):
             return str(node.value)
         shown = f"`{node.value}`" if isinstance(node, yaml.ScalarNode) else "this key"
-        self.problems.append(Problem(at, f"{shown} is not text, and keys are", "quote it"))
+        self.problems.append(Mistake(at, f"{shown} is not text, and keys are", "quote it"))
         return None
 
     def _scalar(self, node: yaml.ScalarNode, at: Position) -> str | int | float | bool | None:
@@ -121,7 +120,7 @@ class _Builder:
             text = expand(node.value)
             return scalar(tag_of(text) if text != node.value and node.style is None else node.tag, text)
         except ValueError as error:
-            self.problems.append(Problem(at, str(error), _scalar_remedy(node.value)))
+            self.problems.append(Mistake(at, str(error), _scalar_remedy(node.value)))
             return str(node.value)
 
     def _position(self, mark: yaml.Mark) -> Position:
@@ -132,7 +131,7 @@ def _scalar_remedy(text: str) -> str:
     return "set it, give a default as `${NAME:-default}`, or write `$${` for a plain `${`" if "${" in text else "write a plain value"
 
 
-def _refuse(error: Exception, source: Source) -> NoReturn:
+def _refuse(error: Exception, source: SourceText) -> NoReturn:
     """Raise PyYAML's complaint in plainer words, with its place."""
     if isinstance(error, yaml.reader.ReaderError):
         before = source.text[: error.position]

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.scores import Validation
-    from mapmore_cli.spec.sections.report import Published
+    from mapmore_cli.spec.sections.results import PublishedScores
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Finished:
     run_dir: Path
     stages: Mapping[str, str]
     validation: Validation
-    published: Published | None
+    published: PublishedScores | None
     missed: tuple[str, ...]
     warnings: tuple[str, ...]
 

@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.data import Levels
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry, remembers
-from mapmore_cli.spec.sections.fit import Fit
-from mapmore_cli.spec.sections.fuse import Fuse
-from mapmore_cli.spec.sections.model import ModelChoice
+from mapmore_cli.spec.sections.method import Fit, Fuse, ModelChoice
 from mapmore_cli.stages.memory import fit_memory
 from mapmore_cli.stages.recipes import SegmentSection, recipe_of
 from mapmore_cli.stages.stage import Stage, Workspace

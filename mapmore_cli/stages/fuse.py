@@ -9,9 +9,7 @@ from mapmore_cli.domain.models import Signal
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.data import Levels
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry
-from mapmore_cli.spec.sections.fit import Fit
-from mapmore_cli.spec.sections.fuse import Fuse
-from mapmore_cli.spec.sections.model import ModelChoice
+from mapmore_cli.spec.sections.method import Fit, Fuse, ModelChoice
 from mapmore_cli.stages.fingerprint import plain
 from mapmore_cli.stages.recipes import SegmentSection, recipe_of
 from mapmore_cli.stages.signals import signals_of

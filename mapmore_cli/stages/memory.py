@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from mapmore_cli.domain.memory import MemoryFit
     from mapmore_cli.domain.recording import Dataset
     from mapmore_cli.spec.sections.dictionary import DictionaryEntry
-    from mapmore_cli.spec.sections.fit import Fit
+    from mapmore_cli.spec.sections.method import Fit
 
 
 def fit_memory(dataset: Dataset, dictionary: Sequence[DictionaryEntry], fit: Fit, backbone: FormulaFit | None) -> MemoryFit:

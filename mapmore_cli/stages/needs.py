@@ -63,8 +63,8 @@ def runs_at(needs: Sequence[str | Variation], loaded: LoadedSpec, heirs: tuple[P
 
 def _varied(loaded: LoadedSpec, variation: Variation) -> LoadedSpec:
     """The spec with other settings, and without competitors: it is one, and those of the spec may not suit it."""
+    from mapmore_cli.spec.layers import as_overrides
     from mapmore_cli.spec.loader import load
-    from mapmore_cli.spec.overrides import as_overrides
 
     own = as_overrides({"name": f"{loaded.spec.name}.{variation.name}", "validate.against": []})
     try:

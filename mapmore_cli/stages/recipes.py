@@ -7,16 +7,14 @@ from typing import TYPE_CHECKING, Literal
 
 from mapmore_cli.spec.sections.data import STEP_OF, STEP_PRESSURE, Levels
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry, remembers
-from mapmore_cli.spec.sections.fit import Fit
-from mapmore_cli.spec.sections.fuse import BelowAbove, Fuse
-from mapmore_cli.spec.sections.segment import Cuts, Directions
+from mapmore_cli.spec.sections.method import BelowAbove, CutByDirection, Cuts, Fit, Fuse
 from mapmore_cli.stages.dictionary import terms_of
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.models import Side
     from mapmore_cli.modelling.recipe import Cut, Recipe
 
-SegmentSection = Mapping[str, Cuts | Directions | Literal["none", "levels"]]
+SegmentSection = Mapping[str, Cuts | CutByDirection | Literal["none", "levels"]]
 
 
 def level_of(levels: Levels | None, segment: SegmentSection) -> str | None:
@@ -34,12 +32,11 @@ def cuts_of(segment: SegmentSection) -> dict[str, Cut]:
     return {name: _cut(cuts) for name, cuts in segment.items() if not isinstance(cuts, str)}
 
 
-def _cut(cuts: Cuts | Directions) -> Cut:
-    from mapmore_cli.modelling.recipe import Breakpoints, Even, Gradient, Optimal
-    from mapmore_cli.modelling.recipe import Directions as ByDirection
+def _cut(cuts: Cuts | CutByDirection) -> Cut:
+    from mapmore_cli.modelling.recipe import Breakpoints, Directions, Even, Gradient, Optimal
 
-    if isinstance(cuts, Directions):
-        return ByDirection()
+    if isinstance(cuts, CutByDirection):
+        return Directions()
     if cuts.method == "breakpoints":
         return Breakpoints(tuple(cuts.at or ()))
     assert cuts.count is not None

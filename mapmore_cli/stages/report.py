@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from mapmore_cli.spec.experiment import ExperimentSpec, Muscle
-from mapmore_cli.spec.sections.report import Report
-from mapmore_cli.spec.sections.validate import Validate
+from mapmore_cli.spec.sections.results import Report, Validate
 from mapmore_cli.stages.stage import Stage, Workspace
 
 if TYPE_CHECKING:

@@ -15,9 +15,8 @@ from mapmore_cli.rig.perturbation import Strokes
 from mapmore_cli.rig.step_response import Bumper, StepRig, StepTimes
 from mapmore_cli.rig.water import Pipe
 from mapmore_cli.rig.wet_muscle import Plumbing, Rubber, Wall, WetMuscle
-from mapmore_cli.spec.simulated_experiments import LoadCycles, Perturbations, StepResponses
+from mapmore_cli.spec.simulated_experiments import LoadCycles, Perturbations, StepResponses, WaterRig
 from mapmore_cli.spec.simulation import HysteresisSpec, McKibbenMuscle, PeanoMuscle, SimulationSpec
-from mapmore_cli.spec.water_rig import WaterRig
 
 KPA = 1e3
 """Pa; the rig computes in Pa, specs and recordings say kPa."""

@@ -7,10 +7,7 @@ from dataclasses import dataclass
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.data import Levels
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry
-from mapmore_cli.spec.sections.fit import Fit
-from mapmore_cli.spec.sections.fuse import Fuse
-from mapmore_cli.spec.sections.model import ModelChoice
-from mapmore_cli.spec.sections.segment import Cuts
+from mapmore_cli.spec.sections.method import Cuts, Fit, Fuse, ModelChoice
 from mapmore_cli.stages.recipes import SegmentSection, recipe_of
 from mapmore_cli.stages.stage import Stage, Workspace
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from mapmore_cli.domain.models import Signal
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.data import Direction, Rate
-from mapmore_cli.spec.sections.segment import Directions
+from mapmore_cli.spec.sections.method import CutByDirection
 from mapmore_cli.spec.units import convert, default_unit
 
 
@@ -29,7 +29,7 @@ def signal_of(name: str, rule: Rate | Direction, units: Mapping[str, str]) -> Si
 
 def derivations_of(spec: ExperimentSpec) -> dict[str, str | Rate | Direction]:
     """What the spec derives, with the direction that segments are cut by."""
-    cuts = {name: cut for name, cut in spec.segment.items() if isinstance(cut, Directions)}
+    cuts = {name: cut for name, cut in spec.segment.items() if isinstance(cut, CutByDirection)}
     return {**spec.data.derive, **{name: Direction(direction_of=cut.of, dead_band=cut.dead_band) for name, cut in cuts.items()}}
 
 

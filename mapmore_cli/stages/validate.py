@@ -10,8 +10,8 @@ import numpy as np
 
 from mapmore_cli.domain.scores import OWN, deciding
 from mapmore_cli.spec.experiment import ExperimentSpec
-from mapmore_cli.spec.overrides import as_overrides
-from mapmore_cli.spec.sections.validate import Competitor
+from mapmore_cli.spec.layers import as_overrides
+from mapmore_cli.spec.sections.results import Competitor
 from mapmore_cli.stages.stage import Stage, Variation, Workspace
 
 if TYPE_CHECKING:

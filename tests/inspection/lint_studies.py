@@ -11,8 +11,8 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.spec.loader import load
 from mapmore_cli.spec.yaml_core import dump
-from mapmore_cli.stages.inspection.issue import Issue
 from mapmore_cli.stages.inspection.lint import Inspection, inspect
+from mapmore_cli.stages.inspection.subject import Issue
 
 Table = dict[str, Array]
 Spoil = Callable[[float, Table], Table]

@@ -12,11 +12,10 @@ import yaml
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.spec.loader import LoadedSpec, load
-from mapmore_cli.stages.drafting.draft import Draft
+from mapmore_cli.stages.drafting.draft import Draft, Note, to_yaml
 from mapmore_cli.stages.drafting.groups import patterns
 from mapmore_cli.stages.drafting.preview import preview
 from mapmore_cli.stages.drafting.start import start
-from mapmore_cli.stages.drafting.yaml_text import Note, to_yaml
 from mapmore_cli.stages.inspection.lint import inspect
 
 PLAIN = "1,10\n2,20\n3,30\n4,40\n"

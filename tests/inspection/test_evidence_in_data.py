@@ -9,10 +9,9 @@ from hypothesis import strategies as st
 
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.stages.drafting.columns import guess_columns
-from mapmore_cli.stages.drafting.evidence import find_held, goes_in_cycles, staircase
-from mapmore_cli.stages.drafting.experiment_section import inner_levels
-from mapmore_cli.stages.drafting.file_names import number_in, read_names
-from mapmore_cli.stages.inspection.foot import slack_foot
+from mapmore_cli.stages.drafting.experiment import find_held, goes_in_cycles, inner_levels, staircase
+from mapmore_cli.stages.drafting.groups import number_in, read_names
+from mapmore_cli.stages.inspection.evidence import slack_foot
 from mapmore_cli.stages.inspection.labels import read_label
 
 STRAINS = np.array([0.0, 0.05, 0.1, 0.15])

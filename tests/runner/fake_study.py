@@ -13,9 +13,8 @@ import yaml
 
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.data import Data
-from mapmore_cli.spec.sections.fit import Fit
-from mapmore_cli.spec.sections.fuse import Fuse
-from mapmore_cli.spec.sections.report import Report
+from mapmore_cli.spec.sections.method import Fit, Fuse
+from mapmore_cli.spec.sections.results import Report
 from mapmore_cli.stages.stage import Stage, Workspace
 
 Hook = Callable[[str], None]

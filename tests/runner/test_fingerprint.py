@@ -9,9 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mapmore_cli.spec.sections.fuse import Fuse
-from mapmore_cli.spec.sections.segment import Cuts
-from mapmore_cli.spec.sections.validate import Competitor
+from mapmore_cli.spec.sections.method import Cuts, Fuse
+from mapmore_cli.spec.sections.results import Competitor
 from mapmore_cli.stages.fingerprint import fingerprint, place_in_spec, plain, slice_differences
 
 VALUES = st.recursive(

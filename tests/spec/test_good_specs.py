@@ -12,12 +12,10 @@ from spec_examples import FORMULA, GOOD, LOGS, MEASURED, STATIC, load_text
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.fields import Section
 from mapmore_cli.spec.loader import load, load_as, resolved
-from mapmore_cli.spec.sections.data import Between, Gaps, Holdout, Levels, Rate
-from mapmore_cli.spec.sections.fuse import BelowAbove
-from mapmore_cli.spec.sections.keep import Keep
-from mapmore_cli.spec.sections.segment import Cuts
-from mapmore_cli.spec.sections.table import FileEntry
-from mapmore_cli.spec.sections.validate import Competitor
+from mapmore_cli.spec.sections.data import Between, GapRule, Holdout, Levels, Rate
+from mapmore_cli.spec.sections.logs import FileEntry, Keep
+from mapmore_cli.spec.sections.method import BelowAbove, Cuts
+from mapmore_cli.spec.sections.results import Competitor
 
 PROJECT = Path(__file__).resolve().parents[2]
 SHIPPED = sorted(
@@ -74,7 +72,7 @@ def test_logs_in_their_dialects(tmp_path: Path) -> None:
     assert timed.columns["pressure"].offset == pytest.approx(14.503773773, rel=1e-9)  # psi
     assert (paired.on, paired.sheet, paired.quantities) == ("row", "Run1", ("strain",))
     assert data.quantities == ("time", "force", "pressure", "strain")
-    assert data.gaps == Gaps(longer_than=0.01, action="split")
+    assert data.gaps == GapRule(longer_than=0.01, action="split")
     assert data.resample == 0.0005
 
 

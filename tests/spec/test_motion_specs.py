@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from spec_examples import load_text, refusal
 
-from mapmore_cli.spec.sections.segment import Directions
+from mapmore_cli.spec.sections.method import CutByDirection
 from mapmore_cli.stages.recipes import recipe_of
 from mapmore_cli.stages.signals import signals_of, units_of
 
@@ -39,7 +39,7 @@ DYNAMIC = DYNAMIC[: DYNAMIC.index("dictionary")] + DYNAMIC[DYNAMIC.index("valida
 def test_the_damping_example_loads_and_resolves_to_itself(tmp_path: Path) -> None:
     loaded = load_text(tmp_path, DAMPING)
     assert loaded.spec.fit.scaling == "max_abs"
-    assert loaded.spec.segment["direction"] == Directions(of="pressure_rate", dead_band=5.0)
+    assert loaded.spec.segment["direction"] == CutByDirection(of="pressure_rate", dead_band=5.0)
     assert loaded.spec.validation.against[-1].label == "sarosi+reynolds"  # type: ignore[union-attr]
     assert load_text(tmp_path, loaded.resolved).spec == loaded.spec
     assert units_of(loaded.spec)["step_pressure"] == "kPa"
@@ -49,7 +49,7 @@ def test_the_damping_example_loads_and_resolves_to_itself(tmp_path: Path) -> Non
 def test_numbers_of_motion_carry_units(tmp_path: Path) -> None:
     text = DAMPING.replace("5 kPa/s", "0.05 bar/s").replace("plateau: auto", "plateau: [900 ms, 2 s]").replace("highest", "3.5 bar")
     spec = load_text(tmp_path, text.replace("[80, 150, 250, 350]", "[0.8 bar, 150, 250, 350]")).spec
-    assert spec.segment["direction"] == Directions(of="pressure_rate", dead_band=5.0)
+    assert spec.segment["direction"] == CutByDirection(of="pressure_rate", dead_band=5.0)
     assert spec.data.plateau == (0.9, 2.0)
     assert spec.fit.train_level == 350
     assert spec.data.levels is not None

@@ -11,7 +11,7 @@ import pytest
 from spec_examples import GOOD, STATIC
 
 from mapmore_cli.spec.schema import json_schema, schema_text
-from mapmore_cli.spec.tree import Source, plain
+from mapmore_cli.spec.tree import SourceText, plain
 from mapmore_cli.spec.yaml_loader import parse
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
@@ -20,7 +20,7 @@ VALIDATOR = jsonschema.Draft202012Validator(json_schema())
 
 
 def document(text: str) -> Any:
-    return plain(parse(Source("t.yaml", Path(), text), []))
+    return plain(parse(SourceText("t.yaml", Path(), text), []))
 
 
 def test_the_checked_in_schema_is_up_to_date() -> None:

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from spec_examples import FORMULA, STATIC, load_text, refusal
 
 from mapmore_cli.domain.errors import SpecError, UsageError
-from mapmore_cli.spec.environment import escaped, expand
+from mapmore_cli.spec.layers import as_overrides
 from mapmore_cli.spec.loader import load
-from mapmore_cli.spec.overrides import as_overrides
+from mapmore_cli.spec.yaml_core import escaped, expand
 
 # Environment -------------------------------------------------------------------------------------------------------------------------
 

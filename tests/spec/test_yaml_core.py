@@ -14,14 +14,14 @@ from hypothesis import strategies as st
 from spec_examples import STATIC, refusal
 
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.spec.tree import Node, Source, nearest, plain
+from mapmore_cli.spec.tree import Node, SourceText, nearest, plain
 from mapmore_cli.spec.yaml_core import dump
 from mapmore_cli.spec.yaml_loader import parse
 
 
 def tree(text: str) -> Node:
     problems: list[object] = []
-    root = parse(Source("t.yaml", Path(), text), problems)  # type: ignore[arg-type]
+    root = parse(SourceText("t.yaml", Path(), text), problems)  # type: ignore[arg-type]
     assert not problems
     return root
 
@@ -69,7 +69,7 @@ def test_every_value_knows_its_place() -> None:
 def complaint(text: str) -> str:
     """What the reader says about a text; empty where it is content."""
     try:
-        parse(Source("t.yaml", Path(), text), [])
+        parse(SourceText("t.yaml", Path(), text), [])
     except SpecError as error:
         return str(error)
     return ""

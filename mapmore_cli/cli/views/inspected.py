@@ -11,8 +11,8 @@ from mapmore_cli.cli.views.view import View
 from mapmore_cli.domain.errors import MapmoreError
 
 if TYPE_CHECKING:
-    from mapmore_cli.stages.inspection.issue import Issue
     from mapmore_cli.stages.inspection.lint import Inspection
+    from mapmore_cli.stages.inspection.subject import Issue
 
 
 def of_inspection(inspection: Inspection) -> View:

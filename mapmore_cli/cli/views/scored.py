@@ -10,10 +10,10 @@ from mapmore_cli.cli.views.view import View
 if TYPE_CHECKING:
     from mapmore_cli.domain.scores import Validation
     from mapmore_cli.reporting.tables import Table
-    from mapmore_cli.spec.sections.report import Published
+    from mapmore_cli.spec.sections.results import PublishedScores
 
 
-def of_scores(validation: Validation, published: Published | None = None) -> View:
+def of_scores(validation: Validation, published: PublishedScores | None = None) -> View:
     """The score rows of every curve in the document; the pooled ones in the table, beside what a publication reports."""
     from mapmore_cli.storage.artefacts.scores import score_row
 
@@ -30,11 +30,11 @@ def of_validation(validation: Validation) -> View:
     return View({**pooled.document, "formulas": formulas}, (*pooled.tables, curve_scores_table(validation.scores, validation.units)))
 
 
-def pooled_table(validation: Validation, published: Published | None = None) -> Table:
+def pooled_table(validation: Validation, published: PublishedScores | None = None) -> Table:
     """Scores over all curves, beside the numbers of a publication."""
-    from mapmore_cli.reporting.inputs import Published as PublishedNumbers
+    from mapmore_cli.reporting.inputs import Published
     from mapmore_cli.reporting.tables import score_table
 
-    beside = None if published is None else PublishedNumbers(published.source, published.nrmse, published.rmse)
+    beside = None if published is None else Published(published.source, published.nrmse, published.rmse)
     failed = [name for name, formula in validation.formulas.items() if formula.failed]
     return score_table(validation.scores, validation.units, beside, failed)

@@ -12,21 +12,20 @@ from pydantic import ConfigDict, Field, model_validator
 from mapmore_cli.spec.fields import (
     Keyed,
     Many,
-    Measured,
     OfKey,
     Quantity,
     Seconds,
     Section,
     SignedSeconds,
     Text,
+    WithUnit,
     by_shape,
     by_shape_or_key,
     contradiction,
     of_sibling,
     with_key,
 )
-from mapmore_cli.spec.sections.keep import Keep
-from mapmore_cli.spec.sections.table import FileEntry, Join, Table
+from mapmore_cli.spec.sections.logs import FileEntry, Join, Keep, Logs
 
 OfLevel = Annotated[float, of_sibling("of")]
 
@@ -104,7 +103,7 @@ class Between(Section):
         return self
 
 
-Part = Annotated[float, Field(gt=0, lt=1), Measured(lambda _: "1")]
+Part = Annotated[float, Field(gt=0, lt=1), WithUnit(lambda _: "1")]
 HeldOut = Annotated[Annotated[list[OfKey], Many, Field(min_length=1)] | Annotated[Between, Keyed], by_shape]
 
 
@@ -169,7 +168,7 @@ class Split(Section):
         return self
 
 
-class Gaps(Section):
+class GapRule(Section):
     """Gaps between samples `longer_than` seconds are an error, or split the recording.
 
     With `split`, pieces are recordings of their own, `<id>#1`, `<id>#2`, ...; a clock that is set back splits as well.
@@ -185,7 +184,7 @@ Plateau = Annotated[
 """Where a step response rests between its rise and its fall: from when to when, or found in each recording."""
 
 
-class Data(Table):
+class Data(Logs):
     """The recordings, and how they become curves.
 
     `columns` say which column holds which quantity, `join` adds those of a second log, `derive` what follows from them. `gaps` are
@@ -206,7 +205,7 @@ class Data(Table):
     keep: list[Keep] = []
     missing: Literal["error", "drop"] = "error"
     repeated_time: Literal["error", "average", "spread"] = "error"
-    gaps: Gaps | None = None
+    gaps: GapRule | None = None
     resample: Seconds | None = None
     cycles: Cycles | None = None
     levels: Levels | None = None

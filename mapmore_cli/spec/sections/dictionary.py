@@ -8,7 +8,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from mapmore_cli.spec.fields import Hertz, Keyed, Measured, Seconds, Section, Text, by_shape, contradiction
+from mapmore_cli.spec.fields import Hertz, Keyed, Seconds, Section, Text, WithUnit, by_shape, contradiction
 from mapmore_cli.spec.tree import Loc
 
 Of = Annotated[list[str], Field(min_length=1)]
@@ -16,7 +16,7 @@ Of = Annotated[list[str], Field(min_length=1)]
 Order = Annotated[int, Field(ge=1, le=20)]
 Count = Annotated[int, Field(ge=1, le=100)]
 Steps = Annotated[int, Field(ge=0, le=1_000_000)]
-Width = Annotated[float, Field(gt=0, lt=1), Measured(lambda _: "1")]
+Width = Annotated[float, Field(gt=0, lt=1), WithUnit(lambda _: "1")]
 
 
 class Polynomial(Section):
@@ -79,7 +79,7 @@ class Resonance(Section):
 
     of: Of
     frequency: Hertz | None = None
-    damping: Annotated[float, Field(gt=0, lt=1), Measured(lambda _: "1")] | None = None
+    damping: Annotated[float, Field(gt=0, lt=1), WithUnit(lambda _: "1")] | None = None
 
     @model_validator(mode="after")
     def _both_or_none(self) -> Resonance:

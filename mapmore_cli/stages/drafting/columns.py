@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.stages.inspection.labels import Label, read_label
+from mapmore_cli.stages.inspection.labels import ColumnTitle, read_label
 
 STATES = 6  # different values, up to which a column is a state and not a measurement
 LOGGED = 1000  # samples of a record that a logger took
@@ -56,7 +56,7 @@ def guess_columns(titles: Mapping[str | int, str], raw: Raw) -> dict[str, Guess]
     return guesses or _by_values(raw)
 
 
-def _by_title(quantity: str, column: str | int, label: Label, values: Sequence[Array]) -> Guess:
+def _by_title(quantity: str, column: str | int, label: ColumnTitle, values: Sequence[Array]) -> Guess:
     if label.unit is not None:
         return Guess(column, label.unit, f"by its name; {_range(values, label.unit)}", True)
     unit, why, sure = _unit_by_size(quantity, values)

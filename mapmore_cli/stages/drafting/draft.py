@@ -1,11 +1,15 @@
-"""A spec under way."""
+"""A spec under way, and its text: YAML with a comment beside every guess."""
 
 from __future__ import annotations
 
+import json
+import re
+import textwrap
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from mapmore_cli.stages.drafting.yaml_text import Loc, Note, to_yaml
+from mapmore_cli.spec.yaml_core import escaped, tag_of
 
 HEAD = ("Started by `mapmore init`. Every guess says why: look first at those marked CHECK, then run `mapmore check` on this file.",)
 
@@ -43,3 +47,81 @@ class Draft:
     def text(self) -> str:
         """The draft as YAML."""
         return to_yaml(self.spec, self.notes, HEAD)
+
+
+WIDEST = 132
+_BLOCKS = {
+    ("data",),
+    ("data", "files"),
+    ("data", "columns"),
+    ("data", "derive"),
+    ("data", "keep"),
+    ("segment",),
+    ("dictionary",),
+    ("validate",),
+}
+_BARE = re.compile(r"[A-Za-z_]\w*", re.ASCII)
+
+Loc = tuple[str | int, ...]
+
+
+@dataclass(frozen=True)
+class Note:
+    """Why something was guessed; what is not `sure` is marked for the user to look at."""
+
+    why: str
+    sure: bool = True
+
+    def __str__(self) -> str:
+        return f"# {'' if self.sure else 'CHECK: '}{self.why}"
+
+
+def to_yaml(spec: Mapping[str, Any], notes: Mapping[Loc, Note], head: tuple[str, ...]) -> str:
+    """The spec with its notes, under comment lines of its own."""
+    return "\n".join([*(f"# {line}" for line in head), *_mapping(spec, (), notes), ""])
+
+
+def _mapping(value: Mapping[str, Any], loc: Loc, notes: Mapping[Loc, Note]) -> Iterator[str]:
+    width = max(len(key) for key in value) if len(loc) > 1 else 0  # what stands in columns is easier to compare
+    for key, child in value.items():
+        here = (*loc, key)
+        if here in _BLOCKS and child:
+            yield from _noted(f"{'  ' * len(loc)}{key}:", notes.get(here))
+            yield from _mapping(child, here, notes) if isinstance(child, Mapping) else _list(child, here, notes)
+        else:
+            yield from _noted(f"{'  ' * len(loc)}{key + ':':<{width + 1}} {_flow(child)}", notes.get(here))
+
+
+def _list(items: list[Any], loc: Loc, notes: Mapping[Loc, Note]) -> Iterator[str]:
+    for place, item in enumerate(items):
+        yield from _noted(f"{'  ' * len(loc)}- {_flow(item)}", notes.get((*loc, place)))
+
+
+def _noted(line: str, note: Note | None) -> Iterator[str]:
+    """The line with its note behind it, or above it where both do not fit."""
+    if note is None:
+        yield line
+    elif len(line) + len(str(note)) + 2 <= WIDEST:
+        yield f"{line}  {note}"
+    else:
+        margin = " " * (len(line) - len(line.lstrip()))
+        yield from textwrap.wrap(str(note), WIDEST, initial_indent=margin, subsequent_indent=f"{margin}# ")
+        yield line
+
+
+def _flow(value: Any) -> str:
+    match value:
+        case Mapping():
+            return "{" + ", ".join(f"{key}: {_flow(item)}" for key, item in value.items()) + "}"
+        case list() | tuple():
+            return "[" + ", ".join(map(_flow, value)) + "]"
+        case bool():
+            return str(value).lower()
+        case float():
+            return f"{value:.10g}"
+        case str():
+            text = escaped(value)
+            bare = _BARE.fullmatch(text) and tag_of(text) == "str"
+            return text if bare else json.dumps(text, ensure_ascii=not text.isprintable())
+        case _:
+            return str(value)

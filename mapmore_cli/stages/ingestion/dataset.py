@@ -10,11 +10,10 @@ from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset, Quantity, Recording
 from mapmore_cli.spec.sections.data import Data
-from mapmore_cli.spec.sections.table import FileEntry
+from mapmore_cli.spec.sections.logs import FileEntry
 from mapmore_cli.stages.ingestion.curves import cut_by_level, join_branches, joined_curves, level_set
-from mapmore_cli.stages.ingestion.files import Source, find_sources
-from mapmore_cli.stages.ingestion.meter import Meter
-from mapmore_cli.stages.ingestion.recording import Reading, read_recordings
+from mapmore_cli.stages.ingestion.files import Meter, Source, find_sources
+from mapmore_cli.stages.ingestion.recording import ReadLog, read_recordings
 from mapmore_cli.stages.ingestion.slice import IngestSlice
 from mapmore_cli.stages.ingestion.split import held_out
 from mapmore_cli.stages.ingestion.steps import DAMPING, PLATEAU, STATIC_FORCE, static_model, with_damping, with_plateau
@@ -92,12 +91,12 @@ def _check(data: Data) -> None:
             )
 
 
-def _read_all(sources: Sequence[Source], slice_: IngestSlice, progress: Progress) -> list[Reading]:
+def _read_all(sources: Sequence[Source], slice_: IngestSlice, progress: Progress) -> list[ReadLog]:
     meter = Meter(sources, progress)
     return [reading for source in sources for reading in read_recordings(source, slice_.data, slice_.units, meter)]
 
 
-def _stepped(reading: Reading, slice_: IngestSlice, static: Model | None, warn: Callable[[str], None]) -> Reading:
+def _stepped(reading: ReadLog, slice_: IngestSlice, static: Model | None, warn: Callable[[str], None]) -> ReadLog:
     """The pieces of a log with their plateau, and with the damping force where a static model is at hand."""
     assert slice_.data.plateau is not None
     pieces = [with_plateau(piece, slice_.data.plateau, slice_.units) for piece in reading.pieces]

@@ -1,14 +1,14 @@
-"""The recordings that a spec names, before any is read."""
+"""The recordings that a spec names, before any is read, and how far their reading has come."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from mapmore_cli.domain.errors import DataError, SpecError
-from mapmore_cli.spec.sections.keep import Keep
-from mapmore_cli.spec.sections.table import FileEntry, Join
+from mapmore_cli.spec.sections.logs import FileEntry, Join, Keep
+from mapmore_cli.stages.stage import Progress
 from mapmore_cli.storage.readers.files import expand, relative_name, unique_ids
 
 
@@ -79,3 +79,26 @@ def _paired(join: Join, count: int, folder: Path) -> list[Log]:
             "Name one for each, in the same order, or a single one for all.",
         )
     return logs
+
+
+MEGABYTE = 10**6
+
+
+class Meter:
+    """Counts the bytes of all logs of a study, joined ones each time that they are read, and tells `progress`."""
+
+    def __init__(self, sources: Sequence[Source], progress: Progress) -> None:
+        self._progress = progress
+        self._total = sum(log.path.stat().st_size for source in sources for log in (source, *source.joined))
+        self._before = 0
+
+    def within(self, log: Log) -> Callable[[int], None]:
+        """Begin with a log; the function returned is told how many bytes of it have been read."""
+        before = self._before
+        self._before += log.path.stat().st_size
+
+        def tell(read: int) -> None:
+            self._progress("MB read", (before + read) // MEGABYTE, -(-self._total // MEGABYTE))
+
+        tell(0)
+        return tell

@@ -1,4 +1,4 @@
-"""From one file to its recordings: samples in the model's units, with everything that was left out counted."""
+"""From one file and the logs joined to it to its recordings: everything that was left out is counted."""
 
 from __future__ import annotations
 
@@ -11,20 +11,65 @@ import numpy as np
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.modelling import terms
+from mapmore_cli.modelling.signals.alignment import align
 from mapmore_cli.modelling.signals.following import signal_values
 from mapmore_cli.spec.sections.data import Data, Direction, Rate
-from mapmore_cli.spec.sections.keep import Keep
-from mapmore_cli.stages.ingestion.clock import Clocked, clocked
-from mapmore_cli.stages.ingestion.files import Source
-from mapmore_cli.stages.ingestion.joining import joined
-from mapmore_cli.stages.ingestion.meter import Meter
-from mapmore_cli.stages.ingestion.samples import Samples, located
-from mapmore_cli.stages.ingestion.tables import read_tables, without_missing
+from mapmore_cli.spec.sections.logs import Join, Keep
+from mapmore_cli.spec.units import convert
+from mapmore_cli.stages.ingestion.clock import Clocked, clocked, in_time_order
+from mapmore_cli.stages.ingestion.files import Log, Meter, Source
+from mapmore_cli.stages.ingestion.samples import Samples, located, read_tables, without_missing
 from mapmore_cli.stages.signals import signal_of
 
 
+def joined(tables: Sequence[Samples], source: Source, data: Data, units: Mapping[str, str], meter: Meter) -> list[Samples]:
+    """Return the recordings of a file with the quantities of the logs that are joined to it, NaN where those have no value.
+
+    Raises DataError for logs that do not fit: a different number of recordings or rows.
+    """
+    found = list(tables)
+    for join, log in zip(data.join, source.joined, strict=True):
+        others = _read(log, join, data, units, meter)
+        if len(others) not in (1, len(found)):
+            raise DataError(
+                f"{log.name}: holds {len(others)} recordings, but {source.name} holds {len(found)}",
+                "Join a file that holds as many, or one.",
+            )
+        pairs = zip(found, others if len(others) > 1 else others * len(found), strict=True)
+        found = [_by_row(first, second, join) if join.on == "row" else _by_time(first, second, join, units) for first, second in pairs]
+    return found
+
+
+def _read(log: Log, join: Join, data: Data, units: Mapping[str, str], meter: Meter) -> list[Samples]:
+    tables = read_tables(log, join, data.missing, units, meter)
+    if join.on == "row":
+        return tables
+    return [in_time_order(without_missing(samples, join, data.missing), data.repeated_time) for samples in tables]
+
+
+def _by_row(first: Samples, second: Samples, join: Join) -> Samples:
+    if first.size != second.size:
+        raise DataError(
+            f"{second.label}: has {second.size} rows, but {first.label} has {first.size}", "Rows can only be paired in logs of one length."
+        )
+    return first.with_columns({name: second.columns[name] for name in join.quantities})
+
+
+def _by_time(first: Samples, second: Samples, join: Join, units: Mapping[str, str]) -> Samples:
+    shift, max_gap = (None if value is None else convert(value, "s", units["time"]) for value in (join.shift, join.max_gap))
+    stamps, time = first.columns["time"], second.columns["time"] + (shift or 0.0)
+    columns = {name: align(stamps, time, second.columns[name], max_gap) for name in join.quantities}
+    if np.isnan(columns[join.quantities[0]]).all():
+        raise DataError(
+            f"{second.label}: no sample at the time of {first.label}: with its shift it runs from {time[0]:g} to {time[-1]:g} "
+            f"{units['time']}, the first log from {np.nanmin(stamps):g} to {np.nanmax(stamps):g}",
+            "Look at `shift`, which is added to the time of the second log, and at `max_gap`.",
+        )
+    return first.with_columns(columns)
+
+
 @dataclass(frozen=True)
-class Reading:
+class ReadLog:
     """One log as recorded: its `pieces` in order of time, a single one where it has no gaps, and what was found in it."""
 
     pieces: tuple[Recording, ...]
@@ -32,7 +77,7 @@ class Reading:
     warnings: tuple[str, ...]
 
 
-def read_recordings(source: Source, data: Data, units: Mapping[str, str], meter: Meter) -> list[Reading]:
+def read_recordings(source: Source, data: Data, units: Mapping[str, str], meter: Meter) -> list[ReadLog]:
     """Read a file and the logs that are joined to it, and bring them into the model's `units`.
 
     In this order: scale and offset, joined logs, missing values, constants, time stamps and gaps, even time steps, derived quantities,
@@ -42,7 +87,7 @@ def read_recordings(source: Source, data: Data, units: Mapping[str, str], meter:
     return [_reading(samples, source, data, units) for samples in joined(tables, source, data, units, meter)]
 
 
-def _reading(samples: Samples, source: Source, data: Data, units: Mapping[str, str]) -> Reading:
+def _reading(samples: Samples, source: Source, data: Data, units: Mapping[str, str]) -> ReadLog:
     samples = without_missing(samples, data, data.missing)
     samples = samples.with_columns({name: np.full(samples.size, value) for name, value in source.constants.items()})
     whole = clocked(samples, data, units)
@@ -53,7 +98,7 @@ def _reading(samples: Samples, source: Source, data: Data, units: Mapping[str, s
     name = source.id if samples.element is None else f"{source.id}[{samples.element}]"
     names = [f"{name}#{number}" for number in range(1, len(left) + 1)] if len(whole.pieces) > 1 else [name]
     recordings = tuple(_recording(name, source.name, piece) for name, piece in zip(names, left, strict=True))
-    return Reading(recordings, whole.notes, (*whole.warnings, *_emptied(whole, left)))
+    return ReadLog(recordings, whole.notes, (*whole.warnings, *_emptied(whole, left)))
 
 
 def _emptied(whole: Clocked, left: list[Samples]) -> list[str]:

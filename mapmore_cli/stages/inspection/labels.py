@@ -30,7 +30,7 @@ _ONLY_PRESSURE = {unit for unit in _UNITS["pressure"] if len(unit) > 2}
 
 
 @dataclass(frozen=True)
-class Label:
+class ColumnTitle:
     """A column's name, read: the `quantity` it names, and its `unit` where the name has one.
 
     `plain` is True where nothing else stands in the name: `force_N` is plainer than `force_N_total`.
@@ -41,7 +41,7 @@ class Label:
     plain: bool
 
 
-def read_label(name: str) -> Label | None:
+def read_label(name: str) -> ColumnTitle | None:
     """What a column's name says: `pressure_kPa` and `P [kPa]` are pressures in kPa; None for a name that says nothing.
 
     The first word that names a quantity decides, and a unit is looked for behind it; without such a word, a unit of pressure does.
@@ -50,12 +50,12 @@ def read_label(name: str) -> Label | None:
     place = next((i for i, word in enumerate(words) if word in _OF_WORD), None)
     if place is None:
         unit = next((word for word in words if word in _ONLY_PRESSURE), None)
-        return Label("pressure", _UNITS["pressure"][unit], plain=False) if unit else None
+        return ColumnTitle("pressure", _UNITS["pressure"][unit], plain=False) if unit else None
     quantity = "input" if {"cmd", "command", "setpoint"} & set(words) else _OF_WORD[words[place]]
     units = _UNITS[quantity]
     found = [i for i in range(place + 1, len(words)) if words[i] in units]
     unit = units[words[found[0]]] if found else None
-    return Label(quantity, unit or None, plain=len(words) == 1 + bool(found))
+    return ColumnTitle(quantity, unit or None, plain=len(words) == 1 + bool(found))
 
 
 def _apart(name: str) -> str:

@@ -12,9 +12,8 @@ from mapmore_cli.spec.loader import LoadedSpec
 from mapmore_cli.spec.sections.data import Split
 from mapmore_cli.stages.ingestion.dataset import build_dataset
 from mapmore_cli.stages.ingestion.slice import slice_of
-from mapmore_cli.stages.inspection.issue import ORDER, Cause, Issue
 from mapmore_cli.stages.inspection.rules import OF_CURVES, OF_RECORDINGS
-from mapmore_cli.stages.inspection.subject import Subject
+from mapmore_cli.stages.inspection.subject import ORDER, Cause, Issue, Subject
 from mapmore_cli.stages.needs import needed_runs
 from mapmore_cli.stages.runner import pipeline
 from mapmore_cli.stages.stage import Progress

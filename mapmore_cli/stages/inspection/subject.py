@@ -1,10 +1,11 @@
-"""What the rules look at."""
+"""What the rules look at, and what they find."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
@@ -12,7 +13,39 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Dataset, Recording
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.units import convert
-from mapmore_cli.stages.inspection.issue import Issue
+
+Severity = Literal["error", "warning", "hint"]
+"""An error makes the study wrong or impossible, a warning probably wrong; a hint says what could be better."""
+
+Cause = Literal["spec", "data"]
+"""What has to be mended."""
+
+ORDER: tuple[Severity, ...] = ("error", "warning", "hint")
+
+
+@dataclass(frozen=True)
+class Issue:
+    """One thing that a user should look at.
+
+    Attributes
+    ----------
+    severity, id
+        How bad it is, and the rule's name for it, which stays the same from release to release.
+    place
+        `file:line:column` of the spec, or the recording.
+    message, remedy
+        What is wrong, and what to do.
+    cause
+        What has to be mended; of an error, it decides the exit code.
+    """
+
+    severity: Severity
+    id: str
+    place: str
+    message: str
+    remedy: str
+    cause: Cause = "spec"
+
 
 Rule = Callable[["Subject"], Iterator[Issue]]
 """Looks for one kind of mistake."""

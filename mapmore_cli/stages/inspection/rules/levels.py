@@ -9,9 +9,8 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Dataset
-from mapmore_cli.spec.sections.segment import Cuts
-from mapmore_cli.stages.inspection.issue import Issue
-from mapmore_cli.stages.inspection.subject import Subject
+from mapmore_cli.spec.sections.method import Cuts
+from mapmore_cli.stages.inspection.subject import Issue, Subject
 
 FEWEST = 5  # samples that show the shape of a curve
 BEYOND = 0.01  # of the training range, that held-out samples may lie outside

@@ -8,8 +8,7 @@ import numpy as np
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.memory import records_of, time_step
-from mapmore_cli.stages.inspection.issue import Issue
-from mapmore_cli.stages.inspection.subject import Subject
+from mapmore_cli.stages.inspection.subject import Issue, Subject
 
 
 def even_steps(subject: Subject) -> Iterator[Issue]:

@@ -10,9 +10,8 @@ import numpy as np
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.modelling import literature
 from mapmore_cli.spec.units import convert
-from mapmore_cli.stages.inspection import foot, settling
-from mapmore_cli.stages.inspection.issue import Issue
-from mapmore_cli.stages.inspection.subject import Subject
+from mapmore_cli.stages.inspection import evidence
+from mapmore_cli.stages.inspection.subject import Issue, Subject
 
 MUCH = 0.5  # of the samples, lost for a reason that the spec does not ask for
 MOST = 0.95  # of the samples, left out on purpose
@@ -76,7 +75,7 @@ def unsettled(subject: Subject) -> Iterator[Issue]:
     if subject.spec.target != "static" or asked or level == "pressure" or not subject.has("time", "pressure"):
         return
     records = [(convert(r.columns["time"], subject.units["time"], "s"), r.columns["pressure"]) for r in subject.recordings if r.rows_kept]
-    found = settling.settling(records)
+    found = evidence.settling(records)
     if found is not None and found.share < 1 - UNSETTLED:
         unit = f"{subject.units['pressure']}/s"
         message = f"the pressure changes by more than {found.limit:g} {unit} in {1 - found.share:.0%} of the samples: hardly static"
@@ -91,15 +90,15 @@ def unsettled(subject: Subject) -> Iterator[Issue]:
 def slack_foot(subject: Subject) -> Iterator[Issue]:
     """A plain formula spends its terms on the corner at the threshold pressure; a hinge is made for it (`sarosi_hinged`)."""
     model = subject.spec.model
-    if subject.spec.target != "static" or foot.HINGED not in literature.names() or foot.HINGED in (model.backbone, model.name):
+    if subject.spec.target != "static" or evidence.HINGED not in literature.names() or evidence.HINGED in (model.backbone, model.name):
         return
     if not subject.has("pressure", "strain", "force"):
         return
-    found = foot.slack_foot(*(subject.pooled(name) for name in ("pressure", "strain", "force")))
+    found = evidence.slack_foot(*(subject.pooled(name) for name in ("pressure", "strain", "force")))
     if found is not None:
         low, high = found.threshold.min(), found.threshold.max()
         message = f"the muscle is slack below {low:.0f} to {high:.0f} {subject.units['pressure']}, more so the more it is contracted"
-        yield Issue("hint", "slack-foot", subject.where("model"), message, f"try `model: {{type: mapmore, backbone: {foot.HINGED}}}`")
+        yield Issue("hint", "slack-foot", subject.where("model"), message, f"try `model: {{type: mapmore, backbone: {evidence.HINGED}}}`")
 
 
 def _held_out(subject: Subject) -> set[str]:

@@ -9,9 +9,8 @@ import numpy as np
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.spec.units import convert, default_unit
-from mapmore_cli.stages.inspection.issue import Issue
 from mapmore_cli.stages.inspection.labels import read_label
-from mapmore_cli.stages.inspection.subject import Subject
+from mapmore_cli.stages.inspection.subject import Issue, Subject
 
 LARGEST_STRAIN = 1.5
 LARGEST_PRESSURE = 5000.0  # kPa

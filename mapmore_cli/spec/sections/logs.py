@@ -1,4 +1,4 @@
-"""Which files are read and how: the keys that `data` and each entry of `join` share."""
+"""Which files are read and how: the keys that `data` and each entry of `join` share, and which samples are kept."""
 
 # ruff: noqa: RUF012 (pydantic copies the default of a field for every instance)
 
@@ -24,8 +24,41 @@ from mapmore_cli.spec.fields import (
     TrueFalse,
     by_shape,
     contradiction,
+    of_sibling,
 )
-from mapmore_cli.spec.sections.keep import Keep
+
+OfQuantity = Annotated[float, of_sibling("quantity")]
+Interval = Annotated[tuple[OfQuantity, OfQuantity], Field(strict=False)]
+
+CONDITIONS = ("abs_below", "below", "above", "between", "outside")
+
+
+class Keep(Section):
+    """Samples to keep: those whose `quantity` fulfils exactly one condition, in the quantity's unit.
+
+    Both ends of `between` are kept; both ends of `outside` are left out.
+    """
+
+    quantity: str
+    abs_below: Annotated[float, Field(gt=0), of_sibling("quantity")] | None = None
+    below: OfQuantity | None = None
+    above: OfQuantity | None = None
+    between: Interval | None = None
+    outside: Interval | None = None
+
+    @model_validator(mode="after")
+    def _one_condition(self) -> Keep:
+        given = [name for name in CONDITIONS if getattr(self, name) is not None]
+        if len(given) != 1:
+            found = "two conditions at once: " + ", ".join(f"`{name}`" for name in given) if given else "no condition"
+            remedy = f"give one of {', '.join(f'`{name}`' for name in CONDITIONS)}"
+            raise contradiction(f"`keep` has {found}", remedy, *given[1:], "quantity")
+        for name in ("between", "outside"):
+            interval = getattr(self, name)
+            if interval is not None and interval[0] >= interval[1]:
+                raise contradiction(f"`{name}` runs from {interval[0]:g} to {interval[1]:g}", "put the lower end first", name)
+        return self
+
 
 FilePattern = Annotated[str, RelativePath()]
 ReaderName = Literal["csv", "xlsx", "mat", "hdf5", "tdms"]
@@ -54,7 +87,7 @@ class FileEntry(Section):
     keep: list[Keep] = []
 
 
-class Column(Section):
+class SourceColumn(Section):
     """Where a quantity comes from: a `column` by name, 0-based index or address, as `value * scale + offset` in `unit`.
 
     An address leads into MAT and HDF5 files, as `run.P` or `y[:,0]`; a TDMS channel is `Group/Channel`. Where every recording has a zero of
@@ -68,7 +101,7 @@ class Column(Section):
     rest: Seconds | None = None
 
 
-class Table(Section):
+class Logs(Section):
     """Files of one kind and the columns in them.
 
     `files` are globs that start at the folder of the spec. `header` is the number of header lines (`true` is one), the first with the
@@ -89,14 +122,14 @@ class Table(Section):
     encoding: str = "utf-8"
     sheet: str | None = None
     root: str | None = None
-    columns: Annotated[dict[Quantity, Column], Field(min_length=1)]
+    columns: Annotated[dict[Quantity, SourceColumn], Field(min_length=1)]
     sample_time: Seconds | None = None
     every: Annotated[int, Field(ge=1)] = 1
 
     @model_validator(mode="after")
-    def _reader_has_use(self) -> Table:
+    def _reader_has_use(self) -> Logs:
         for key, readers in READERS_OF.items():
-            if self.reader not in readers and getattr(self, key) != Table.model_fields[key].default:
+            if self.reader not in readers and getattr(self, key) != Logs.model_fields[key].default:
                 owners = " and ".join(f"`{reader}`" for reader in readers)
                 raise contradiction(f"reader `{self.reader}` has no use for `{key}`", f"remove it: it belongs to {owners}", key)
         if self.reader == "tdms" and any(isinstance(column.column, int) for column in self.columns.values()):
@@ -108,7 +141,7 @@ class Table(Section):
         return self
 
     @model_validator(mode="after")
-    def _dialect(self) -> Table:
+    def _dialect(self) -> Logs:
         if not re.fullmatch(r"tab|whitespace|[^\w\s\"'.+-]|[\t ]", self.delimiter):
             raise contradiction(
                 f"{self.delimiter!r} cannot separate fields", 'write one character, as `";"`, or `tab`, or `whitespace`', "delimiter"
@@ -124,7 +157,7 @@ class Table(Section):
         return self
 
 
-class Join(Table):
+class Join(Logs):
     """A second log of the same tests: its quantities are brought onto the samples of the first.
 
     `on: time` interpolates linearly, after `shift` has been added to the second log's time; samples that lie outside of the second log, or

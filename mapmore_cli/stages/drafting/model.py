@@ -9,7 +9,7 @@ import numpy as np
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.modelling import literature
 from mapmore_cli.stages.drafting.draft import Draft
-from mapmore_cli.stages.inspection.foot import HINGED, slack_foot
+from mapmore_cli.stages.inspection.evidence import HINGED, slack_foot
 
 COMPETITORS = ("sarosi", "polynomial_2", "polynomial_5")
 MOST_SEGMENTS = 4

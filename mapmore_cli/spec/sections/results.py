@@ -1,4 +1,4 @@
-"""The `validate` section: what the model is compared with."""
+"""The sections about what comes out: `validate` and `report`."""
 
 # ruff: noqa: RUF012 (pydantic copies the default of a field for every instance)
 
@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from mapmore_cli.spec.fields import Keyed, Metric, Name, RelativePath, Section, Text, by_shape, contradiction
+from mapmore_cli.spec.fields import Keyed, Metric, Name, OfTarget, Quantity, RelativePath, Section, Share, Text, by_shape, contradiction
 
 
 class Competitor(Section):
@@ -60,3 +60,23 @@ class Validate(Section):
     against: list[Annotated[Annotated[str, Text] | Annotated[Competitor, Keyed], by_shape]] = []
     normaliser: Literal["max", "range"] = "max"
     require: dict[str, Metric] = {}
+
+
+FigureName = Literal["data", "fit", "error", "nrmse", "segments", "terms"]
+
+
+class PublishedScores(Section):
+    """Numbers of a publication to show beside ours, by model: `nrmse` as fractions, `rmse` in the target's unit. Never computed with."""
+
+    source: str
+    nrmse: dict[str, Share] = {}
+    rmse: dict[str, OfTarget] = {}
+
+
+class Report(Section):
+    """Figures and files of the report; `units` are further units, by quantity, to print the equations in, as a publication does."""
+
+    figures: list[FigureName] = ["data", "fit", "error", "nrmse", "segments", "terms"]
+    formats: list[Literal["html", "csv", "svg"]] = ["html", "csv", "svg"]
+    published: PublishedScores | None = None
+    units: dict[Quantity, str] = {}

@@ -1,0 +1,107 @@
+"""A spec in layers: the file that it `extends`, the file itself, and each `--set key.path=value` on top."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from mapmore_cli.domain.errors import SpecError, UsageError
+from mapmore_cli.spec.diagnostics import Mistake, fail
+from mapmore_cli.spec.tree import Node, SourceText, merged, with_child
+from mapmore_cli.spec.yaml_core import escaped
+from mapmore_cli.spec.yaml_loader import parse, read_source
+
+
+def read(path: Path, problems: list[Mistake]) -> Node:
+    """The tree of a spec with everything that it inherits; each value keeps the place in the file that it comes from.
+
+    Raises
+    ------
+    SpecError
+        A file that cannot be read or is no mapping, or files that extend each other in a circle.
+    """
+    return _read(path, problems, ())
+
+
+def _read(path: Path, problems: list[Mistake], heirs: tuple[Path, ...]) -> Node:
+    source = read_source(path)
+    root = parse(source, problems)
+    if root.value is None:
+        raise SpecError(f"{source.name}: the file is empty", "a spec needs at least `name`, `data`, `target` and `dictionary`")
+    if not isinstance(root.value, dict):
+        fail(root.at, "the top level is no mapping", "write `key: value` lines, as `name: my-study`")
+    children = dict(root.value)
+    reference = children.pop("extends", None)
+    own = replace(root, value=children)
+    if reference is None:
+        return own
+    return merged(_base(reference, path, problems, heirs), own)
+
+
+def _base(reference: Node, path: Path, problems: list[Mistake], heirs: tuple[Path, ...]) -> Node:
+    if not isinstance(reference.value, str):
+        fail(reference.at, "`extends` names no file", "write `extends: other.yaml`")
+    base = Path(os.path.normpath(path.parent / reference.value))
+    chain = (*heirs, path.resolve())
+    if base.resolve() in chain:
+        circle = " -> ".join([heir.name for heir in chain] + [base.name])
+        fail(reference.at, f"the files extend each other in a circle: {circle}", "remove one `extends`")
+    if not base.is_file():
+        fail(reference.at, f"there is no file {base}", "paths start at the folder of the file that they are written in")
+    return _read(base, problems, chain)
+
+
+def apply(root: Node, overrides: Sequence[str], problems: list[Mistake]) -> Node:
+    """The tree with each `key.path=value` set, in this order; a step of the path that is a number counts the items of a list from 0.
+
+    Values are YAML (`[80, 150]`, `250 kPa`, `null`). A key that no section knows is left to validation, as if it stood in the file.
+
+    Raises
+    ------
+    UsageError
+        An override without `=` or with an empty step.
+    SpecError
+        A value that is no YAML, or a path that leads into a list or a scalar where it cannot.
+    """
+    for override in overrides:
+        path, equals, text = override.partition("=")
+        steps = path.strip().split(".")
+        if not equals or not all(steps):
+            raise UsageError(f"--set {override}: not of the form key.path=value", "write, for example, `--set fit.max_terms=2`")
+        root = _set(root, steps, parse(_source(override, text, root.at.source.folder), problems))
+    return root
+
+
+def as_overrides(settings: Mapping[str, Any]) -> tuple[str, ...]:
+    """Settings by key path (`{"fit.max_terms": 2}`) as `--set` has them."""
+    return tuple(f"{key}={json.dumps(escaped(value), ensure_ascii=False)}" for key, value in settings.items())
+
+
+def _source(override: str, text: str, folder: Path) -> SourceText:
+    return SourceText(f"--set {override}", folder, text, numbered=False)
+
+
+def _set(node: Node, steps: Sequence[str], value: Node) -> Node:
+    """`value` at the end of `steps`; mappings on the way are made where there are none."""
+    if not steps:
+        return replace(value, key_at=value.at)
+    if node.value is None:
+        node = replace(node, value={}, at=value.at)
+    step = _step(node, steps[0], value)
+    child = node.child(step) or Node(None, value.at, value.at)
+    return with_child(node, step, _set(child, steps[1:], value))
+
+
+def _step(node: Node, step: str, value: Node) -> str | int:
+    """The key or the list index that a step of the path means."""
+    if isinstance(node.value, dict):
+        return step
+    if not isinstance(node.value, list):
+        fail(value.at, f"`{step}` leads into a value that has no keys: {node.value!r}", "set the value itself")
+    if not (step.isdecimal() and int(step) < len(node.value)):
+        fail(value.at, f"there is no item `{step}` in a list of {len(node.value)}", "count the items from 0, or set the whole list")
+    return int(step)

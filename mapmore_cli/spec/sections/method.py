@@ -1,0 +1,137 @@
+"""The sections that say how a model is made: `needs`, `segment`, `model`, `fit` and `fuse`."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from mapmore_cli.spec.fields import Keyed, Number, OfHeld, OfKey, RelativePath, Section, Text, WithUnit, by_shape, contradiction, of_sibling
+
+
+class Cuts(Section):
+    """How one variable is cut into segments.
+
+    `even` needs `count`; `breakpoints` needs the inner boundaries, `at`; `gradient` puts `count - 1` boundaries where the slope of the
+    target changes most, seen through a `window` (a tenth of each curve's range) and `separation` apart (the window); `optimal` puts them
+    where the fits of the segments leave the least, on a `grid` of equal cells (20) with `min_samples` in each segment (10).
+    """
+
+    method: Literal["even", "breakpoints", "gradient", "optimal"]
+    count: Annotated[int, Field(ge=1)] | None = None
+    at: Annotated[list[OfKey], Field(min_length=1)] | None = None
+    window: Annotated[OfKey, Field(gt=0)] | None = None
+    separation: Annotated[OfKey, Field(gt=0)] | None = None
+    grid: Annotated[int, Field(ge=1, le=200)] | None = None
+    min_samples: Annotated[int, Field(ge=1)] | None = None
+
+    @model_validator(mode="after")
+    def _whole(self) -> Cuts:
+        needed = "at" if self.method == "breakpoints" else "count"
+        if getattr(self, needed) is None:
+            example = "count: 4" if needed == "count" else "at: [0.05, 0.1]"
+            raise contradiction(f"method `{self.method}` needs `{needed}`", f"add it, as `{example}`", "method")
+        useful = {"gradient": {"window", "separation"}, "optimal": {"grid", "min_samples"}}.get(self.method, set()) | {"method", needed}
+        for other in type(self).model_fields:
+            if other not in useful and getattr(self, other) is not None:
+                raise contradiction(f"method `{self.method}` has no use for `{other}`", f"remove `{other}`", other)
+        if self.at is not None and any(after <= before for before, after in pairwise(self.at)):
+            raise contradiction("the breakpoints do not increase", f"write `at: {sorted(set(self.at))}`", "at")
+        if self.method == "optimal" and self.count is not None and self.count > (self.grid or self.count):
+            raise contradiction(
+                f"{self.count} segments do not fit on a grid of {self.grid} cells", "raise `grid`, or lower `count`", "grid"
+            )
+        return self
+
+
+class CutByDirection(Section):
+    """Segments for rise and fall: by the sign of the rate `of` a quantity, with a `dead_band` in which the last direction holds."""
+
+    of: str
+    dead_band: Annotated[float, Field(gt=0), of_sibling("of")]
+
+
+class Needs(Section):
+    """Specs of the runs that this one builds on: the `static` model that a damping force is left by, the `damping` model added to it."""
+
+    static: Annotated[str, RelativePath()] | None = None
+    damping: Annotated[str, RelativePath()] | None = None
+
+
+class ModelChoice(Section):
+    """What kind of model the run builds.
+
+    `mapmore` with a `backbone` explains by pieces what that formula leaves; `literature` fits the formula `name` alone; `sum` adds the
+    static and the damping model that the spec needs, and is the default for the target `dynamic`.
+    """
+
+    type: Literal["mapmore", "literature", "sum"] = "mapmore"
+    backbone: str | None = None
+    name: str | None = None
+
+    @model_validator(mode="after")
+    def _fits_type(self) -> ModelChoice:
+        if self.type == "literature" and self.name is None:
+            raise contradiction("type `literature` needs the `name` of a formula", "add it, as `name: sarosi`", "type")
+        if self.type == "literature" and self.backbone is not None:
+            raise contradiction("type `literature` has no `backbone`", "remove it, or use `type: mapmore`", "backbone")
+        if self.type != "literature" and self.name is not None:
+            raise contradiction(f"type `{self.type}` has no `name`", "use `backbone`, or `type: literature`", "name")
+        if self.type == "sum" and self.backbone is not None:
+            raise contradiction("type `sum` has no `backbone`", "remove it: both models have their own", "backbone")
+        return self
+
+
+class Fit(Section):
+    """Term selection (M2 eq 2-7): how inputs are scaled, how many terms at most, and when to stop.
+
+    `scaling` is `none` for terms with memory and `max_abs` for damping where nothing is said, else `unit_square`. `train_level` restricts
+    the pieces to one training level, as M2 does (`highest`); formulas are fitted to all of them.
+
+    With memory: `scaling: range` brings every state to [0, 1] on the training samples and clips it `margin` beyond; a `ridge`, as a
+    fraction of a candidate's variance, or `auto`, selects `forward` terms (three times `max_terms`) and prunes them; `stop: free_run`
+    keeps as many terms as run best over the last quarter of the training samples.
+    """
+
+    scaling: Literal["unit_square", "max_abs", "none", "range"] = "unit_square"
+    margin: Annotated[float, Field(ge=0), WithUnit(lambda _: "1")] = 0.15
+    train_level: Annotated[Annotated[Literal["all", "highest"], Text] | Annotated[OfHeld, Number], by_shape] = "all"
+    max_terms: Annotated[int, Field(ge=1)] = 1
+    tolerance: Annotated[float, Field(ge=0, lt=1)] = 1e-4
+    stop: Literal["tolerance", "bic", "aicc", "press", "free_run"] = "tolerance"
+    ridge: Annotated[Annotated[Literal["auto"], Text] | Annotated[Annotated[float, Field(ge=0)], Number], by_shape] = 0.0
+    forward: Annotated[int, Field(ge=1)] | None = None
+
+
+ExtrapolationWord = Literal["continue", "continue_linear", "saturate", "zero"]
+"""What happens beyond a limit (M2 eq 12)."""
+WordOrValue = Annotated[Annotated[ExtrapolationWord, Text] | Annotated[OfKey, Number], by_shape]
+
+
+class BelowAbove(Section):
+    """Extrapolation of one variable on each side: a word, or the value that the variable takes (M2 eq 12)."""
+
+    below: WordOrValue | None = None
+    above: WordOrValue | None = None
+
+
+Sides = Annotated[Annotated[ExtrapolationWord, Text] | Annotated[BelowAbove, Keyed], by_shape]
+
+
+class Fuse(Section):
+    """How pieces are joined (M2 eq 9-12).
+
+    Transition zones reach `z_s` of a segment's width to each side of a boundary. Between levels, curves are interpolated by triangles
+    (`levels: linear`) or keeping their shape (`pchip`), and with `align: threshold` between places that lie alike relative to their
+    thresholds. `shrink` is the share of the residual on a backbone that is carried to the middle between two levels: `auto` asks left-out
+    training levels, 1 carries all of it, 0 leaves the backbone alone there. `extrapolation` is a word for all variables, or a mapping from
+    variable to word or `{below, above}`; without it, `continue` for one-term fits, else `saturate`.
+    """
+
+    transition: Literal["linear", "quadratic", "cubic"] = "linear"
+    z_s: Annotated[float, Field(ge=0, le=0.5)] = 0.25
+    levels: Literal["linear", "pchip"] = "linear"
+    align: Literal["none", "threshold"] = "none"
+    shrink: Annotated[Annotated[Literal["auto"], Text] | Annotated[Annotated[float, Field(ge=0, le=1)], Number], by_shape] = "auto"
+    extrapolation: Annotated[Annotated[ExtrapolationWord, Text] | Annotated[dict[str, Sides], Keyed], by_shape] | None = None
