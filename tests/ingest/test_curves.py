@@ -171,7 +171,7 @@ def test_slice_holds_what_ingest_depends_on_and_no_more() -> None:
 
 
 def test_stage_names_its_sources_and_reports_progress(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mapmore_cli.stages.ingestion.meter.MEGABYTE", 1)
+    monkeypatch.setattr("mapmore_cli.stages.ingestion.files.MEGABYTE", 1)
     for name in ("b.csv", "a.csv"):
         (tmp_path / name).write_text(steps(80))
     size = len(steps(80))
