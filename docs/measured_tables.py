@@ -18,7 +18,7 @@ from mapmore_cli.domain.scores import REPEATABILITY
 from mapmore_cli.reporting.campaign import CampaignScores, hindsight_table, nrmse_table, published_table
 from mapmore_cli.reporting.tables import Column, Table, score_table, to_markdown
 from mapmore_cli.spec.campaign import Entry, load_campaign
-from mapmore_cli.stages.batch import Finished, Job, run_one
+from mapmore_cli.stages.campaigns.batch import Finished, Job, run_one
 from mapmore_cli.stages.inspection.evidence import slack_foot
 from mapmore_cli.storage.artefacts import read_dataset, read_model
 

@@ -18,7 +18,7 @@ from mapmore_cli.reporting.campaign import CampaignScores, nrmse_table
 from mapmore_cli.reporting.memory_tables import substitutes_table
 from mapmore_cli.reporting.tables import Column, Table
 from mapmore_cli.spec.campaign import Entry, load_campaign
-from mapmore_cli.stages.batch import Finished
+from mapmore_cli.stages.campaigns.batch import Finished
 from mapmore_cli.storage.artefacts import read_fit
 
 REVERSALS = ("dmsp-20-88-inner-reversals", "peano-inner-reversals")

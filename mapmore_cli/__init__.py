@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from mapmore_cli.stages.loaded_model import LoadedModel
+    from mapmore_cli.stages.prediction.loaded_model import LoadedModel
 
 __all__ = ["__version__", "load_model"]
 
@@ -18,7 +18,7 @@ def load_model(path: str | Path) -> LoadedModel:
 
     Raises `mapmore_cli.domain.errors.DataError` where the file is missing, damaged or no model.
     """
-    from mapmore_cli.stages.loaded_model import LoadedModel  # here, so that the command line starts without NumPy
+    from mapmore_cli.stages.prediction.loaded_model import LoadedModel  # here, so that the command line starts without NumPy
     from mapmore_cli.storage.artefacts import read_model
 
     return LoadedModel(read_model(Path(path)))

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from mapmore_cli.cli.views.view import View
     from mapmore_cli.reporting.tables import Table
     from mapmore_cli.spec.campaign import Entry
-    from mapmore_cli.stages.batch import Finished
+    from mapmore_cli.stages.campaigns.batch import Finished
 
 
 def add_to(app: typer.Typer) -> None:
@@ -44,7 +44,7 @@ def batch(
     from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.cli.views.view import View
-    from mapmore_cli.stages.batch import Job, run_all
+    from mapmore_cli.stages.campaigns.batch import Job, run_all
 
     campaigns, entries = expanded(configs, overrides)
     _refuse_repeated_names(entries)

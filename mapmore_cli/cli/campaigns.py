@@ -13,7 +13,7 @@ from mapmore_cli.cli.views.view import View
 if TYPE_CHECKING:
     from mapmore_cli.reporting.campaign import CampaignScores
     from mapmore_cli.spec.campaign import Campaign, Entry
-    from mapmore_cli.stages.batch import Finished
+    from mapmore_cli.stages.campaigns.batch import Finished
 
 
 @dataclass(frozen=True)

@@ -100,7 +100,7 @@ def _explain(loaded: LoadedSpec, until: str, options: Options) -> None:
     """Print which stages would run, and why; null in the document is a stage that is up to date."""
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.reporting.tables import Column, Table
-    from mapmore_cli.stages.runner import explain
+    from mapmore_cli.stages.pipeline.runner import explain
 
     with Reporter(options.quiet, options.verbose) as reporter:
         reasons = explain(loaded, options.runs, until, force=options.force, rehash=options.rehash, warn=reporter.warn)
@@ -112,7 +112,7 @@ def _explain(loaded: LoadedSpec, until: str, options: Options) -> None:
 def _bring_up_to_date(loaded: LoadedSpec, command: str, options: Options) -> None:
     """Do what is stale, and print what the command is for."""
     from mapmore_cli.cli.progress import Reporter
-    from mapmore_cli.stages.runner import bring_up_to_date
+    from mapmore_cli.stages.pipeline.runner import bring_up_to_date
 
     with Reporter(options.quiet, options.verbose) as reporter:
         outcome = bring_up_to_date(

@@ -56,7 +56,7 @@ def predict(
     of every recording, and starts anew where the column recording changes, where time is set back, and after gaps.
     """
     from mapmore_cli.cli.progress import Reporter
-    from mapmore_cli.stages.predict import predicted_lines
+    from mapmore_cli.stages.prediction.predict import predicted_lines
     from mapmore_cli.storage.artefacts import read_model
 
     if (table is None) == (grid is None):
@@ -69,7 +69,7 @@ def predict(
 
 def _input(model: Model, table: Path | None, grid: str | None, reporter: Reporter) -> tuple[Iterator[str], str]:
     """The lines to predict for, and what messages call them."""
-    from mapmore_cli.stages.grid import grid_lines
+    from mapmore_cli.stages.prediction.grid import grid_lines
     from mapmore_cli.storage.text_streams import as_text, lines_of
 
     if grid is not None and model.memories:

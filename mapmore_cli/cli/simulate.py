@@ -30,7 +30,7 @@ def simulate(
     from mapmore_cli.cli.views.view import View
     from mapmore_cli.spec.loader import load_as
     from mapmore_cli.spec.simulation import SimulationSpec
-    from mapmore_cli.stages.simulate import simulate as run_rig
+    from mapmore_cli.stages.simulation.simulate import simulate as run_rig
 
     loaded = load_as(config, SimulationSpec, overrides)
     with Reporter(quiet) as reporter:

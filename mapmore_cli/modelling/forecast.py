@@ -10,8 +10,8 @@ from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve
+from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.memory import AtSample, free_run, one_step_ahead
-from mapmore_cli.modelling.model import predict
 
 
 @dataclass(frozen=True)

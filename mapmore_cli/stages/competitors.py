@@ -16,10 +16,10 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.scores import OWN
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.backbone import fit_formula, pooled_training
-from mapmore_cli.modelling.damping import damping_component
 from mapmore_cli.modelling.forecast import Forecast, forecast
+from mapmore_cli.modelling.literature.backbone import fit_formula, pooled_training
 from mapmore_cli.modelling.literature.hysteresis_loss import HysteresisLoss
+from mapmore_cli.modelling.signals.plateau import damping_component
 from mapmore_cli.spec.sections.results import Competitor
 from mapmore_cli.stages.ingestion.steps import DAMPING, STATIC_FORCE
 from mapmore_cli.storage.artefacts import read_dataset, read_model

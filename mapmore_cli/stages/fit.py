@@ -9,9 +9,9 @@ from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.data import Levels
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry, remembers
 from mapmore_cli.spec.sections.method import Fit, Fuse, ModelChoice
-from mapmore_cli.stages.memory import fit_memory
-from mapmore_cli.stages.recipes import SegmentSection, recipe_of
-from mapmore_cli.stages.stage import Stage, Workspace
+from mapmore_cli.stages.kinds.memory import fit_memory
+from mapmore_cli.stages.kinds.pieces import SegmentSection, recipe_of
+from mapmore_cli.stages.pipeline.stage import Stage, Workspace
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.fits import FormulaFit, SegmentFit
@@ -37,8 +37,8 @@ def reads(spec: ExperimentSpec) -> Slice:
 def run(part: Slice, workspace: Workspace) -> None:
     """Fit the formula where the model has one, then what it leaves: segment by segment, or with memory along whole recordings."""
     from mapmore_cli.domain.results import FitResult
-    from mapmore_cli.modelling.mapmore import fit
-    from mapmore_cli.modelling.segmentation import trained_at
+    from mapmore_cli.modelling.pieces.build import fit
+    from mapmore_cli.modelling.pieces.segmentation import trained_at
     from mapmore_cli.storage.artefacts import read_dataset, read_segmentation, units_of, write_fit
 
     dataset = read_dataset(workspace.run_dir / "ingest.h5")
@@ -81,7 +81,7 @@ def _formula(model: ModelChoice, dataset: Dataset) -> FormulaFit | None:
         Where it did not converge to anything usable: the model stands on it.
     """
     from mapmore_cli.domain.errors import FitError
-    from mapmore_cli.modelling.backbone import fit_formula
+    from mapmore_cli.modelling.literature.backbone import fit_formula
 
     name = model.name if model.type == "literature" else model.backbone
     if name is None:

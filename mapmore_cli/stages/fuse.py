@@ -10,10 +10,10 @@ from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.data import Levels
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry
 from mapmore_cli.spec.sections.method import Fit, Fuse, ModelChoice
-from mapmore_cli.stages.fingerprint import plain
-from mapmore_cli.stages.recipes import SegmentSection, recipe_of
-from mapmore_cli.stages.signals import signals_of
-from mapmore_cli.stages.stage import Stage, Workspace
+from mapmore_cli.stages.kinds.pieces import SegmentSection, recipe_of
+from mapmore_cli.stages.kinds.signals import signals_of
+from mapmore_cli.stages.pipeline.fingerprint import plain
+from mapmore_cli.stages.pipeline.stage import Stage, Workspace
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.models import Model
@@ -49,7 +49,7 @@ def needs(spec: ExperimentSpec) -> list[str]:
 
 def run(part: Slice, workspace: Workspace) -> None:
     """Build the model and write it."""
-    from mapmore_cli.modelling.signals.following import needed_signals
+    from mapmore_cli.modelling.signals.rates import needed_signals
     from mapmore_cli.storage.artefacts import read_dataset, write_model
 
     dataset = read_dataset(workspace.run_dir / "ingest.h5")
@@ -62,7 +62,7 @@ def run(part: Slice, workspace: Workspace) -> None:
 
 def _sum(part: Slice, dataset: Dataset, workspace: Workspace) -> Model:
     """The dynamic model: static plus damping (M2 section 3)."""
-    from mapmore_cli.modelling.dynamic import sum_of
+    from mapmore_cli.modelling.sums.build import sum_of
     from mapmore_cli.storage.artefacts import read_model
 
     models = [read_model(workspace.needed[path] / "model.h5") for path in part.summands]
@@ -71,10 +71,10 @@ def _sum(part: Slice, dataset: Dataset, workspace: Workspace) -> Model:
 
 def _fused(part: Slice, dataset: Dataset, workspace: Workspace) -> Model:
     """Fuse; on a backbone, keep as much of the residual as left-out training data support, unless the spec says how much."""
-    from mapmore_cli.modelling.mapmore import fuse
     from mapmore_cli.modelling.memory.assembly import model_with_memory
-    from mapmore_cli.modelling.segmentation import trained_at
-    from mapmore_cli.modelling.shrinkage import with_trusted_residual
+    from mapmore_cli.modelling.pieces.build import fuse
+    from mapmore_cli.modelling.pieces.segmentation import trained_at
+    from mapmore_cli.modelling.pieces.shrinkage import with_trusted_residual
     from mapmore_cli.storage.artefacts import read_fit, read_segmentation
 
     curves = trained_at(dataset.curves, part.fit.train_level)

@@ -7,7 +7,7 @@ from pathlib import Path
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.stages.ingestion.files import find_sources
 from mapmore_cli.stages.ingestion.slice import IngestSlice, slice_of
-from mapmore_cli.stages.stage import Stage, Workspace
+from mapmore_cli.stages.pipeline.stage import Stage, Workspace
 
 
 def run(part: IngestSlice, workspace: Workspace) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from mapmore_cli.spec.experiment import ExperimentSpec, Muscle
 from mapmore_cli.spec.sections.results import Report, Validate
-from mapmore_cli.stages.stage import Stage, Workspace
+from mapmore_cli.stages.pipeline.stage import Stage, Workspace
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.models import Equation, Model

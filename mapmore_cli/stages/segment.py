@@ -8,8 +8,8 @@ from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.data import Levels
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry
 from mapmore_cli.spec.sections.method import Cuts, Fit, Fuse, ModelChoice
-from mapmore_cli.stages.recipes import SegmentSection, recipe_of
-from mapmore_cli.stages.stage import Stage, Workspace
+from mapmore_cli.stages.kinds.pieces import SegmentSection, recipe_of
+from mapmore_cli.stages.pipeline.stage import Stage, Workspace
 
 
 @dataclass(frozen=True)
@@ -39,9 +39,9 @@ def reads(spec: ExperimentSpec) -> Slice:
 
 def run(part: Slice, workspace: Workspace) -> None:
     """Segment every curve over its own range; what is fitted there is what the backbone leaves."""
-    from mapmore_cli.modelling.backbone import fit_formula
-    from mapmore_cli.modelling.mapmore import segment
-    from mapmore_cli.modelling.segmentation import trained_at
+    from mapmore_cli.modelling.literature.backbone import fit_formula
+    from mapmore_cli.modelling.pieces.build import segment
+    from mapmore_cli.modelling.pieces.segmentation import trained_at
     from mapmore_cli.storage.artefacts import read_dataset, units_of, write_segmentation
 
     dataset = read_dataset(workspace.run_dir / "ingest.h5")

@@ -12,7 +12,7 @@ from mapmore_cli.domain.scores import OWN, deciding
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.layers import as_overrides
 from mapmore_cli.spec.sections.results import Competitor
-from mapmore_cli.stages.stage import Stage, Variation, Workspace
+from mapmore_cli.stages.pipeline.stage import Stage, Variation, Workspace
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.fits import FormulaFit
@@ -57,7 +57,7 @@ def run(part: Slice, workspace: Workspace) -> None:
     """Fit the competitors to the same training data, predict every sample, and score."""
     from mapmore_cli.domain.scores import Validation
     from mapmore_cli.modelling.forecast import forecast
-    from mapmore_cli.modelling.scoring import score_rows
+    from mapmore_cli.modelling.scores.rows import score_rows
     from mapmore_cli.stages.competitors import Contest
     from mapmore_cli.storage.artefacts import read_dataset, read_model, write_scores, write_validation
 
@@ -102,9 +102,8 @@ def _floor(part: Slice, inputs: Sequence[str], dataset: Dataset) -> Iterator[Sco
     """Rows of the repeatability: of held-out cycles, or where measurements at one level, coordinate and direction were repeated."""
     from mapmore_cli.domain.scores import REPEATABILITY
     from mapmore_cli.modelling.forecast import Forecast
-    from mapmore_cli.modelling.repeatability import repeats
-    from mapmore_cli.modelling.repeated_cycles import repeated_cycles
-    from mapmore_cli.modelling.scoring import score_rows
+    from mapmore_cli.modelling.scores.repeatability import repeated_cycles, repeats
+    from mapmore_cli.modelling.scores.rows import score_rows
 
     if part.cycles_of is not None:
         others = repeated_cycles(dataset.curves, dataset.target, part.cycles_of)

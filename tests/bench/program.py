@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 from timing import median_seconds, medians_in_turn
 
-from mapmore_cli.modelling.fused_pieces import level_values
-from mapmore_cli.modelling.fusion import cell_weights, level_weights
-from mapmore_cli.modelling.model import predict
-from mapmore_cli.modelling.segment_function import prepared
+from mapmore_cli.modelling.kinds import predict
+from mapmore_cli.modelling.pieces.evaluation import level_values
+from mapmore_cli.modelling.pieces.segment_function import prepared
+from mapmore_cli.modelling.pieces.weights import cell_weights, level_weights
 from mapmore_cli.storage.artefacts import read_model
 
 STUDY = Path(__file__).parents[2] / "configs" / "m2" / "dmsp-20-88-static.yaml"

@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.stages.predict import predicted_lines
+from mapmore_cli.stages.prediction.predict import predicted_lines
 from mapmore_cli.storage.text_streams import lines_of
 
 MODEL = hand_model()

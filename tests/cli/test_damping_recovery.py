@@ -9,7 +9,7 @@ import pytest
 
 from mapmore_cli.modelling.equations import model_equations
 from mapmore_cli.spec.loader import load
-from mapmore_cli.stages.runner import bring_up_to_date
+from mapmore_cli.stages.pipeline.runner import bring_up_to_date
 from mapmore_cli.storage.artefacts import read_model
 
 TIME = np.arange(0.0, 4.0, 0.001)

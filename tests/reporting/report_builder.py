@@ -11,7 +11,7 @@ from mapmore_cli.domain.models import CurveFunction, Equation, Fusion, Model, Se
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.domain.scores import Score, Validation
-from mapmore_cli.modelling.fusion import cell_weights, level_weights
+from mapmore_cli.modelling.pieces.weights import cell_weights, level_weights
 from mapmore_cli.reporting.inputs import Published, ReportInputs
 
 QUANTITIES = {q.name: q for q in (Quantity("time", "s"), Quantity("pressure", "kPa"), Quantity("strain", "1"), Quantity("force", "N"))}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from mapmore_cli.modelling.model import predict
+from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.reporting.figures.levels import draw_courses, draw_levels, level_courses, level_figures
 from mapmore_cli.reporting.figures.registry import FIGURES
 

@@ -12,7 +12,7 @@ from mapmore_cli.domain.scores import Validation
 from mapmore_cli.modelling.forecast import Forecast, forecast
 from mapmore_cli.modelling.memory import MemoryRecipe, fit_with_memory, records_of
 from mapmore_cli.modelling.memory.assembly import model_with_memory
-from mapmore_cli.modelling.scoring import score_rows
+from mapmore_cli.modelling.scores.rows import score_rows
 from mapmore_cli.reporting.figures.registry import FIGURES, figure_style
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.page import render_page

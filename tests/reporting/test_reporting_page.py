@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import csv
 import re
-import time
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -243,9 +242,7 @@ def test_without_levels_and_without_figures(inputs, tmp_path):
 
 def test_forty_levels(tmp_path):
     inputs = build(levels=list(range(60, 460, 10)), held_out=lambda _level, strain: np.arange(len(strain)) % 5 == 0)
-    start = time.perf_counter()
     page = page_of(inputs, tmp_path)
-    assert time.perf_counter() - start < 30
     assert len(page.named("details")) >= 4  # long tables are folded
     assert "9 of 40 curves with held-out samples are drawn" in page.text
     assert (tmp_path / "index.html").stat().st_size < 3e6

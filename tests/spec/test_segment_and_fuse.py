@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from spec_examples import MEASURED, STATIC, load_text, refusal
 
-from mapmore_cli.modelling.recipe import Gradient, Optimal
-from mapmore_cli.stages.recipes import cuts_of, recipe_of
+from mapmore_cli.modelling.pieces.recipe import Gradient, Optimal
+from mapmore_cli.stages.kinds.pieces import cuts_of, recipe_of
 from mapmore_cli.stages.segment import reads
 
 EVEN = "{method: even, count: 4}"

@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 
-from mapmore_cli.modelling.model import predict
+from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.storage import artefacts
 from mapmore_cli.storage.artefacts.files import FORMAT_VERSION
 

@@ -92,7 +92,7 @@ def _weights(model: Model) -> dict[str, Any]:
 
 def _curve_weights(model: Model, curve: CurveFunction) -> dict[str, Any]:
     """Boundaries of the segments, and start and end of the transition zone at each inner one (M2 eq 10-11)."""
-    from mapmore_cli.modelling.fusion import zones
+    from mapmore_cli.modelling.pieces.weights import zones
 
     boundaries = dict(zip(model.variables, curve.boundaries, strict=True))
     at = {name: [list(zone) for zone in zip(*zones(ends, model.fusion.z_s), strict=True)] for name, ends in boundaries.items()}

@@ -8,9 +8,8 @@ from scipy.linalg import solve_triangular
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.fits import Selection
 from mapmore_cli.modelling.frols.blocks import Blocks, scaled
-from mapmore_cli.modelling.frols.press import press
+from mapmore_cli.modelling.frols.criteria import fewest, information_criterion, press
 from mapmore_cli.modelling.frols.select import Path, Stopping
-from mapmore_cli.modelling.information import fewest, information_criterion
 
 
 def finished(path: Path, scale: Array, samples: int, blocks: Blocks, stopping: Stopping) -> Selection:

@@ -13,11 +13,10 @@ from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Selection
 from mapmore_cli.modelling.frols import frols, frols_streamed
+from mapmore_cli.modelling.frols.criteria import fewest, information_criterion
 from mapmore_cli.modelling.frols.moments import Moments, Standard, moments, standard, standardised
 from mapmore_cli.modelling.frols.ridge import Regularised, prune, select, substitutes
-from mapmore_cli.modelling.frols.ridge_choice import choose_ridge
-from mapmore_cli.modelling.frols.ridge_press import ridge_press
-from mapmore_cli.modelling.information import fewest, information_criterion
+from mapmore_cli.modelling.frols.ridge_choice import choose_ridge, ridge_press
 from mapmore_cli.modelling.memory.capacity import fits_whole, refuse_beyond_memory
 from mapmore_cli.modelling.memory.recipe import MemoryRecipe
 from mapmore_cli.modelling.memory.regressors import Regressors

@@ -8,6 +8,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.recording import Curve
 
 BAND = 0.05
 """A signal has settled where it stays within this share of its span around its final value."""
@@ -84,3 +85,13 @@ def _last(mask: BoolArray) -> int:
 def without_steady_state(component: Array, plateau: BoolArray) -> Array:
     """`F_d = F_d' - F_d,ssv`: a component less its mean over the plateau, and so without the static model's steady error (M2 eq 1)."""
     return component - float(component[plateau].mean())
+
+
+def damping_component(rest: Array, curve: Curve) -> Array:
+    """`F_d = F_d' - F_d,ssv` (M2 eq 1), (n,): what a static model leaves, less its mean over the plateau of each recording of the curve."""
+    if curve.at_rest is None:
+        return rest
+    component = rest.copy()
+    for rows in curve.logs:
+        component[rows] = without_steady_state(rest[rows], curve.at_rest[rows])
+    return component

@@ -1,11 +1,14 @@
-"""Time derivatives of measured signals."""
+"""Rates, directions of motion, and other quantities that follow from measured ones over time."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, IntArray
+from mapmore_cli.domain.arrays import Array, Columns, IntArray
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.models import Signal
 
 BLOCK = 100_000  # samples gathered into windows at one time: a few MB, which stay in the cache
 
@@ -84,3 +87,51 @@ def _slopes(time: Array, values: Array, at: Array, start: IntArray, stop: IntArr
             "Give a wider `window` or a lower `order`.",
         ) from None
     return slopes
+
+
+RISE, FALL = 1.0, -1.0
+
+
+def direction(rate: Array, dead_band: float) -> Array:
+    """Sign of a rate, +1 (rise) or -1 (fall), (n,); where `|rate| <= dead_band` the last direction holds.
+
+    A recording starts with +1, so that the direction is known from its first sample on, and from past samples alone (M2 eq 16 switches by
+    whether the pressure rises; a bare sign would toggle on the noise of every plateau).
+    """
+    moving = np.abs(rate) > dead_band
+    last = np.maximum.accumulate(np.where(moving, np.arange(len(rate)), -1))
+    return np.where(last < 0, RISE, np.sign(rate[np.maximum(last, 0)]))
+
+
+def signal_values(signal: Signal, columns: Columns) -> Array:
+    """A signal over one recording, `(n,)`, from the quantity that it follows from and, for a rate, the `time`.
+
+    Raises
+    ------
+    DataError
+        Where the window of a rate holds too few samples.
+    """
+    source = columns[signal.of]
+    if signal.kind == "direction":
+        return direction(source, signal.dead_band)
+    return signal.factor * rate(columns["time"] * signal.seconds, source, signal.window, signal.order)
+
+
+def with_signals(signals: Sequence[Signal], columns: Columns) -> dict[str, Array]:
+    """The columns of one recording with every signal that they lack."""
+    found = dict(columns)
+    for signal in signals:
+        if signal.name not in found:
+            found[signal.name] = signal_values(signal, found)
+    return found
+
+
+def needed_signals(signals: Sequence[Signal], inputs: Sequence[str]) -> tuple[Signal, ...]:
+    """Those of the signals that the inputs follow from, each after the one that it needs itself."""
+    wanted = set(inputs)
+    kept: list[Signal] = []
+    for signal in reversed(signals):
+        if signal.name in wanted:
+            wanted.add(signal.of)
+            kept.insert(0, signal)
+    return tuple(kept)

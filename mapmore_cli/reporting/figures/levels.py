@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.models import Model
-from mapmore_cli.modelling.fusion import level_weights
-from mapmore_cli.modelling.model import predict
+from mapmore_cli.modelling.kinds import predict
+from mapmore_cli.modelling.pieces.weights import level_weights
 from mapmore_cli.reporting.figures.drawing import Drawing
 from mapmore_cli.reporting.figures.style import SINGLE, axis_label, level_colours
 from mapmore_cli.reporting.inputs import ReportInputs

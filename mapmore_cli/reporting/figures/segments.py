@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.recording import DIRECTION
-from mapmore_cli.modelling.fusion import cell_weights, zones
-from mapmore_cli.modelling.segmentation import training_curves
+from mapmore_cli.modelling.pieces.segmentation import training_curves
+from mapmore_cli.modelling.pieces.weights import cell_weights, zones
 from mapmore_cli.reporting.figures.drawing import Drawing
 from mapmore_cli.reporting.figures.levels import level_figures
 from mapmore_cli.reporting.figures.panels import columns_for, label_pair, pairs, width_for

@@ -8,9 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.modelling.signals.gaps import Gaps, find_gaps, find_resets, pieces, typical_step
-from mapmore_cli.modelling.signals.resampling import resample
-from mapmore_cli.modelling.signals.stamps import average_repeated, spread_repeated
+from mapmore_cli.modelling.signals.sampling import (
+    Gaps,
+    average_repeated,
+    find_gaps,
+    find_resets,
+    pieces,
+    resample,
+    spread_repeated,
+    typical_step,
+)
 from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.spec.units import convert
 from mapmore_cli.stages.ingestion.samples import Samples

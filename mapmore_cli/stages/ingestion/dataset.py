@@ -17,7 +17,7 @@ from mapmore_cli.stages.ingestion.recording import ReadLog, read_recordings
 from mapmore_cli.stages.ingestion.slice import IngestSlice
 from mapmore_cli.stages.ingestion.split import held_out
 from mapmore_cli.stages.ingestion.steps import DAMPING, PLATEAU, STATIC_FORCE, static_model, with_damping, with_plateau
-from mapmore_cli.stages.stage import Progress
+from mapmore_cli.stages.pipeline.stage import Progress
 
 FEW = 10  # samples kept, below which a recording is worth a warning
 MUCH = 0.5  # fraction dropped, above which it is

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.spec.sections.logs import FileEntry, Join, Keep
-from mapmore_cli.stages.stage import Progress
+from mapmore_cli.stages.pipeline.stage import Progress
 from mapmore_cli.storage.readers.files import expand, relative_name, unique_ids
 
 

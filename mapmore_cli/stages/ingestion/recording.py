@@ -11,15 +11,15 @@ import numpy as np
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.modelling import terms
-from mapmore_cli.modelling.signals.alignment import align
-from mapmore_cli.modelling.signals.following import signal_values
+from mapmore_cli.modelling.signals.rates import signal_values
+from mapmore_cli.modelling.signals.sampling import align
 from mapmore_cli.spec.sections.data import Data, Direction, Rate
 from mapmore_cli.spec.sections.logs import Join, Keep
 from mapmore_cli.spec.units import convert
 from mapmore_cli.stages.ingestion.clock import Clocked, clocked, in_time_order
 from mapmore_cli.stages.ingestion.files import Log, Meter, Source
 from mapmore_cli.stages.ingestion.samples import Samples, located, read_tables, without_missing
-from mapmore_cli.stages.signals import signal_of
+from mapmore_cli.stages.kinds.signals import signal_of
 
 
 def joined(tables: Sequence[Samples], source: Source, data: Data, units: Mapping[str, str], meter: Meter) -> list[Samples]:

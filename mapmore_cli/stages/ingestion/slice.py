@@ -7,7 +7,7 @@ from typing import Literal
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.fields import Section
 from mapmore_cli.spec.sections.data import Data, Split
-from mapmore_cli.stages.signals import derivations_of, units_of
+from mapmore_cli.stages.kinds.signals import derivations_of, units_of
 
 
 class IngestSlice(Section):

@@ -11,7 +11,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import BoolArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Recording
-from mapmore_cli.modelling.signals.strokes import last_cycles
+from mapmore_cli.modelling.signals.cycles import last_cycles
 from mapmore_cli.spec.sections.data import Between, Holdout
 from mapmore_cli.stages.ingestion.curves import LevelSet, Part
 from mapmore_cli.stages.ingestion.samples import located

@@ -13,7 +13,7 @@ from mapmore_cli.domain.arrays import BoolArray
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity, Recording
-from mapmore_cli.modelling.model import outside_range, predict
+from mapmore_cli.modelling.kinds import outside_range, predict
 from mapmore_cli.modelling.signals.plateau import find_plateau, without_steady_state
 from mapmore_cli.spec.sections.data import STEP_OF, STEP_PRESSURE
 from mapmore_cli.spec.units import convert

@@ -14,9 +14,9 @@ from mapmore_cli.stages.ingestion.dataset import build_dataset
 from mapmore_cli.stages.ingestion.slice import slice_of
 from mapmore_cli.stages.inspection.rules import OF_CURVES, OF_RECORDINGS
 from mapmore_cli.stages.inspection.subject import ORDER, Cause, Issue, Subject
-from mapmore_cli.stages.needs import needed_runs
-from mapmore_cli.stages.runner import pipeline
-from mapmore_cli.stages.stage import Progress
+from mapmore_cli.stages.pipeline.needs import needed_runs
+from mapmore_cli.stages.pipeline.runner import pipeline
+from mapmore_cli.stages.pipeline.stage import Progress
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.modelling.signals.gaps import find_gaps, pieces, typical_step
+from mapmore_cli.modelling.signals.sampling import find_gaps, pieces, typical_step
 from mapmore_cli.stages.prediction.records import Row
 
 RECORDING = "recording"

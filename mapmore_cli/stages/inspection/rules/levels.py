@@ -27,8 +27,8 @@ def few_samples(subject: Subject) -> Iterator[Issue]:
 
 def segments(subject: Subject) -> Iterator[Issue]:
     """Every segment needs more training samples than terms."""
-    from mapmore_cli.modelling.mapmore import segment
-    from mapmore_cli.stages.recipes import recipe_of
+    from mapmore_cli.modelling.pieces.build import segment
+    from mapmore_cli.stages.kinds.pieces import recipe_of
 
     spec, dataset = subject.spec, _dataset(subject)
     fits_decide = any(isinstance(cut, Cuts) and cut.method == "optimal" for cut in spec.segment.values())

@@ -1,0 +1,88 @@
+"""What a model says of training data that were left out of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.domain.recording import Curve, Quantity
+from mapmore_cli.modelling import literature
+from mapmore_cli.modelling.kinds import predict
+from mapmore_cli.modelling.literature.backbone import fit_formula
+from mapmore_cli.modelling.pieces.build import build
+from mapmore_cli.modelling.pieces.recipe import Recipe
+
+BLOCKS = 5
+"""Contiguous blocks of a curve where there are too few levels to leave one out; the inner ones are left out in turn."""
+
+Folds = list[tuple[BoolArray, ...]]
+"""For every fold and curve, the training samples that are left out."""
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """Every training sample that was left out of some fold, (n,) each: as measured, and as the fold's model without it says."""
+
+    measured: Array
+    backbone: Array
+    residual: Array  # of the pieces, which are added to the backbone
+    folds: int
+
+    def rmse(self, share: float) -> float:
+        """Error of the backbone with a share of the residual."""
+        return float(np.sqrt(np.mean((self.backbone + share * self.residual - self.measured) ** 2)))
+
+
+def leave_out(
+    curves: Sequence[Curve],
+    recipe: Recipe,
+    quantities: Mapping[str, Quantity],
+    backbone: str,
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
+) -> LeftOut:
+    """Predictions of left-out training data by models of the rest, backbone included.
+
+    Each inner level is left out in turn, since between levels is where a level-wise residual can do harm; with fewer than three training
+    levels, each inner block of the curves is.
+    """
+    folds = _folds(curves, recipe)
+    found: list[tuple[Array, Array, Array]] = []
+    for number, left_out in enumerate(folds):
+        training = [replace(c, held_out=c.held_out | out) for c, out in zip(curves, left_out, strict=True)]
+        formula = fit_formula(backbone, training, recipe.target)
+        model = build("fold", training, replace(recipe, shrink=1.0), quantities, formula)
+        for curve, out in zip(curves, left_out, strict=True):
+            if out.any():
+                rows = {name: x[out] for name, x in curve.columns.items()}
+                alone = literature.get(backbone).predict(formula.parameters, rows)
+                found.append((rows[recipe.target], alone, predict(model, rows) - alone))
+        progress(number + 1, len(folds))
+    measured, alone, residual = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    return LeftOut(measured, alone, residual, len(folds))
+
+
+def inner_levels(curves: Sequence[Curve], recipe: Recipe) -> list[int]:
+    """Numbers of the curves whose level lies between two others of the training data."""
+    if recipe.level is None:
+        return []
+    return [number for number, curve in enumerate(curves) if curve.training.any()][1:-1]
+
+
+def _folds(curves: Sequence[Curve], recipe: Recipe) -> Folds:
+    training = [curve.training for curve in curves]
+    inner = inner_levels(curves, recipe)
+    if inner:
+        return [tuple(mask & (number == left) for number, mask in enumerate(training)) for left in inner]
+    along = next(iter(recipe.cuts), None) or next(name for name in sorted(curves[0].columns) if name not in (recipe.target, recipe.level))
+    return [tuple(_block(curve, along, block) for curve in curves) for block in range(1, BLOCKS - 1)]
+
+
+def _block(curve: Curve, along: str, block: int) -> BoolArray:
+    out = np.zeros(curve.size, dtype=bool)
+    rows = np.flatnonzero(curve.training)
+    order = rows[np.argsort(curve.columns[along][rows], kind="stable")]
+    out[np.array_split(order, BLOCKS)[block]] = True
+    return out

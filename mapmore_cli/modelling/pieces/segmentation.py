@@ -1,0 +1,149 @@
+"""Training curves cut into a grid of cells, one segment each (M1 section III, IV.A)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import cache
+from itertools import pairwise, product
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, IntArray
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.fits import Segment, SegmentedCurve
+from mapmore_cli.domain.recording import DIRECTION, Curve
+from mapmore_cli.modelling.pieces.boundaries import gradient_boundaries, optimal_partition
+from mapmore_cli.modelling.pieces.recipe import Breakpoints, Cut, Directions, Even, Gradient, Optimal
+
+
+def samples_of(curve: Curve, rows: IntArray) -> dict[str, Array]:
+    """Columns of a curve at the given rows."""
+    return {name: column[rows] for name, column in curve.columns.items()}
+
+
+IntervalCost = Callable[[Curve, IntArray], float]
+"""What the fit of a segment function leaves on some rows of a curve: its sum of squared errors, in the unit of the target squared."""
+
+MOST_SAMPLES = 500
+"""Samples of a curve on which costs of intervals are computed; of more, an even share in the order of the variable is taken."""
+
+
+def cut_points(curve: Curve, rows: IntArray, name: str, target: str, cut: Cut, cost: IntervalCost) -> Array:
+    """Segment locations `seg_i` of one variable over the range of the given rows, both ends included, (count + 1,).
+
+    Given breakpoints that lie outside of the curve's own range are left out: a low-pressure curve ends at a smaller strain.
+    """
+    if isinstance(cut, Directions):
+        return np.array([-1.0, 0.0, 1.0])
+    x, y = curve.columns[name][rows], curve.columns[target][rows]
+    low, high = float(x.min()), float(x.max())
+    if low == high:
+        return np.array([low, high])
+    match cut:
+        case Even(count):
+            return np.linspace(low, high, count + 1)
+        case Breakpoints(at):
+            return np.array([low, *(b for b in at if low < b < high), high])
+        case Gradient():
+            return np.array([low, *gradient_boundaries(x, y, cut), high])
+        case Optimal():
+            order = np.lexsort((y, x))
+            thinned = rows[order[:: -(-len(rows) // MOST_SAMPLES)]]
+            return _optimal_points(curve, thinned, name, np.linspace(low, high, cut.grid + 1), cut, cost)
+
+
+def _optimal_points(curve: Curve, rows: IntArray, name: str, grid: Array, cut: Optimal, cost: IntervalCost) -> Array:
+    x = curve.columns[name][rows]
+
+    @cache
+    def interval(i: int, j: int) -> float:
+        inside = rows[(x >= grid[i]) & (x <= grid[j])]
+        return cost(curve, inside) if len(inside) >= cut.min_samples else float("inf")
+
+    places = optimal_partition(interval, cut.grid, cut.count)
+    if places is None:
+        raise DataError(
+            f"curve {curve.id}: cannot be cut into {cut.count} segments of at least {cut.min_samples} samples along {name}",
+            f"use fewer segments, lower segment.{name}.min_samples, or raise segment.{name}.grid",
+        )
+    return np.array([grid[0], *grid[list(places)], grid[-1]])
+
+
+def training_curves(curves: Sequence[Curve], by_level: bool) -> tuple[Curve, ...]:
+    """The curves that get segments of their own: each by itself, or all pooled into one named `all`."""
+    if by_level:
+        return tuple(curve for curve in curves if curve.training.any())
+    if len(curves) == 1:
+        return tuple(curves)
+    return (
+        Curve(
+            id="all",
+            level=None,
+            columns={name: np.concatenate([curve.columns[name] for curve in curves]) for name in curves[0].columns},
+            held_out=np.concatenate([curve.held_out for curve in curves]),
+            recordings=tuple(dict.fromkeys(r for curve in curves for r in curve.recordings)),
+            at_rest=np.concatenate([~(curve.training | curve.held_out) for curve in curves]),
+        ),
+    )
+
+
+def trained_at(curves: Sequence[Curve], level: str | float) -> tuple[Curve, ...]:
+    """The curves, of which only that at `level` (a number, or `highest` of the training levels) trains; all of them for `all`."""
+    if level == "all":
+        return tuple(curves)
+    chosen = max(c.level for c in curves if c.level is not None and c.training.any()) if level == "highest" else level
+    return tuple(c if c.level == chosen else replace(c, at_rest=np.ones(c.size, dtype=bool)) for c in curves)
+
+
+def segment_curve(curve: Curve, cuts: Mapping[str, Cut], target: str, cost: IntervalCost) -> SegmentedCurve:
+    """Cut one curve's training samples over its own range: a grid of cells, one segment each.
+
+    A sample on a boundary belongs to both segments, since segments include both ends.
+
+    Raises
+    ------
+    DataError
+        Where a segment holds no sample, or the curve has too few for the cut.
+    """
+    rows = np.flatnonzero(curve.training)
+    values = samples_of(curve, rows)
+    boundaries = {name: cut_points(curve, rows, name, target, cut, cost) for name, cut in cuts.items()}
+    inside = {name: _members(values[name], boundaries[name]) for name in cuts}
+    segments = []
+    for cell in product(*(range(1, len(b)) for b in boundaries.values())):
+        mask = np.ones(len(rows), dtype=bool)
+        for name, place in zip(cuts, cell, strict=True):
+            mask &= inside[name][place - 1]
+        segments.append(Segment(segment_id(curve.id, tuple(cuts), cell), curve.id, cell, rows[mask]))
+    _refuse_empty(segments)
+    return SegmentedCurve(
+        curve=curve.id,
+        level=curve.level,
+        variables=tuple(cuts),
+        boundaries=tuple(boundaries.values()),
+        limits={name: (float(x.min()), float(x.max())) for name, x in values.items()},
+        segments=tuple(segments),
+    )
+
+
+def segment_id(curve: str, variables: Sequence[str], cell: Sequence[int]) -> str:
+    """`<curve>/strain:2`, with `;` between variables, `<curve>;direction=rise/...` for directions; `<curve>/all` where nothing is cut."""
+    places = dict(zip(variables, cell, strict=True))
+    direction = places.pop(DIRECTION, None)
+    if direction is not None:
+        curve = f"{curve};direction={('fall', 'rise')[direction - 1]}"
+    return f"{curve}/" + (";".join(f"{name}:{place}" for name, place in places.items()) or "all")
+
+
+def _members(x: Array, boundaries: Array) -> list[Array]:
+    return [(x >= low) & (x <= high) for low, high in pairwise(boundaries)]
+
+
+def _refuse_empty(segments: Sequence[Segment]) -> None:
+    for segment in segments:
+        if len(segment.rows) == 0:
+            raise DataError(
+                f"segment {segment.id}: no training sample lies in it",
+                "use fewer segments, move the breakpoints, or keep more samples of this curve",
+            )

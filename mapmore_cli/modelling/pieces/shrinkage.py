@@ -1,0 +1,88 @@
+"""How far to trust what a backbone leaves, asked of the training data alone.
+
+The residual is known at the training levels. Between them it is carried with the share `g + (1 - g)(1 - 2t)^2` (`fusion.carried_share`),
+so that it counts in full at the levels whatever left-out levels say about the way between.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mapmore_cli.domain.models import FoldError, Model
+from mapmore_cli.domain.recording import Curve, Quantity
+from mapmore_cli.modelling.pieces.cross_validation import LeftOut, inner_levels, leave_out
+from mapmore_cli.modelling.pieces.recipe import Recipe
+
+BACKBONE, RESIDUAL, SHRUNKEN = "backbone", "backbone + residual", "backbone + shrunken residual"
+
+
+def with_trusted_residual(
+    model: Model,
+    curves: Sequence[Curve],
+    recipe: Recipe,
+    quantities: Mapping[str, Quantity],
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
+) -> Model:
+    """A model on a backbone, with as much of its residual as left-out training data support.
+
+    - With three levels or more, inner levels are left out, and `shrunken_share` of the residual is carried between levels.
+    - With two, nothing is known between them: the residual counts at the levels alone.
+    - With fewer than three, and without levels, inner blocks of the curves are left out, and the residual is dropped where it does harm
+      there.
+    """
+    assert model.backbone is not None
+    left_out = leave_out(curves, recipe, quantities, model.backbone.name, progress)
+    if inner_levels(curves, recipe):
+        return _carried(model, left_out, shrunken_share(left_out))
+    if left_out.rmse(1.0) < left_out.rmse(0.0):
+        errors = _errors(left_out, {BACKBONE: 0.0, RESIDUAL: 1.0})
+        kept = replace(model, cross_validation=errors)
+        return _only_at_levels(kept) if len(model.curves) == 2 else kept
+    return _dropped(model, left_out)
+
+
+def shrunken_share(left_out: LeftOut) -> float:
+    """`g = clip(sum(f r) / sum(f^2), 0, 1)`: least squares of what the backbone left, r, on what the pieces predicted of it, f."""
+    f, r = left_out.residual, left_out.measured - left_out.backbone
+    power = float(f @ f)
+    return float(np.clip(f @ r / power, 0.0, 1.0)) if power > 0 else 0.0
+
+
+def _carried(model: Model, left_out: LeftOut, share: float) -> Model:
+    assert model.backbone is not None
+    unit = model.output.unit
+    note = (
+        f"midway between levels, {share:.0%} of the residual on {model.backbone.name} is carried: on {left_out.folds} left-out inner "
+        f"level(s), {left_out.rmse(0.0):.4g} {unit} without it, {left_out.rmse(1.0):.4g} {unit} with all of it, "
+        f"{left_out.rmse(share):.4g} {unit} with that share"
+    )
+    return replace(
+        model,
+        fusion=replace(model.fusion, shrink=share),
+        cross_validation=_errors(left_out, {BACKBONE: 0.0, RESIDUAL: 1.0, SHRUNKEN: share}),
+        notes=(*model.notes, note),
+    )
+
+
+def _only_at_levels(model: Model) -> Model:
+    assert model.backbone is not None
+    note = f"two levels: midway between them {model.backbone.name} stands alone, since no inner level says how its residual runs there"
+    return replace(model, fusion=replace(model.fusion, shrink=0.0), notes=(*model.notes, note))
+
+
+def _dropped(model: Model, left_out: LeftOut) -> Model:
+    assert model.backbone is not None
+    unit = model.output.unit
+    note = (
+        f"cross-validation keeps {model.backbone.name} alone: {left_out.rmse(0.0):.4g} {unit}, "
+        f"with the residual {left_out.rmse(1.0):.4g} {unit} ({left_out.folds} folds)"
+    )
+    bare = tuple(replace(curve, segments=()) for curve in model.curves)
+    return replace(model, curves=bare, cross_validation=_errors(left_out, {BACKBONE: 0.0, RESIDUAL: 1.0}), notes=(*model.notes, note))
+
+
+def _errors(left_out: LeftOut, shares: Mapping[str, float]) -> tuple[FoldError, ...]:
+    return tuple(FoldError(choice, left_out.rmse(share), left_out.folds) for choice, share in shares.items())

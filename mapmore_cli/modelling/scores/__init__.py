@@ -1,0 +1,1 @@
+"""How far models lie from measurements: metrics, the rows of the score table, repeatability as the floor."""

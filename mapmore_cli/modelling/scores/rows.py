@@ -1,0 +1,79 @@
+"""The score table of one model: each split pooled, curve by curve, and rise and fall by themselves where directions are told apart."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.domain.recording import DIRECTION, Curve, Dataset
+from mapmore_cli.domain.scores import Score
+from mapmore_cli.modelling.forecast import Forecast
+from mapmore_cli.modelling.scores.metrics import NORMALISERS, Normaliser, score
+from mapmore_cli.modelling.signals.rates import FALL, RISE
+
+SPLITS = (("train", False), ("validate", True))
+"""Names of the splits, and whether their samples are held out."""
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Samples of a curve, as measured and as a model says, (n,) each."""
+
+    curve: str
+    measured: Array
+    predicted: Array
+    ready: BoolArray
+    one_step: Array | None
+
+    def score(self, model: str, target: str, split: str, scale: Normaliser) -> Score:
+        """The row of these samples."""
+        return score(model, target, split, self.curve, self.measured, self.predicted, scale, ready=self.ready, one_step=self.one_step)
+
+
+def score_rows(
+    model: str, target: str, forecasts: Sequence[Forecast], dataset: Dataset, normaliser: str = "max", *, partial: bool = False
+) -> Iterator[Score]:
+    """Rows of one model, whose `forecasts` are those of the dataset's curves; with `partial`, of the samples that it predicts.
+
+    `normaliser` is one of `metrics.NORMALISERS`.
+    """
+    every = list(zip(dataset.curves, forecasts, strict=True))
+    for split, held_out in SPLITS:
+        masks = [curve.held_out == held_out for curve, _ in every]
+        counted = [mask & found.ready if partial else mask for mask, (_, found) in zip(masks, every, strict=True)]
+        parts, ways = [], []
+        for (curve, found), mask in zip(every, counted, strict=True):
+            parts += _parts(curve.id, dataset.target, curve, found, mask)
+            for word, sign in (("rise", RISE), ("fall", FALL)):
+                if DIRECTION in curve.columns:
+                    name = f"{curve.id};direction={word}"
+                    ways += _parts(name, dataset.target, curve, found, mask & (curve.columns[DIRECTION] == sign))
+        if not parts:
+            continue
+        measured = np.concatenate([curve.columns[dataset.target][mask] for (curve, _), mask in zip(every, masks, strict=True)])
+        scale = NORMALISERS[normaliser](measured, dataset.target, split)
+        yield _pooled(parts).score(model, target, split, scale)
+        for part in (*parts, *ways):
+            yield part.score(model, target, split, scale)
+
+
+def _parts(name: str, target: str, curve: Curve, found: Forecast, mask: BoolArray) -> list[_Part]:
+    """The samples of a mask; nothing where none of them could be predicted."""
+    if not (mask & found.ready).any():
+        return []
+    one_step = None if found.one_step is None else found.one_step[mask]
+    return [_Part(name, curve.columns[target][mask], found.values[mask], found.ready[mask], one_step)]
+
+
+def _pooled(parts: Sequence[_Part]) -> _Part:
+    one_steps = [part.one_step for part in parts if part.one_step is not None]
+    return _Part(
+        "all",
+        np.concatenate([part.measured for part in parts]),
+        np.concatenate([part.predicted for part in parts]),
+        np.concatenate([part.ready for part in parts]),
+        np.concatenate(one_steps) if len(one_steps) == len(parts) else None,
+    )

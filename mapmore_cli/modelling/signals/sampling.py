@@ -1,0 +1,147 @@
+"""Time stamps: repeated ones, gaps and resets of the clock, resampling, and logs on different clocks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, Columns, IntArray
+
+
+def average_repeated(time: Array, columns: Columns) -> tuple[Array, dict[str, Array]]:
+    """Return one sample for each different stamp, every quantity being the mean over the samples that share it.
+
+    `time` is `(n,)` and never decreases; the results are `(m,)`, m the number of different stamps.
+    """
+    stamps, first, counts = np.unique(time, return_index=True, return_counts=True)
+    return stamps, {name: np.add.reduceat(values, first) / counts for name, values in columns.items()}
+
+
+def spread_repeated(time: Array) -> Array:
+    """Return stamps `(n,)` in which equal ones are spread evenly up to the next one.
+
+    Samples that share the last stamp are spread over a step as long as the one before; a single stamp is left as it is.
+    """
+    stamps, place, counts = np.unique(time, return_inverse=True, return_counts=True)
+    if len(stamps) == 1:
+        return time.copy()
+    steps = np.diff(stamps, append=2 * stamps[-1] - stamps[-2])
+    first = np.cumsum(counts) - counts
+    spread: Array = time + steps[place] * (np.arange(len(time)) - first[place]) / counts[place]
+    return spread
+
+
+ROUNDING = 1e-9  # relative: a step of exactly the limit is no gap, however it was rounded
+
+
+@dataclass(frozen=True)
+class Gaps:
+    """Gaps in a record of n samples: `after` `(g,)` is the index of the sample before each, `lengths` `(g,)` the steps in time.
+
+    `samples_missing` is how many samples the gaps lack, at the median step of the record.
+    """
+
+    after: IntArray
+    lengths: Array
+    samples_missing: int
+
+    def __len__(self) -> int:
+        return len(self.after)
+
+
+def find_gaps(time: Array, longer_than: float) -> Gaps:
+    """Return the gaps longer than `longer_than` between stamps `time` `(n,)`, which never decrease; both in the same unit."""
+    steps = np.diff(time)
+    slack = ROUNDING * longer_than + 4 * np.finfo(float).eps * float(np.abs(time).max(initial=0.0))
+    after = np.flatnonzero(steps > longer_than + slack)
+    usual = typical_step(time)
+    missing = int(np.round(steps[after] / usual - 1).clip(0).sum()) if usual > 0 else 0
+    return Gaps(after, steps[after], missing)
+
+
+def typical_step(time: Array) -> float:
+    """Return the median of the steps that are not zero; zero where there is none."""
+    steps = np.diff(time)
+    steps = steps[steps > 0]
+    return float(np.median(steps)) if len(steps) else 0.0
+
+
+def find_resets(time: Array) -> IntArray:
+    """Return the indices of the samples after which time runs backwards."""
+    return np.flatnonzero(np.diff(time) < 0)
+
+
+def pieces(n: int, breaks: IntArray) -> list[slice]:
+    """Return the pieces into which n samples fall when they are cut after each index of `breaks`, ascending."""
+    edges = [0, *(int(place) + 1 for place in breaks), n]
+    return [slice(begin, end) for begin, end in pairwise(edges)]
+
+
+DECIMATION = 1.5  # samples per step from which they are averaged
+ON_EDGE = 1e-6  # of a step: a stamp this close to the edge of a block lies on it
+
+
+def resample(time: Array, columns: Columns, step: float) -> tuple[Array, dict[str, Array]]:
+    """Return a record without gaps at stamps `step` apart.
+
+    Where a step holds several samples, it becomes their mean, stamped at their middle: a moving average, which neither lags nor lets
+    frequencies above the new sampling rate pass unweakened. Sample i belongs to block `floor((t_i - t_0)/step)`; with `dt` the median
+    step of the record, block k is stamped `t_0 + k step + (step - dt)/2`, the mean of the stamps of an evenly sampled block. The block
+    means are interpolated linearly to these stamps, so that stamps which jitter do no harm and straight lines stay straight. The last
+    block is left out where the record does not fill it. Where a step holds one sample or less, the record is interpolated linearly at
+    `t_0 + k step`.
+
+    Parameters
+    ----------
+    time
+        `(n,)`, increasing.
+    columns
+        Quantities, each `(n,)`; a `time` among them is left out.
+    step
+        In the unit of `time`.
+
+    Returns
+    -------
+    tuple
+        Stamps `(m,)` and quantities `(m,)`; m is 0 where the record is shorter than one step.
+    """
+    dt = typical_step(time)
+    span = time[-1] - time[0]
+    values = {name: column for name, column in columns.items() if name != "time"}
+    if step < DECIMATION * dt or dt == 0:
+        stamps = time[0] + step * np.arange(int(span / step + ON_EDGE) + 1)
+        return stamps, {name: np.interp(stamps, time, column) for name, column in values.items()}
+    blocks = int((span + dt) / step + ON_EDGE)
+    stamps = time[0] + step * np.arange(blocks) + (step - dt) / 2
+    if blocks == 0:
+        return stamps, {name: np.zeros(0) for name in values}
+    block = np.floor((time - time[0]) / step + ON_EDGE).astype(np.int64)
+    first = np.flatnonzero(np.diff(block, prepend=-1))
+    counts = np.diff(first, append=len(time))
+    middle = np.add.reduceat(time, first) / counts
+    return stamps, {name: np.interp(stamps, middle, np.add.reduceat(column, first) / counts) for name, column in values.items()}
+
+
+def align(stamps: Array, time: Array, values: Array, max_gap: float | None) -> Array:
+    """Return `values` `(m,)`, logged at `time` `(m,)`, interpolated linearly at `stamps` `(n,)`.
+
+    NaN where a stamp lies outside of the log, or between two of its samples more than `max_gap` apart (None: any distance will do),
+    or is NaN itself. A stamp that is one of the log's own gets the value as logged.
+
+    Parameters
+    ----------
+    stamps
+        `(n,)` in any order, on the same clock as `time`.
+    time
+        `(m,)` strictly increasing, at least one.
+    """
+    after = np.searchsorted(time, stamps, side="left").clip(0, len(time) - 1)
+    before = np.where(time[after] == stamps, after, (after - 1).clip(0))
+    aligned: Array = np.interp(stamps, time, values)
+    with np.errstate(invalid="ignore"):
+        outside = ~((stamps >= time[0]) & (stamps <= time[-1]))
+    too_far = np.zeros(len(stamps), dtype=np.bool_) if max_gap is None else time[after] - time[before] > max_gap * (1 + 1e-9)
+    aligned[outside | too_far] = np.nan
+    return aligned

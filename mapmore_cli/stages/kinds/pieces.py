@@ -1,0 +1,81 @@
+"""From sections of the spec to what the mathematics has to be told."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Literal
+
+from mapmore_cli.spec.sections.data import STEP_OF, STEP_PRESSURE, Levels
+from mapmore_cli.spec.sections.dictionary import DictionaryEntry, remembers
+from mapmore_cli.spec.sections.method import BelowAbove, CutByDirection, Cuts, Fit, Fuse
+from mapmore_cli.stages.kinds.dictionary import terms_of
+
+if TYPE_CHECKING:
+    from mapmore_cli.domain.models import Side
+    from mapmore_cli.modelling.pieces.recipe import Cut, Recipe
+
+SegmentSection = Mapping[str, Cuts | CutByDirection | Literal["none", "levels"]]
+
+
+def level_of(levels: Levels | None, segment: SegmentSection) -> str | None:
+    """The quantity whose curves are interpolated: that of `levels`, unless `segment: {<quantity>: none}` pools its curves.
+
+    Curves of step responses stand at the pressure of their plateau; the weights go by the pressure itself, which is known at any time.
+    """
+    if levels is None or segment.get(levels.of) == "none":
+        return None
+    return STEP_OF if levels.of == STEP_PRESSURE else levels.of
+
+
+def cuts_of(segment: SegmentSection) -> dict[str, Cut]:
+    """The segmented variables; words (`none`, `levels`) are about the level quantity."""
+    return {name: _cut(cuts) for name, cuts in segment.items() if not isinstance(cuts, str)}
+
+
+def _cut(cuts: Cuts | CutByDirection) -> Cut:
+    from mapmore_cli.modelling.pieces.recipe import Breakpoints, Directions, Even, Gradient, Optimal
+
+    if isinstance(cuts, CutByDirection):
+        return Directions()
+    if cuts.method == "breakpoints":
+        return Breakpoints(tuple(cuts.at or ()))
+    assert cuts.count is not None
+    if cuts.method == "gradient":
+        return Gradient(cuts.count, cuts.window, cuts.separation)
+    if cuts.method == "optimal":
+        chosen = {"grid": cuts.grid, "min_samples": cuts.min_samples}
+        return Optimal(cuts.count, **{name: value for name, value in chosen.items() if value is not None})
+    return Even(cuts.count)
+
+
+def recipe_of(
+    target: str, levels: Levels | None, segment: SegmentSection, dictionary: Sequence[DictionaryEntry], fit: Fit, fuse: Fuse
+) -> Recipe:
+    """The whole recipe of a MAPMORE model; without candidate terms where one model with memory stands in place of the segments."""
+    from mapmore_cli.modelling.pieces.recipe import Recipe
+
+    return Recipe(
+        target=target,
+        level=level_of(levels, segment),
+        cuts=cuts_of(segment),
+        dictionary=() if remembers(dictionary) else terms_of(dictionary),
+        scaling=fit.scaling,
+        max_terms=fit.max_terms,
+        tolerance=fit.tolerance,
+        stop=fit.stop,
+        transition=fuse.transition,
+        z_s=fuse.z_s,
+        levels=fuse.levels,
+        align=fuse.align,
+        shrink=None if fuse.shrink == "auto" else fuse.shrink,
+        extrapolation=_sides(fuse),
+        beyond=fuse.extrapolation if isinstance(fuse.extrapolation, str) else None,
+    )
+
+
+def _sides(fuse: Fuse) -> dict[str, tuple[Side | None, Side | None]]:
+    if not isinstance(fuse.extrapolation, Mapping):
+        return {}
+    return {
+        name: (sides.below, sides.above) if isinstance(sides, BelowAbove) else (sides, sides) for name, sides in fuse.extrapolation.items()
+    }

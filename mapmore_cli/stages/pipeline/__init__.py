@@ -1,0 +1,1 @@
+"""What runs the stages: fingerprints, staleness, runs that need others, the runner."""

@@ -1,0 +1,237 @@
+"""Bring a run up to date: like make, with fingerprints instead of times.
+
+A run folder is correct after every step: a stage builds its outputs beside the old ones, they are moved in whole, and the stage's entry
+in `run.json`, written last, commits them. Whatever is not committed runs again.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mapmore_cli.domain.errors import MapmoreError
+from mapmore_cli.stages.pipeline.needs import MODEL_STAGE, Needed, needed_runs, runs_built_on
+from mapmore_cli.stages.pipeline.stage import Progress, Stage, Workspace
+from mapmore_cli.stages.pipeline.staleness import Plan, plan_stages
+from mapmore_cli.storage.atomic import refusals_told, write_text
+from mapmore_cli.storage.hashing import stamps_of
+from mapmore_cli.storage.lock import run_lock
+from mapmore_cli.storage.run_folder import open_run_folder, recover, stage_folder, swap_in
+from mapmore_cli.storage.run_record import StageRecord, load_records, save_records
+from mapmore_cli.storage.versions import tool_versions
+
+if TYPE_CHECKING:
+    from mapmore_cli.spec.loader import LoadedSpec
+
+RESOLVED_SPEC = "experiment.yaml"
+
+Warn = Callable[[str], None]
+OnStage = Callable[[str, str | None], None]
+"""`on_stage(stage, reason)`: called before a stage runs, or with None where it is up to date."""
+
+
+@dataclass(frozen=True)
+class RunOutcome:
+    """What was done: `done` or `up-to-date` for every stage, and why for those that ran."""
+
+    name: str
+    run_dir: Path
+    stages: Mapping[str, str]
+    reasons: Mapping[str, str]
+
+
+def pipeline() -> tuple[Stage, ...]:
+    """The six stages in order; they are imported when they are first asked for."""
+    from mapmore_cli.stages import fit, fuse, ingest, report, segment, validate
+
+    return (ingest.STAGE, segment.STAGE, fit.STAGE, fuse.STAGE, validate.STAGE, report.STAGE)
+
+
+def explain(
+    loaded: LoadedSpec,
+    runs: Path,
+    until: str = "report",
+    *,
+    force: bool = False,
+    rehash: bool = False,
+    warn: Warn = lambda _message: None,
+    stages: Sequence[Stage] | None = None,
+) -> list[tuple[str, str | None]]:
+    """Every stage up to `until` with the reason why it would run, None where it is up to date. Nothing is written."""
+    run_dir = runs / loaded.spec.name
+    records = load_records(run_dir, warn)
+    plans = plan_stages(stages or pipeline(), until, loaded, run_dir, records, rehash, force)
+    return [(plan.stage.name, plan.reason) for plan in plans]
+
+
+def bring_up_to_date(
+    loaded: LoadedSpec,
+    runs: Path,
+    until: str = "report",
+    *,
+    force: bool = False,
+    rehash: bool = False,
+    progress: Progress = lambda _what, _done, _total: None,
+    warn: Warn = lambda _message: None,
+    on_stage: OnStage = lambda _stage, _reason: None,
+    stages: Sequence[Stage] | None = None,
+    heirs: tuple[Path, ...] = (),
+) -> RunOutcome:
+    """Run the stages up to `until` that are not up to date (all of them with `force`), in the folder `runs/NAME`.
+
+    `rehash` reads sources and outputs again even where size and time are as they were. `stages` are those of `pipeline()` by default.
+    Runs whose models a stage needs come first, in the same folder of runs; `heirs` are the specs that need this one.
+
+    Raises
+    ------
+    WriteError
+        Where the folder cannot be written, the disk is full, or another process is writing the run.
+    MapmoreError
+        Whatever a stage found wrong; its outputs, and those of the stages after it, are then as they were.
+    """
+    every = stages or pipeline()
+    run_dir = runs / loaded.spec.name
+    open_run_folder(run_dir)
+    with run_lock(run_dir):
+        recover(run_dir)
+        records = load_records(run_dir, warn)
+        plans = list(plan_stages(every, until, loaded, run_dir, records, rehash, force, heirs))
+        kept = _refreshed(records, plans)
+        if kept != records:
+            save_records(run_dir, loaded.spec.name, kept)
+        run = _Run(loaded, run_dir, every, progress, warn, on_stage)
+        for other in runs_built_on(loaded, heirs) if until == every[-1].name else ():
+            run.bring(other, until)
+        for plan in plans:
+            if plan.stage is every[-1]:
+                run.write_spec()  # the last stage shows it; all results before are this spec's by now
+            on_stage(plan.stage.name, plan.reason)
+            if plan.reason is not None:
+                kept = run.stage(plan, plan.reason, kept)
+        run.write_spec()
+    reasons = {plan.stage.name: plan.reason for plan in plans if plan.reason is not None}
+    return RunOutcome(
+        name=loaded.spec.name,
+        run_dir=run_dir,
+        stages={plan.stage.name: "done" if plan.stage.name in reasons else "up-to-date" for plan in plans},
+        reasons=reasons,
+    )
+
+
+def prepare(loaded: LoadedSpec, runs: Path) -> None:
+    """Bring the runs of other specs up to date that a whole run needs, so that runs which share one can go on side by side.
+
+    What goes wrong is told by the run that needs it.
+    """
+    every = pipeline()
+    run = _Run(loaded, runs / loaded.spec.name, every, lambda *_: None, lambda _: None, lambda *_: None)
+    wanted = [(other, every[-1].name) for other in runs_built_on(loaded, ())]
+    wanted += [(other, MODEL_STAGE) for stage in every for other in needed_runs(stage, loaded, ())]
+    for other, until in wanted:
+        if other.loaded.path != loaded.path:  # else a variation, which no other run shares
+            with suppress(Exception):
+                run.bring(other, until)
+
+
+@dataclass(frozen=True)
+class _Run:
+    """Where and for whom stages run."""
+
+    loaded: LoadedSpec
+    run_dir: Path
+    every: Sequence[Stage]
+    progress: Progress
+    warn: Warn
+    on_stage: OnStage
+
+    def needed(self, plan: Plan) -> dict[str, Path]:
+        """Bring the models up to date that a stage needs; the folders of their runs by path or name in the spec."""
+        return {other.key: self.bring(other, MODEL_STAGE) for other in plan.needed}
+
+    def bring(self, other: Needed, until: str) -> Path:
+        """Bring another run up to date in the same folder of runs; its folder. Nothing is locked where it is: others may be reading it."""
+        name, runs = other.loaded.spec.name, self.run_dir.parent
+        if self._is_current(other, until):
+            return runs / name
+        with _told_of(name):
+            return bring_up_to_date(
+                other.loaded,
+                runs,
+                until,
+                progress=self.progress,
+                warn=lambda message: self.warn(f"{name}: {message}"),
+                on_stage=lambda stage, reason: self.on_stage(f"{name}: {stage}", reason),
+                stages=self.every,
+                heirs=other.heirs,
+            ).run_dir
+
+    def _is_current(self, other: Needed, until: str) -> bool:
+        run_dir = self.run_dir.parent / other.loaded.spec.name
+        records = load_records(run_dir, lambda _message: None)
+        plans = plan_stages(self.every, until, other.loaded, run_dir, records, False, False, other.heirs)
+        return all(plan.reason is None for plan in plans)
+
+    def stage(self, plan: Plan, why: str, records: Mapping[str, StageRecord]) -> dict[str, StageRecord]:
+        """Run one stage and commit it; the records with its entry."""
+        started = time.perf_counter()
+        stage, needed = plan.stage, self.needed(plan)
+        with refusals_told(self.run_dir), stage_folder(self.run_dir, stage.name) as out:
+            with _one_blas_thread():
+                stage.run(plan.part, Workspace(self.run_dir, out, self.loaded.folder, self.progress, self.warn, needed))
+            _check_outputs(stage, out)
+            outputs = stamps_of(out, stage.outputs)
+            swap_in(out, self.run_dir, stage.outputs)
+            seconds = round(time.perf_counter() - started, 3)
+            entry = StageRecord(
+                plan.fingerprint, stage.revision, plan.before, plan.slice, plan.inputs, outputs, tool_versions(), seconds, why
+            )
+            committed = {**records, stage.name: entry}
+            save_records(self.run_dir, self.loaded.spec.name, committed)
+        return committed
+
+    def write_spec(self) -> None:
+        """Write `experiment.yaml`, unless it is there already."""
+        path = self.run_dir / RESOLVED_SPEC
+        if not path.is_file() or path.read_bytes() != self.loaded.resolved.encode():
+            write_text(path, self.loaded.resolved)
+
+
+def _refreshed(records: Mapping[str, StageRecord], plans: Sequence[Plan]) -> dict[str, StageRecord]:
+    """The records with today's file times, where the contents are still the same: the next run need not read them again."""
+    current = {
+        plan.stage.name: replace(records[plan.stage.name], inputs=plan.inputs, outputs=plan.outputs)
+        for plan in plans
+        if plan.reason is None
+    }
+    return {**records, **current}
+
+
+def _check_outputs(stage: Stage, out: Path) -> None:
+    """A stage that does not write what it declares is wrong itself."""
+    written = {path.name for path in out.iterdir()}
+    if written != set(stage.outputs):
+        raise RuntimeError(f"stage {stage.name} wrote {sorted(written)} and declares {sorted(stage.outputs)}")
+
+
+@contextmanager
+def _told_of(name: str) -> Iterator[None]:
+    """Put the name of another run before the message of an error from within."""
+    try:
+        yield
+    except MapmoreError as error:
+        error.message = f"{name}: {error.message}"
+        raise
+
+
+@contextmanager
+def _one_blas_thread() -> Iterator[None]:
+    """Hold BLAS to one thread: the same sums on every machine, and no fight between runs for the processors."""
+    import scipy.linalg  # noqa: F401 - only libraries that are loaded already can be held
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(limits=1):
+        yield

@@ -1,0 +1,73 @@
+"""A model as a function, for notebooks and scripts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.domain.models import Equation, Model
+from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.modelling.equations import model_equations
+from mapmore_cli.modelling.kinds import outside_range, predict
+from mapmore_cli.modelling.signals.rates import with_signals
+from mapmore_cli.stages.prediction.reading import reading_of
+
+
+@dataclass(frozen=True)
+class LoadedModel:
+    """Callable with one keyword for every input, in the model's units; with `time`, rates and directions may be left out.
+
+    A model with memory takes one recording: its `time` in s, and the measured output where it goes on from that.
+
+    Examples
+    --------
+    >>> model = load_model("runs/dmsp-20-88-static/model.h5")  # doctest: +SKIP
+    >>> model(pressure=[100.0, 200.0], strain=0.1)             # doctest: +SKIP
+    array([112.3, 271.9])
+    """
+
+    model: Model
+
+    @property
+    def inputs(self) -> tuple[Quantity, ...]:
+        """Names and units of the inputs."""
+        return self.model.inputs
+
+    @property
+    def output(self) -> Quantity:
+        """Name and unit of what the model predicts."""
+        return self.model.output
+
+    @property
+    def equations(self) -> tuple[Equation, ...]:
+        """The model in physical units, as text and LaTeX."""
+        return model_equations(self.model)
+
+    def __call__(self, **columns: ArrayLike) -> Array:
+        """Output at the inputs, which are broadcast against each other; NaN where an input is not finite.
+
+        With `time`, the inputs are samples of one recording, from which the model's rates and directions follow, and along which a model
+        with memory runs (NaN before there is history). Raises `TypeError` for an input that is missing or that the model does not have.
+        """
+        flat, shape = self._flattened(columns)
+        return predict(self.model, flat).reshape(shape)
+
+    def outside_range(self, **columns: ArrayLike) -> BoolArray:
+        """True where an input lies beyond the training range, in the shape of the output."""
+        flat, shape = self._flattened(columns)
+        return outside_range(self.model, flat).reshape(shape)
+
+    def _flattened(self, columns: dict[str, ArrayLike]) -> tuple[dict[str, Array], tuple[int, ...]]:
+        given = columns if "time" in columns else [*columns, *(signal.name for signal in self.model.signals)]
+        reading = reading_of(self.model, given)
+        needed = list(dict.fromkeys((*reading.columns, *reading.outputs)))
+        signals = self.model.signals
+        spare = {"time", *(signal.of for signal in signals)} if signals else set[str]()  # what given rates and directions follow from
+        if not set(needed) <= set(columns) <= {*needed, *spare}:
+            raise TypeError(f"this model is a function of {', '.join(needed)}; got {', '.join(columns) or 'nothing'}")
+        arrays = np.broadcast_arrays(*(np.asarray(columns[name], dtype=np.float64) for name in needed))
+        flat = {name: array.ravel() for name, array in zip(needed, arrays, strict=True)}
+        return with_signals(reading.signals, flat), arrays[0].shape

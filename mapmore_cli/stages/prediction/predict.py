@@ -1,0 +1,118 @@
+"""Predictions for a table of any length, row for row; every byte of the table is kept as it is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import islice
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.models import Model
+from mapmore_cli.modelling.kinds import outside_range, simulate
+from mapmore_cli.modelling.memory import AtSample, Run, numbered
+from mapmore_cli.modelling.signals.rates import with_signals
+from mapmore_cli.stages.prediction.reading import Reading, reading_of
+from mapmore_cli.stages.prediction.records import Row, fields_of, records, values_of
+from mapmore_cli.stages.prediction.stretches import recordings, stretches
+from mapmore_cli.storage.readers.table import TableRequest, locate_columns
+
+CHUNK = 20_000
+"""Rows in memory at a time, where rows know nothing of each other."""
+
+FLAG = "outside_range"
+
+
+def predicted_lines(
+    model: Model, lines: Iterable[str], label: str, chunk: int = CHUNK, warn: Callable[[str], None] = lambda _: None
+) -> Iterator[str]:
+    """Yield the lines of a CSV table with `<output>_predicted` and `outside_range` added to each.
+
+    The header holds canonical names; the numbers are in the model's units. The prediction has 12 significant digits; `outside_range` is
+    `true` or `false`. Both are empty where an input is empty or not finite. Blank lines stay as they are. `label` names the table in
+    messages; `chunk` has no influence on the result.
+
+    Rates and directions that the table lacks follow from its `time`, recording by recording: one ends where the column `recording`
+    changes or time is set back, and after a gap all starts anew; what is too short for a rate has no prediction. A model with memory runs
+    along each recording in the same way, from the first measured outputs where it feeds its output back; there is no prediction before
+    there is history, and from where the run diverges, which `warn` is told. One recording is in memory at a time.
+
+    Raises
+    ------
+    DataError
+        Where the table is empty, lacks an input, already has one of the added columns, or has a field that is not a number; where a model
+        with memory has nothing to go on from, or rows are not at its time steps.
+    """
+    rows = records(lines, label)
+    header = next(rows, None)
+    if header is None:
+        raise DataError(f"{label}: the table is empty", f"its first line has to name {_named(model)}")
+    names = [cell.strip() for cell in header.cells]
+    reading = reading_of(model, names)
+    read = tuple(dict.fromkeys((*reading.columns, *reading.outputs)))
+    places = locate_columns(TableRequest(label, read, header=True), names, len(names))
+    added = (f"{model.output.name}_predicted", FLAG)
+    for name in added:
+        if name in names:
+            raise DataError(f"{label}: already has a column {name}", "rename or remove it")
+    yield f"{header.text},{','.join(added)}{header.end}"
+    for block in recordings(rows, names) if reading.over_time else _chunks(rows, chunk):
+        fields = [fields_of(row, len(names), label) for row in block]
+        columns = {name: values_of(block, fields, places[name], name, label) for name in read}
+        cells_of, diverged = _added_cells(model, reading, columns, block, label)
+        for start in diverged:
+            warn(f"{label}:row {block[start].line}: the free run diverges; there is no prediction until it starts anew")
+        for row, cells, added_cells in zip(block, fields, cells_of, strict=True):
+            yield row.text + row.end if cells is None else f"{row.text},{added_cells}{row.end}"
+
+
+def _chunks(rows: Iterator[Row], size: int) -> Iterator[list[Row]]:
+    while block := list(islice(rows, size)):
+        yield block
+
+
+def _named(model: Model) -> str:
+    reading = reading_of(model, [signal.name for signal in model.signals])
+    units = {quantity.name: quantity.unit for quantity in (*model.inputs, model.output)} | {"time": "s"}
+    return ", ".join(f"{name} [{units.get(name, model.output.unit)}]" for name in (*reading.columns, *reading.outputs))
+
+
+def _added_cells(
+    model: Model, reading: Reading, columns: dict[str, Array], block: Sequence[Row], label: str
+) -> tuple[list[str], tuple[int, ...]]:
+    """The two new fields of every row of a block, and the rows at which a free run diverges."""
+    known = np.flatnonzero(np.logical_and.reduce([np.isfinite(columns[name]) for name in reading.columns]))
+    added = [","] * len(block)
+    if not len(known):
+        return added, ()
+    try:
+        run, outside = _evaluated(model, reading, {name: x[known] for name, x in columns.items()}, known)
+    except AtSample as error:
+        raise DataError(f"{label}:row {block[error.sample].line}: {error.fault}", error.remedy) from error
+    for i, value, flag in zip(known, run.values, outside, strict=True):
+        added[i] = f"{'' if math.isnan(value) else format(value, '.12g')},{'true' if flag else 'false'}"
+    return added, run.diverged
+
+
+def _evaluated(model: Model, reading: Reading, columns: dict[str, Array], rows: IntArray) -> tuple[Run, BoolArray]:
+    """Predictions and flags of complete rows, (n,) each; those of a recording stretch by stretch where signals follow from others.
+
+    `rows` are the numbers by which rows are told where a run diverges, or in a mistake.
+    """
+    found, flags, diverged = [], [], list[int]()
+    for part in stretches(columns["time"]) if reading.signals else [slice(None)]:
+        stretch = {name: x[part] for name, x in columns.items()}
+        try:
+            inputs = with_signals(reading.signals, stretch)
+        except DataError:  # too few samples for the window of a rate
+            found.append(np.full(len(stretch["time"]), np.nan))
+            flags.append(np.zeros(len(stretch["time"]), dtype=bool))
+            continue
+        with np.errstate(all="ignore"), numbered(rows[part]):  # far outside of the range a term may overflow; the flag says so
+            run = simulate(model, inputs)
+            found.append(run.values)
+            flags.append(outside_range(model, inputs))
+        diverged += rows[part][list(run.diverged)].tolist()
+    return Run(np.concatenate(found), tuple(diverged)), np.concatenate(flags)

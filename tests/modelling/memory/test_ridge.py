@@ -1,0 +1,180 @@
+"""Regularised selection: against problems written out in full."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mapmore_cli.modelling.frols import frols
+from mapmore_cli.modelling.frols.moments import moments, standard, standardised
+from mapmore_cli.modelling.frols.ridge import Regularised, prune, select, substitutes
+from mapmore_cli.modelling.frols.ridge_choice import RIDGES, choose_ridge, ridge_press
+
+
+def blocks_of(P, y, *cuts):
+    return lambda: zip(np.split(P, cuts), np.split(y, cuts), strict=True)
+
+
+def problem(n, M, seed, noise=0.3):
+    rng = np.random.default_rng(seed)
+    P = rng.normal(size=(n, M)) @ rng.normal(size=(M, M)) + rng.normal(0, 50, M)
+    return P, P[:, 0] - 2 * P[:, M // 2] + noise * rng.normal(size=n) + 7
+
+
+def regularised(P, y, ridge):
+    blocks = blocks_of(P, y)
+    total = moments(standardised(blocks, standard(blocks)))
+    return Regularised(total.covariance, total.samples, ridge)
+
+
+def in_full(P, y, ridge):
+    """Standardised columns with rows for the ridge below: least squares on them is the regularised problem."""
+    Z, z = (P - P.mean(axis=0)) / P.std(axis=0), (y - y.mean()) / y.std()
+    n, M = P.shape
+    return np.vstack([Z, np.sqrt(n * ridge) * np.eye(M)]), np.r_[z, np.zeros(M)]
+
+
+CASES = {"n": st.integers(8, 60), "M": st.integers(2, 7), "seed": st.integers(0, 10_000), "ridge": st.sampled_from([1e-6, 1e-3, 0.1, 10.0])}
+
+
+@settings(deadline=None)
+@given(**CASES)
+def test_selection_is_frols_on_data_with_rows_for_the_ridge(n, M, seed, ridge):
+    P, y = problem(n, M, seed)
+    found, expected = select(regularised(P, y, ridge), M), frols(*in_full(P, y, ridge), M)
+    assert found.chosen.tolist() == expected.chosen.tolist()
+    np.testing.assert_allclose(found.err, expected.err, rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(found.theta, expected.theta, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(found.g_all, expected.g_all, rtol=1e-5, atol=1e-9)
+    residual = in_full(P, y, ridge)[1][:n] - in_full(P, y, ridge)[0][:n, found.chosen] @ found.theta
+    assert found.sse == pytest.approx(residual @ residual, rel=1e-6, abs=1e-9 * n)
+    assert (found.yy, found.samples) == (pytest.approx(n), n)
+
+
+@settings(deadline=None)
+@given(**CASES)
+def test_pruning_leaves_out_the_term_that_costs_least(n, M, seed, ridge):
+    P, y = problem(n, M, seed)
+    data, (Z, z) = regularised(P, y, ridge), in_full(P, y, ridge)
+
+    def cost(kept):
+        residual = z - Z[:, kept] @ np.linalg.lstsq(Z[:, kept], z)[0]
+        return residual @ residual
+
+    subsets = prune(data, np.arange(M))
+    assert [len(kept) for kept in subsets] == list(range(1, M + 1))
+    for smaller, larger in pairwise(subsets):
+        every = [cost(np.delete(larger, place)) for place in range(len(larger))]
+        assert set(smaller) < set(larger)
+        assert cost(smaller) <= min(every) * (1 + 1e-9) + 1e-9
+
+
+@settings(deadline=None)
+@given(**CASES, size=st.integers(1, 6))
+def test_a_substitute_is_the_best_of_the_others_in_the_place_of_a_term(n, M, seed, ridge, size):
+    P, y = problem(n, M, seed)
+    data, (Z, z) = regularised(P, y, ridge), in_full(P, y, ridge)
+    chosen = np.random.default_rng(seed).permutation(M)[: min(size, M)]
+    best, shares = substitutes(data, chosen)
+
+    def gain(kept, one):
+        def left(columns):
+            residual = z - Z[:, columns] @ np.linalg.lstsq(Z[:, columns], z)[0] if len(columns) else z
+            return residual @ residual
+
+        return left(kept) - left(np.append(kept, one))
+
+    for place, one in enumerate(chosen):
+        kept, others = np.delete(chosen, place), np.setdiff1d(np.arange(M), chosen)
+        if not len(others):
+            assert best[place] == -1
+            assert np.isnan(shares[place])
+            continue
+        gains = [gain(kept, other) for other in others]
+        assert gain(kept, best[place]) == pytest.approx(max(gains), rel=1e-6, abs=1e-9)
+        assert shares[place] * gain(kept, one) == pytest.approx(max(gains), rel=1e-5, abs=1e-8)
+
+
+@settings(deadline=None, max_examples=25)
+@given(n=st.integers(8, 25), M=st.integers(1, 4), seed=st.integers(0, 10_000), ridge=st.sampled_from([1e-6, 1e-3, 0.1]))
+def test_press_is_the_error_of_models_fitted_without_the_sample(n, M, seed, ridge):
+    P, y = problem(n, M + 1, seed)
+    Z, z = (P[:, :M] - P[:, :M].mean(axis=0)) / P[:, :M].std(axis=0), (y - y.mean()) / y.std()
+    expected = 0.0
+    for left in range(n):
+        A = np.column_stack([np.ones(n - 1), np.delete(Z, left, axis=0)])
+        penalty = n * ridge * np.diag([0.0, *[1.0] * M])
+        theta = np.linalg.solve(A.T @ A + penalty, A.T @ np.delete(z, left))
+        expected += (z[left] - np.r_[1.0, Z[left]] @ theta) ** 2
+    data = regularised(P[:, :M], y, ridge)
+    found = ridge_press(blocks_of(Z, z, 3), data, [np.arange(1), np.arange(M)])
+    assert found[1] == pytest.approx(expected, rel=1e-6)
+
+
+@settings(deadline=None)
+@given(st.integers(0, 10_000), st.lists(st.integers(0, 40), max_size=3), st.floats(1e-6, 1e6), st.floats(-1e6, 1e6))
+def test_moments_do_not_depend_on_blocks_units_or_origin(seed, cuts, slope, offset):
+    P, y = problem(40, 3, seed)
+    blocks, others = blocks_of(P, y), blocks_of(slope * P + slope * offset, y, *sorted(cuts))
+    whole, cut = (moments(standardised(given, standard(given))) for given in (blocks, others))
+    np.testing.assert_allclose(whole.covariance, np.corrcoef(np.column_stack([P, y]).T), atol=1e-9)
+    np.testing.assert_allclose(cut.covariance, whole.covariance, atol=1e-6)
+    early = moments(standardised(lambda: iter([(P[:15], y[:15])]), standard(blocks)))
+    late = moments(standardised(lambda: iter([(P[15:], y[15:])]), standard(blocks)))
+    np.testing.assert_allclose(whole.without(early).covariance, late.covariance, atol=1e-9)
+
+
+def test_a_constant_candidate_is_never_chosen_and_harms_nothing():
+    P, y = problem(30, 3, 1)
+    P = np.column_stack([np.full(30, 0.1), P, np.zeros(30)])
+    assert 0 not in select(regularised(P, y, 1e-3), 5).chosen
+    assert sorted(select(regularised(P, y, 1e-3), 5).chosen.tolist()) == [1, 2, 3]
+    assert len(select(regularised(P, np.full(30, 2.0), 1e-3), 5).chosen) == 0
+
+
+@pytest.mark.parametrize("ridge", [0.0, -1.0, 1e-12, np.nan, np.inf])
+def test_a_ridge_that_is_none_is_refused(ridge):
+    with pytest.raises(ValueError, match="the ridge is"):
+        Regularised(np.eye(2), 5, ridge)
+
+
+def test_there_must_be_a_row():
+    with pytest.raises(ValueError, match="no row"):
+        standard(lambda: iter([(np.empty((0, 2)), np.empty(0))]))
+
+
+@settings(deadline=None, max_examples=20)
+@given(n=st.sampled_from([24, 80]), seed=st.integers(0, 10_000), noise=st.sampled_from([0.01, 3.0, 30.0]))
+def test_the_ridge_is_the_one_that_predicts_left_out_blocks_best(n, seed, noise):
+    P, y = problem(n, 8, seed, noise)
+    by = standard(blocks_of(P, y))
+    parts = np.split(np.arange(n), 4)
+    folds = [moments(standardised(blocks_of(P[rows], y[rows]), by)) for rows in parts]
+    Z, z = (P - by.centre[:-1]) / by.spread[:-1], (y - by.centre[-1]) / by.spread[-1]
+
+    def error(ridge):
+        total = 0.0
+        for held in parts:
+            rows = np.setdiff1d(np.arange(n), held)
+            mean = Z[rows].mean(axis=0), z[rows].mean()
+            centred, output = Z[rows] - mean[0], z[rows] - mean[1]
+            covariance = np.cov(np.column_stack([centred, output]).T, bias=True)
+            kept = prune(Regularised(covariance, len(rows), ridge), select(Regularised(covariance, len(rows), ridge), 6).chosen)[2]
+            A, b = centred[:, kept].T @ centred[:, kept] / len(rows), centred[:, kept].T @ output / len(rows)
+            theta = np.linalg.solve(A + ridge * np.eye(3), b)
+            total += np.sum((z[held] - mean[1] - (Z[held][:, kept] - mean[0][kept]) @ theta) ** 2)
+        return total
+
+    found = choose_ridge(moments(standardised(blocks_of(P, y), by)), folds, 6, 3)
+    assert error(found) <= min(map(error, RIDGES)) * (1 + 1e-6)
+
+
+def test_without_anything_to_choose_between_the_ridge_is_weak():
+    P, y = np.random.default_rng(0).normal(size=(8, 2)), np.full(8, 3.0)
+    by = standard(blocks_of(P, y))
+    total, half = (moments(standardised(blocks_of(P[:n], y[:n]), by)) for n in (8, 4))
+    assert choose_ridge(total, [half], 2, 2) == RIDGES[0]

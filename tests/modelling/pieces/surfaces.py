@@ -1,0 +1,41 @@
+"""Curves of an imagined muscle for the tests of the method."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mapmore_cli.domain.recording import Curve, Quantity
+from mapmore_cli.modelling.pieces.recipe import Even, Recipe
+
+QUANTITIES = {
+    "pressure": Quantity("pressure", "kPa"),
+    "strain": Quantity("strain", "1"),
+    "force": Quantity("force", "N"),
+}
+POWERS = ("1", "strain", "strain^2", "strain^3", "strain^4")
+
+
+def force(pressure, strain):
+    """Neither polynomial nor Sarosi's form."""
+    return 3 * pressure * (1 - 3.5 * strain) ** 2 - 40 * np.sqrt(1 + (strain / 0.05) ** 2) + 60 / (1 + strain / 0.02)
+
+
+def curves(levels=(80.0, 150.0, 250.0, 350.0), held_out=(250.0,), n=120, noise=1.0, seed=0):
+    """Isobaric curves over a strain range that grows with pressure."""
+    rng = np.random.default_rng(seed)
+    made = []
+    for level in levels:
+        strain = np.linspace(0, 0.05 + 0.0005 * level, n)
+        columns = {
+            "pressure": level + rng.normal(0, 0.2, n),
+            "strain": strain,
+            "force": force(level, strain) + rng.normal(0, noise, n),
+        }
+        made.append(Curve(f"pressure={level:g}", level, columns, np.full(n, level in held_out), (f"load_cycle_{level:g}",)))
+    return tuple(made)
+
+
+def recipe(**changes):
+    """M2's default configuration."""
+    default = {"target": "force", "level": "pressure", "cuts": {"strain": Even(4)}, "dictionary": POWERS}
+    return Recipe(**{**default, **changes})

@@ -1,0 +1,150 @@
+"""Thresholds, and curves that are interpolated between places that correspond."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from surfaces import QUANTITIES, curves, recipe
+
+from mapmore_cli.domain.recording import Curve
+from mapmore_cli.modelling.kinds import predict
+from mapmore_cli.modelling.pieces.alignment import aligned, threshold
+from mapmore_cli.modelling.pieces.build import build
+from mapmore_cli.modelling.pieces.recipe import Even
+
+STRAINS = (0.0, 0.05, 0.1, 0.15)
+
+
+def foot(strain):
+    """Threshold pressure of the imagined slack muscle."""
+    return 100 + 2000 * strain
+
+
+def hinged(pressure, strain):
+    return (1 - 3 * strain) * np.maximum(pressure - foot(strain), 0.0)
+
+
+def slack_curves(strains=STRAINS, held_out=(), noise=0.5, seed=0):
+    """Isometric curves with a creeping slack foot."""
+    rng = np.random.default_rng(seed)
+    made = []
+    for strain in strains:
+        pressure = rng.uniform(50, 600, 500)
+        force = hinged(pressure, strain) + rng.normal(0, noise, 500) + 5 * np.sin(pressure / 50) * (pressure < foot(strain))
+        columns = {"pressure": pressure, "strain": np.full(500, strain), "force": force}
+        made.append(Curve(f"strain={strain:g}", strain, columns, np.full(500, strain in held_out), ()))
+    return made
+
+
+@pytest.mark.parametrize("strain", STRAINS)
+@pytest.mark.parametrize("seed", range(5))
+def test_the_corner_of_a_slack_foot_is_found(strain, seed):
+    (curve,) = slack_curves([strain], noise=3, seed=seed)
+    assert threshold(curve.columns["pressure"], curve.columns["force"]) == pytest.approx(foot(strain), abs=20)
+
+
+def test_a_curve_that_falls_to_a_foot_has_it_on_the_right():
+    x = np.linspace(0, 1, 200)
+    assert threshold(x, np.maximum(0.7 - x, 0)) == pytest.approx(0.7, abs=0.02)
+
+
+@pytest.mark.parametrize(("slope", "end"), [(3.0, 2.0), (-3.0, 5.0)])
+def test_without_a_foot_the_threshold_is_the_lower_end(slope, end):
+    x = np.linspace(2, 5, 200)
+    assert threshold(x, slope * x + 7) == end
+
+
+def test_a_bend_high_above_the_lower_end_is_no_foot():
+    """A free force that drops steeply at first, as with flat tubes, has its threshold at the free strain."""
+    x = np.linspace(0, 1, 200)
+    assert threshold(x, np.where(x < 0.1, 1 - 6 * x, 0.4 * (1 - x) / 0.9)) == 1.0
+
+
+def test_a_constant_input_is_its_own_threshold():
+    assert threshold(np.full(5, 3.0), np.arange(5.0)) == 3.0
+
+
+marks = st.lists(st.floats(0, 1e3), min_size=3, max_size=3, unique=True).map(sorted).filter(lambda m: min(np.diff(m)) > 1e-3).map(np.array)
+
+
+@settings(deadline=None)
+@given(marks, marks)
+def test_ends_and_thresholds_correspond_and_order_is_kept(here, own):
+    np.testing.assert_allclose(aligned(here, np.tile(here[:, None], 3), own), own, rtol=1e-9, atol=1e-6)
+    x = np.linspace(here[0], here[2], 50)
+    places = aligned(x, np.tile(here[:, None], 50), own)
+    assert (np.diff(places) >= 0).all()
+    assert places.min() >= own[0] - 1e-6
+    assert places.max() <= own[2] + 1e-6
+
+
+@settings(deadline=None)
+@given(marks)
+def test_a_curve_is_looked_up_at_its_own_places_at_its_level(own):
+    x = np.linspace(own[0] - 1, own[2] + 1, 50)
+    np.testing.assert_allclose(aligned(x, np.tile(own[:, None], 50), own), x, rtol=1e-9, atol=1e-6)
+
+
+SLACK = {"level": "strain", "dictionary": ("1", "pressure", "pressure^2"), "cuts": {"pressure": Even(6)}, "max_terms": 3}
+
+
+@pytest.mark.parametrize("levels", ["linear", "pchip"])
+def test_alignment_carries_the_foot_between_levels(levels):
+    pressure = np.linspace(60, 590, 300)
+    at = {"pressure": pressure, "strain": np.full(300, 0.1)}
+    samples = slack_curves(held_out=(0.1,))
+    error = {}
+    for align in ("none", "threshold"):
+        model = build("slack", samples, recipe(**SLACK, levels=levels, align=align), QUANTITIES)
+        error[align] = np.sqrt(np.mean((predict(model, at) - hinged(pressure, 0.1)) ** 2))
+    assert error["threshold"] < 0.5 * error["none"]
+
+
+@pytest.mark.parametrize("levels", ["linear", "pchip"])
+@pytest.mark.parametrize("align", ["none", "threshold"])
+def test_at_a_level_its_curve_alone_counts(levels, align):
+    samples = slack_curves()
+    every = build("all", samples, recipe(**SLACK, levels=levels, align=align), QUANTITIES)
+    for number, curve in enumerate(samples):
+        alone = build("one", [samples[number]], recipe(**SLACK), QUANTITIES)
+        np.testing.assert_allclose(predict(every, curve.columns), predict(alone, curve.columns), atol=1e-9)
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.sampled_from(["linear", "pchip"]), st.sampled_from(["none", "threshold"]), st.floats(60, 590))
+def test_continuous_across_levels(levels, align, pressure):
+    model = _MODELS[levels, align]
+    steps = []
+    for n in (1001, 4001):
+        at = {"pressure": np.full(n, pressure), "strain": np.linspace(-0.01, 0.16, n)}
+        steps.append(np.abs(np.diff(predict(model, at))).max())
+    assert steps[1] < 0.4 * steps[0] + 1e-9
+
+
+_MODELS = {
+    (levels, align): build("slack", slack_curves(), recipe(**SLACK, levels=levels, align=align), QUANTITIES)
+    for levels in ("linear", "pchip")
+    for align in ("none", "threshold")
+}
+
+
+def test_constants_pass_whatever_the_interpolation():
+    samples = [replace(c, columns={**c.columns, "force": np.full(c.size, 7.0)}) for c in curves()]
+    at = {"pressure": np.linspace(20, 420, 50), "strain": np.full(50, 0.03)}
+    for levels in ("linear", "pchip"):
+        made = recipe(dictionary=("1",), levels=levels, align="threshold", extrapolation={"pressure": ("continue_linear", "continue")})
+        np.testing.assert_allclose(predict(build("flat", samples, made, QUANTITIES), at), 7.0)
+
+
+def test_held_out_forces_move_no_threshold():
+    samples = slack_curves()
+    rng = np.random.default_rng(3)
+    held = rng.random(500) < 0.4
+    masked = [replace(c, held_out=held) for c in samples]
+    spoilt = [replace(c, columns={**c.columns, "force": np.where(held, 1e4 * rng.random(500), c.columns["force"])}) for c in masked]
+    one, two = (build("slack", s, recipe(**SLACK, align="threshold"), QUANTITIES) for s in (masked, spoilt))
+    assert [c.threshold for c in one.curves] == [c.threshold for c in two.curves]

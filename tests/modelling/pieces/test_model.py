@@ -1,0 +1,201 @@
+"""The fused model: continuity, extrapolation, invariance."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from surfaces import QUANTITIES, curves, force, recipe
+
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.recording import Curve
+from mapmore_cli.modelling.kinds import outside_range, predict
+from mapmore_cli.modelling.pieces.build import build
+from mapmore_cli.modelling.pieces.recipe import Breakpoints, Even
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def built(samples=None, **changes):
+    return build("imagined", samples or curves(), recipe(**changes), QUANTITIES)
+
+
+def at(pressure, strain):
+    pressure, strain = np.broadcast_arrays(np.asarray(pressure, float), np.asarray(strain, float))
+    return {"pressure": pressure.ravel().copy(), "strain": strain.ravel().copy()}
+
+
+def test_the_model_follows_its_training_curves_and_interpolates():
+    model = built(max_terms=3)
+    for level, tolerance in ((80, 3), (150, 3), (350, 6), (250, 40)):
+        strain = np.linspace(0, 0.05 + 0.0005 * min(level, 150), 50)
+        error = predict(model, at(level, strain)) - force(level, strain)
+        assert np.sqrt(np.mean(error**2)) < tolerance
+
+
+@settings(deadline=None, max_examples=25)
+@given(
+    z_s=st.floats(0.05, 0.5), transition=st.sampled_from(["linear", "quadratic", "cubic"]), k=st.integers(1, 3), pressure=st.floats(60, 400)
+)
+def test_continuous_across_zones(z_s, transition, k, pressure):
+    model = built(z_s=z_s, transition=transition, max_terms=k)
+    strain = np.linspace(-0.01, 0.25, 4001)
+    y = predict(model, at(pressure, strain))
+    fine = predict(model, at(pressure, np.linspace(-0.01, 0.25, 16001)))
+    assert np.abs(np.diff(fine)).max() < 0.4 * np.abs(np.diff(y)).max()
+
+
+def test_a_step_is_not_continuous():
+    """The counter-check: the test above can fail."""
+    model = built(z_s=0.0)
+    coarse = np.abs(np.diff(predict(model, at(150, np.linspace(0, 0.12, 4001))))).max()
+    fine = np.abs(np.diff(predict(model, at(150, np.linspace(0, 0.12, 16001))))).max()
+    assert fine > 0.4 * coarse
+
+
+@settings(deadline=None, max_examples=15)
+@given(seeds, st.floats(1e-3, 1e3), st.floats(1e-3, 1e3), st.integers(1, 3))
+def test_positive_units_change_neither_selection_nor_scaled_theta(seed, a, b, k):
+    plain = built(curves(seed=seed), max_terms=k)
+    samples = tuple(
+        replace(c, columns={"pressure": c.columns["pressure"], "strain": a * c.columns["strain"], "force": b * c.columns["force"]})
+        for c in curves(seed=seed)
+    )
+    other = built(samples, max_terms=k)
+    for one, two in zip(plain.curves, other.curves, strict=True):
+        for f, g in zip(one.segments, two.segments, strict=True):
+            assert f.terms == g.terms
+            assert f.scaling.placement == g.scaling.placement
+            np.testing.assert_allclose(g.theta, f.theta, rtol=1e-6, atol=1e-9)
+    x = np.linspace(0, 0.1, 50)
+    np.testing.assert_allclose(predict(other, at(200, a * x)), b * predict(plain, at(200, x)), rtol=1e-6, atol=1e-6 * b)
+
+
+@settings(deadline=None, max_examples=12)
+@given(seeds)
+def test_the_order_of_rows_does_not_matter(seed):
+    rng = np.random.default_rng(seed)
+    shuffled = []
+    for c in curves(seed=seed):
+        order = rng.permutation(c.size)
+        shuffled.append(replace(c, columns={name: x[order] for name, x in c.columns.items()}, held_out=c.held_out[order]))
+    one, two = built(curves(seed=seed), max_terms=2), built(tuple(shuffled), max_terms=2)
+    for f, g in zip(one.curves, two.curves, strict=True):
+        for p, q in zip(f.segments, g.segments, strict=True):
+            assert p.terms == q.terms
+            np.testing.assert_array_equal(p.theta, q.theta)
+
+
+def test_held_out_forces_leave_the_model_unchanged():
+    samples = curves()
+    permuted = tuple(
+        replace(c, columns={**c.columns, "force": np.where(c.held_out, c.columns["force"][::-1] * 7, c.columns["force"])}) for c in samples
+    )
+    x = at(*np.meshgrid(np.linspace(50, 400, 20), np.linspace(-0.02, 0.3, 20)))
+    np.testing.assert_array_equal(predict(built(samples), x), predict(built(permuted), x))
+
+
+@pytest.mark.parametrize("side", ["below", "above"])
+@pytest.mark.parametrize("word", ["continue", "continue_linear", "saturate", "zero"])
+def test_extrapolation_in_strain(side, word):
+    sides = (word, "saturate") if side == "below" else ("saturate", word)
+    model = built(samples=curves(), max_terms=2, extrapolation={"strain": sides})
+    end, step = (0.0, -0.01) if side == "below" else (0.125, 0.01)
+    y0, y1, y2 = predict(model, at(150, [end, end + step, end + 2 * step]))
+    if word == "saturate":
+        assert y1 == y2 == pytest.approx(y0)
+    elif word == "zero":
+        assert y1 == y2 == 0.0
+        assert abs(y0) > 1
+    elif word == "continue_linear":
+        assert y2 - y1 == pytest.approx(y1 - y0, rel=1e-9)
+        assert y1 - y0 == pytest.approx((predict(model, at(150, [end - step * 1e-5]))[0] - y0) * -1e5, rel=1e-3)
+    else:
+        assert y1 != y0
+        assert np.isfinite([y1, y2]).all()
+
+
+def test_a_value_is_what_the_variable_takes_beyond_the_limit():
+    """M2 eq 12: below the limit x takes the value x_lv."""
+    model = built(max_terms=2, extrapolation={"strain": (0.03, "saturate")})
+    beyond, inside = predict(model, at(150, [-0.5, 0.03]))
+    assert beyond == inside
+
+
+@pytest.mark.parametrize(("word", "expected"), [("continue", 80.0), ("saturate", 80.0), ("continue_linear", 40.0), ("zero", None)])
+def test_extrapolation_below_the_lowest_level(word, expected):
+    samples = curves(noise=0)
+    samples = tuple(replace(c, columns={**c.columns, "force": np.full(c.size, c.level)}) for c in samples)
+    model = build("flat", samples, recipe(dictionary=("1",), cuts={}, extrapolation={"pressure": (word, word)}), QUANTITIES)
+    assert predict(model, at(40, 0.01))[0] == pytest.approx(0.0 if expected is None else expected)
+    assert predict(model, at(215, 0.01))[0] == pytest.approx(215)
+
+
+def test_several_terms_saturate_by_default_and_one_term_continues():
+    assert built(max_terms=1).fusion.extrapolation["strain"] == ("continue", "continue")
+    several = built(max_terms=3)
+    assert several.fusion.extrapolation["strain"] == ("saturate", "saturate")
+    assert any("saturates" in note for note in several.notes)
+    asked = built(max_terms=3, beyond="continue")
+    assert any("pressure=80" in note and "explode" in note for note in asked.notes)
+
+
+def clustered(n=200):
+    """Samples that leave most of the narrow segment beside a wide one empty."""
+    strain = np.concatenate([np.linspace(0, 0.010, n // 2), np.linspace(0.04, 0.2, n // 2)])
+    noise = np.random.default_rng(0).normal(0, 10, n)
+    columns = {"pressure": np.full(n, 150.0), "strain": strain, "force": 500 * np.exp(-strain / 0.1) + noise}
+    return (Curve("pressure=150", 150.0, columns, np.zeros(n, bool), ()),)
+
+
+def test_a_narrow_segment_beside_a_wide_one_does_not_explode_in_the_zone():
+    """M2 eq 11 carries the left function by a quarter of the right segment's width: many times its own."""
+    model = built(clustered(), cuts={"strain": Breakpoints((0.011,))}, max_terms=4, tolerance=0.0)
+    strain = np.linspace(0, 0.2, 500)
+    assert np.abs(predict(model, at(150, strain)) - 500 * np.exp(-strain / 0.1)).max() < 60
+    carried = replace(model, curves=tuple(replace(c, segments=tuple(replace(s, limits={}) for s in c.segments)) for c in model.curves))
+    assert np.abs(predict(carried, at(150, strain)) - 500 * np.exp(-strain / 0.1)).max() > 500
+
+
+def test_even_segments_full_of_samples_are_not_held():
+    model = built(curves(n=4000), max_terms=3, beyond="continue")
+    free = replace(model, curves=tuple(replace(c, segments=tuple(replace(s, limits={}) for s in c.segments)) for c in model.curves))
+    x = at(*np.meshgrid(np.linspace(60, 400, 30), np.linspace(-0.02, 0.3, 400)))
+    np.testing.assert_allclose(predict(model, x), predict(free, x), atol=0.02)
+
+
+def test_outside_range_follows_each_curves_own_range():
+    model = built()
+    flags = outside_range(model, at([80, 80, 115, 115, 350, 79, 351], [0.09, 0.0901, 0.1074, 0.1076, 0.225, 0.01, 0.01]))
+    assert flags.tolist() == [False, True, False, True, False, True, True]
+
+
+def test_nan_in_gives_nan_out():
+    y = predict(built(), at([np.nan, 150, 150], [0.01, np.nan, 0.01]))
+    assert np.isnan(y).tolist() == [True, True, False]
+
+
+def test_two_segmented_variables_without_levels():
+    samples = curves(held_out=())
+    model = build(
+        "grid",
+        samples,
+        recipe(level=None, cuts={"strain": Even(2)}, dictionary=("1", "strain", "pressure", "pressure*strain"), max_terms=4),
+        QUANTITIES,
+    )
+    assert [c.curve for c in model.curves] == ["all"]
+    x = {name: np.concatenate([c.columns[name] for c in samples]) for name in ("pressure", "strain", "force")}
+    assert np.sqrt(np.mean((predict(model, x) - x["force"]) ** 2)) < 0.1 * np.abs(x["force"]).max()
+
+
+def test_too_few_samples_for_a_segment():
+    with pytest.raises(DataError, match=r"pressure=80/strain:1: 2 training sample\(s\), too few for 3 term"):
+        built(curves(n=5), max_terms=3)
+
+
+def test_a_term_that_is_not_finite_names_the_segment():
+    with pytest.raises(DataError, match="pressure=80/strain:1"):
+        built(dictionary=("log(strain - 2)",))

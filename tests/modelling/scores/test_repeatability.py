@@ -1,0 +1,118 @@
+"""Repeatability: each sample against the mean of the other recordings at its level, coordinate and direction."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mapmore_cli.domain.recording import Curve
+from mapmore_cli.modelling.scores.repeatability import repeats, rising
+
+UP_AND_DOWN = np.concatenate([np.linspace(50, 600, 400), np.linspace(600, 50, 400)])
+
+
+def curve(offsets: dict[str, float], pressure: np.ndarray = UP_AND_DOWN, hysteresis: float = 0.0, level: float = 0.1) -> Curve:
+    """One recording for each name: the same force up to an offset, higher by `hysteresis` on the way down."""
+    n, names = len(pressure), tuple(offsets)
+    falling = np.arange(n) >= n // 2
+    force = [0.5 * pressure + offset + hysteresis * falling for offset in offsets.values()]
+    columns = {"pressure": np.tile(pressure, len(names)), "strain": np.full(n * len(names), level), "force": np.concatenate(force)}
+    origin = np.repeat(np.arange(len(names)), n)
+    return Curve(f"strain={level}", level, columns, np.zeros(n * len(names), bool), names, origin=origin)
+
+
+def errors(one: Curve) -> np.ndarray:
+    """Others minus own, `(recordings, samples)`."""
+    found = repeats([one], "force", ["pressure"])
+    assert found is not None
+    return (found[0] - one.columns["force"]).reshape(len(one.recordings), -1)
+
+
+@settings(deadline=None)
+@given(st.lists(st.floats(-50, 50), min_size=2, max_size=5), st.floats(0, 30))
+def test_a_repeat_is_held_against_the_mean_of_the_others_on_its_own_branch(offsets: list[float], hysteresis: float) -> None:
+    found = errors(curve({f"r{i}": offset for i, offset in enumerate(offsets)}, hysteresis=hysteresis))
+    for i, offset in enumerate(offsets):
+        others = np.mean([other for j, other in enumerate(offsets) if j != i])
+        known = np.isfinite(found[i])
+        assert known.mean() > 0.97
+        inner = found[i][known & (UP_AND_DOWN < 590)]  # the very sample of the turn belongs to either branch
+        np.testing.assert_allclose(inner, others - offset, atol=1e-6)
+
+
+def test_nothing_is_said_beyond_the_ends_of_the_others() -> None:
+    long, short = curve({"long": 0.0}), curve({"short": 0.0}, UP_AND_DOWN[100:700])
+    columns = {name: np.concatenate([long.columns[name], short.columns[name]]) for name in long.columns}
+    origin = np.concatenate([np.zeros(800, int), np.ones(600, int)])
+    both = Curve("c", 0.1, columns, np.zeros(1400, bool), ("long", "short"), origin=origin)
+    found = repeats([both], "force", ["pressure"])
+    assert found is not None
+    low = short.columns["pressure"].min()
+    assert np.isnan(found[0][:800][long.columns["pressure"] < low]).all()
+    assert np.isfinite(found[0][800:]).mean() > 0.99
+
+
+def test_a_dwell_counts_no_more_than_a_passage() -> None:
+    dwelling = np.concatenate([UP_AND_DOWN[:200], np.full(2000, UP_AND_DOWN[200]), UP_AND_DOWN[200:]])
+    noise = np.random.default_rng(3).normal(0, 1, 2000)
+    one = curve({"a": 0.0, "b": 0.0}, dwelling)
+    force = one.columns["force"].copy()
+    force[200:2200] += noise - noise.mean()
+    found = errors(replace(one, columns={**one.columns, "force": force}))
+    assert np.nanmax(np.abs(found[1])) < 0.7  # half a bin's slope, not the noise
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        lambda c: replace(c, origin=None),
+        lambda c: replace(c, recordings=("log#1", "log#2")),
+        lambda c: replace(c, columns={**c.columns, "pressure": np.full(c.size, 300.0)}),
+        lambda c: replace(c, columns={**c.columns, "temperature": np.where(c.origin == 0, 20.0, 60.0)}),
+        lambda c: replace(c, columns={**c.columns, "temperature": np.linspace(20, 60, c.size)}),
+    ],
+    ids=["unknown recordings", "pieces of one log", "nothing varies", "another held value", "two inputs vary"],
+)
+def test_what_does_not_repeat(changed) -> None:  # type: ignore[no-untyped-def]
+    one = changed(curve({"a": 0.0, "b": 1.0}))
+    inputs = ["pressure", *(["temperature"] if "temperature" in one.columns else [])]
+    assert repeats([one], "force", inputs) is None
+
+
+def test_a_single_recording_has_no_repeat_and_other_levels_are_none() -> None:
+    alone, pair = curve({"c": 0.0}, level=0.2), curve({"a": 0.0, "b": 1.0})
+    assert repeats([alone], "force", ["pressure"]) is None
+    assert repeats([alone, curve({"d": 5.0}, level=0.3)], "force", ["pressure"]) is None
+    found = repeats([alone, pair], "force", ["pressure"])
+    assert found is not None
+    assert np.isnan(found[0]).all()
+    assert np.isfinite(found[1]).any()
+
+
+def test_recordings_at_the_same_value_of_a_held_input_repeat_each_other() -> None:
+    one = curve({"a": 0.0, "b": 1.0, "c": 40.0, "d": 41.0})
+    length = np.where(one.origin < 2, 83.0, 281.0)  # type: ignore[operator]
+    found = repeats([replace(one, columns={**one.columns, "length": length})], "force", ["length", "pressure"])
+    assert found is not None
+    assert np.nanmax(np.abs(found[0] - one.columns["force"])) == pytest.approx(1.0)
+
+
+@settings(deadline=None)
+@given(st.integers(1, 4), st.floats(0, 0.04), st.integers(0, 10**6))
+def test_direction_is_known_through_noise(cycles: int, noise: float, seed: int) -> None:
+    clean = np.tile(UP_AND_DOWN, cycles)
+    noisy = clean + noise * 550 * np.random.default_rng(seed).uniform(-1, 1, len(clean))
+    up = rising(noisy)
+    truth = np.tile(np.arange(800) < 400, cycles)
+    inner = (clean > 110) & (clean < 540)
+    np.testing.assert_array_equal(up[inner], truth[inner])
+
+
+def test_a_record_that_never_turns_rises() -> None:
+    assert rising(np.linspace(0, 1, 5)).all()
+    assert not rising(np.linspace(1, 0, 5)).any()
+    assert rising(np.ones(4)).all()

@@ -1,0 +1,132 @@
+"""A small study with fake stages: text files, made from slices of a real spec and from the files before."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from mapmore_cli.spec.experiment import ExperimentSpec
+from mapmore_cli.spec.sections.data import Data
+from mapmore_cli.spec.sections.method import Fit, Fuse
+from mapmore_cli.spec.sections.results import Report
+from mapmore_cli.stages.pipeline.stage import Stage, Workspace
+
+Hook = Callable[[str], None]
+"""Called between the steps of a stage, to interrupt it."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """What the runner wants to know of a loaded spec."""
+
+    spec: ExperimentSpec
+    folder: Path
+
+    @property
+    def path(self) -> Path:
+        return self.folder / "study.yaml"
+
+    @cached_property
+    def resolved(self) -> str:
+        return yaml.safe_dump(self.spec.model_dump(mode="json", by_alias=True))
+
+
+def study(folder: Path, **sections: Any) -> Study:
+    """A spec in `folder`, with sections replaced."""
+    columns = {"strain": {"column": "e"}, "force": {"column": "F", "unit": "N"}}
+    data = {"files": ["data/*.csv"], "columns": columns, "levels": {"of": "pressure", "at": [80.0, 250.0]}}
+    document = {"name": "demo", "data": data, "target": "static", "dictionary": [{"terms": ["strain"]}], **sections}
+    return Study(ExperimentSpec.model_validate(document), folder)
+
+
+@dataclass(frozen=True)
+class IngestSlice:
+    data: Data
+
+
+@dataclass(frozen=True)
+class FitSlice:
+    dictionary: Sequence[Any]
+    fit: Fit
+
+
+@dataclass(frozen=True)
+class FuseSlice:
+    fuse: Fuse
+
+
+@dataclass(frozen=True)
+class ReportSlice:
+    report: Report
+
+
+def sources(_spec: ExperimentSpec, folder: Path) -> list[Path]:
+    return sorted((folder / "data").glob("*.csv"))
+
+
+def fake_stages(
+    hook: Hook = lambda _step: None, revisions: Mapping[str, int] | None = None, runs: list[str] | None = None
+) -> tuple[Stage, ...]:
+    """Four stages, the last one with a folder as output; `runs` collects the names of those that run."""
+
+    def write(path: Path, text: str) -> None:
+        with path.open("w") as file:
+            file.write(text[: len(text) // 2])
+            file.flush()
+            hook(f"half of {path.name}")
+            file.write(text[len(text) // 2 :])
+
+    def started(name: str) -> None:
+        hook(f"start of {name}")
+        if runs is not None:
+            runs.append(name)
+
+    def ingest(part: IngestSlice, workspace: Workspace) -> None:
+        started("ingest")
+        rows = [path.read_text() for path in sources(None, workspace.spec_dir)]  # type: ignore[arg-type]
+        write(workspace.out / "ingest.h5", json.dumps([part.data.model_dump(mode="json"), rows]))
+
+    def fit(part: FitSlice, workspace: Workspace) -> None:
+        started("fit")
+        write(workspace.out / "fit.h5", f"fit {part.fit.max_terms} of {(workspace.run_dir / 'ingest.h5').read_text()}")
+        write(workspace.out / "terms.csv", "term\nstrain\n")
+
+    def fuse(part: FuseSlice, workspace: Workspace) -> None:
+        started("fuse")
+        write(workspace.out / "model.h5", f"fused {part.fuse.z_s} of {(workspace.run_dir / 'fit.h5').read_text()}")
+
+    def report(part: ReportSlice, workspace: Workspace) -> None:
+        started("report")
+        page = workspace.out / "report"
+        (page / "tables").mkdir(parents=True)
+        model, spec = ((workspace.run_dir / name).read_text() for name in ("model.h5", "experiment.yaml"))
+        write(page / "index.html", f"<p>{part.report.formats} {model}</p><pre>{spec}</pre>")
+        write(page / "tables" / "scores.csv", "model\n")
+
+    raised = {"ingest": 1, "fit": 1, "fuse": 1, "report": 1, **(revisions or {})}
+    return (
+        Stage("ingest", raised["ingest"], ("ingest.h5",), lambda spec: IngestSlice(spec.data), ingest, sources),
+        Stage("fit", raised["fit"], ("fit.h5", "terms.csv"), lambda spec: FitSlice(spec.dictionary, spec.fit), fit),
+        Stage("fuse", raised["fuse"], ("model.h5",), lambda spec: FuseSlice(spec.fuse), fuse),
+        Stage("report", raised["report"], ("report",), lambda spec: ReportSlice(spec.report), report),
+    )
+
+
+def make_data(folder: Path) -> None:
+    """Two recordings."""
+    (folder / "data").mkdir()
+    for name in ("a", "b"):
+        (folder / "data" / f"{name}.csv").write_text(f"e,F\n0,{name}\n")
+
+
+def contents(run_dir: Path) -> dict[str, str]:
+    """Every visible file of a run, but for `run.json`."""
+    files = (path for path in run_dir.rglob("*") if path.is_file() and path.name != "run.json")
+    relative = {path.relative_to(run_dir): path for path in files}
+    return {name.as_posix(): path.read_text() for name, path in sorted(relative.items()) if not name.parts[0].startswith(".")}

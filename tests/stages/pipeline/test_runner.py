@@ -1,0 +1,321 @@
+"""What runs, what does not, and why; what a failing stage leaves."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import re
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fake_study import Study, contents, fake_stages, make_data, study
+
+from mapmore_cli.domain.errors import DataError, FitError, WriteError
+from mapmore_cli.stages.pipeline.runner import RunOutcome, bring_up_to_date, explain
+from mapmore_cli.stages.pipeline.stage import Stage, Workspace
+
+ALL = ["ingest", "fit", "fuse", "report"]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    make_data(tmp_path)
+    return tmp_path
+
+
+def run(loaded: Study, stages: tuple[Stage, ...] | None = None, until: str = "report", **options: Any) -> RunOutcome:
+    return bring_up_to_date(loaded, loaded.folder / "runs", until, stages=stages or fake_stages(), **options)  # type: ignore[arg-type]
+
+
+def reasons(loaded: Study, stages: tuple[Stage, ...] | None = None, until: str = "report", **options: Any) -> list[tuple[str, str | None]]:
+    return explain(loaded, loaded.folder / "runs", until, stages=stages or fake_stages(), **options)  # type: ignore[arg-type]
+
+
+def record(folder: Path) -> dict[str, Any]:
+    document: dict[str, Any] = json.loads((folder / "runs" / "demo" / "run.json").read_text())
+    return document
+
+
+def test_first_run_and_second_run(folder: Path) -> None:
+    told: list[tuple[str, str | None]] = []
+    ran: list[str] = []
+    outcome = run(study(folder), fake_stages(runs=ran), on_stage=lambda stage, why: told.append((stage, why)))
+    assert outcome.name == "demo"
+    assert outcome.run_dir == folder / "runs" / "demo"
+    assert outcome.stages == dict.fromkeys(ALL, "done")
+    assert outcome.reasons == dict.fromkeys(ALL, "never ran")
+    assert told == [(stage, "never ran") for stage in ALL]
+    before = {path: path.stat().st_mtime_ns for path in outcome.run_dir.rglob("*") if path.name != ".lock"}
+    again = run(study(folder), fake_stages(runs=ran))
+    assert again.stages == dict.fromkeys(ALL, "up-to-date")
+    assert again.reasons == {}
+    assert ran == ALL
+    assert {path: path.stat().st_mtime_ns for path in outcome.run_dir.rglob("*") if path.name != ".lock"} == before
+
+
+def test_only_the_stages_asked_for_run(folder: Path) -> None:
+    assert run(study(folder), until="fit").stages == {"ingest": "done", "fit": "done"}
+    assert run(study(folder)).stages == {"ingest": "up-to-date", "fit": "up-to-date", "fuse": "done", "report": "done"}
+
+
+def revised(folder: Path) -> list[tuple[str, str | None]]:
+    return reasons(study(folder), fake_stages(revisions={"fit": 2}))
+
+
+def refused(folder: Path) -> list[tuple[str, str | None]]:
+    return reasons(study(folder, fuse={"z_s": 0.3}))
+
+
+def with_levels(folder: Path) -> list[tuple[str, str | None]]:
+    data = study(folder).spec.data.model_dump(mode="json", by_alias=True)
+    return reasons(study(folder, data={**data, "levels": {"of": "pressure", "at": [80.0, 150.0]}}))
+
+
+def other_terms(folder: Path) -> list[tuple[str, str | None]]:
+    return reasons(study(folder, dictionary=[{"terms": ["strain", "strain^2"]}], fit={"max_terms": 2}))
+
+
+def changed_source(folder: Path) -> list[tuple[str, str | None]]:
+    (folder / "data" / "a.csv").write_text("e,F\n0,1\n")
+    return reasons(study(folder))
+
+
+def touched_source(folder: Path) -> list[tuple[str, str | None]]:
+    os.utime(folder / "data" / "a.csv", ns=(1, 1))
+    return reasons(study(folder))
+
+
+def renamed_source(folder: Path) -> list[tuple[str, str | None]]:
+    (folder / "data" / "a.csv").rename(folder / "data" / "c.csv")
+    return reasons(study(folder))
+
+
+def output_missing(folder: Path) -> list[tuple[str, str | None]]:
+    (folder / "runs" / "demo" / "model.h5").unlink()
+    return reasons(study(folder))
+
+
+def page_missing(folder: Path) -> list[tuple[str, str | None]]:
+    shutil.rmtree(folder / "runs" / "demo" / "report")
+    return reasons(study(folder))
+
+
+def output_damaged(folder: Path) -> list[tuple[str, str | None]]:
+    (folder / "runs" / "demo" / "report" / "index.html").write_text("")
+    return reasons(study(folder))
+
+
+FOLLOW = {"ingest": ["follows from ingest", "follows from fit", "follows from fuse"], "fit": ["follows from fit", "follows from fuse"]}
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (revised, [None, "stage revision 1 -> 2", *FOLLOW["fit"]]),
+        (refused, [None, None, "fuse.z_s: 0.25 -> 0.3", "follows from fuse"]),
+        (with_levels, ["data.levels.at: [80.0, 250.0] -> [80.0, 150.0]", *FOLLOW["ingest"]]),
+        (
+            other_terms,
+            [None, 'dictionary[0].terms: ["strain"] -> ["strain", "strain^2"]; fit.max_terms: 1 -> 2', *FOLLOW["fit"]],
+        ),
+        (changed_source, ["source changed: data/a.csv", *FOLLOW["ingest"]]),
+        (touched_source, [None] * 4),
+        (renamed_source, ["source removed: data/a.csv; source added: data/c.csv", *FOLLOW["ingest"]]),
+        (output_missing, [None, None, "output missing: model.h5", None]),
+        (page_missing, [None, None, None, "output missing: report/index.html; output missing: report/tables/scores.csv"]),
+        (output_damaged, [None, None, None, "output changed: report/index.html"]),
+    ],
+)
+def test_reasons(change: Callable[[Path], list[tuple[str, str | None]]], expected: list[str | None], folder: Path) -> None:
+    run(study(folder))
+    assert change(folder) == list(zip(ALL, expected, strict=True))
+
+
+@pytest.mark.parametrize("change", [changed_source, renamed_source, output_missing, page_missing, output_damaged, touched_source])
+def test_what_explain_says_is_what_happens(change: Callable[[Path], list[tuple[str, str | None]]], folder: Path) -> None:
+    run(study(folder))
+    announced = {stage: why for stage, why in change(folder) if why}
+    ran: list[str] = []
+    outcome = run(study(folder), fake_stages(runs=ran))
+    assert outcome.reasons == announced
+    assert ran == list(announced)
+    fresh = study(folder)
+    bring_up_to_date(fresh, folder / "fresh", stages=fake_stages())  # type: ignore[arg-type]
+    assert contents(outcome.run_dir) == contents(folder / "fresh" / "demo")
+    assert run(study(folder)).reasons == {}
+
+
+def test_explain_writes_nothing(folder: Path) -> None:
+    assert reasons(study(folder), until="fuse") == [(stage, "never ran") for stage in ALL[:3]]
+    assert not (folder / "runs").exists()
+
+
+def test_long_reasons_are_cut(folder: Path) -> None:
+    run(study(folder))
+    for number in range(20):
+        (folder / "data" / f"x{number:02d}.csv").write_text("")
+    why = reasons(study(folder))[0][1]
+    assert why is not None
+    assert why.endswith("; and 14 more")
+
+
+def test_content_is_read_again_only_when_needed(folder: Path) -> None:
+    run(study(folder))
+    source = folder / "data" / "a.csv"
+    state = source.stat()
+    source.write_text(source.read_text().replace("a", "z"))
+    os.utime(source, ns=(state.st_atime_ns, state.st_mtime_ns))
+    assert run(study(folder)).reasons == {}
+    assert reasons(study(folder), rehash=True)[0] == ("ingest", "source changed: data/a.csv")
+    assert run(study(folder), rehash=True).stages == dict.fromkeys(ALL, "done")
+
+
+def test_rehash_finds_damage_that_kept_size_and_time(folder: Path) -> None:
+    output = run(study(folder)).run_dir / "model.h5"
+    state = output.stat()
+    output.write_text(output.read_text().replace("fused", "FUSED"))
+    os.utime(output, ns=(state.st_atime_ns, state.st_mtime_ns))
+    assert reasons(study(folder), rehash=True)[2] == ("fuse", "output changed: model.h5")
+
+
+def test_touched_files_are_remembered(folder: Path) -> None:
+    run(study(folder))
+    os.utime(folder / "data" / "a.csv", ns=(1, 1))
+    assert run(study(folder)).reasons == {}
+    assert record(folder)["stages"]["ingest"]["inputs"]["data/a.csv"]["mtime_ns"] == 1
+
+
+def test_force(folder: Path) -> None:
+    run(study(folder))
+    assert run(study(folder), until="fit", force=True).reasons == {"ingest": "forced", "fit": "forced"}
+    assert run(study(folder)).reasons == {}  # the same numbers came out
+
+
+def test_record(folder: Path) -> None:
+    run(study(folder))
+    document = record(folder)
+    assert document["name"] == "demo"
+    assert list(document["stages"]) == ALL
+    ingest, fit = document["stages"]["ingest"], document["stages"]["fit"]
+    assert list(ingest["inputs"]) == ["data/a.csv", "data/b.csv"]
+    assert list(fit["outputs"]) == ["fit.h5", "terms.csv"]
+    assert set(fit["tools"]) == {"mapmore", "numpy", "scipy", "h5py", "python"}
+    assert fit["before"] == ingest["fingerprint"]
+    assert fit["slice"]["fit"]["max_terms"] == 1
+    text = json.dumps(document)
+    assert str(folder) not in text
+    assert not re.search(rf'"(/|{re.escape(str(Path.home()))})', text)
+
+
+def test_resolved_spec_is_written_and_kept_up(folder: Path) -> None:
+    first = study(folder, muscle={"name": "A"})
+    path = run(first, until="fuse").run_dir / "experiment.yaml"
+    assert path.read_text() == first.resolved
+    second = study(folder, muscle={"name": "B"})
+    assert run(second, until="fuse").reasons == {}
+    assert path.read_text() == second.resolved
+
+
+@pytest.mark.parametrize("fault", [FitError("no", "do"), KeyboardInterrupt(), ValueError("bug"), OSError(errno.EACCES, "no", "/elsewhere")])
+@pytest.mark.parametrize("step", ["start of ingest", "half of fit.h5", "half of index.html"])
+def test_fault_in_a_stage_leaves_results_as_they_were(fault: BaseException, step: str, folder: Path) -> None:
+    run_dir = run(study(folder)).run_dir
+    before = contents(run_dir)
+
+    def fail(at: str) -> None:
+        if at == step:
+            raise fault
+
+    failing = step.split()[-1].split(".")[0].replace("index", "report")
+    with pytest.raises(type(fault)):
+        run(study(folder), fake_stages(fail, revisions={failing: 2}))
+    assert contents(run_dir) == before
+    assert sorted(path.name for path in run_dir.iterdir() if path.name.startswith(".")) in ([], [".lock"])
+    assert run(study(folder)).reasons == {}
+
+
+def test_full_disk_in_a_stage(folder: Path) -> None:
+    def fail(at: str) -> None:
+        if at == "half of fit.h5":
+            raise OSError(errno.ENOSPC, "full")
+
+    with pytest.raises(WriteError, match="demo: cannot be written") as caught:
+        run(study(folder), fake_stages(fail))
+    assert caught.value.exit_code == 7
+    assert set(contents(folder / "runs" / "demo")) == {"ingest.h5"}
+
+
+def test_unreadable_source_is_a_data_error(folder: Path) -> None:
+    (folder / "data" / "c.csv").symlink_to(folder / "nowhere")
+    with pytest.raises(DataError, match=r"data/c\.csv: cannot be read"):
+        run(study(folder))
+
+
+def test_run_path_is_a_file(folder: Path) -> None:
+    (folder / "runs").mkdir()
+    (folder / "runs" / "demo").write_text("mine")
+    ran: list[str] = []
+    with pytest.raises(WriteError, match="is a file"):
+        run(study(folder), fake_stages(runs=ran))
+    assert ran == []
+    assert (folder / "runs" / "demo").read_text() == "mine"
+    assert reasons(study(folder))[0] == ("ingest", "never ran")
+
+
+def test_stage_must_write_what_it_declares(folder: Path) -> None:
+    ingest = replace(fake_stages()[0], outputs=("ingest.h5", "more.csv"))
+    with pytest.raises(RuntimeError, match="declares"):
+        run(study(folder), (ingest,), until="ingest")
+
+
+def test_new_output_of_a_stage_is_missed(folder: Path) -> None:
+    run(study(folder))
+    stages = fake_stages()
+    more = replace(stages[2], outputs=("model.h5", "model.csv"))
+    assert reasons(study(folder), (*stages[:2], more, stages[3]))[2] == ("fuse", "output missing: model.csv")
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "{", "[]", "null", '{"stages": 3}', '{"stages": {}}', '{"format_version": "1.0", "stages": {"fit": {}}}', "\x00", "[" * 100_000],
+)
+def test_damaged_record_counts_as_absent(text: str, folder: Path) -> None:
+    run_dir = run(study(folder)).run_dir
+    (run_dir / "run.json").write_text(text)
+    warnings: list[str] = []
+    assert run(study(folder), warn=warnings.append).reasons == dict.fromkeys(ALL, "never ran")
+    assert len(warnings) == 1
+    assert "run.json" in warnings[0]
+    assert run(study(folder)).reasons == {}
+
+
+def test_edited_record_is_noticed(folder: Path) -> None:
+    run_dir = run(study(folder)).run_dir
+    document = record(folder)
+    document["stages"]["fit"]["fingerprint"] = "0" * 64
+    (run_dir / "run.json").write_text(json.dumps(document))
+    assert [stage for stage, why in reasons(study(folder)) if why] == ["fit"]
+
+
+def test_record_of_a_newer_format_is_refused(folder: Path) -> None:
+    path = run(study(folder)).run_dir / "run.json"
+    path.write_text(path.read_text().replace('"format_version": "1.0"', '"format_version": "2.0"'))
+    with pytest.raises(DataError, match=r"run\.json.*newer"):
+        run(study(folder))
+
+
+def test_stages_get_their_workspace(folder: Path) -> None:
+    seen: list[Workspace] = []
+    ingest = replace(fake_stages()[0], run=lambda _part, workspace: [seen.append(workspace), (workspace.out / "ingest.h5").touch()])
+    said: list[str] = []
+    run(study(folder), (ingest,), until="ingest", warn=said.append)
+    assert seen[0].spec_dir == folder
+    assert seen[0].run_dir == folder / "runs" / "demo"
+    assert seen[0].out.parent == seen[0].run_dir
+    seen[0].warn("careful")
+    assert said == ["careful"]
