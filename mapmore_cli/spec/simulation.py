@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 
 from mapmore_cli.spec.fields import Name, Positive, Section
 from mapmore_cli.spec.simulated_experiments import LoadCycles, NonNegative, Perturbations, StepResponses
+from mapmore_cli.spec.waveform_rig import Waveforms
 
 
 class McKibbenMuscle(Section):
@@ -82,27 +83,49 @@ class Sensors(Section):
     """What the logger sees."""
 
     pressure: SensorSpec  # kPa
-    strain: SensorSpec
-    force: SensorSpec  # N
+    strain: SensorSpec | None = None
+    force: SensorSpec | None = None  # N
     flow: SensorSpec | None = None  # L/min; of the wet experiments
     muscle_pressure: SensorSpec | None = None  # kPa; of the wet experiments
+    displacement: SensorSpec | None = None  # mm; of waveforms
+    load: SensorSpec | None = None  # N; of waveforms
+
+
+_WET = {"pressure", "strain", "force", "flow", "muscle_pressure"}
+SENSED: dict[str, set[str]] = {
+    "load_cycles": {"pressure", "strain", "force"},
+    "step_responses": _WET,
+    "perturbation": _WET,
+    "waveforms": {"pressure", "displacement", "load"},
+}
+"""What each experiment measures."""
 
 
 class SimulationSpec(Section):
-    """One synthetic campaign; `mapmore simulate` writes `<output>_<pressure>.csv` for each pressure beside the spec."""
+    """One synthetic campaign; `mapmore simulate` writes `<output>_<pressure>.csv`, or `<output>_<name>.csv` of a waveform, beside the spec."""
 
     schema_version: Literal[1] = 1
     name: Name
     muscle: Annotated[McKibbenMuscle | PeanoMuscle, Field(discriminator="kind")]
     hysteresis: HysteresisSpec
-    experiment: Annotated[LoadCycles | StepResponses | Perturbations, Field(discriminator="type")]
+    experiment: Annotated[LoadCycles | StepResponses | Perturbations | Waveforms, Field(discriminator="type")]
     sensors: Sensors
     seed: Annotated[int, Field(ge=0)]
     output: Name
 
     @model_validator(mode="after")
     def _sensed(self) -> SimulationSpec:
-        wet = not isinstance(self.experiment, LoadCycles)
-        if any((sensor is not None) != wet for sensor in (self.sensors.flow, self.sensors.muscle_pressure)):
-            raise ValueError("`sensors.flow` and `sensors.muscle_pressure` go with step responses and perturbations, and with these only")
+        sensed = SENSED[self.experiment.type]
+        for name, sensor in self.sensors:
+            if sensor is None and name in sensed:
+                raise ValueError(f"`sensors.{name}` is missing: `type: {self.experiment.type}` measures it")
+            if sensor is not None and name not in sensed:
+                having = " and ".join(kind for kind, names in SENSED.items() if name in names)
+                raise ValueError(f"`sensors.{name}` goes with {having}, and with these only")
+        return self
+
+    @model_validator(mode="after")
+    def _braided(self) -> SimulationSpec:
+        if isinstance(self.experiment, Waveforms) and not isinstance(self.muscle, McKibbenMuscle):
+            raise ValueError("`type: waveforms` moves a muscle of `kind: mckibben`")
         return self

@@ -14,9 +14,11 @@ from mapmore_cli.rig.peano import Peano
 from mapmore_cli.rig.perturbation import Strokes
 from mapmore_cli.rig.step_response import Bumper, StepRig, StepTimes
 from mapmore_cli.rig.water import Pipe
+from mapmore_cli.rig.waveform import Regulator, Waveform, WaveformRig
 from mapmore_cli.rig.wet_muscle import Plumbing, Rubber, Wall, WetMuscle
 from mapmore_cli.spec.simulated_experiments import LoadCycles, Perturbations, StepResponses, WaterRig
 from mapmore_cli.spec.simulation import HysteresisSpec, McKibbenMuscle, PeanoMuscle, SimulationSpec
+from mapmore_cli.spec.waveform_rig import RegulatorSpec, Waveforms, WaveformSpec
 
 KPA = 1e3
 """Pa; the rig computes in Pa, specs and recordings say kPa."""
@@ -113,3 +115,44 @@ def strokes_of(experiment: Perturbations) -> Strokes:
     """The actuator's moves."""
     stretched, contracted = experiment.between
     return Strokes(stretched, contracted, tuple(experiment.moves), experiment.dwell, experiment.sample_time)
+
+
+def waveform_rig_of(muscle: McKibbenMuscle, hysteresis: HysteresisSpec, experiment: Waveforms) -> WaveformRig:
+    """The muscle that hangs behind a regulator."""
+    return WaveformRig(
+        muscle=braid_of(muscle),
+        hysteresis=hysteresis_of(hysteresis),
+        rubber=Rubber(**experiment.rubber.model_dump()),
+        regulator=regulator_of(experiment.regulator),
+        polytropic=experiment.polytropic,
+        dead_volume=experiment.dead_volume,
+        end_mass=experiment.end_mass,
+    )
+
+
+def regulator_of(regulator: RegulatorSpec) -> Regulator:
+    """The regulator."""
+    return Regulator(
+        slope=regulator.slope * KPA,
+        offset=regulator.offset * KPA,
+        lag=regulator.lag,
+        band=regulator.band * KPA,
+        supply=regulator.supply * KPA,
+        supply_conductance=regulator.supply_conductance,
+        exhaust_conductance=regulator.exhaust_conductance,
+        critical_ratio=regulator.critical_ratio,
+    )
+
+
+def waveform_of(experiment: Waveforms, waveform: WaveformSpec) -> Waveform:
+    """The input of one recording."""
+    return Waveform(
+        shape=waveform.shape,
+        low=waveform.low,
+        high=waveform.high,
+        frequency=waveform.frequency,
+        wavelengths=waveform.wavelengths,
+        rest=experiment.rest,
+        rest_input=waveform.rest_at,
+        sample_time=experiment.sample_time,
+    )
