@@ -52,9 +52,13 @@ class Waveform:
         """
         # A sample belongs to the wavelength that begins with it, however its time is rounded.
         phase = np.mod((time - self.rest) * self.frequency + 1e-9, 1.0)
-        share = {"sine": 0.5 - 0.5 * np.cos(2.0 * np.pi * phase), "triangle": 1.0 - np.abs(1.0 - 2.0 * phase), "square": 1.0 * (phase < 0.5)}
+        share = {
+            "sine": 0.5 - 0.5 * np.cos(2.0 * np.pi * phase),
+            "triangle": 1.0 - np.abs(1.0 - 2.0 * phase),
+            "square": 1.0 * (phase < 0.5),
+        }
         moving = self.low + (self.high - self.low) * share[self.shape]
-        return np.where(time < self.rest - 1e-9, self.rest_input, moving)
+        return np.asarray(np.where(time < self.rest - 1e-9, self.rest_input, moving), dtype=np.float64)
 
 
 @dataclass(frozen=True)

@@ -97,8 +97,8 @@ def truth(spec: SimulationSpec, cause: Cause, rng: np.random.Generator) -> Colum
     """What happens in the spec's experiment, in SI units."""
     match spec.experiment, spec.muscle, cause:
         case Waveforms() as experiment, McKibbenMuscle() as muscle, WaveformSpec() as waveform:
-            rig = waveform_rig_of(muscle, spec.hysteresis, experiment)
-            return waveform_response(rig, waveform_of(experiment, waveform), waveform.load)
+            hanging = waveform_rig_of(muscle, spec.hysteresis, experiment)
+            return waveform_response(hanging, waveform_of(experiment, waveform), waveform.load)
         case LoadCycles() as experiment, muscle, float(pressure):
             cycle, regulation = load_cycle_of(experiment)
             return load_cycle(muscle_of(muscle), hysteresis_of(spec.hysteresis), cycle, regulation, pressure * KPA, rng)
