@@ -43,7 +43,7 @@ class Waveform:
     @property
     def clock(self) -> Array:
         """Sample times (n,), s, from the beginning of the rest to the end of the last wavelength."""
-        return self.sample_time * np.arange(round((self.rest + self.wavelengths / self.frequency) / self.sample_time) + 1)
+        return self.sample_time * np.arange(round((self.rest + self.wavelengths / self.frequency) / self.sample_time) + 1, dtype=np.float64)
 
     def command(self, time: Array) -> Array:
         """Input (n,), V, at times in s. Of the phase p, from 0 to 1 in each wavelength:
@@ -58,7 +58,8 @@ class Waveform:
             "square": 1.0 * (phase < 0.5),
         }
         moving = self.low + (self.high - self.low) * share[self.shape]
-        return np.asarray(np.where(time < self.rest - 1e-9, self.rest_input, moving), dtype=np.float64)
+        u: Array = np.where(time < self.rest - 1e-9, self.rest_input, moving)
+        return u
 
 
 @dataclass(frozen=True)

@@ -102,7 +102,7 @@ SENSED: dict[str, set[str]] = {
 
 
 class SimulationSpec(Section):
-    """One synthetic campaign; `mapmore simulate` writes `<output>_<pressure>.csv` for each pressure, or waveform by name, beside the spec."""
+    """One synthetic campaign; `mapmore simulate` writes `<output>_<pressure>.csv` for each pressure (or waveform) beside the spec."""
 
     schema_version: Literal[1] = 1
     name: Name
