@@ -34,7 +34,18 @@ def report_of(dictionary, *, ridge=0.0, scale=False, held=0.5):
     columns = {"time": time, "load": np.full(n, 5.0), "pressure": pressure, "motion": motion}
     curve = Curve("a", None, columns, time > (1 - held) * time[-1], ("a",), None, np.zeros(n, dtype=np.int64))
     dataset = Dataset("motion", None, QUANTITIES, (Recording("a", "a.csv", columns, n, {}),), (curve,))
-    recipe = MemoryRecipe("motion", tuple(dictionary), STEP, max_terms=2, ridge=ridge, scale=scale)
+    recipe = MemoryRecipe(
+        "motion",
+        tuple(dictionary),
+        STEP,
+        scale=scale,
+        margin=0.15,
+        ridge=ridge,
+        max_terms=2,
+        forward=None,
+        tolerance=0.0,
+        stop="tolerance",
+    )
     fit = fit_with_memory(records_of([curve], STEP), recipe)
     limits = {name: (float(x.min()), float(x.max())) for name, x in columns.items()}
     model = model_with_memory("demo", fit.model, None, (SegmentedCurve("a", None, (), (), limits, ()),), QUANTITIES)

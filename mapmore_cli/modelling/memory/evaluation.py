@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from types import MappingProxyType
-
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.memory import StateSet
-from mapmore_cli.modelling.memory import operators
+from mapmore_cli.modelling.terms.operator import Setting
+from mapmore_cli.modelling.terms.operators import OPERATORS
 from mapmore_cli.modelling.terms.states import Lagged, Measured, Operated, State, state
 
 Known = dict[str, Array]
@@ -53,54 +51,24 @@ def _computed(found: State, columns: Columns, numbers: StateSet, known: Known) -
                 raise DataError(f"there is no column `{name}`", f"there are: {', '.join(columns) or 'none'}")
             return np.asarray(columns[name], dtype=np.float64)
         case Lagged(source, steps):
-            return operators.delayed(value_of(source, columns, numbers, known), steps)
+            return delayed(value_of(source, columns, numbers, known), steps)
         case Operated(operator, source):
-            return _OPERATIONS[operator](value_of(source, columns, numbers, known), found, numbers)
+            return OPERATORS[operator].along(value_of(source, columns, numbers, known), setting_of(found, numbers))
 
 
-def _slow(x: Array, found: Operated, numbers: StateSet) -> Array:
-    return operators.slow(x, found.numbers[0], numbers.step)
+def setting_of(found: Operated, numbers: StateSet) -> Setting:
+    """What an operator's state depends on: numbers of its name, or those that training found."""
+    source = found.source.name
+    match OPERATORS[found.operator].needs:
+        case "range":
+            return Setting(found.numbers, numbers.step, numbers.ranges[source])
+        case "oscillator" if not found.numbers:
+            return Setting(numbers.resonances[source], numbers.step)
+    return Setting(found.numbers, numbers.step)
 
 
-def _play(x: Array, found: Operated, numbers: StateSet) -> Array:
-    return operators.play(x, _width(found, numbers))
-
-
-def _stop(x: Array, found: Operated, numbers: StateSet) -> Array:
-    return operators.stop(x, _width(found, numbers))
-
-
-def _resonance(x: Array, found: Operated, numbers: StateSet) -> Array:
-    return operators.resonance(x, *_oscillator(found, numbers), numbers.step)
-
-
-def _velocity(x: Array, found: Operated, numbers: StateSet) -> Array:
-    return operators.resonance_velocity(x, *_oscillator(found, numbers), numbers.step)
-
-
-def _saturate(x: Array, found: Operated, numbers: StateSet) -> Array:
-    return np.clip(x, *numbers.ranges[found.source.name])
-
-
-_OPERATIONS: Mapping[str, Callable[[Array, Operated, StateSet], Array]] = MappingProxyType(
-    {
-        "slow": _slow,
-        "play": _play,
-        "stop": _stop,
-        "resonance": _resonance,
-        "resonance_velocity": _velocity,
-        "saturate": _saturate,
-    }
-)
-
-
-def _width(found: Operated, numbers: StateSet) -> float:
-    low, high = numbers.ranges[found.source.name]
-    return found.numbers[0] * (high - low)
-
-
-def _oscillator(found: Operated, numbers: StateSet) -> tuple[float, float]:
-    """Frequency and damping: given in the name, else found in training."""
-    if found.numbers:
-        return found.numbers[0], found.numbers[1]
-    return numbers.resonances[found.source.name]
+def delayed(x: Array, steps: int) -> Array:
+    """`x[k - steps]`, (n,); NaN before there is history."""
+    values = np.full(len(x), np.nan)
+    values[steps:] = x[: max(len(x) - steps, 0)]
+    return values

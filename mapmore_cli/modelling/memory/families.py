@@ -7,18 +7,11 @@ from collections import Counter
 from collections.abc import Sequence
 from itertools import combinations_with_replacement
 
-import numpy as np
-
 from mapmore_cli.modelling.memory.capacity import refuse_beyond_memory
 from mapmore_cli.modelling.terms import Expression, multiply, parse, power
-from mapmore_cli.modelling.terms.states import OPERATORS, Operated, lagged, state
+from mapmore_cli.modelling.terms.operators import families
+from mapmore_cli.modelling.terms.states import Operated, lagged, state
 from mapmore_cli.modelling.terms.syntax import MAX_EXPONENT
-
-WIDEST_PLAY = 0.5
-"""Half-width, as a fraction of the range, from which a play never follows."""
-
-QUICKEST, SLOWEST = 10, 0.25
-"""Spread time constants lie between so many samples and this fraction of the longest piece."""
 
 
 def lags(of: Sequence[str], steps: Sequence[int]) -> tuple[str, ...]:
@@ -31,36 +24,14 @@ def delays(of: Sequence[str], times: Sequence[float], step: float) -> tuple[str,
     return tuple(dict.fromkeys(lags(of, [round(time / step) for time in times])))
 
 
-def operated(operator: str, of: Sequence[str], numbers: Sequence[float] = ()) -> tuple[str, ...]:
-    """`operator` on every state `of`, with each of `numbers`: `slow(pressure, 0.5)`; without numbers once, as `resonance(pressure)`.
+def operated(family: str, of: Sequence[str], numbers: Sequence[float | tuple[float, ...]] = ()) -> tuple[str, ...]:
+    """The operators of a `family` on every state `of`, with each of `numbers`: `slow(pressure, 0.5)`; or without, `resonance(pressure)`.
 
-    Raises `ValueError` for an operator that does not take one number, where numbers are given.
+    Raises `ValueError` for numbers that do not fit the operator.
     """
-    if len(numbers) and 1 not in OPERATORS[operator]:
-        raise ValueError(f"`{operator}` does not take one number")
-    each: list[tuple[float, ...]] = [(float(number),) for number in numbers] or [()]
-    return tuple(_operation(operator, name, own) for own in each for name in of)
-
-
-def resonances(of: Sequence[str], numbers: tuple[float, float] | tuple[()] = ()) -> tuple[str, ...]:
-    """Position and velocity of an oscillator for each state `of`: of frequency (Hz) and damping `numbers`, or as training finds it."""
-    return tuple(_operation(operator, one, numbers) for one in of for operator in ("resonance", "resonance_velocity"))
-
-
-def _operation(operator: str, of: str, numbers: tuple[float, ...]) -> str:
-    return state(Operated(operator, state(of), numbers).name).name
-
-
-def spread_widths(count: int) -> tuple[float, ...]:
-    """`count` half-widths of play or stop, evenly over those that can move, as fractions of the training range."""
-    return tuple(round(WIDEST_PLAY * (i + 1) / (count + 1), 4) for i in range(count))
-
-
-def spread_times(count: int, step: float, longest: float) -> tuple[float, ...]:
-    """`count` time constants, s, in even ratios from ten samples of `step` seconds to a quarter of the `longest` piece, s."""
-    quickest = QUICKEST * step
-    times = np.geomspace(quickest, max(SLOWEST * longest, quickest), count)
-    return tuple(dict.fromkeys(float(f"{time:.3g}") for time in times))
+    names = [operator.name for operator in families()[family]]
+    each = [own if isinstance(own, tuple) else (float(own),) for own in numbers] or [()]
+    return tuple(state(Operated(name, state(one), own).name).name for own in each for one in of for name in names)
 
 
 def products(of: Sequence[str], order: int, partners: Sequence[str] | None = None, constant: bool = True) -> tuple[Expression, ...]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from mapmore_cli.modelling.memory.resolution import MARGIN
+Stop = Literal["tolerance", "bic", "aicc", "press", "free_run"]
+"""When fewer terms than `max_terms` are enough."""
 
 FORWARD = 3
 """Terms chosen forward for each that is kept, where pruning follows and nothing else is said."""
@@ -41,13 +42,13 @@ class MemoryRecipe:
     target: str
     dictionary: tuple[str, ...]
     step: float
-    scale: bool = False
-    margin: float = MARGIN
-    ridge: float | Literal["auto"] = 0.0
-    max_terms: int = 10
-    forward: int | None = None
-    tolerance: float = 0.0
-    stop: str = "tolerance"
+    scale: bool
+    margin: float
+    ridge: float | Literal["auto"]
+    max_terms: int
+    forward: int | None
+    tolerance: float
+    stop: Stop
 
     @property
     def forward_terms(self) -> int:

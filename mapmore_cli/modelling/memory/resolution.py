@@ -13,16 +13,11 @@ from mapmore_cli.domain.memory import MemoryModel, StateSet
 from mapmore_cli.modelling.memory.evaluation import Known, value_of
 from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.memory.resonances import find_resonance
+from mapmore_cli.modelling.terms.operators import OPERATORS
 from mapmore_cli.modelling.terms.states import Lagged, Measured, Operated, State, state
 
-MARGIN = 0.15
-"""How far beyond its training range a scaled state may go: a clip at the range itself bends what is only a little outside."""
 
-RANGED = ("play", "stop", "saturate")
-"""Operators that need the training range of their source."""
-
-
-def resolve(names: Sequence[str], records: Sequence[Record], target: str, step: float, *, scale: bool, margin: float = MARGIN) -> StateSet:
+def resolve(names: Sequence[str], records: Sequence[Record], target: str, step: float, *, scale: bool, margin: float) -> StateSet:
     """The states of these names, with every number that they need.
 
     Parameters
@@ -60,10 +55,10 @@ def _parts(found: State) -> Iterator[State]:
 
 
 def _numbered(found: Operated, records: Sequence[Record], target: str, states: StateSet, known: list[Known]) -> StateSet:
-    name = found.source.name
-    if found.operator in RANGED and name not in states.ranges:
+    name, needs = found.source.name, OPERATORS[found.operator].needs
+    if needs == "range" and name not in states.ranges:
         return replace(states, ranges={**states.ranges, name: _range(_training_values(found.source, records, states, known), name)})
-    if found.operator.startswith("resonance") and not found.numbers and name not in states.resonances:
+    if needs == "oscillator" and not found.numbers and name not in states.resonances:
         driving = [value_of(found.source, record.columns, states, own) for record, own in zip(records, known, strict=True)]
         oscillator = find_resonance(driving, [record.columns[target] for record in records], [r.training for r in records], states.step)
         return replace(states, resonances={**states.resonances, name: oscillator})

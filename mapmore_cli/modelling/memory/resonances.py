@@ -8,7 +8,8 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.modelling.memory.operators import resonance, slow
+from mapmore_cli.modelling.terms.operators.resonance import resonance
+from mapmore_cli.modelling.terms.operators.slow import slow
 
 FREQUENCIES = tuple(np.geomspace(1.0, 15.0, 30).tolist())
 """Hz: what a load on a soft muscle rings with."""

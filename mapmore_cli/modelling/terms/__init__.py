@@ -4,10 +4,11 @@ from mapmore_cli.modelling.terms.calculus import affine, derivative, exponents, 
 from mapmore_cli.modelling.terms.errors import ExpressionError, NotFinite
 from mapmore_cli.modelling.terms.evaluation import dictionary_blocks, dictionary_matrix, evaluate
 from mapmore_cli.modelling.terms.families import monomials
+from mapmore_cli.modelling.terms.operators import OPERATORS
 from mapmore_cli.modelling.terms.parsing import parse
 from mapmore_cli.modelling.terms.printing import to_latex, to_text
 from mapmore_cli.modelling.terms.program import Program, compiled
-from mapmore_cli.modelling.terms.states import OPERATORS, Lagged, Measured, Operated, State, state
+from mapmore_cli.modelling.terms.states import Lagged, Measured, Operated, State, state
 from mapmore_cli.modelling.terms.syntax import Expression, Name, Number, add, call, multiply, power
 
 __all__ = [

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from mapmore_cli.modelling.terms.functions import FUNCTIONS
+from mapmore_cli.modelling.terms.operators import OPERATORS
 from mapmore_cli.modelling.terms.states import Lagged, Measured, State, state
 from mapmore_cli.modelling.terms.syntax import ONE, Call, Expression, Name, Number, Power, Product, Sum, negate, power
 
@@ -135,8 +136,7 @@ def _state_latex(found: State) -> _Bound:
         case Lagged(source, steps):
             return f"{_state_latex(source)[0]}[k-{steps}]", _ATOM
     index = ", ".join(f"{number:g}" for number in found.numbers)
-    operator = found.operator.replace("_", r"\_")
-    return rf"\mathrm{{{operator}}}" + f"_{{{index}}}" * bool(index) + rf"\left({_state_latex(found.source)[0]}\right)", _POWER
+    return OPERATORS[found.operator].latex + f"_{{{index}}}" * bool(index) + rf"\left({_state_latex(found.source)[0]}\right)", _POWER
 
 
 def _latex_name(name: str) -> str:

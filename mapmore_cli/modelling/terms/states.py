@@ -9,24 +9,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 
 from mapmore_cli.modelling.terms.errors import ExpressionError
 from mapmore_cli.modelling.terms.functions import FUNCTIONS
-
-OPERATORS: Mapping[str, tuple[int, ...]] = MappingProxyType(
-    {
-        "slow": (1,),  # time constant, s
-        "play": (1,),  # half-width, as a fraction of the source's training range
-        "stop": (1,),
-        "resonance": (0, 2),  # frequency, Hz, and damping ratio; without them they are found in training
-        "resonance_velocity": (0, 2),
-        "saturate": (0,),
-    }
-)
-"""Operators with memory (and `saturate`) that may stand in a name, with the counts of numbers that they take."""
+from mapmore_cli.modelling.terms.operators import OPERATORS
 
 MAX_NESTING = 8
 MAX_STEPS = 1_000_000
@@ -141,19 +128,21 @@ def _operated(text: str, name: str, end: int, depth: int) -> tuple[State, int]:
     source, end = read_state(text, opening, depth + 1)
     numbers: list[float] = []
     while (comma := _past(text, end, ",")) is not None:
-        number = _NUMBER.match(text, comma)
-        if number is None or not 0 < float(number[0]) < math.inf:
+        digits = _NUMBER.match(text, comma)
+        if digits is None or not 0 < float(digits[0]) < math.inf:
             raise ExpressionError(f"expected a positive number for `{name}`", comma)
-        numbers.append(float(number[0]))
-        end = number.end()
+        numbers.append(float(digits[0]))
+        end = digits.end()
     closing = _past(text, end, ")")
     if closing is None:
         raise ExpressionError(f"expected `,` or `)` after what `{name}` works on", _past_space(text, end))
-    if len(numbers) not in OPERATORS[name]:
-        wanted = " or ".join(map(str, OPERATORS[name]))
+    operator = OPERATORS[name]
+    if len(numbers) not in operator.counts:
+        wanted = " or ".join(map(str, operator.counts))
         raise ExpressionError(f"`{name}` takes {wanted} number(s) after its source, not {len(numbers)}", closing - 1)
-    if len(numbers) == 2 and numbers[1] >= 1:
-        raise ExpressionError(f"the damping ratio of `{name}` lies between 0 and 1", closing - 1)
+    for number, parameter in zip(numbers, operator.parameters, strict=False):
+        if number >= parameter.below:
+            raise ExpressionError(f"`{parameter.key}` of `{name}` lies between 0 and {parameter.below:g}, not {number:g}", closing - 1)
     return Operated(name, source, tuple(numbers)), closing
 
 

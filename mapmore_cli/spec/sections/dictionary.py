@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-from pydantic import Field, model_validator
+from pydantic import Field, create_model, model_validator
 
-from mapmore_cli.spec.fields import Hertz, Keyed, Seconds, Section, Text, WithUnit, by_shape, contradiction
+from mapmore_cli.spec.fields import Keyed, Seconds, Section, Text, by_shape, contradiction
+from mapmore_cli.spec.sections.operators import FORMS, Of, OperatorFamily
 from mapmore_cli.spec.tree import Loc
 
-Of = Annotated[list[str], Field(min_length=1)]
-"""Names of quantities, or of states as `play(pressure, 0.16)`."""
 Order = Annotated[int, Field(ge=1, le=20)]
-Count = Annotated[int, Field(ge=1, le=100)]
 Steps = Annotated[int, Field(ge=0, le=1_000_000)]
-Width = Annotated[float, Field(gt=0, lt=1), WithUnit(lambda _: "1")]
 
 
 class Polynomial(Section):
@@ -43,59 +40,6 @@ class Delays(Section):
     times: Annotated[list[Seconds], Field(min_length=1)]
 
 
-class Slow(Section):
-    """First-order lags of the quantities `of`, with time constants `tau`, or a `count` of them spread over what the recordings can show."""
-
-    of: Of
-    tau: Annotated[list[Seconds], Field(min_length=1)] | None = None
-    count: Count | None = None
-
-    @model_validator(mode="after")
-    def _one_of_both(self) -> Slow:
-        if (self.tau is None) == (self.count is None):
-            raise contradiction("`slow` takes either `tau` or `count`", "give one of both, as `tau: [50 ms, 0.5 s]`", "count", "of")
-        return self
-
-
-class Widths(Section):
-    """`play` or `stop` operators on the quantities `of`.
-
-    `widths` are half the slack as fractions of the training range; a `count` of them is spread evenly.
-    """
-
-    of: Of
-    widths: Annotated[list[Width], Field(min_length=1)] | None = None
-    count: Count | None = None
-
-    @model_validator(mode="after")
-    def _one_of_both(self) -> Widths:
-        if (self.widths is None) == (self.count is None):
-            raise contradiction("an operator takes either `widths` or `count`", "give one of both, as `widths: [0.1, 0.3]`", "count", "of")
-        return self
-
-
-class Resonance(Section):
-    """Position and velocity of a damped oscillator that each quantity `of` drives; `frequency` and `damping` are found where not given."""
-
-    of: Of
-    frequency: Hertz | None = None
-    damping: Annotated[float, Field(gt=0, lt=1), WithUnit(lambda _: "1")] | None = None
-
-    @model_validator(mode="after")
-    def _both_or_none(self) -> Resonance:
-        if (self.frequency is None) != (self.damping is None):
-            missing = "frequency" if self.frequency is None else "damping"
-            remedy = f"add `{missing}`, or leave both out: training then finds them"
-            raise contradiction(f"`resonance` lacks `{missing}`", remedy, "frequency", "damping")
-        return self
-
-
-class Saturate(Section):
-    """The quantities `of`, held at the ends of their training range."""
-
-    of: Of
-
-
 class Products(Section):
     """Every product of the terms `of` families (or of states by name) with total degree up to `order`, as `polynomial`.
 
@@ -108,22 +52,17 @@ class Products(Section):
     constant: bool = True
 
 
-Family = Polynomial | Lags | Delays | Slow | Widths | Resonance | Saturate | Products | list[str]
+Family = Polynomial | Lags | Delays | OperatorFamily | Products | list[str]
 """One family of terms; a list holds expressions."""
 
 
-class DictionaryEntry(Section):
-    """One family of candidate terms: monomials, states with memory, products of both, or `terms` written out as expressions."""
+class Families(Section):
+    """The families that are no operator's."""
 
     polynomial: Polynomial | None = None
     terms: Annotated[list[str], Field(min_length=1)] | None = None
     lags: Lags | None = None
     delays: Delays | None = None
-    slow: Slow | None = None
-    play: Widths | None = None
-    stop: Widths | None = None
-    resonance: Resonance | None = None
-    saturate: Saturate | None = None
     products: Products | None = None
 
     @property
@@ -138,12 +77,27 @@ class DictionaryEntry(Section):
         return next(iter(self.families.items()))
 
     @model_validator(mode="after")
-    def _one_family(self) -> DictionaryEntry:
+    def _one_family(self) -> Families:
         if len(self.families) != 1:
             found = "two families" if self.families else "no family"
             remedy = f"give one of {', '.join(f'`{name}`' for name in type(self).model_fields)}; further families are entries of their own"
             raise contradiction(f"this entry has {found} of terms", remedy)
         return self
+
+
+if TYPE_CHECKING:
+
+    class DictionaryEntry(Families):
+        """One family of candidate terms."""
+
+else:
+    DictionaryEntry = create_model(
+        "DictionaryEntry",
+        __base__=Families,
+        __doc__="One family of candidate terms: monomials, states with memory, products of both, or `terms` written out as expressions.",
+        __module__=__name__,
+        **{key: (form | None, None) for key, form in FORMS.items()},
+    )
 
 
 def entries_of(dictionary: Sequence[DictionaryEntry], loc: Loc = ("dictionary",)) -> Iterator[tuple[Loc, str, Family]]:

@@ -2,23 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
-from typing import Any
 
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.spec.sections.dictionary import (
-    Delays,
-    DictionaryEntry,
-    Lags,
-    Polynomial,
-    Products,
-    Resonance,
-    Saturate,
-    Slow,
-    Widths,
-)
+from mapmore_cli.spec.sections.dictionary import Delays, DictionaryEntry, Lags, Polynomial, Products
 
 
 @dataclass(frozen=True)
@@ -58,7 +46,12 @@ def _terms(entry: DictionaryEntry, clock: Clock | None, *, constant: bool) -> Se
         from mapmore_cli.modelling.memory.families import lags
 
         return _monomials(lags(of, list(dict.fromkeys(family.steps))), family, constant=constant)
-    return _STATES[name](of, family, clock)
+    from mapmore_cli.modelling.memory.families import delays, operated
+
+    assert clock is not None
+    if isinstance(family, Delays):
+        return delays(of, family.times, clock.step)
+    return operated(name, of, family.numbers(clock.step, clock.longest))
 
 
 def _canonical(text: str) -> str:
@@ -85,54 +78,3 @@ def _products(family: Products, clock: Clock | None, *, constant: bool) -> list[
         if partner not in of:
             raise SpecError(f"products: `{partner}` of `with` is none of the terms `of` them", f"there are {', '.join(of)}")
     return [to_text(term) for term in products(of, family.order, partners, family.constant and constant)]
-
-
-def _delayed(of: Sequence[str], family: Delays, clock: Clock | None) -> Sequence[str]:
-    from mapmore_cli.modelling.memory.families import delays
-
-    assert clock is not None
-    return delays(of, family.times, clock.step)
-
-
-def _slow(of: Sequence[str], family: Slow, clock: Clock | None) -> Sequence[str]:
-    from mapmore_cli.modelling.memory.families import operated, spread_times
-
-    assert clock is not None
-    return operated("slow", of, family.tau or spread_times(family.count or 1, clock.step, clock.longest))
-
-
-def _operated(operator: str) -> _States:
-    def names(of: Sequence[str], family: Widths, _clock: Clock | None) -> Sequence[str]:
-        from mapmore_cli.modelling.memory.families import operated, spread_widths
-
-        return operated(operator, of, family.widths or spread_widths(family.count or 1))
-
-    return names
-
-
-def _resonance(of: Sequence[str], family: Resonance, _clock: Clock | None) -> Sequence[str]:
-    from mapmore_cli.modelling.memory.families import resonances
-
-    found = () if family.frequency is None or family.damping is None else (family.frequency, family.damping)
-    return resonances(of, found)
-
-
-def _saturated(of: Sequence[str], _family: Saturate, _clock: Clock | None) -> Sequence[str]:
-    from mapmore_cli.modelling.memory.families import operated
-
-    return operated("saturate", of)
-
-
-_States = Callable[[Sequence[str], Any, Clock | None], Sequence[str]]
-"""Names of states with memory, given what they work on and the settings of their family."""
-
-_STATES: Mapping[str, _States] = MappingProxyType(
-    {
-        "delays": _delayed,
-        "slow": _slow,
-        "play": _operated("play"),
-        "stop": _operated("stop"),
-        "resonance": _resonance,
-        "saturate": _saturated,
-    }
-)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mapmore_cli.domain.memory import MemoryModel, StateSet
-from mapmore_cli.modelling.memory import Record
+from mapmore_cli.modelling.memory import MemoryRecipe, Record
 
 STEP = 0.01
 
@@ -17,6 +17,12 @@ def state_set(*names, ranges=None, resonances=None, low=(), high=(), margin=0.15
 def memory_model(terms, theta, states, constant=0.0, limits=(-1.0, 1.0), output="y"):
     theta = np.array(theta, dtype=float)
     return MemoryModel(output, states, tuple(terms), theta, np.zeros(len(theta)), constant, limits)
+
+
+def recipe_of(target, dictionary, step=STEP, *, max_terms, **changed):
+    """Plain FROLS of so many terms, but for what is `changed`."""
+    plain = {"scale": False, "margin": 0.15, "ridge": 0.0, "forward": None, "tolerance": 0.0, "stop": "tolerance"}
+    return MemoryRecipe(target, tuple(dictionary), step, max_terms=max_terms, **{**plain, **changed})
 
 
 def record(training=True, **columns):

@@ -6,10 +6,10 @@ import numpy as np
 import openpyxl
 import pytest
 from closeness import nrmse_by_range
-from memory_samples import record
+from memory_samples import recipe_of, record
 
-from mapmore_cli.modelling.memory import MemoryRecipe, fit_with_memory, free_run
-from mapmore_cli.modelling.memory.families import operated, products, resonances
+from mapmore_cli.modelling.memory import fit_with_memory, free_run
+from mapmore_cli.modelling.memory.families import operated, products
 from mapmore_cli.modelling.signals.cycles import last_cycles
 from mapmore_cli.modelling.signals.sampling import find_gaps, pieces, resample
 from mapmore_cli.modelling.terms import to_text
@@ -18,14 +18,14 @@ STEP, GAP = 0.01, 0.1  # s
 STATES = (
     "pressure",
     *operated("slow", ["pressure"], [0.1, 0.3, 1, 3]),
-    *resonances(["pressure"]),
+    *operated("resonance", ["pressure"]),
     *operated("play", ["pressure"], [0.04, 0.08, 0.16, 0.24, 0.32, 0.40, 0.46]),
     *operated("slow", operated("play", ["pressure"], [0.16, 0.32]), [0.3, 1]),
 )
 DICTIONARY = tuple(to_text(term) for term in products(STATES, 2, partners=["pressure"], constant=False))
-SETTING = MemoryRecipe("displacement", DICTIONARY, STEP, scale=True, ridge=0.002, max_terms=12, forward=36)
-STATIC = MemoryRecipe("displacement", ("1", "pressure", "pressure^2", "pressure^3"), STEP, max_terms=4)
-PLAYS = MemoryRecipe("displacement", ("1", *STATES[:1], *operated("play", ["pressure"], np.linspace(0.04, 0.46, 10))), STEP, max_terms=12)
+SETTING = recipe_of("displacement", DICTIONARY, STEP, scale=True, ridge=0.002, max_terms=12, forward=36)
+STATIC = recipe_of("displacement", ("1", "pressure", "pressure^2", "pressure^3"), STEP, max_terms=4)
+PLAYS = recipe_of("displacement", ("1", *STATES[:1], *operated("play", ["pressure"], np.linspace(0.04, 0.46, 10))), STEP, max_terms=12)
 
 LOOPS = {  # seconds that were measured soundly: jumps of the position sensor lie outside
     "200grams_Sample_1_Test_1": (0, 60),

@@ -14,25 +14,26 @@ from mapmore_cli.modelling.memory.families import (
     lags,
     operated,
     products,
-    resonances,
-    spread_times,
-    spread_widths,
 )
 from mapmore_cli.modelling.terms import monomials, to_text
+from mapmore_cli.modelling.terms.operators.play import spread_widths
+from mapmore_cli.modelling.terms.operators.slow import spread_times
 
 
 def test_names_are_written_as_a_person_would():
     assert lags(["force", "pressure"], [0, 1, 2]) == ("force", "pressure", "force[k-1]", "pressure[k-1]", "force[k-2]", "pressure[k-2]")
     assert delays(["p"], [0, 0.011, 0.012, 0.04], 0.01) == ("p", "p[k-1]", "p[k-4]")
-    assert operated("play", ["p"], [0.16, 1]) == ("play(p, 0.16)", "play(p, 1)")
+    assert operated("play", ["p"], [0.16, 0.4]) == ("play(p, 0.16)", "play(p, 0.4)")
     assert operated("slow", operated("play", ["p"], [0.16]), [0.3]) == ("slow(play(p, 0.16), 0.3)",)
     assert operated("saturate", ["p"]) == ("saturate(p)",)
-    assert resonances(["p"]) == ("resonance(p)", "resonance_velocity(p)")
+    assert operated("resonance", ["p"]) == ("resonance(p)", "resonance_velocity(p)")
 
 
-@pytest.mark.parametrize(("operator", "numbers"), [("slow", []), ("play", [0.0]), ("saturate", [1.0]), ("resonance", [4.0])])
+@pytest.mark.parametrize(
+    ("operator", "numbers"), [("slow", []), ("play", [0.0]), ("saturate", [1.0]), ("play", [1.0]), ("resonance", [4.0])]
+)
 def test_impossible_operators_are_refused(operator, numbers):
-    with pytest.raises(ValueError, match=r"number"):
+    with pytest.raises(ValueError, match=r"number|between"):
         operated(operator, ["p"], numbers)
 
 

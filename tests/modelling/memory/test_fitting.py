@@ -8,17 +8,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from closeness import nrmse_by_range, rmse, rrse
-from memory_samples import STEP, narx_truth, record, wandering
+from memory_samples import STEP, narx_truth, recipe_of, record, wandering
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.modelling.memory import MemoryRecipe, capacity, fit_with_memory, free_run
+from mapmore_cli.modelling.memory import capacity, fit_with_memory, free_run
 from mapmore_cli.modelling.memory.equation import memory_equation
 from mapmore_cli.modelling.memory.families import lags, operated, products
-from mapmore_cli.modelling.memory.operators import play, slow
 from mapmore_cli.modelling.terms import evaluate, to_text
+from mapmore_cli.modelling.terms.operators.play import play
+from mapmore_cli.modelling.terms.operators.slow import slow
 
 NARX = tuple(to_text(term) for term in products(lags(["y", "x"], [1, 2]), 2))
-LAGGED = MemoryRecipe("y", NARX, STEP, max_terms=4)
+LAGGED = recipe_of("y", NARX, STEP, max_terms=4)
 
 
 def narx_records(noise=0.0, count=3, n=200):
@@ -68,7 +69,7 @@ def hysteretic(n, seed):
 
 
 STATES = ("x", *operated("slow", ["x"], [0.05, 0.2, 1]), *operated("play", ["x"], [0.1, 0.2, 0.4]))
-OPERATED = MemoryRecipe(
+OPERATED = recipe_of(
     "y", tuple(to_text(t) for t in products(STATES, 2, partners=["x"], constant=False)), STEP, scale=True, ridge=1e-6, max_terms=4
 )
 
@@ -133,7 +134,7 @@ def test_a_regularised_fit_never_holds_its_dictionary():
     x = np.random.default_rng(0).normal(size=n)
     given = [record(x=x, y=np.roll(x, 1) ** 2)]
     tracemalloc.start()
-    fit_with_memory(given, MemoryRecipe("y", dictionary, STEP, ridge=1e-3, max_terms=3))
+    fit_with_memory(given, recipe_of("y", dictionary, STEP, ridge=1e-3, max_terms=3))
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert len(dictionary) == 91

@@ -8,9 +8,9 @@ import re
 import numpy as np
 import pytest
 from closeness import rmse, rrse
-from memory_samples import record
+from memory_samples import recipe_of, record
 
-from mapmore_cli.modelling.memory import MemoryRecipe, fit_with_memory, free_run, one_step_ahead
+from mapmore_cli.modelling.memory import fit_with_memory, free_run, one_step_ahead
 from mapmore_cli.modelling.memory.families import lags, products
 from mapmore_cli.modelling.terms import to_text
 
@@ -27,7 +27,7 @@ def peer(folder):
 
 def narx(terms, steps=2):
     names = lags(["y", "x"], range(1, steps + 1))
-    return MemoryRecipe("y", tuple(to_text(term) for term in products(names, 2)), 1.0, max_terms=terms)
+    return recipe_of("y", tuple(to_text(term) for term in products(names, 2)), 1.0, max_terms=terms)
 
 
 def in_our_words(term):

@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from closeness import nrmse_by_range
-from memory_samples import record
+from memory_samples import recipe_of, record
 
-from mapmore_cli.modelling.memory import MemoryRecipe, fit_with_memory, free_run
-from mapmore_cli.modelling.memory.families import operated, products, spread_widths
+from mapmore_cli.modelling.memory import fit_with_memory, free_run
+from mapmore_cli.modelling.memory.families import operated, products
 from mapmore_cli.modelling.terms import to_text
+from mapmore_cli.modelling.terms.operators.play import spread_widths
 from mapmore_cli.rig.hysteresis import Hysteresis
 from mapmore_cli.spec.simulation import McKibbenMuscle, PeanoMuscle
 from mapmore_cli.stages.simulation.rig_parts import muscle_of
@@ -37,7 +38,7 @@ def test_operators_follow_inner_reversals_of_new_amplitudes(kind):
     widths = (0.01, 0.02, 0.05, *spread_widths(4))
     plays = operated("play", ["strain"], widths)
     powers = tuple(to_text(term) for term in products(["strain"], 5, constant=False))
-    recipe = MemoryRecipe("force", powers, STEP, scale=True, ridge=1e-6, max_terms=12, forward=24)
+    recipe = recipe_of("force", powers, STEP, scale=True, ridge=1e-6, max_terms=12, forward=24)
     dictionaries = {
         "static": powers,
         "prandtl_ishlinskii": ("strain", *plays),

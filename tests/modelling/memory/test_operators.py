@@ -8,7 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from mapmore_cli.modelling.memory.operators import delayed, play, resonance, resonance_velocity, slow, stop
+from mapmore_cli.modelling.memory.evaluation import delayed
+from mapmore_cli.modelling.terms.operators.play import play
+from mapmore_cli.modelling.terms.operators.resonance import resonance, resonance_velocity
+from mapmore_cli.modelling.terms.operators.slow import slow
+from mapmore_cli.modelling.terms.operators.stop import stop
 from mapmore_cli.rig.hysteresis import stop as rig_stop
 
 PATHS = arrays(float, st.integers(1, 60), elements=st.floats(-10, 10, width=32))

@@ -78,7 +78,7 @@ STATES = st.recursive(
                 Operated,
                 st.just(name),
                 inner,
-                st.sampled_from(OPERATORS[name]).flatmap(lambda count: st.tuples(*[NUMBERS] * count)),
+                st.sampled_from(OPERATORS[name].counts).flatmap(lambda count: st.tuples(*[NUMBERS] * count)),
             )
         ),
     ),
