@@ -106,7 +106,16 @@ class WithUnit:
 
 @dataclass(frozen=True)
 class RelativePath:
-    """Marks a path that starts at the folder of the file that it is written in."""
+    """Marks a path that starts at the folder of the file that it is written in; `bare` names without a folder stay as they are."""
+
+    bare: bool = False
+
+
+@dataclass(frozen=True)
+class SettingsOf:
+    """Marks a mapping with keys of a whole spec, as `data.files`; the spec's model is looked up late, since it holds the mapping."""
+
+    model: Callable[[], type[BaseModel]]
 
 
 def of_sibling(name: str) -> WithUnit:

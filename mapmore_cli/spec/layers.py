@@ -11,7 +11,7 @@ from typing import Any
 
 from mapmore_cli.domain.errors import SpecError, UsageError
 from mapmore_cli.spec.diagnostics import Mistake, fail
-from mapmore_cli.spec.tree import Node, SourceText, merged, with_child
+from mapmore_cli.spec.tree import Node, SourceText, merged, with_child, without
 from mapmore_cli.spec.yaml_core import escaped
 from mapmore_cli.spec.yaml_loader import parse, read_source
 
@@ -58,7 +58,8 @@ def _base(reference: Node, path: Path, problems: list[Mistake], heirs: tuple[Pat
 def apply(root: Node, overrides: Sequence[str], problems: list[Mistake]) -> Node:
     """The tree with each `key.path=value` set, in this order; a step of the path that is a number counts the items of a list from 0.
 
-    Values are YAML (`[80, 150]`, `250 kPa`, `null`). A key that no section knows is left to validation, as if it stood in the file.
+    Values are YAML (`[80, 150]`, `250 kPa`); `null` removes the key. One that no section knows is left to validation, as if it stood in
+    the file.
 
     Raises
     ------
@@ -89,6 +90,8 @@ def _set(node: Node, steps: Sequence[str], value: Node) -> Node:
     """`value` at the end of `steps`; mappings on the way are made where there are none."""
     if not steps:
         return replace(value, key_at=value.at)
+    if len(steps) == 1 and value.value is None and isinstance(node.value, dict):
+        return without(node, steps)
     if node.value is None:
         node = replace(node, value={}, at=value.at)
     step = _step(node, steps[0], value)

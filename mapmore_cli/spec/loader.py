@@ -15,8 +15,8 @@ from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.explain import explain, faulty
 from mapmore_cli.spec.fields import PARTIAL
 from mapmore_cli.spec.layers import apply, read
-from mapmore_cli.spec.quantities import resolve
-from mapmore_cli.spec.tree import Loc, Node, nearest, plain, without
+from mapmore_cli.spec.quantities import moved, resolve
+from mapmore_cli.spec.tree import Kind, Loc, Node, nearest, plain, without
 from mapmore_cli.spec.yaml_core import dump, escaped
 
 M = TypeVar("M", bound=BaseModel)
@@ -46,6 +46,10 @@ class Loaded(Generic[M]):
     resolved: str
     overrides: tuple[str, ...]
     _root: Node = field(repr=False, compare=False)
+
+    def resolved_in(self, folder: Path) -> str:
+        """The resolved spec for a file in another folder: relative paths start there, so that it runs again where it lies."""
+        return resolved(self.spec, self.folder, folder)
 
     def where(self, *loc: str | int) -> str:
         """`file:line:column` of a key or list item, or of the nearest section around it that the files hold."""
@@ -83,9 +87,12 @@ def load_as(path: Path, model: type[M], overrides: Sequence[str] = (), check: Ch
     return Loaded(spec, path, path.parent, resolved(spec), tuple(overrides), root)
 
 
-def resolved(spec: BaseModel) -> str:
-    """The spec as YAML that loads to an equal one."""
-    return dump(escaped(spec.model_dump(mode="json", by_alias=True, exclude_none=True)))
+def resolved(spec: BaseModel, folder: Path | None = None, to: Path | None = None) -> str:
+    """The spec as YAML that loads to an equal one; given both, that of a spec in `folder` for a file in the folder `to`."""
+    document = spec.model_dump(mode="json", by_alias=True, exclude_none=True)
+    if folder is not None and to is not None:
+        document = moved(document, [Kind(type(spec))], folder.resolve(), to.resolve())
+    return dump(escaped(document))
 
 
 def _beyond(error: ValidationError, root: Node, model: type[M], check: Check[M]) -> list[Mistake]:

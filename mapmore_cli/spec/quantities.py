@@ -13,7 +13,7 @@ from pydantic import BaseModel
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.spec.diagnostics import Mistake
-from mapmore_cli.spec.fields import RelativePath, Surroundings, WithUnit
+from mapmore_cli.spec.fields import RelativePath, SettingsOf, Surroundings, WithUnit
 from mapmore_cli.spec.tree import Kind, Node, below, is_free, plain
 from mapmore_cli.spec.units import default_unit, is_quantity, parse_quantity, split_quantity
 
@@ -51,7 +51,7 @@ class _Resolver:
 
     def _text(self, node: Node, text: str, marks: Sequence[Any], around: Surroundings) -> str | float:
         if any(isinstance(mark, RelativePath) for mark in marks):
-            return _from_folder(text, node.at.source.folder, self.folder)
+            return _from_folder(text, marks, node.at.source.folder, self.folder)
         rule = next((mark for mark in marks if isinstance(mark, WithUnit)), None)
         if rule is None or not is_quantity(text):
             return text
@@ -64,8 +64,33 @@ class _Resolver:
             return math.nan
 
 
-def _from_folder(path: str, written_in: Path, folder: Path) -> str:
-    if written_in == folder or Path(path).is_absolute():
+def moved(document: Any, kinds: Sequence[Kind], folder: Path, to: Path) -> Any:
+    """The values of a spec in `folder`, for a file in the folder `to`: relative paths start there."""
+    match document:
+        case dict():
+            return {key: moved(value, _under(kinds, key), folder, to) for key, value in document.items()}
+        case list():
+            return [moved(value, _under(kinds, place), folder, to) for place, value in enumerate(document)]
+        case str() if any(isinstance(mark, RelativePath) for kind in kinds for mark in kind.marks):
+            return _from_folder(document, [mark for kind in kinds for mark in kind.marks], folder, to)
+        case _:
+            return document
+
+
+def _under(kinds: Sequence[Kind], step: str | int) -> list[Kind]:
+    """What may stand under a key or list index; keys of settings, as `data.files`, lead from the root of a spec."""
+    settings = next((mark for kind in kinds for mark in kind.marks if isinstance(mark, SettingsOf)), None)
+    if settings is None:
+        return [found for kind in kinds for found in below(kind, step)]
+    here = [Kind(settings.model())]
+    for name in str(step).split("."):
+        here = _under(here, int(name) if name.isdecimal() else name)
+    return here
+
+
+def _from_folder(path: str, marks: Sequence[Any], written_in: Path, folder: Path) -> str:
+    bare = any(isinstance(mark, RelativePath) and mark.bare for mark in marks)
+    if written_in == folder or Path(path).is_absolute() or (bare and "/" not in path):
         return path
     return Path(os.path.relpath(written_in / path, folder)).as_posix()
 

@@ -80,12 +80,15 @@ def nearest(root: Node, loc: Loc) -> Node:
 
 
 def merged(base: Node, over: Node) -> Node:
-    """`over` on top of `base`: mappings merge deeply, other values replace."""
+    """`over` on top of `base`: mappings merge deeply, other values replace, and an empty one (`null`) removes what it stands on."""
     if not (isinstance(base.value, dict) and isinstance(over.value, dict)):
         return over
     value = dict(base.value)
     for key, child in over.value.items():
-        value[key] = merged(value[key], child) if key in value else child
+        if key in value and child.value is None:
+            del value[key]
+        else:
+            value[key] = merged(value[key], child) if key in value else child
     return replace(over, value=value)
 
 

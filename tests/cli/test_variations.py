@@ -106,3 +106,16 @@ def test_repeated_measurements_get_rows_of_their_own(tmp_path: Path, mapmore: Ca
     assert floor["n"] <= own["n"]
     assert ("repeatability", "train") in rows
     assert "repeatability" in (tmp_path / "runs" / "bench" / "report" / "index.html").read_text()
+
+
+def test_the_resolved_spec_of_a_run_runs_again(varied: Path, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    """`experiment.yaml` lies in another folder than its recordings, and means the same ones."""
+    runs = tmp_path / "deep" / "runs"
+    first, _ = scored_run(mapmore, varied, runs)
+    again, _ = scored_run(mapmore, runs / "bench" / "experiment.yaml", tmp_path / "again")
+    assert again == first
+    scores = [(folder / "bench" / "scores.json").read_bytes() for folder in (runs, tmp_path / "again")]
+    assert scores[0] == scores[1]
+    before = (runs / "bench" / "experiment.yaml").read_bytes()
+    scored_run(mapmore, runs / "bench" / "experiment.yaml", runs)
+    assert (runs / "bench" / "experiment.yaml").read_bytes() == before

@@ -11,7 +11,8 @@ from spec_examples import FORMULA, STATIC, load_text, refusal
 
 from mapmore_cli.domain.errors import SpecError, UsageError
 from mapmore_cli.spec.layers import as_overrides
-from mapmore_cli.spec.loader import load
+from mapmore_cli.spec.loader import LoadedSpec, load
+from mapmore_cli.spec.sections.results import Competitor
 from mapmore_cli.spec.yaml_core import escaped, expand
 
 # Environment -------------------------------------------------------------------------------------------------------------------------
@@ -210,3 +211,46 @@ def test_settings_keep_their_texts_on_their_way(tmp_path: Path) -> None:
     loaded = load(path, as_overrides({"muscle.name": texts[2], "data.files": texts}))
     assert loaded.spec.muscle.name == texts[2]
     assert loaded.spec.data.files == texts
+
+
+def test_null_removes_what_is_inherited(tmp_path: Path) -> None:
+    (tmp_path / "base.yaml").write_text(STATIC)
+    heir = "extends: base.yaml\ndata: {columns: {strain: null}, cycles: null, split: null}\nsegment: null\n"
+    with pytest.raises(SpecError, match="there is no quantity `strain` in this study"):  # of the dictionary
+        load_text(tmp_path, heir)
+    spec = load_text(tmp_path, f"{heir}dictionary: [{{terms: [pressure]}}]\nvalidate: null").spec
+    assert "strain" not in spec.data.columns
+    assert (spec.data.split.hold_out, spec.segment) == (None, {})
+    with pytest.raises(SpecError, match="lacks the key `target`"):
+        load_text(tmp_path, "extends: base.yaml\ntarget: null")
+    without = load_text(tmp_path, STATIC, ["data.columns.time=null"]).spec
+    assert "time" not in without.data.columns
+
+
+def test_the_resolved_text_runs_in_another_folder(family: Path, tmp_path: Path) -> None:
+    """Every relative path starts there: files, needed specs, competitors' specs and settings, patterns of held-out files with a folder."""
+    variation = "{set: {data.files: [y/*.csv], fit.max_terms: 2}, as: b}"
+    more = f"\nneeds: {{static: ../static.yaml}}\nvalidate: {{against: [{{run: other/o.yaml}}, {variation}]}}\n"
+    child = family / "child" / "spec.yaml"
+    child.write_text(child.read_text().replace("pressure: [2 bar]", "files: [x.csv, d/*.csv]") + more)
+    loaded = load(child)
+    folder = tmp_path / "runs" / "deep" / "here"
+    folder.mkdir(parents=True)
+    (folder / "experiment.yaml").write_text(loaded.resolved_in(folder))
+    again = load(folder / "experiment.yaml")
+
+    def absolute(spec_folder: Path, paths: list[str]) -> list[Path]:
+        return [(spec_folder / path).resolve() for path in paths]
+
+    def paths_of(one: LoadedSpec) -> list[str]:
+        competitors = [entry for entry in one.spec.validation.against if isinstance(entry, Competitor)]
+        assert competitors[1].set is not None
+        files = [file if isinstance(file, str) else file.path for file in one.spec.data.files]
+        return [*files, str(one.spec.needs.static), str(competitors[0].run), *competitors[1].set["data.files"]]
+
+    assert absolute(again.folder, paths_of(again)) == absolute(loaded.folder, paths_of(loaded))
+    assert again.spec.data.split.hold_out is not None
+    assert again.spec.data.split.hold_out.files is not None
+    assert again.spec.data.split.hold_out.files[0] == "x.csv"
+    assert again.resolved_in(folder) == (folder / "experiment.yaml").read_text()
+    assert again.resolved_in(loaded.folder) == loaded.resolved_in(loaded.folder)

@@ -12,8 +12,10 @@ from pydantic import ConfigDict, Field, model_validator
 from mapmore_cli.spec.fields import (
     Keyed,
     Many,
+    Number,
     OfKey,
     Quantity,
+    RelativePath,
     Seconds,
     Section,
     SignedSeconds,
@@ -118,7 +120,7 @@ class Holdout(Section):
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, HeldOut]
 
-    files: list[str] | None = None
+    files: list[Annotated[str, RelativePath(bare=True)]] | None = None
     recordings: list[str] | None = None
     last: Part | None = None
     last_cycles: Part | None = None
@@ -178,6 +180,26 @@ class GapRule(Section):
     action: Literal["error", "split"] = "error"
 
 
+class MissingRule(Section):
+    """What becomes of missing values: samples without one are an `error`, or left out (`drop`).
+
+    `tokens` are texts and numbers that stand for a missing value, besides an empty cell, `nan`, `NA` and the like.
+    """
+
+    tokens: list[Annotated[Annotated[str, Text] | Annotated[float, Number], by_shape]] = []
+    action: Literal["error", "drop"] = "drop"
+
+    @property
+    def texts(self) -> frozenset[str]:
+        """Tokens as cells of text hold them."""
+        return frozenset(token.strip() for token in self.tokens if isinstance(token, str))
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """Tokens that are numbers, as -999."""
+        return tuple(token for token in self.tokens if not isinstance(token, str))
+
+
 Plateau = Annotated[
     Annotated[Annotated[tuple[SignedSeconds, SignedSeconds], Field(strict=False)], Many] | Annotated[Literal["auto"], Text], by_shape
 ]
@@ -203,7 +225,7 @@ class Data(Logs):
     ] = {}
     plateau: Plateau | None = None
     keep: list[Keep] = []
-    missing: Literal["error", "drop"] = "error"
+    missing: Annotated[Annotated[Literal["error", "drop"], Text] | Annotated[MissingRule, Keyed], by_shape] = "error"
     repeated_time: Literal["error", "average", "spread"] = "error"
     gaps: GapRule | None = None
     resample: Seconds | None = None
@@ -216,6 +238,11 @@ class Data(Logs):
         """Every quantity that comes from a column, or is the time made from `sample_time`."""
         joined = (name for join in self.join for name in join.quantities)
         return tuple(dict.fromkeys((*self.columns, *(["time"] if self.sample_time is not None else []), *joined)))
+
+    @property
+    def missing_rule(self) -> MissingRule:
+        """The rule that `missing` says in a word or in full."""
+        return MissingRule(action=self.missing) if isinstance(self.missing, str) else self.missing
 
     @property
     def quantities(self) -> tuple[str, ...]:

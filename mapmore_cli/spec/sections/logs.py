@@ -78,12 +78,13 @@ READERS_OF: Mapping[str, tuple[ReaderName, ...]] = {
 class FileEntry(Section):
     """A glob (`path`) with quantities that no column holds (`set`), and the recording's `id` where one file matches.
 
-    `keep` chooses samples of these files, besides the `keep` of all.
+    `sheet` is that of these workbooks. `keep` chooses samples of these files, besides the `keep` of all.
     """
 
     path: FilePattern
     set: dict[Quantity, OfKey] = {}
     id: str | None = None
+    sheet: str | None = None
     keep: list[Keep] = []
 
 
@@ -105,9 +106,10 @@ class Logs(Section):
     """Files of one kind and the columns in them.
 
     `files` are globs that start at the folder of the spec. `header` is the number of header lines (`true` is one), the first with the
-    names, after `skip_rows` lines. `delimiter` is a character, `tab` or `whitespace`. `sheet` names the sheet of a workbook, `root`
-    the place in a MAT or HDF5 file from which columns are addressed: with `[*]` at its end every element is a recording of its own.
-    `sample_time` makes the time where no column holds it. Of so many samples, `every` reads the first.
+    names, after `skip_rows` lines. `delimiter` is a character, `tab` or `whitespace`. `sheet` names the sheet of a workbook;
+    with `*` or another glob, every sheet that matches is a recording of its own. `root` is the place in a MAT or HDF5 file from which
+    columns are addressed: with `[*]` at its end every element is a recording of its own. `sample_time` makes the time where no column
+    holds it. `every: N` reads one sample in N.
     """
 
     files: Annotated[
@@ -132,6 +134,8 @@ class Logs(Section):
             if self.reader not in readers and getattr(self, key) != Logs.model_fields[key].default:
                 owners = " and ".join(f"`{reader}`" for reader in readers)
                 raise contradiction(f"reader `{self.reader}` has no use for `{key}`", f"remove it: it belongs to {owners}", key)
+        if self.reader != "xlsx" and any(isinstance(entry, FileEntry) and entry.sheet is not None for entry in self.files):
+            raise contradiction(f"reader `{self.reader}` has no use for `sheet`", "remove it: it belongs to `xlsx`", "files")
         if self.reader == "tdms" and any(isinstance(column.column, int) for column in self.columns.values()):
             raise contradiction("reader `tdms` finds channels by name", "write `column: Group/Channel`", "columns")
         if self.sample_time is not None and "time" in self.columns:

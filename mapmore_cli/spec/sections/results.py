@@ -7,9 +7,28 @@ from __future__ import annotations
 from pathlib import PurePosixPath
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BaseModel, Field, model_validator
 
-from mapmore_cli.spec.fields import Keyed, Metric, Name, OfTarget, Quantity, RelativePath, Section, Share, Text, by_shape, contradiction
+from mapmore_cli.spec.fields import (
+    Keyed,
+    Metric,
+    Name,
+    OfTarget,
+    Quantity,
+    RelativePath,
+    Section,
+    SettingsOf,
+    Share,
+    Text,
+    by_shape,
+    contradiction,
+)
+
+
+def _experiment() -> type[BaseModel]:
+    from mapmore_cli.spec.experiment import ExperimentSpec
+
+    return ExperimentSpec
 
 
 class Competitor(Section):
@@ -22,7 +41,7 @@ class Competitor(Section):
 
     model: str | None = None
     run: Annotated[str, RelativePath()] | None = None
-    set: dict[str, Any] | None = None
+    set: Annotated[dict[str, Any], SettingsOf(_experiment)] | None = None
     static: str | None = None
     damping: str | None = None
     method: Literal["variable_projection", "levenberg_marquardt"] | None = None

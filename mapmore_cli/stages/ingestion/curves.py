@@ -16,19 +16,36 @@ from mapmore_cli.spec.sections.data import Cycles, Levels
 from mapmore_cli.stages.ingestion.samples import located
 from mapmore_cli.stages.ingestion.steps import PLATEAU
 
+CLOSE = 0.01
+"""Of the smallest distance between levels, within which a value names one of them."""
+
 
 @dataclass(frozen=True)
 class LevelSet:
-    """The values `(m,)`, ascending, at which the quantity `of` was held, and how far a sample may be from one."""
+    """The values `(m,)`, ascending, at which the quantity `of` was held, and how far a sample may be from one.
+
+    `scatter` is `(m,)`, the standard deviation of the samples at each level; None before they are known.
+    """
 
     of: str
     at: Array
     within: float
+    scatter: Array | None = None
 
     def match(self, values: Array) -> Array:
         """Return the level of every value, NaN where there is none."""
         index = match_levels(values, self.at, self.within)
         return np.where(index >= 0, self.at[index], np.nan)
+
+    def named(self, value: float) -> float | None:
+        """Return the level that a user means by `value`; None where it is further off than 1 % of the distance of levels and their scatter.
+
+        Any sample belongs to a level, but 171 is no name for the level 150.
+        """
+        place = int(np.argmin(np.abs(self.at - value)))
+        distance = 2 * default_within(self.at) if len(self.at) > 1 else abs(float(self.at[0]))
+        reach = max(CLOSE * distance, 0.0 if self.scatter is None else float(self.scatter[place]))
+        return float(self.at[place]) if abs(self.at[place] - value) <= reach * (1 + 1e-9) + 1e-12 * abs(value) else None
 
     def describe(self) -> str:
         """Name the levels in one line."""
@@ -61,6 +78,12 @@ def level_set(levels: Levels, recordings: Sequence[Recording]) -> LevelSet:
     else:
         at = np.sort(np.array(levels.at, dtype=float)) + 0.0  # no -0 in curve ids
     return LevelSet(of, at, levels.within if levels.within is not None else default_within(at))
+
+
+def with_scatter(levels: LevelSet, parts: Sequence[Part]) -> LevelSet:
+    """Return the levels with the scatter of the samples of `parts`."""
+    pools = [np.concatenate([part.columns[levels.of] for part in parts if part.level == level]) for level in levels.at]
+    return replace(levels, scatter=np.array([float(np.std(pool)) for pool in pools]))
 
 
 def cut_by_level(logs: Sequence[Sequence[Recording]], levels: LevelSet | None) -> tuple[list[Recording], list[Part]]:

@@ -11,7 +11,7 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset, Quantity, Recording
 from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.spec.sections.logs import FileEntry
-from mapmore_cli.stages.ingestion.curves import cut_by_level, join_branches, joined_curves, level_set
+from mapmore_cli.stages.ingestion.curves import cut_by_level, join_branches, joined_curves, level_set, with_scatter
 from mapmore_cli.stages.ingestion.files import Meter, Source, find_sources
 from mapmore_cli.stages.ingestion.recording import ReadLog, read_recordings
 from mapmore_cli.stages.ingestion.slice import IngestSlice
@@ -53,6 +53,7 @@ def build_dataset(
         units[PLATEAU] = "1"
     levels = level_set(data.levels, [piece for reading in readings for piece in reading.pieces]) if data.levels else None
     recordings, parts = cut_by_level([reading.pieces for reading in readings], levels)
+    levels = None if levels is None else with_scatter(levels, parts)
     for warning in (warning for reading in readings for warning in reading.warnings):
         warn(warning)
     for recording in recordings:

@@ -14,10 +14,11 @@ from mapmore_cli.storage.readers.files import expand, relative_name, unique_ids
 
 @dataclass(frozen=True)
 class Log:
-    """A file to read, and its name relative to the spec's folder."""
+    """A file to read, its name relative to the spec's folder, and the sheet of it where its entry names one."""
 
     path: Path
     name: str
+    sheet: str | None
 
 
 @dataclass(frozen=True)
@@ -40,32 +41,39 @@ def find_sources(entries: Entries, folder: Path, joins: Sequence[Join] = ()) -> 
     share an id.
     """
     found = _found(entries, folder)
-    ids = [entry.id or automatic for (_, entry), automatic in zip(found, unique_ids([log.name for log, _ in found]), strict=True)]
+    ids = [entry.id or automatic for (_, entry), automatic in zip(found, _automatic([log for log, _ in found]), strict=True)]
     for name in ids:
         if ids.count(name) > 1:
             raise SpecError(f"files: {ids.count(name)} recordings have the id '{name}'", "Give each an `id` of its own.")
     logs = [_paired(join, len(found), folder) for join in joins]
     return tuple(
-        Source(log.path, log.name, ids[i], entry.set, entry.keep, tuple(joined[i] for joined in logs))
+        Source(log.path, log.name, log.sheet, ids[i], entry.set, entry.keep, tuple(joined[i] for joined in logs))
         for i, (log, entry) in enumerate(found)
     )
 
 
 def _found(entries: Entries, folder: Path) -> list[tuple[Log, FileEntry]]:
-    """Every file with the entry that names it."""
-    found: dict[str, tuple[Log, FileEntry]] = {}
+    """Every file with the entry that names it; sheets that entries name one by one are files of their own."""
+    found: dict[tuple[str, str | None], tuple[Log, FileEntry]] = {}
     for entry in (FileEntry(path=entry) if isinstance(entry, str) else entry for entry in entries):
         paths = expand(entry.path, folder)
         if entry.id is not None and len(paths) > 1:
             raise SpecError(f"files: id '{entry.id}' is given to {len(paths)} files ({entry.path})", "Name a single file, or drop the id.")
         for path in paths:
             name = relative_name(path, folder)
-            if name in found:
-                raise DataError(
-                    f"{name}: named twice, by '{found[name][1].path}' and '{entry.path}'", "Make the patterns of `files` disjoint."
-                )
-            found[name] = (Log(path, name), entry)
+            if (name, entry.sheet) in found:
+                before = found[name, entry.sheet][1].path
+                raise DataError(f"{name}: named twice, by '{before}' and '{entry.path}'", "make the patterns of `files` disjoint")
+            found[name, entry.sheet] = (Log(path, name, entry.sheet), entry)
     return list(found.values())
+
+
+def _automatic(logs: Sequence[Log]) -> list[str]:
+    """Ids after the files; where one is read sheet by sheet, with the sheet behind it, as `book[Run1]`."""
+    names = list(dict.fromkeys(log.name for log in logs))
+    ids = dict(zip(names, unique_ids(names), strict=True))
+    several = {name for name in names if sum(log.name == name for log in logs) > 1}
+    return [f"{ids[log.name]}[{log.sheet}]" if log.name in several and log.sheet else ids[log.name] for log in logs]
 
 
 def _paired(join: Join, count: int, folder: Path) -> list[Log]:

@@ -41,10 +41,10 @@ def joined(tables: Sequence[Samples], source: Source, data: Data, units: Mapping
 
 
 def _read(log: Log, join: Join, data: Data, units: Mapping[str, str], meter: Meter) -> list[Samples]:
-    tables = read_tables(log, join, data.missing, units, meter)
+    tables = read_tables(log, join, data.missing_rule, units, meter)
     if join.on == "row":
         return tables
-    return [in_time_order(without_missing(samples, join, data.missing), data.repeated_time) for samples in tables]
+    return [in_time_order(without_missing(samples, join, data.missing_rule.action), data.repeated_time) for samples in tables]
 
 
 def _by_row(first: Samples, second: Samples, join: Join) -> Samples:
@@ -83,12 +83,12 @@ def read_recordings(source: Source, data: Data, units: Mapping[str, str], meter:
     In this order: scale and offset, joined logs, missing values, constants, time stamps and gaps, even time steps, derived quantities,
     conditions to keep samples. Raises DataError naming file, row and column.
     """
-    tables = read_tables(source, data, data.missing, units, meter)
+    tables = read_tables(source, data, data.missing_rule, units, meter)
     return [_reading(samples, source, data, units) for samples in joined(tables, source, data, units, meter)]
 
 
 def _reading(samples: Samples, source: Source, data: Data, units: Mapping[str, str]) -> ReadLog:
-    samples = without_missing(samples, data, data.missing)
+    samples = without_missing(samples, data, data.missing_rule.action)
     samples = samples.with_columns({name: np.full(samples.size, value) for name, value in source.constants.items()})
     whole = clocked(samples, data, units)
     finished = [_finished(piece, data, source.keep, units) for piece in whole.pieces if piece.size]

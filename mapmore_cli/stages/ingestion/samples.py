@@ -10,6 +10,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.spec.sections.data import MissingRule
 from mapmore_cli.spec.sections.logs import Logs
 from mapmore_cli.spec.units import convert
 from mapmore_cli.stages.ingestion.files import Log, Meter
@@ -29,7 +30,7 @@ class Samples:
     left_out
         The rows of samples that were left out, by reason.
     element
-        Number of the recording in its file; None where the file holds a single one.
+        Number of the recording in its file, or the title of its sheet; None where the file holds a single one.
     merged
         How many samples fewer there are since resampling.
     """
@@ -39,7 +40,7 @@ class Samples:
     rows: IntArray
     columns: Mapping[str, Array]
     left_out: Mapping[str, IntArray]
-    element: int | None = None
+    element: int | str | None = None
     merged: int = 0
 
     @property
@@ -102,10 +103,10 @@ def located(label: str) -> Iterator[None]:
         raise DataError(f"{label}: {error.message}", error.remedy) from error
 
 
-def read_tables(log: Log, table: Logs, missing: str, units: Mapping[str, str], meter: Meter) -> list[Samples]:
+def read_tables(log: Log, table: Logs, missing: MissingRule, units: Mapping[str, str], meter: Meter) -> list[Samples]:
     """Return the samples of each recording in a file, NaN where a value is missing.
 
-    Where `missing` is `drop`, records that break off are such values as well. Raises DataError for what cannot be read.
+    Where missing values are dropped, records that break off are such values as well. Raises DataError for what cannot be read.
     """
     request = TableRequest(
         label=log.name,
@@ -115,20 +116,23 @@ def read_tables(log: Log, table: Logs, missing: str, units: Mapping[str, str], m
         delimiter=table.delimiter,
         decimal=table.decimal,
         encoding=table.encoding,
-        sheet=table.sheet,
+        sheet=log.sheet or table.sheet,
         root=table.root,
-        incomplete=missing == "drop",
+        missing=missing.texts,
+        incomplete=missing.action == "drop",
         progress=meter.within(log),
     )
-    return [_in_model_units(raw, table, units) for raw in READERS[table.reader](log.path, request)]
+    return [_in_model_units(raw, table, missing.numbers, units) for raw in READERS[table.reader](log.path, request)]
 
 
-def _in_model_units(raw: RawTable, table: Logs, units: Mapping[str, str]) -> Samples:
-    """Return `value * scale + offset`, converted from the column's unit to the model's, less its mean at rest."""
+def _in_model_units(raw: RawTable, table: Logs, missing: Sequence[float], units: Mapping[str, str]) -> Samples:
+    """Return `value * scale + offset` in the model's unit, less its mean at rest; NaN for the numbers that stand for `missing` values."""
     taken = slice(None, None, table.every)
     columns: dict[str, Array] = {}
     for name, column in table.columns.items():
         values = raw.columns[column.column][taken]
+        if missing:
+            values = np.where(np.isin(values, missing), np.nan, values)
         if (column.scale, column.offset) != (1.0, 0.0):  # else the column itself: long recordings are not copied without need
             values = values * column.scale + column.offset
         columns[name] = values if column.unit is None else convert(values, column.unit, units[name])

@@ -74,9 +74,9 @@ def _names_file(source: str, pattern: str, from_folder: str) -> bool:
 
 
 def _at_levels(parts: Sequence[Part], values: Sequence[float], levels: LevelSet) -> Masks:
-    held = levels.match(np.array(values, dtype=float))
+    held = [levels.named(value) for value in values]
     for value, level in zip(values, held, strict=True):
-        if np.isnan(level):
+        if level is None:
             raise DataError(f"split.validate: there is no level {levels.of}={value:g}", _levels_and_recordings(parts, levels))
     return [np.full(part.size, part.level in held) for part in parts]
 

@@ -194,10 +194,11 @@ class _Run:
         return committed
 
     def write_spec(self) -> None:
-        """Write `experiment.yaml`, unless it is there already."""
+        """Write `experiment.yaml`, which runs again where it lies, unless it is there already."""
         path = self.run_dir / RESOLVED_SPEC
-        if not path.is_file() or path.read_bytes() != self.loaded.resolved.encode():
-            write_text(path, self.loaded.resolved)
+        text = self.loaded.resolved_in(self.run_dir)
+        if not path.is_file() or path.read_bytes() != text.encode():
+            write_text(path, text)
 
 
 def _refreshed(records: Mapping[str, StageRecord], plans: Sequence[Plan]) -> dict[str, StageRecord]:

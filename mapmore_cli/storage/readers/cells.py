@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass
 from itertools import repeat
 from typing import Any
@@ -13,7 +13,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.readers.numbers import number_of, shortened
+from mapmore_cli.storage.readers.numbers import number_of, seconds_of_stamp, shortened
 from mapmore_cli.storage.readers.table import SourceColumn, TableRequest
 
 DELIMITERS = {"tab": "\t"}
@@ -96,25 +96,28 @@ def _of_width(row: int, record: list[str], width: int, request: TableRequest) ->
 
 def _numbers(chunk: Sequence[Numbered], place: int, title: SourceColumn, request: TableRequest) -> Array:
     values = np.empty(len(chunk))
-    parse: Callable[[str], float] = number_of if request.decimal == "." else _with_decimal_comma
+    parse: Callable[[str, Set[str]], float] = number_of if request.decimal == "." else _with_decimal_comma
     for i, (row, record) in enumerate(chunk):
         try:
-            values[i] = parse(record[place])
+            values[i] = parse(record[place], request.missing)
         except ValueError:
             raise DataError(
                 f"{request.label}:row {row}, column {title}: '{shortened(record[place].strip())}' is not a number",
                 separator_hint(record)
                 or _decimal_hint(record[place])
-                or "Mend the cell; an empty one is a missing value, see `missing`. Names belong in a header line.",
+                or "mend the cell, or list it in `missing: {tokens: [...]}`; column names belong in the header",
             ) from None
     return values
 
 
-def _with_decimal_comma(cell: str) -> float:
-    """Read `1,5`; a point is refused, as nobody can tell the thousands of 1.500 from a decimal point."""
-    if "." in cell:
-        raise ValueError
-    return number_of(cell.replace(",", ".")) if cell.strip() else math.nan
+def _with_decimal_comma(cell: str, missing: Set[str]) -> float:
+    """Read `1,5`; a point is refused, as nobody can tell the thousands of 1.500 from a decimal point, but in the date of a stamp."""
+    word = cell.strip()
+    if not word or word in missing:
+        return math.nan
+    if "." in word:
+        return seconds_of_stamp(word.replace(",", "."))
+    return number_of(word.replace(",", "."))
 
 
 def separator_hint(record: Sequence[str]) -> str | None:

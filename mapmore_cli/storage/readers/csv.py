@@ -23,7 +23,7 @@ from mapmore_cli.storage.readers.cells import (
     values_of_records,
 )
 from mapmore_cli.storage.readers.growing import Growing
-from mapmore_cli.storage.readers.lines import Lines, open_lines
+from mapmore_cli.storage.readers.lines import Lines, guess_encoding, open_lines
 from mapmore_cli.storage.readers.table import RawTable, TableRequest, locate_columns
 
 CHUNK = 8192
@@ -51,7 +51,7 @@ def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
         byte = f" (byte 0x{error.object[error.start]:02x})" if isinstance(error, UnicodeDecodeError) else f" ({error})"
         raise DataError(
             f"{label}: not a text file in {request.encoding.upper()}{byte}",
-            "Say how it is encoded, as `encoding: latin-1` or `encoding: utf-16`, or save the table in UTF-8.",
+            f"say `encoding: {guess_encoding(path)}`, which its bytes look like, or save the table in UTF-8",
         ) from error
     except csv.Error as error:
         raise DataError(f"{label}: not a readable CSV file: {error}", "Look for a quotation mark that is never closed.") from error

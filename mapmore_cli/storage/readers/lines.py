@@ -13,6 +13,9 @@ from pathlib import Path
 from typing import IO, cast
 
 GZIP_MAGIC = b"\x1f\x8b"
+HEAD = 65536  # bytes by which the encoding is guessed
+MOSTLY = 0.7  # of every second byte, that is zero where plain letters are written in UTF-16
+UNDEFINED = bytes((0x81, 0x8D, 0x8F, 0x90, 0x9D))  # in cp1252
 
 
 class Lines:
@@ -54,6 +57,29 @@ class Lines:
         """Have these, the last ones that were taken, taken again."""
         self._back += reversed(lines)
         self.taken -= len(lines)
+
+
+def guess_encoding(path: Path) -> str:
+    """The encoding of a text file, plain or gzipped, as its beginning tells."""
+    with path.open("rb") as raw:
+        zipped = raw.read(2) == GZIP_MAGIC
+        raw.seek(0)
+        return encoding_of((gzip.GzipFile(fileobj=raw) if zipped else raw).read(HEAD))
+
+
+def encoding_of(head: bytes) -> str:
+    """The encoding that the first bytes of a text are in: `utf-8`, one of UTF-16, or else what Windows calls ANSI."""
+    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    pairs = len(head) // 2
+    for name, zeros in (("utf-16-le", head[1::2].count(0)), ("utf-16-be", head[::2].count(0))):
+        if pairs and zeros > MOSTLY * pairs:
+            return name
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(head)  # the last character may be cut
+    except UnicodeDecodeError:
+        return "cp1252" if all(byte not in head for byte in UNDEFINED) else "latin-1"
+    return "utf-8"
 
 
 @contextmanager

@@ -1,24 +1,72 @@
-"""Numbers as people and programs write them into cells."""
+"""Numbers and time stamps as people and programs write them into cells."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Set
+from datetime import UTC, datetime, timedelta
 
 MISSING = frozenset({"na", "n/a", "#n/a", "null", "none"})
 """What programs write, besides an empty cell and `nan`, where there is no value; lower case."""
 
 
-def number_of(cell: str) -> float:
-    """Return the number in a cell, NaN where the value is missing; ValueError for anything else."""
-    if "_" in cell:  # Python reads 1_5 as 15
+LONGEST_STAMP = 40
+_STAMPS = ("%d.%m.%Y %H:%M:%S", "%d.%m.%Y %H:%M:%S.%f", "%Y/%m/%d %H:%M:%S", "%Y/%m/%d %H:%M:%S.%f")
+_CLOCKS = ("%H:%M:%S", "%H:%M:%S.%f")
+
+
+def number_of(cell: str, missing: Set[str] = frozenset()) -> float:
+    """Return the number in a cell, or the seconds of its time stamp; NaN where the value is missing, as `missing` texts say.
+
+    Raises
+    ------
+    ValueError
+        Anything else.
+    """
+    if "_" in cell and cell.strip() not in missing:  # Python reads 1_5 as 15
         raise ValueError(cell)
     try:
         return float(cell)
     except ValueError:
-        word = cell.strip().lower()
-        if not word or word in MISSING:
+        word = cell.strip()
+        if not word or word.lower() in MISSING or word in missing:
             return math.nan
-        raise
+        return seconds_of_stamp(word)
+
+
+def seconds_of_stamp(text: str) -> float:
+    """Return a date with time in seconds since 1970, and a time of day in seconds since midnight.
+
+    Dates are as in ISO 8601, `2026/03/01 12:00:00` or `01.03.2026 12:00:00`. A stamp without a time zone counts as if it were UTC, since
+    only differences matter. Months and days between slashes (`3/1/2026`) are refused: they read one way here and another way there.
+
+    Raises
+    ------
+    ValueError
+        Text that is no such stamp.
+    """
+    if len(text) > LONGEST_STAMP or ":" not in text:
+        raise ValueError(text)
+    for form in _CLOCKS:
+        try:
+            clock = datetime.strptime(text, form).replace(tzinfo=UTC)
+        except ValueError:
+            continue
+        return (clock - datetime.strptime("0", "%H").replace(tzinfo=UTC)) / timedelta(seconds=1)
+    try:
+        stamp = datetime.fromisoformat(text)
+    except ValueError:
+        stamp = _dated(text)
+    return (stamp if stamp.tzinfo is not None else stamp.replace(tzinfo=UTC)).timestamp()
+
+
+def _dated(text: str) -> datetime:
+    for form in _STAMPS:
+        try:
+            return datetime.strptime(text, form)
+        except ValueError:
+            continue
+    raise ValueError(text)
 
 
 def shortened(cell: str, limit: int = 40) -> str:

@@ -32,9 +32,11 @@ class TableRequest:
     encoding
         Of the characters (text); a byte order mark of UTF-8 is swallowed.
     sheet
-        Name of the sheet; the first where None (workbooks).
+        Title of the sheet, or a glob of which every match is a recording; the first sheet where None (workbooks).
     root
         Where the columns start; `train[*]` makes every element a recording (MAT, HDF5).
+    missing
+        Texts, besides the usual ones, that stand where there is no value (text, sheets).
     incomplete
         True where records that break off are missing values, False where they are errors.
     progress
@@ -50,6 +52,7 @@ class TableRequest:
     encoding: str = "utf-8"
     sheet: str | None = None
     root: str | None = None
+    missing: frozenset[str] = frozenset()
     incomplete: bool = False
     progress: Callable[[int], None] = lambda _read: None
 
@@ -60,14 +63,15 @@ class RawTable:
 
     `columns` has one `(n,)` array for each column of the request, NaN where a cell is empty. `label` names the table in messages (the
     file, and the part of it); `rows` is `(n,)`, where each sample stands: its `place` is a `row` (line of a text file, row of a sheet,
-    both from 1) or an `index` (of an array, from 0). `element` numbers the recordings of one file, None where it holds a single one.
+    both from 1) or an `index` (of an array, from 0). `element` tells the recordings of one file apart, by number or by the title of their
+    sheet; None where it holds a single one.
     """
 
     columns: Mapping[SourceColumn, Array]
     rows: IntArray
     label: str
     place: str = "row"
-    element: int | None = None
+    element: int | str | None = None
 
     def at(self, sample: int) -> str:
         """Where a sample stands, for messages: `a.csv:row 17`."""

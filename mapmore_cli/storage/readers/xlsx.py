@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Set
 from datetime import UTC, datetime, time, timedelta
+from fnmatch import fnmatchcase
 from itertools import chain, islice
 from pathlib import Path
 from typing import Any
@@ -25,7 +26,7 @@ Row = tuple[int, tuple[Any, ...]]
 
 
 def read_xlsx(path: Path, request: TableRequest) -> list[RawTable]:
-    """Read the wanted columns of one sheet of a workbook.
+    """Read the wanted columns of one sheet of a workbook, or of every sheet that the request's glob names.
 
     Empty rows are skipped (they count as header lines and as skipped rows); an empty cell is NaN. Dates count as seconds since 1970.
 
@@ -38,10 +39,7 @@ def read_xlsx(path: Path, request: TableRequest) -> list[RawTable]:
     with reading(request.label, "workbook (.xlsx)"), path.open("rb") as file:
         _refuse_bombs(path, request.label)
         book = openpyxl.load_workbook(file, read_only=True, data_only=True, keep_links=False)
-        sheet = _sheet(book, request)
-        sheet.reset_dimensions()  # what other programs write there is often wrong, and would cut the sheet
-        rows = enumerate(sheet.iter_rows(values_only=True), start=1)
-        return [_parse(islice(rows, request.skip_rows, None), request, f"{request.label}:{sheet.title}")]
+        return [_parse(_rows(sheet, request), request, f"{request.label}:{sheet.title}", name) for name, sheet in _sheets(book, request)]
 
 
 def _refuse_bombs(path: Path, label: str) -> None:
@@ -55,17 +53,26 @@ def _refuse_bombs(path: Path, label: str) -> None:
                 )
 
 
-def _sheet(book: Any, request: TableRequest) -> Any:
+def _sheets(book: Any, request: TableRequest) -> list[tuple[str | None, Any]]:
+    """The sheets to read, with their titles where a glob chose them; of several, those that are empty are left out."""
     tables = {sheet.title: sheet for sheet in book.worksheets}
     if request.sheet is None:
-        return book.worksheets[0]
-    if request.sheet not in tables:
+        return [(None, book.worksheets[0])]
+    if request.sheet in tables:
+        return [(None, tables[request.sheet])]
+    found = [(title, sheet) for title, sheet in tables.items() if fnmatchcase(title, request.sheet)]
+    if not found:
         remedy = known_names(request.sheet, list(tables), "The workbook has")
         raise DataError(f"{request.label}: there is no sheet '{request.sheet}'", remedy)
-    return tables[request.sheet]
+    return [(title, sheet) for title, sheet in found if next(_filled(_rows(sheet, request)), None) is not None] or found
 
 
-def _parse(rows: Iterator[Row], request: TableRequest, label: str) -> RawTable:
+def _rows(sheet: Any, request: TableRequest) -> Iterator[Row]:
+    sheet.reset_dimensions()  # what other programs write there is often wrong, and would cut the sheet
+    return islice(enumerate(sheet.iter_rows(values_only=True), start=1), request.skip_rows, None)
+
+
+def _parse(rows: Iterator[Row], request: TableRequest, label: str, title: str | None) -> RawTable:
     first = next(_filled(rows), None)
     if first is None:
         raise DataError(f"{label}: the sheet is empty")
@@ -77,16 +84,16 @@ def _parse(rows: Iterator[Row], request: TableRequest, label: str) -> RawTable:
         numbers.append(number)
         for column, place in places.items():
             try:
-                cells[column].append(_number(row[place] if place < len(row) else None))
+                cells[column].append(_number(row[place] if place < len(row) else None, request.missing))
             except ValueError:
-                title = column if names is None else names[place]
+                name = column if names is None else names[place]
                 raise DataError(
-                    f"{label}:row {number}, column {title}: '{shortened(str(row[place]))}' is not a number",
-                    "Mend the cell; an empty one is a missing value, see `missing`. Names belong in a header line.",
+                    f"{label}:row {number}, column {name}: '{shortened(str(row[place]))}' is not a number",
+                    "mend the cell, or list it in `missing: {tokens: [...]}`; column names belong in the header",
                 ) from None
     if not numbers:
         raise DataError(f"{label}: the sheet has a header but no data")
-    return RawTable({column: np.array(values) for column, values in cells.items()}, np.array(numbers, dtype=np.int64), label)
+    return RawTable({column: np.array(values) for column, values in cells.items()}, np.array(numbers, dtype=np.int64), label, element=title)
 
 
 def _filled(rows: Iterator[Row]) -> Iterator[Row]:
@@ -97,12 +104,12 @@ def _is_blank(row: Sequence[Any]) -> bool:
     return all(cell is None or (isinstance(cell, str) and not cell.strip()) for cell in row)
 
 
-def _number(cell: Any) -> float:
+def _number(cell: Any, missing: Set[str]) -> float:
     match cell:
         case None:
             return math.nan
         case str():
-            return number_of(cell)
+            return number_of(cell, missing)
         case datetime():
             return cell.replace(tzinfo=UTC).timestamp()
         case time():

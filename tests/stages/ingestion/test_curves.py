@@ -51,7 +51,7 @@ def test_samples_between_levels_are_counted(ingest: Ingest) -> None:
     ("choice", "expected"),
     [
         ({"quantities": {"pressure": [150.0]}}, {"pressure=150": 40}),
-        ({"quantities": {"pressure": [151.0, 81.0]}}, {"pressure=80": 40, "pressure=150": 40}),
+        ({"quantities": {"pressure": [150.6, 79.4]}}, {"pressure=80": 40, "pressure=150": 40}),
         (
             {"quantities": {"time": {"between": [(0.0, 0.45), (1.75, 9.0)]}}},
             dict.fromkeys(["pressure=80", "pressure=150", "pressure=250"], 14),
@@ -180,3 +180,21 @@ def test_stage_names_its_sources_and_reports_progress(tmp_path: Path, monkeypatc
     seen: list[tuple[str, int, int]] = []
     build_dataset(slice_of(spec), tmp_path, progress=lambda *step: seen.append(step))
     assert seen == [("MB read", done, 2 * size) for done in (0, size, size, 2 * size)]
+
+
+@pytest.mark.parametrize("value", [171.0, 149.2, 115.0, 79.2])
+def test_a_value_that_names_no_level_is_refused(ingest: Ingest, value: float) -> None:
+    """Samples go to the nearest level; what is held out has to be named."""
+    with pytest.raises(DataError, match=rf"there is no level pressure={value:g}") as told:
+        ingest(REPEATS, levels=LEVELS, split={"validate": {"quantities": {"pressure": [value]}}})
+    assert "levels 80, 150, 250" in str(told.value.remedy)
+
+
+def test_the_scatter_of_a_level_counts_as_its_name(ingest: Ingest) -> None:
+    """A regulator that wanders by 3 kPa: who says 151.5 means the level that was found at 150."""
+    wander = 3 * np.sin(np.arange(40.0))
+    files = {f"{level}.csv": steps(level, 40, P=level + wander) for level in (80, 150, 250)}
+    levels = {"of": "pressure", "at": [80.0, 150.0, 250.0]}
+    assert validating(ingest(files, levels=levels, split={"validate": {"quantities": {"pressure": [151.5]}}})) == {"pressure=150": 40}
+    with pytest.raises(DataError, match="there is no level pressure=153"):
+        ingest(files, levels=levels, split={"validate": {"quantities": {"pressure": [153.0]}}})

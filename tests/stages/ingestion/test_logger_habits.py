@@ -1,0 +1,161 @@
+"""What loggers write: time stamps, words for missing values, several sheets, encodings of their country."""
+
+from __future__ import annotations
+
+import gzip
+import math
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from ingest_samples import COLUMNS, Ingest, csv_text, steps
+
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.storage.readers.lines import encoding_of, guess_encoding
+from mapmore_cli.storage.readers.numbers import number_of, seconds_of_stamp
+
+openpyxl = pytest.importorskip("openpyxl")
+
+NOON = datetime(2026, 3, 1, 12, 0, 1, 500000, tzinfo=UTC).timestamp()
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"),
+    [
+        ("2026-03-01 12:00:01.5", NOON),
+        ("2026-03-01T12:00:01.500", NOON),
+        ("2026-03-01T12:00:01.500Z", NOON),
+        ("2026-03-01T14:00:01.500+02:00", NOON),
+        ("01.03.2026 12:00:01.5", NOON),
+        ("2026/03/01 12:00:01.500000", NOON),
+        ("12:00:01.5", 43201.5),
+        ("00:00:00", 0.0),
+    ],
+)
+def test_stamps_are_seconds(text: str, seconds: float) -> None:
+    assert seconds_of_stamp(text) == seconds
+    assert number_of(f" {text} ") == seconds
+
+
+@pytest.mark.parametrize("text", ["3/1/2026 12:00:00", "noon", "12:61:00", "2026-13-01 12:00:00", "2026-03-01", "1:2", "9" * 5000 + ":"])
+def test_what_is_no_stamp_is_refused(text: str) -> None:
+    with pytest.raises(ValueError):  # noqa: PT011 - the reader makes a message of it
+        number_of(text)
+
+
+@given(st.datetimes(min_value=datetime(1971, 1, 1), max_value=datetime(2100, 1, 1)))
+def test_stamps_keep_their_distance(stamp: datetime) -> None:
+    """Whatever the zone is taken to be, a second later is a second later."""
+    later = stamp.replace(microsecond=0)
+    assert seconds_of_stamp(str(stamp)) - seconds_of_stamp(str(later)) == pytest.approx(stamp.microsecond / 1e6, abs=1e-6)
+
+
+def test_time_of_a_log_with_local_stamps(ingest: Ingest) -> None:
+    rows = [f"2026-03-01 23:59:{59 + k / 10:04.1f},80,0.1,{k}" for k in range(10)] + ["2026-03-02 00:00:00.0,80,0.1,10"]
+    dataset = ingest({"a.csv": "\n".join(["t,P,eps,F", *rows])})
+    np.testing.assert_allclose(np.diff(dataset.recordings[0].columns["time"]), 0.1, atol=1e-6)
+
+
+def test_stamps_beside_decimal_commas(ingest: Ingest) -> None:
+    rows = [f"01.03.2026 12:00:00,{k};80,5;0,1;{k},25" for k in range(5)]
+    dataset = ingest({"a.csv": "\n".join(["t;P;eps;F", *rows])}, delimiter=";", decimal=",")
+    columns = dataset.recordings[0].columns
+    np.testing.assert_allclose(np.diff(columns["time"]), 0.1, atol=1e-6)
+    np.testing.assert_array_equal(columns["force"], np.arange(5) + 0.25)
+
+
+@pytest.mark.parametrize("delimiter", [",", ";"])
+def test_words_and_numbers_for_missing_values(ingest: Ingest, delimiter: str) -> None:
+    text = "t,P,eps,F\n0,80,0.1,1\n1,---,0.1,2\n2,80,0.1,-999\n3,80,0.1,4\n".replace(",", delimiter)
+    with pytest.raises(DataError, match=r"row 3, column P: '---' is not a number") as told:
+        ingest({"a.csv": text}, delimiter=delimiter)
+    assert "missing: {tokens:" in str(told.value.remedy)
+    dataset = ingest({"a.csv": text}, delimiter=delimiter, missing={"tokens": ["---", -999]})
+    np.testing.assert_array_equal(dataset.recordings[0].columns["force"], [1, 4])
+    assert dict(dataset.recordings[0].dropped) == {"missing value": 2}
+    with pytest.raises(DataError, match="row 3, column P: the value of pressure is missing"):
+        ingest({"a.csv": text}, delimiter=delimiter, missing={"tokens": ["---", -999], "action": "error"})
+
+
+def workbook(path: Path, **sheets: Any) -> None:
+    book = openpyxl.Workbook()
+    book.remove(book.active)
+    for title, text in sheets.items():
+        sheet = book.create_sheet(title)
+        for line in text.splitlines():
+            sheet.append([float(cell) if cell[:1].isdigit() or cell[:1] == "-" else cell for cell in line.split(",")])
+    book.save(path)
+
+
+@pytest.fixture
+def book(tmp_path: Path) -> Path:
+    path = tmp_path / "book.xlsx"
+    workbook(path, Run1=steps(80), Run2=steps(150), Notes="made,by,hand")
+    return path
+
+
+def ids(dataset: Any) -> list[str]:
+    return [recording.id for recording in dataset.recordings]
+
+
+def test_every_sheet_that_a_glob_names_is_a_recording(ingest: Ingest, book: Path) -> None:
+    dataset = ingest({}, files=[book.name], reader="xlsx", sheet="Run*")
+    assert ids(dataset) == ["book[Run1]", "book[Run2]"]
+    assert [recording.columns["pressure"][0] for recording in dataset.recordings] == [80, 150]
+    with pytest.raises(DataError, match=r"book\.xlsx: there is no sheet 'Lauf\*'"):
+        ingest({}, files=[book.name], reader="xlsx", sheet="Lauf*")
+
+
+def test_sheets_one_by_one(ingest: Ingest, book: Path) -> None:
+    files = [{"path": book.name, "sheet": "Run2", "set": {"load": 2.0}}, {"path": book.name, "sheet": "Run1", "set": {"load": 1.0}}]
+    dataset = ingest({}, files=files, reader="xlsx")
+    assert ids(dataset) == ["book[Run2]", "book[Run1]"]
+    assert [recording.columns["load"][0] for recording in dataset.recordings] == [2, 1]
+    assert ids(ingest({}, files=files[:1], reader="xlsx")) == ["book"]
+    with pytest.raises(DataError, match="named twice"):
+        ingest({}, files=[files[0], files[0]], reader="xlsx")
+
+
+def test_empty_sheets_are_no_recordings(ingest: Ingest, tmp_path: Path) -> None:
+    workbook(tmp_path / "b.xlsx", Sheet1=steps(80), Sheet2="", Sheet3="")
+    assert ids(ingest({}, files=["b.xlsx"], reader="xlsx", sheet="*")) == ["b[Sheet1]"]
+
+
+def test_sheets_belong_to_workbooks(ingest: Ingest) -> None:
+    with pytest.raises(ValueError, match="has no use for `sheet`"):
+        ingest({"a.csv": steps(80)}, files=[{"path": "a.csv", "sheet": "Run1"}])
+
+
+GERMAN = csv_text(t=np.arange(3.0), P=80.0, eps=0.1, F=1.0).replace("eps", "Dehnung µ", 1)
+
+
+@pytest.mark.parametrize("encoding", ["cp1252", "utf-16", "utf-16-le", "utf-16-be", "utf-8", "utf-8-sig"])
+@pytest.mark.parametrize("zipped", [False, True])
+def test_the_guessed_encoding_reads_the_file(ingest: Ingest, tmp_path: Path, encoding: str, zipped: bool) -> None:
+    content = GERMAN.encode(encoding)
+    (tmp_path / "a.csv").write_bytes(gzip.compress(content) if zipped else content)
+    columns = {**COLUMNS, "strain": {"column": "Dehnung µ"}}
+    dataset = ingest({}, columns=columns, encoding=guess_encoding(tmp_path / "a.csv"))
+    np.testing.assert_array_equal(dataset.recordings[0].columns["strain"], [0.1, 0.1, 0.1])
+
+
+@pytest.mark.parametrize("encoding", ["cp1252", "utf-16"])
+def test_the_reader_suggests_the_encoding(ingest: Ingest, encoding: str) -> None:
+    with pytest.raises(DataError, match="not a text file in UTF-8") as told:
+        ingest({"a.csv": GERMAN.encode(encoding)})
+    assert f"say `encoding: {encoding}`" in str(told.value.remedy)
+
+
+@given(st.binary(max_size=300))
+def test_an_encoding_is_guessed_for_any_bytes(content: bytes) -> None:
+    encoding = encoding_of(content)
+    if not encoding.startswith("utf-16"):  # which has pairs of bytes, of which half a one may be left
+        content.decode(encoding, errors="ignore" if encoding == "utf-8" else "strict")
+
+
+def test_minutes_count() -> None:
+    assert math.isclose(number_of("00:01:00") - number_of("00:00:59.5"), 0.5)
