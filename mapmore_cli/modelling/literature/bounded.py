@@ -49,7 +49,7 @@ def fit(problem: Problem) -> Solution:
 
 def _descend(problem: Problem, start: Array, tolerance: float) -> OptimizeResult | None:
     """The nearest minimum within the bounds; None where the formula overflows on the way."""
-    unit = float(np.linalg.norm(problem.target)) or 1.0
+    unit = float(np.linalg.norm(problem.target(start))) or 1.0
 
     @lru_cache(maxsize=2)  # the derivative is asked for where the residual was just computed
     def projection(c: tuple[float, ...]) -> linear.LinearFit:
@@ -71,7 +71,7 @@ def _descend(problem: Problem, start: Array, tolerance: float) -> OptimizeResult
 
 
 def _project(problem: Problem, c: Array) -> linear.LinearFit:
-    return linear.solve(problem.regressors(c), problem.target)
+    return linear.solve(problem.regressors(c), problem.target(c))
 
 
 def _bounds(problem: Problem) -> tuple[Array, Array]:

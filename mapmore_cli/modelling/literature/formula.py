@@ -3,25 +3,50 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.fits import FormulaFit
-from mapmore_cli.modelling.literature import levenberg_marquardt, linear, varpro
+from mapmore_cli.modelling.literature import levenberg_marquardt, linear, simplex, varpro
 from mapmore_cli.modelling.literature.checks import finite, needed
+from mapmore_cli.modelling.literature.identifiability import hints
 from mapmore_cli.modelling.literature.literature_model import LiteratureModel
 from mapmore_cli.modelling.literature.problem import Nonlinear, Problem
 from mapmore_cli.modelling.literature.solution import Solution
-from mapmore_cli.modelling.terms import Expression, Number, derivative, evaluate, parse, substitute
+from mapmore_cli.modelling.terms import Expression, Number, derivative, dictionary_matrix, evaluate, parse, substitute
 
 VARIABLE_PROJECTION = "variable_projection"
 LEVENBERG_MARQUARDT = "levenberg_marquardt"
+SIMPLEX = "simplex"
+RANDOM = "random"
 
-_SOLVERS: Mapping[str, Callable[[Problem], Solution]] = {VARIABLE_PROJECTION: varpro.fit, LEVENBERG_MARQUARDT: levenberg_marquardt.fit}
+_SOLVERS: Mapping[str, Callable[[Problem], Solution]] = {
+    VARIABLE_PROJECTION: varpro.fit,
+    LEVENBERG_MARQUARDT: levenberg_marquardt.fit,
+    SIMPLEX: simplex.fit,
+}
+
+
+@dataclass(frozen=True)
+class LinearForm:
+    """A formula in other parameters than the printed ones: in those that make it linear.
+
+    `text` is the same function of the inputs, `linear` names the parameters in which it is linear, and `printed` has every printed
+    parameter as an expression of these and of the nonlinear ones.
+    """
+
+    text: str
+    linear: tuple[str, ...]
+    printed: Mapping[str, str]
+
+    @cached_property
+    def expression(self) -> Expression:
+        """The text, parsed."""
+        return parse(self.text)
 
 
 @dataclass(frozen=True)
@@ -33,11 +58,21 @@ class Formula(LiteratureModel):
     text
         The formula as an expression of inputs and parameters.
     nonlinear
-        The parameters in which it is not linear, and where to seek them; every term must be linear in one of the others.
+        The parameters in which it is not linear, and where to seek them; every term must be linear in one of the others, or hold a
+        dimension of the muscle.
+    form
+        How it is fitted, where it is printed in parameters in which it is not linear.
+    published_starts
+        Starting values that papers print for it, by the names that specs have for them.
+    start
+        The one of them that `levenberg_marquardt` starts from, or `random`.
     """
 
     text: str
     nonlinear: tuple[Nonlinear, ...] = ()
+    form: LinearForm | None = None
+    published_starts: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    start: str = RANDOM
 
     def __post_init__(self) -> None:
         if self.expression.names != {*self.inputs, *self.parameters}:
@@ -45,10 +80,20 @@ class Formula(LiteratureModel):
         self._check_linearity()
 
     def _check_linearity(self) -> None:
-        if substitute(self.expression, dict.fromkeys(self.linear, Number(0.0))) != Number(0.0):
+        if not self.dimensions and substitute(self._fitted_expression, dict.fromkeys(self.linear, Number(0.0))) != Number(0.0):
             raise ValueError(f"{self.name}: a term has no linear parameter")
-        if any(self.gradient[name].names & {*self.linear} for name in self.linear):
+        if any(derivative(self._fitted_expression, name).names & {*self.linear} for name in self.linear):
             raise ValueError(f"{self.name}: a parameter is nonlinear without being declared so")
+
+    def starting_from(self, start: str) -> Formula:
+        """The formula fitted from published starting values, or from random ones.
+
+        Raises `SpecError` for starting values that nobody has published for it.
+        """
+        known = (RANDOM, *self.published_starts)
+        if start not in known:
+            raise SpecError(f"{self.name} has no starting values called `{start}`", f"write one of {', '.join(known)}")
+        return replace(self, start=start)
 
     @cached_property
     def expression(self) -> Expression:
@@ -56,34 +101,50 @@ class Formula(LiteratureModel):
         return parse(self.text)
 
     @cached_property
+    def fitted(self) -> tuple[str, ...]:
+        """Names of the parameters that a fit finds: all but the dimensions of the muscle."""
+        return tuple(name for name in self.parameters if name not in self.dimensions)
+
+    @cached_property
     def gradient(self) -> Mapping[str, Expression]:
-        """Derivative for every parameter."""
-        return {name: derivative(self.expression, name) for name in self.parameters}
+        """Derivative for every fitted parameter."""
+        return {name: derivative(self.expression, name) for name in self.fitted}
 
     @cached_property
     def linear(self) -> tuple[str, ...]:
-        """Names of the parameters in which the formula is linear."""
-        return tuple(name for name in self.parameters if name not in {parameter.name for parameter in self.nonlinear})
+        """Names of the parameters in which the formula is linear, those of its linear form where it has one."""
+        if self.form is not None:
+            return self.form.linear
+        return tuple(name for name in self.fitted if name not in {parameter.name for parameter in self.nonlinear})
+
+    @cached_property
+    def _fitted_expression(self) -> Expression:
+        return self.expression if self.form is None else self.form.expression
 
     def fit(self, columns: Columns, y: Array, method: str | None = None) -> FormulaFit:
         """Least-squares fit to the target `y`, `(n,)`, with the inputs among `columns`.
 
         `method` is `variable_projection` (the default: no starting values with at most one nonlinear parameter, bounds and ten starts with
-        more; for a linear formula, linear least squares) or `levenberg_marquardt` (ten starts, no bounds). A poor fit is told by the
-        status and the notes, never raised.
+        more; for a linear formula, linear least squares), `levenberg_marquardt` (ten starts, no bounds) or `simplex` (the same, without
+        derivatives). A poor fit is told by the status and the notes, never raised. Notes name the parameters that the data do not show,
+        and what to measure for them.
 
         Raises
         ------
         DataError
             For a value that is not finite, an absent input, or fewer samples than parameters.
+        SpecError
+            For a dimension of the muscle that `of_muscle` has not put in.
         ValueError
             For an unknown method.
         """
         method = method or VARIABLE_PROJECTION
         if method not in _SOLVERS:
             raise ValueError(f"unknown method `{method}`; there are {', '.join(_SOLVERS)}")
+        if self.start != RANDOM and method != LEVENBERG_MARQUARDT:
+            raise SpecError(f"the method {method} takes no starting values", f"write `method: {LEVENBERG_MARQUARDT}` beside `starts`")
         problem = self._problem(columns, y)
-        solve = _SOLVERS[method] if self.parameters else varpro.fit  # without parameters there is nothing to descend to
+        solve = _SOLVERS[method] if self.fitted else varpro.fit  # without parameters there is nothing to descend to
         return self._result(problem, solve(problem))
 
     def predict(self, parameters: Mapping[str, float], columns: Columns) -> Array:
@@ -104,38 +165,61 @@ class Formula(LiteratureModel):
         """The rows in canonical order, so that the order of the samples cannot change a digit of the fit."""
         inputs = {name: finite(name, needed(name, columns)) for name in self.inputs}
         target = finite("the target", y)
-        if len(target) < len(self.parameters):
+        if len(target) < len(self.fitted):
             raise DataError(
-                f"{self.name} has {len(self.parameters)} parameters, but there are only {len(target)} samples to fit them to",
+                f"{self.name} has {len(self.fitted)} parameters, but there are only {len(target)} samples to fit them to",
                 "give it more training data, or leave the formula out",
             )
         order = np.lexsort([target, *inputs.values()])
         ordered = {name: column[order] for name, column in inputs.items()}
-        return Problem(self.expression, self.linear, self.nonlinear, self.gradient, ordered, target[order])
+        dimensions = {name: Number(value) for name, value in self.of_muscle(self.given).given.items()}
+        expression = substitute(self._fitted_expression, dimensions)
+        names = (*self.linear, *(parameter.name for parameter in self.nonlinear))
+        gradient = {name: derivative(expression, name) for name in names}
+        return Problem(
+            expression, self.linear, self.nonlinear, gradient, ordered, target[order], start=self.published_starts.get(self.start)
+        )
 
     def _result(self, problem: Problem, solution: Solution) -> FormulaFit:
-        values = problem.values(solution.beta, solution.c)
-        count = len(self.parameters)
+        count = len(self.fitted)
         if solution.status == "failed":
             return self._failed(solution.method, len(problem.y), solution.notes)
+        values = self._printed(problem.values(solution.beta, solution.c))
+        if not np.isfinite(list(values.values())).all():
+            return self._failed(solution.method, len(problem.y), (*solution.notes, "the printed parameters have no finite value"))
         residual = problem.residual(solution.beta, solution.c)
         sse = float(residual @ residual)
-        deviations, rank, condition = linear.standard_errors(problem.jacobian(solution.beta, solution.c), sse)
-        errors = problem.values(deviations[: len(self.linear)], deviations[len(self.linear) :])
+        jacobian = self._jacobian_at(values)
+        deviations, rank, condition = linear.standard_errors(jacobian(problem.columns), sse)
+        errors = dict(zip(self.fitted, map(float, deviations), strict=True))
         choice = "the solution of least norm was taken" if len(self.nonlinear) <= 1 else "one of many equally good solutions was taken"
         notes = solution.notes if rank == count else (*solution.notes, dependence(rank, count, problem.columns, choice))
+        given = {name: self.given[name] for name in self.dimensions}
         return FormulaFit(
             name=self.name,
-            parameters={name: values[name] for name in self.parameters},
-            errors={name: errors[name] for name in self.parameters},
+            parameters={name: {**values, **given}[name] for name in self.parameters},
+            errors={name: {**errors, **dict.fromkeys(given, float("nan"))}[name] for name in self.parameters},
             status=solution.status if rank == count else "rank_deficient",
             method=solution.method,
             rank=rank,
             condition=condition,
             sse=sse,
             samples=len(problem.y),
-            notes=notes,
+            notes=(*notes, *hints(values, errors, jacobian, problem.columns)),
         )
+
+    def _printed(self, values: Mapping[str, float]) -> dict[str, float]:
+        """The fitted parameters as printed, from those of the linear form."""
+        if self.form is None:
+            return {name: values[name] for name in self.fitted}
+        scalars = {name: np.asarray(value) for name, value in values.items()}
+        return {name: float(evaluate(parse(text), scalars, 1)[0]) for name, text in self.form.printed.items()}
+
+    def _jacobian_at(self, values: Mapping[str, float]) -> Callable[[Columns], Array]:
+        """Derivatives for the fitted parameters at `values`, `(n, p)`, as a function of the inputs."""
+        numbers = {name: np.asarray(value) for name, value in {**values, **self.given}.items()}
+        gradient = [self.gradient[name] for name in self.fitted]
+        return lambda columns: dictionary_matrix(gradient, {**columns, **numbers}, len(next(iter(columns.values()))))
 
     def _failed(self, method: str, samples: int, notes: tuple[str, ...]) -> FormulaFit:
         nothing = dict.fromkeys(self.parameters, float("nan"))

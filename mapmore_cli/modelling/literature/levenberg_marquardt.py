@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.modelling.literature.multistart import STARTS, draw, lowest
+from mapmore_cli.modelling.literature.multistart import draw, lowest
 from mapmore_cli.modelling.literature.problem import Problem
 from mapmore_cli.modelling.literature.solution import Solution, failure
 from mapmore_cli.modelling.terms import NotFinite
@@ -24,16 +25,29 @@ REFUSED = 1e100  # stands for an overflow, so that the step is not taken
 def fit(problem: Problem) -> Solution:
     """Solve `problem` by MINPACK's Levenberg-Marquardt, all parameters at once and without bounds.
 
-    The linear parameters start at zero, the nonlinear ones at seeded random places of their intervals; the lowest sum of squares wins, and
-    a note says how many starts came to it. The status is `converged`, `stopped_by_limit`, or `failed` where every start overflowed.
+    The linear parameters start at zero, the nonlinear ones at seeded random places of their intervals, or all of them at the problem's
+    published start; the lowest sum of squares wins, and a note says how many starts came to it. The status is `converged`,
+    `stopped_by_limit`, or `failed` where every start overflowed.
     """
-    ends = [end for start in draw(problem.nonlinear) if (end := _descend(problem, start)) is not None]
+    starts = list(_starts(problem))
+    ends = [end for start in starts if (end := _descend(problem, start)) is not None]
     if not ends:
         return failure(problem, METHOD)
-    best, agreement = lowest(ends, STARTS)
+    best, agreement = lowest(ends, len(starts))
     m = len(problem.linear)
     status = "converged" if best.status > 0 else "stopped_by_limit"
-    return Solution(best.x[:m], best.x[m:], status, METHOD, (agreement,) if problem.nonlinear else ())
+    return Solution(best.x[:m], best.x[m:], status, METHOD, (agreement,) if len(starts) > 1 else ())
+
+
+def _starts(problem: Problem) -> Iterator[Array]:
+    """Places to descend from, `(m + k,)`: the published one where it is asked for, else seeded ones."""
+    if problem.start is not None:
+        names = (*problem.linear, *(parameter.name for parameter in problem.nonlinear))
+        units = np.concatenate([np.ones(len(problem.linear)), problem.spans])
+        yield np.array([problem.start[name] for name in names]) * units
+        return
+    for place in draw(problem.nonlinear):
+        yield np.concatenate([np.zeros(len(problem.linear)), place])
 
 
 def _descend(problem: Problem, start: Array) -> OptimizeResult | None:
@@ -53,7 +67,7 @@ def _descend(problem: Problem, start: Array) -> OptimizeResult | None:
     try:
         found = least_squares(
             residual,
-            np.concatenate([np.zeros(m), start]),
+            start,
             jacobian,
             method="lm",
             x_scale="jac",

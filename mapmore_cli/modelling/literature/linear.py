@@ -48,6 +48,8 @@ def solve(phi: Array, y: Array) -> LinearFit:
 
     Columns are scaled to unit length first, so that neither the solution nor the rank depends on units.
     """
+    if phi.shape[1] == 0:
+        return LinearFit(np.empty(0), phi, -y, 0, 1.0)
     lengths = _lengths(phi)
     u, s, vt = np.linalg.svd(phi / lengths, full_matrices=False)
     rank, condition = _rank(s)

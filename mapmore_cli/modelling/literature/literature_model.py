@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import ClassVar
+from dataclasses import dataclass, field, replace
+from typing import ClassVar, Self
 
 from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling.terms import Expression
 
@@ -28,7 +29,11 @@ class LiteratureModel(ABC):
     parameters
         In the order of the publication.
     component
-        The component of the force that it was published for, `static` or `damping`.
+        The component of the force that it was published for, `static`, `damping` or `dynamic`.
+    dimensions
+        Those of its parameters that are dimensions of the muscle (`diameter`, in m), given and not fitted.
+    given
+        Values of the dimensions, once `of_muscle` has put them in.
     fitted_to
         `target`: fitted by `fit`. `load_cycles`: fitted by a method of its own to another experiment than it predicts.
     """
@@ -38,8 +43,21 @@ class LiteratureModel(ABC):
     inputs: tuple[str, ...]
     parameters: tuple[str, ...]
     component: str = field(default="static", kw_only=True)
+    dimensions: tuple[str, ...] = field(default=(), kw_only=True)
+    given: Mapping[str, float] = field(default_factory=dict, kw_only=True)
 
     fitted_to: ClassVar[str] = TARGET
+
+    def of_muscle(self, lengths: Mapping[str, float | None]) -> Self:
+        """The model with the dimensions of a muscle, in m, those that it needs among `lengths`.
+
+        Raises `SpecError` where one of them is not known.
+        """
+        given = {name: value for name in self.dimensions if (value := lengths.get(name)) is not None}
+        for name in self.dimensions:
+            if name not in given:
+                raise SpecError(f"{self.name} needs the {name} of the muscle", f"add `{name}: 10 mm` (with your own number) to `muscle`")
+        return replace(self, given=given) if given else self
 
     @abstractmethod
     def fit(self, columns: Columns, y: Array, method: str | None = None) -> FormulaFit:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.modelling.literature.cells import condensed
-from mapmore_cli.modelling.terms import Expression, dictionary_matrix, evaluate
+from mapmore_cli.modelling.terms import Expression, Number, dictionary_matrix, evaluate, substitute
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,9 @@ class Nonlinear:
 
 @dataclass(frozen=True)
 class Problem:
-    """Find `beta`, `c` that minimise `|Phi(c) beta - y|^2` over n rows (or the formula's own residual, where it is not such a product).
+    """Find `beta`, `c` that minimise `|Phi(c) beta + f0(c) - y|^2` over n rows.
+
+    (Or the formula's own residual, where it is not such a product.)
 
     Attributes
     ----------
@@ -61,6 +64,8 @@ class Problem:
         The inputs and the target, each `(n,)`.
     counts
         Number of samples that each row stands for, `(n,)`; None where each is one.
+    start
+        A published value to start from for every parameter, where one is asked for.
     """
 
     expression: Expression
@@ -70,11 +75,18 @@ class Problem:
     columns: Columns
     y: Array
     counts: Array | None = None
+    start: Mapping[str, float] | None = None
 
-    @property
-    def target(self) -> Array:
-        """`y`, `(n,)`, times the roots of the counts, as every residual and regressor is."""
-        return self._weighted(self.y)
+    def target(self, c: Array) -> Array:
+        """`y - f0(c)`, `(n,)`, times the roots of the counts, as every residual and regressor is."""
+        if self.offset == Number(0.0):
+            return self._weighted(self.y)
+        return self._weighted(self.y - evaluate(self.offset, self._with(self.values(np.zeros(len(self.linear)), c)), len(self.y)))
+
+    @cached_property
+    def offset(self) -> Expression:
+        """`f0`, the part of the formula that no linear parameter multiplies."""
+        return substitute(self.expression, dict.fromkeys(self.linear, Number(0.0)))
 
     def residual(self, beta: Array, c: Array) -> Array:
         """Formula minus target, `(n,)`; not finite where the formula overflows."""

@@ -29,7 +29,7 @@ def fit(problem: Problem) -> Solution:
     if len(problem.nonlinear) > 1:
         return bounded.fit(problem)
     if not problem.nonlinear:
-        straight = linear.solve(problem.regressors(np.empty(0)), problem.target)
+        straight = linear.solve(problem.regressors(np.empty(0)), problem.target(np.empty(0)))
         return Solution(straight.beta, np.empty(0), "converged", "linear least squares")
     parameter = problem.nonlinear[0]
     grids = np.array([np.geomspace(*interval, SCAN_POINTS) for interval in parameter.intervals])
@@ -63,7 +63,8 @@ def _refine(problem: Problem, grid: Array, i: int) -> tuple[float, str]:
 
 
 def _sse(problem: Problem, c: float) -> float:
-    return linear.least_sse(problem.regressors(np.array([c])), problem.target)
+    at = np.array([c])
+    return linear.least_sse(problem.regressors(at), problem.target(at))
 
 
 def _slope(problem: Problem, c: float) -> float:
@@ -73,7 +74,8 @@ def _slope(problem: Problem, c: float) -> float:
 
 
 def _project(problem: Problem, c: float) -> linear.LinearFit:
-    return linear.solve(problem.regressors(np.array([c])), problem.target)
+    at = np.array([c])
+    return linear.solve(problem.regressors(at), problem.target(at))
 
 
 def _solution(problem: Problem, c: float, status: str, notes: tuple[str, ...]) -> Solution:

@@ -8,7 +8,10 @@ from scipy.optimize import brentq
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.modelling.literature import get, names
 
-STATIC, DAMPING = (tuple(name for name in names() if get(name).component == component) for component in ("static", "damping"))
+STATIC, DAMPING = (
+    tuple(name for name in names() if get(name).component == component and not get(name).dimensions) for component in ("static", "damping")
+)
+"""Those that need nothing but the data."""
 
 WRIST = {"a1": -5.699, "a2": 158.773, "a3": -42.647, "a4": -299.482, "a5": 86.216, "a6": -196.865}
 """W's published coefficients a..f: pressure in bar, strain as a fraction, force in N."""

@@ -135,8 +135,8 @@ def test_a_condensed_problem_weighs_its_rows_by_their_samples() -> None:
         slope = problem.residual(beta + np.array([1.0, 0.0]), c) - problem.residual(beta, c)  # exact, as the formula is linear in it
         np.testing.assert_allclose(jacobian[:, 0], slope, rtol=1e-8, atol=1e-8 * np.abs(slope).max())
     assert np.sum(few.residual(beta, c) ** 2) == pytest.approx(np.sum(full.residual(beta, c) ** 2), rel=2e-3)
-    assert np.sum(few.target**2) == pytest.approx(np.sum(y**2), rel=2e-3)
-    assert few.regressors(c).T @ few.target == pytest.approx(full.regressors(c).T @ y, rel=2e-3)
+    assert np.sum(few.target(c) ** 2) == pytest.approx(np.sum(y**2), rel=2e-3)
+    assert few.regressors(c).T @ few.target(c) == pytest.approx(full.regressors(c).T @ y, rel=2e-3)
 
 
 @settings(deadline=None, max_examples=40)

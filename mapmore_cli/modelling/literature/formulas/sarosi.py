@@ -7,6 +7,13 @@ from mapmore_cli.modelling.literature.problem import Nonlinear
 # a3*max|strain| of about -8 (W). Nearer to zero the exponential cannot be told from the linear terms, and a1, a2 grow without bound.
 CURVATURE = Nonlinear("a3", per="strain", intervals=((-50.0, -1e-3), (1e-3, 50.0)))
 
+STARTS = {
+    "published": {"a1": -0.09219, "a2": 203.701, "a3": -34.221042, "a4": -3.226, "a5": 1.09203, "a6": -208.372},
+    "printed": {"a1": -0.09219, "a2": 203.701, "a3": -0.34221042, "a4": -0.03226, "a5": 1.09203, "a6": -208.372},
+}
+"""Sárosi and Fabulya's coefficients, W's starting values (section III), in kPa: they are for the strain in per cent (`published` has them
+for a fraction), but W's strain is a fraction (`printed` has the numbers as they stand)."""
+
 FORMULA = Formula(
     name="sarosi",
     reference="M1 eq 1 = M2 eq 14 = W eq 12",
@@ -14,4 +21,5 @@ FORMULA = Formula(
     parameters=("a1", "a2", "a3", "a4", "a5", "a6"),
     text="(a1*pressure + a2)*exp(a3*strain) + a4*strain*pressure + a5*pressure + a6",
     nonlinear=(CURVATURE,),
+    published_starts=STARTS,
 )
