@@ -80,10 +80,18 @@ def formulas(spec: ExperimentSpec) -> Iterator[Finding]:
             continue
         if loc == ("model", "name") and not literature.get(name).inputs:
             yield Finding(loc, f"`{name}` is no function of anything", "name it in `validate.against`")
+        for dimension in literature.get(name).dimensions:
+            if loc == ("model", "backbone"):
+                yield Finding(
+                    loc, f"`{name}` has the {dimension} of the muscle, and is no backbone", f"use `type: literature` with `{name}`"
+                )
+            elif spec.muscle.lengths[dimension] is None:
+                yield Finding(loc, f"`{name}` needs the {dimension} of the muscle", f"add `{dimension}: 10 mm` (your number) to `muscle`")
         for missing in [quantity for quantity in literature.get(name).inputs if quantity not in spec.quantities]:
             yield Finding(
                 loc, f"`{name}` needs the quantity `{missing}`", f"add `{missing}` to `columns` or `derive`, or leave `{name}` out"
             )
+    yield from _starts(spec)
     shown = [OWN, REPEATABILITY]
     for i, competitor in enumerate(spec.validation.against):
         name = competitor.label if isinstance(competitor, Competitor) else competitor
@@ -91,6 +99,20 @@ def formulas(spec: ExperimentSpec) -> Iterator[Finding]:
             remedy = "give this one a name: `{model: ..., as: NAME}`"
             yield Finding(("validate", "against", i), f"two models of the scores are named `{name}`", remedy)
         shown.append(name)
+
+
+def _starts(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Starting values are published for the formula that they are wanted for."""
+    from mapmore_cli.modelling import literature
+
+    against = enumerate(spec.validation.against)
+    wanted = [(c.model, c.starts, ("validate", "against", i, "starts")) for i, c in against if isinstance(c, Competitor)]
+    for name, starts, loc in [(spec.model.name, spec.model.starts, ("model", "starts")), *wanted]:
+        if name in literature.names() and starts is not None:
+            try:
+                literature.get(name).starting_from(starts)
+            except SpecError as error:
+                yield Finding(loc, error.message, error.remedy)
 
 
 def formula_uses(spec: ExperimentSpec) -> Iterator[tuple[str, Loc]]:

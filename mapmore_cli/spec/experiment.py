@@ -39,6 +39,11 @@ class Muscle(Section):
     length: Metres | None = None
     diameter: Metres | None = None
 
+    @property
+    def lengths(self) -> dict[str, float | None]:
+        """The dimensions by name, m; None where nothing is said."""
+        return {"length": self.length, "diameter": self.diameter}
+
 
 class TargetColumn(Section):
     """A canonical quantity as target."""

@@ -46,14 +46,14 @@ class Rival:
 class Contest:
     """The data and the other runs of a comparison: `model` is the run's own, `static_run` the needed run of the static force.
 
-    `length` (m) is the muscle's.
+    `lengths` are the muscle's `length` and `diameter` (m).
     """
 
     dataset: Dataset
     model: Model
     needed: Mapping[str, Path]
     static_run: Path | None
-    length: float | None
+    lengths: Mapping[str, float | None]
 
     def rival(self, competitor: str | Competitor) -> Rival:
         """Fit a competitor to the same training data and predict every sample.
@@ -70,7 +70,7 @@ class Contest:
         if competitor.static is not None:
             return self._composite(competitor)
         assert competitor.model is not None
-        fit = self._fitted(competitor.model, self.dataset.curves, self.dataset.target, competitor.method)
+        fit = self._fitted(competitor.model, self.dataset.curves, self.dataset.target, competitor.method, competitor.starts)
         return Rival(competitor.label, _forecasts(_predicted(fit, self.dataset.curves)), {competitor.label: fit})
 
     def _of_run(self, run_dir: Path) -> Forecasts:
@@ -96,7 +96,8 @@ class Contest:
         if competitor.static == OWN:
             static = [forecast(self._static_model, curve).values for curve in curves]
         else:
-            fits["static"] = fit_formula(competitor.static, self._static_dataset.curves, self._static_dataset.target, competitor.method)
+            training = self._static_dataset
+            fits["static"] = fit_formula(competitor.static, training.curves, training.target, competitor.method, self.lengths)
             static = _predicted(fits["static"], curves)
         left = [damping_component(c.columns[force] - s, c) for c, s in zip(curves, static, strict=True)]
         leaving = [replace(c, columns={**c.columns, DAMPING: rest}) for c, rest in zip(curves, left, strict=True)]
@@ -106,13 +107,14 @@ class Contest:
             total = [damping_component(y - c.columns[STATIC_FORCE], c) for y, c in zip(total, curves, strict=True)]
         return Rival(competitor.label, _forecasts(total), {f"{competitor.label} ({part})": fit for part, fit in fits.items()})
 
-    def _fitted(self, name: str, curves: Sequence[Curve], target: str, method: str | None) -> FormulaFit:
+    def _fitted(self, name: str, curves: Sequence[Curve], target: str, method: str | None, starts: str | None = None) -> FormulaFit:
         formula = literature.get(name)
         if not isinstance(formula, HysteresisLoss):
-            return fit_formula(name, curves, target, method)
-        if self.length is None:
+            return fit_formula(name, curves, target, method, self.lengths, starts)
+        length = self.lengths["length"]
+        if length is None:
             raise SpecError(f"validate.against: {name} needs the length of the muscle", "add `length: 88 mm` to `muscle`")
-        return formula.fit_cycles(pooled_training(self._static_dataset.curves), self.length)
+        return formula.fit_cycles(pooled_training(self._static_dataset.curves), length)
 
     @property
     def _force(self) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -27,11 +28,19 @@ class Slice:
     dictionary: list[DictionaryEntry]
     model: ModelChoice
     fit: Fit
+    lengths: dict[str, float | None]
 
 
 def reads(spec: ExperimentSpec) -> Slice:
-    """The stage's slice of the spec."""
-    return Slice(spec.data.levels, spec.segment, spec.dictionary, spec.model, spec.fit)
+    """The stage's slice of the spec; the muscle's dimensions are in it where the formula has one."""
+    return Slice(spec.data.levels, spec.segment, spec.dictionary, spec.model, spec.fit, _lengths(spec))
+
+
+def _lengths(spec: ExperimentSpec) -> dict[str, float | None]:
+    from mapmore_cli.modelling import literature
+
+    needed = literature.get(spec.model.name).dimensions if spec.model.name is not None else ()
+    return {name: length for name, length in spec.muscle.lengths.items() if name in needed}
 
 
 def run(part: Slice, workspace: Workspace) -> None:
@@ -42,7 +51,7 @@ def run(part: Slice, workspace: Workspace) -> None:
     from mapmore_cli.storage.artefacts import read_dataset, read_segmentation, units_of, write_fit
 
     dataset = read_dataset(workspace.run_dir / "ingest.h5")
-    formula = _formula(part.model, dataset)
+    formula = _formula(part.model, dataset, part.lengths)
     if part.model.type != "mapmore":
         write_fit(workspace.out / "fit.h5", FitResult((), formula), units_of(dataset))
         return
@@ -72,7 +81,7 @@ def _warn_of_ties(fit: SegmentFit, workspace: Workspace) -> None:
         workspace.warn(f"segment {fit.id}: candidates tie within 1e-9; the first of the dictionary was taken")
 
 
-def _formula(model: ModelChoice, dataset: Dataset) -> FormulaFit | None:
+def _formula(model: ModelChoice, dataset: Dataset, lengths: Mapping[str, float | None]) -> FormulaFit | None:
     """The fitted backbone, or the run's own formula.
 
     Raises
@@ -86,7 +95,7 @@ def _formula(model: ModelChoice, dataset: Dataset) -> FormulaFit | None:
     name = model.name if model.type == "literature" else model.backbone
     if name is None:
         return None
-    formula = fit_formula(name, dataset.curves, dataset.target)
+    formula = fit_formula(name, dataset.curves, dataset.target, model.method, lengths, model.starts)
     if formula.failed:
         reasons = "; ".join(formula.notes) or "no finite parameters were found"
         raise FitError(f"the fit of {name} failed: {reasons}", "take another formula, or build the model without one")

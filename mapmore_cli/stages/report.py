@@ -81,11 +81,10 @@ def _in_units(model: Model, units: Mapping[str, str]) -> dict[str, tuple[Equatio
 
 
 def _labels(muscle: Muscle) -> dict[str, str]:
-    lengths = {"length": muscle.length, "diameter": muscle.diameter}
     words = {"name": muscle.name, "kind": muscle.kind}
     return {
         **{key: word for key, word in words.items() if word is not None},
-        **{key: f"{value * 1000:g} mm" for key, value in lengths.items() if value is not None},
+        **{key: f"{value * 1000:g} mm" for key, value in muscle.lengths.items() if value is not None},
     }
 
 

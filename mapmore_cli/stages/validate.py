@@ -28,13 +28,13 @@ AT_LEAST = frozenset({"r2", "n"})
 class Slice:
     """What the scores depend on beyond the model.
 
-    `static` is the spec of the needed static run, `length` the muscle's in m, `cycles_of` the quantity whose cycles are held out.
+    `static` is the spec of the needed static run, `lengths` are the muscle's in m, `cycles_of` the quantity whose cycles are held out.
     """
 
     target: str
     against: list[str | Competitor]
     static: str | None
-    length: float | None
+    lengths: dict[str, float | None]
     normaliser: str
     cycles_of: str | None
 
@@ -47,7 +47,7 @@ def reads(spec: ExperimentSpec) -> Slice:
         target=target,
         against=spec.validation.against,
         static=spec.needs.static if moving else None,
-        length=spec.muscle.length if moving else None,
+        lengths=spec.muscle.lengths,
         normaliser=spec.validation.normaliser,
         cycles_of=spec.data.split.hold_out.of if spec.data.split.hold_out is not None else None,
     )
@@ -64,7 +64,7 @@ def run(part: Slice, workspace: Workspace) -> None:
     dataset = read_dataset(workspace.run_dir / "ingest.h5")
     model = read_model(workspace.run_dir / "model.h5")
     static_run = workspace.needed[part.static] if part.static is not None else None
-    contest = Contest(dataset, model, workspace.needed, static_run, part.length)
+    contest = Contest(dataset, model, workspace.needed, static_run, part.lengths)
     forecasts = {OWN: tuple(forecast(model, curve) for curve in dataset.curves)}
     formulas: dict[str, FormulaFit] = {}
     failed = []

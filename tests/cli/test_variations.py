@@ -65,6 +65,24 @@ def test_a_variation_may_be_a_formula_or_lack_the_backbone(tmp_path: Path, mapmo
     assert rmse["formula"] == pytest.approx(rmse["polynomial_2"])
 
 
+def test_a_formula_takes_the_diameter_of_the_muscle(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    """As a competitor and as the run's own model; twice the area of a braid cannot give the same force."""
+    spec = against(write_study(tmp_path), "tondu_lopez_fixed_area")
+    assert "needs the diameter" in mapmore("check", spec).stderr
+    rmse, _ = scored_run(mapmore, spec, tmp_path / "runs", "--set", "muscle.diameter=0.03")
+    wider, _ = scored_run(mapmore, spec, tmp_path / "runs", "--set", "muscle.diameter=0.06")
+    own = ("--set", "model={type: literature, name: tondu_lopez_fixed_area}", "--set", "segment={}", "--set", "dictionary=[]")
+    alone, _ = scored_run(mapmore, spec, tmp_path / "own", "--set", "muscle.diameter=0.03", *own)
+    assert rmse["tondu_lopez_fixed_area"] != wider["tondu_lopez_fixed_area"]
+    assert alone["mapmore"] == pytest.approx(rmse["tondu_lopez_fixed_area"], rel=1e-12)
+
+
+def test_a_formula_may_start_from_published_values(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    entry = "{model: sarosi, method: levenberg_marquardt, starts: published, as: from_published}, sarosi"
+    rmse, _ = scored_run(mapmore, against(write_study(tmp_path), entry), tmp_path / "runs")
+    assert rmse["from_published"] == pytest.approx(rmse["sarosi"], rel=0.2)
+
+
 @pytest.mark.parametrize(
     ("entry", "code", "words"),
     [

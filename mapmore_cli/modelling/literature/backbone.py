@@ -5,8 +5,9 @@ M1's outlook asks for physics-based static terms: a known formula and a few loca
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -20,10 +21,23 @@ def pooled_training(curves: Sequence[Curve]) -> dict[str, np.ndarray]:
     return {name: np.concatenate([c.columns[name][c.training] for c in curves]) for name in curves[0].columns}
 
 
-def fit_formula(name: str, curves: Sequence[Curve], target: str, method: str | None = None) -> FormulaFit:
-    """Fit a formula to the training samples of all curves."""
+def fit_formula(
+    name: str,
+    curves: Sequence[Curve],
+    target: str,
+    method: str | None = None,
+    lengths: Mapping[str, float | None] = MappingProxyType({}),
+    starts: str | None = None,
+) -> FormulaFit:
+    """Fit a formula to the training samples of all curves.
+
+    `lengths` are the muscle's `length` and `diameter`, in m, for formulas that have one of them; `starts` names published starting values.
+    """
     columns = pooled_training(curves)
-    return literature.get(name).fit(columns, columns[target], method)
+    formula = literature.get(name).of_muscle(lengths)
+    if starts is not None:
+        formula = formula.starting_from(starts)
+    return formula.fit(columns, columns[target], method)
 
 
 def residual_of(curve: Curve, target: str, backbone: FormulaFit | None) -> Curve:

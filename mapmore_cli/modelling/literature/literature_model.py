@@ -59,6 +59,10 @@ class LiteratureModel(ABC):
                 raise SpecError(f"{self.name} needs the {name} of the muscle", f"add `{name}: 10 mm` (with your own number) to `muscle`")
         return replace(self, given=given) if given else self
 
+    def starting_from(self, start: str) -> LiteratureModel:
+        """The model fitted from starting values that a paper prints; raises `SpecError` where none are published."""
+        raise SpecError(f"{self.name} has no starting values called `{start}`", "leave out `starts`")
+
     @abstractmethod
     def fit(self, columns: Columns, y: Array, method: str | None = None) -> FormulaFit:
         """Fit to the target `y`, `(n,)`, with the inputs among `columns`; raises `DataError` where that is impossible."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
@@ -12,6 +14,7 @@ from mapmore_cli.modelling.terms import NotFinite
 
 METHOD = "simplex"
 TOLERANCE = 1e-4  # of coordinates and of the sum of squares, fminsearch's
+REFUSED = 1e300  # stands for an overflow
 PER_PARAMETER = 200  # evaluations, fminsearch's
 
 
@@ -22,7 +25,7 @@ def fit(problem: Problem) -> Solution:
     (uniform, of either sign), a nonlinear one in its intervals. Sums of squares are over means of neighbouring samples where there are
     many. The status is `converged`, `stopped_by_limit` (of evaluations), or `failed` where every start overflowed.
     """
-    from scipy.optimize import minimize
+    from scipy.optimize import OptimizeResult, minimize
 
     few, m = problem.condensed(), len(problem.linear)
     rng = np.random.default_rng(SEED)
@@ -35,18 +38,19 @@ def fit(problem: Problem) -> Solution:
             continue
         units = np.linalg.norm(few.target(place)) / np.where(lengths > 0.0, lengths, 1.0)
 
-        def cost(x: Array, units: Array = units) -> float:
-            residual = few.residual(x[:m] * units, x[m:])
-            value = float(residual @ residual)
-            return value if np.isfinite(value) else 1e300
-
         start = np.concatenate([rng.uniform(-1.0, 1.0, m), place])
-        scale = cost(np.zeros(m + len(place))) or 1.0
-        options = {"xatol": TOLERANCE, "fatol": TOLERANCE * scale, "maxfev": PER_PARAMETER * len(start)}
-        end = minimize(cost, start, method="Nelder-Mead", options=options)
-        end.cost, end.x = end.fun, np.concatenate([end.x[:m] * units, end.x[m:]])
-        ends.append(end)
+        options: Any = {"xatol": TOLERANCE, "fatol": TOLERANCE * _cost(0.0 * start, few, units), "maxfev": PER_PARAMETER * len(start)}
+        end = minimize(_cost, start, args=(few, units), method="Nelder-Mead", options=options)
+        ends.append(OptimizeResult(x=np.concatenate([end.x[:m] * units, end.x[m:]]), cost=end.fun, success=end.success))
     if not ends:
         return failure(problem, METHOD)
     best, agreement = lowest(ends, STARTS)
     return Solution(best.x[:m], best.x[m:], "converged" if best.success else "stopped_by_limit", METHOD, (agreement,))
+
+
+def _cost(x: Array, problem: Problem, units: Array) -> float:
+    """Sum of squares at the linear parameters, in their `units`, and the coordinates that follow them in x."""
+    m = len(units)
+    residual = problem.residual(x[:m] * units, x[m:])
+    value = float(residual @ residual)
+    return value if np.isfinite(value) else REFUSED

@@ -62,13 +62,16 @@ class Needs(Section):
 class ModelChoice(Section):
     """What kind of model the run builds.
 
-    `mapmore` with a `backbone` explains by pieces what that formula leaves; `literature` fits the formula `name` alone; `sum` adds the
-    static and the damping model that the spec needs, and is the default for the target `dynamic`.
+    `mapmore` with a `backbone` explains by pieces what that formula leaves; `literature` fits the formula `name` alone, by the `method`
+    and from the `starts` that a competitor may have; `sum` adds the static and the damping model that the spec needs, and is the default
+    for the target `dynamic`.
     """
 
     type: Literal["mapmore", "literature", "sum"] = "mapmore"
     backbone: str | None = None
     name: str | None = None
+    method: Literal["variable_projection", "levenberg_marquardt", "simplex"] | None = None
+    starts: str | None = None
 
     @model_validator(mode="after")
     def _fits_type(self) -> ModelChoice:
@@ -78,6 +81,8 @@ class ModelChoice(Section):
             raise contradiction("type `literature` has no `backbone`", "remove it, or use `type: mapmore`", "backbone")
         if self.type != "literature" and self.name is not None:
             raise contradiction(f"type `{self.type}` has no `name`", "use `backbone`, or `type: literature`", "name")
+        if self.type != "literature" and (self.method or self.starts):
+            raise contradiction(f"type `{self.type}` has no `method` and no `starts`", "use `type: literature`", "method", "starts")
         if self.type == "sum" and self.backbone is not None:
             raise contradiction("type `sum` has no `backbone`", "remove it: both models have their own", "backbone")
         return self

@@ -36,7 +36,8 @@ class Competitor(Section):
 
     `set` has keys of this spec with other values, as `--set` takes them; the run is called `<name>.<as>`. A composite of a `static` and a
     `damping` formula stands against damping and dynamic models; `static: mapmore` is the static model that the spec needs. `method` says
-    how a literature model is fitted, `as` is the name of the scores; a run's is else the name of its file.
+    how a literature model is fitted, `starts` which published values `levenberg_marquardt` starts from (`published`, `printed`), `as` is
+    the name of the scores; a run's is else the name of its file.
     """
 
     model: str | None = None
@@ -44,7 +45,8 @@ class Competitor(Section):
     set: Annotated[dict[str, Any], SettingsOf(_experiment)] | None = None
     static: str | None = None
     damping: str | None = None
-    method: Literal["variable_projection", "levenberg_marquardt"] | None = None
+    method: Literal["variable_projection", "levenberg_marquardt", "simplex"] | None = None
+    starts: str | None = None
     as_: Name | None = Field(default=None, alias="as")
 
     @model_validator(mode="after")
@@ -61,6 +63,9 @@ class Competitor(Section):
             raise contradiction("a composite needs `static` and `damping`", remedy, "static", "damping")
         if (self.run is not None or self.set is not None) and self.method is not None:
             raise contradiction("another run has a fit of its own", "remove `method`", "method")
+        if self.starts is not None and (self.model is None or self.method != "levenberg_marquardt"):
+            remedy = "write `{model: sarosi, method: levenberg_marquardt, starts: published}`"
+            raise contradiction("`starts` goes with a `model` and `method: levenberg_marquardt`", remedy, "starts")
         return self
 
     @property
