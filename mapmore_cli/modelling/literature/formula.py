@@ -190,7 +190,8 @@ class Formula(LiteratureModel):
         residual = problem.residual(solution.beta, solution.c)
         sse = float(residual @ residual)
         jacobian = self._jacobian_at(values)
-        deviations, rank, condition = linear.standard_errors(jacobian(problem.columns), sse)
+        slopes = jacobian(problem.columns) if count else np.empty((len(residual), 0))
+        deviations, rank, condition = linear.standard_errors(slopes, sse)
         errors = dict(zip(self.fitted, map(float, deviations), strict=True))
         choice = "the solution of least norm was taken" if len(self.nonlinear) <= 1 else "one of many equally good solutions was taken"
         notes = solution.notes if rank == count else (*solution.notes, dependence(rank, count, problem.columns, choice))
@@ -205,7 +206,7 @@ class Formula(LiteratureModel):
             condition=condition,
             sse=sse,
             samples=len(problem.y),
-            notes=(*notes, *hints(values, errors, jacobian, problem.columns)),
+            notes=(*notes, *(hints(values, errors, jacobian, problem.columns) if count else ())),
         )
 
     def _printed(self, values: Mapping[str, float]) -> dict[str, float]:

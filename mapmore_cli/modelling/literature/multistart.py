@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from typing import Protocol, TypeVar
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.literature.problem import Nonlinear
 
-if TYPE_CHECKING:
-    from scipy.optimize import OptimizeResult
-
 STARTS = 10
 SEED = 20170714  # any fixed number: the same data give the same fit
 AGREEMENT = 1e-6  # relative difference between sums of squares that are called equal
+
+
+class End(Protocol):
+    """Where a descent ended."""
+
+    x: Array
+    cost: float
+
+
+Found = TypeVar("Found", bound=End)
 
 
 def draw(nonlinear: tuple[Nonlinear, ...]) -> Iterator[Array]:
@@ -25,7 +32,7 @@ def draw(nonlinear: tuple[Nonlinear, ...]) -> Iterator[Array]:
         yield np.array([_place(parameter, rng) for parameter in nonlinear])
 
 
-def lowest(ends: Sequence[OptimizeResult], starts: int) -> tuple[OptimizeResult, str]:
+def lowest(ends: Sequence[Found], starts: int) -> tuple[Found, str]:
     """The end with the lowest cost of those that the `starts` have reached, and a note on how many came to it."""
     best = min(ends, key=lambda end: float(end.cost))
     agreeing = sum(end.cost <= (1 + AGREEMENT) * best.cost + 1e-20 for end in ends)

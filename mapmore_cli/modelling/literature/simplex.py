@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,15 @@ REFUSED = 1e300  # stands for an overflow
 PER_PARAMETER = 200  # evaluations, fminsearch's
 
 
+@dataclass
+class End:
+    """Where a descent ended: parameters, their sum of squares, and whether it had converged."""
+
+    x: Array
+    cost: float
+    success: bool
+
+
 def fit(problem: Problem) -> Solution:
     """Solve `problem` by ten descents of a simplex over all parameters at once, with the settings of `fminsearch`.
 
@@ -25,12 +35,12 @@ def fit(problem: Problem) -> Solution:
     (uniform, of either sign), a nonlinear one in its intervals. Sums of squares are over means of neighbouring samples where there are
     many. The status is `converged`, `stopped_by_limit` (of evaluations), or `failed` where every start overflowed.
     """
-    from scipy.optimize import OptimizeResult, minimize
+    from scipy.optimize import minimize
 
     few, m = problem.condensed(), len(problem.linear)
     rng = np.random.default_rng(SEED)
     places = list(draw(problem.nonlinear)) if problem.nonlinear else [np.empty(0)] * STARTS
-    ends = []
+    ends: list[End] = []
     for place in places:
         try:
             lengths = np.linalg.norm(few.regressors(place), axis=0)
@@ -41,7 +51,7 @@ def fit(problem: Problem) -> Solution:
         start = np.concatenate([rng.uniform(-1.0, 1.0, m), place])
         options: Any = {"xatol": TOLERANCE, "fatol": TOLERANCE * _cost(0.0 * start, few, units), "maxfev": PER_PARAMETER * len(start)}
         end = minimize(_cost, start, args=(few, units), method="Nelder-Mead", options=options)
-        ends.append(OptimizeResult(x=np.concatenate([end.x[:m] * units, end.x[m:]]), cost=end.fun, success=end.success))
+        ends.append(End(np.concatenate([end.x[:m] * units, end.x[m:]]), float(end.fun), bool(end.success)))
     if not ends:
         return failure(problem, METHOD)
     best, agreement = lowest(ends, STARTS)

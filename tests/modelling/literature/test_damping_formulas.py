@@ -213,7 +213,7 @@ def test_the_worst_region_gives_the_status_and_is_named() -> None:
     columns["pressure"] = np.where(columns["direction"] < 0, 250.0, columns["pressure"])
     fit = get("reynolds").fit(columns, y)
     assert (fit.status, fit.rank) == ("rank_deficient", 3)
-    assert [note.split(":")[0] for note in fit.notes] == ["fall (direction < 0)"]
+    assert {note.split(":")[0] for note in fit.notes} == {"fall (direction < 0)"}
     assert "rank 1 of 2" in fit.notes[0]
     assert np.isfinite([fit.errors["B0_rise"], fit.errors["B1_rise"]]).all()
     assert np.sqrt(fit.sse / len(y)) < 0.5 * np.abs(y).max()
