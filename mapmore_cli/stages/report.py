@@ -35,7 +35,7 @@ def run(part: Slice, workspace: Workspace) -> None:
     from mapmore_cli.reporting.inputs import Published, ReportInputs
     from mapmore_cli.reporting.report import write_report
     from mapmore_cli.storage import artefacts
-    from mapmore_cli.storage.versions import tool_versions
+    from mapmore_cli.storage.provenance import tool_versions
 
     folder = workspace.run_dir
     dataset = artefacts.read_dataset(folder / "ingest.h5")
