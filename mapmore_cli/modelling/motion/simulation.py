@@ -1,0 +1,94 @@
+"""Running a model of motion along recordings. Sections are linear filters: no loop passes over samples."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, Columns, IntArray
+from mapmore_cli.domain.errors import FitError
+from mapmore_cli.domain.motion import HARD, Motion
+from mapmore_cli.modelling.memory.records import uninterrupted
+from mapmore_cli.modelling.motion.plane import unstable_sections
+from mapmore_cli.modelling.motion.regimes import active
+from mapmore_cli.modelling.terms import evaluate, parse
+
+
+def simulate(motion: Motion, columns: Columns) -> Array:
+    """Output (n,) along a recording with its `time`, or along one piece of a record without.
+
+    Every piece begins at rest: the section that holds at its first sample has always had this sample's input. The measured output is
+    not needed.
+
+    Raises
+    ------
+    FitError
+        Where a section is unstable.
+    AtSample
+        Where the stamps are neither the model's step apart nor a gap.
+    """
+    loose = unstable_sections(motion)
+    if loose:
+        raise FitError(
+            f"section {loose[0]} of the model of `{motion.output}` is unstable: a pole lies at "
+            f"{next(section.radius for section in motion.sections if section.id == loose[0]):.6g}, outside of the unit circle",
+            "fit it again: every solver gives stable sections",
+        )
+    n = len(columns[motion.input])
+    parts = uninterrupted(columns["time"], motion.step) if "time" in columns else [slice(0, n)]
+    values = np.empty(n)
+    for part in parts:
+        values[part] = _along({name: column[part] for name, column in columns.items()}, motion)
+    return values
+
+
+def driven(drives: tuple[str, ...], columns: Columns) -> Array:
+    """Values (n, m) of the drives."""
+    n = len(next(iter(columns.values())))
+    return np.column_stack([np.broadcast_to(evaluate(parse(text), columns, n), n) for text in drives])
+
+
+def _along(columns: Columns, motion: Motion) -> Array:
+    drives, holds = driven(motion.drives, columns), active(motion, columns[motion.input])
+    if motion.switching != HARD:
+        poles = np.array([(section.p1, section.p2) for section in motion.sections])
+        weights = np.array([section.weights for section in motion.sections])
+        return shared(poles, np.sum(drives * weights[holds], axis=1), holds)
+    values = np.empty(len(drives))
+    for number in np.unique(holds):
+        section, own = motion.sections[number], holds == number
+        values[own] = response(section.p1, section.p2, drives @ section.weights)[own]
+    return values
+
+
+def response(p1: float, p2: float, drive: Array) -> Array:
+    """Output x1 (n,) or (n, m) of one section: `x1[k+2] = P2 x1[k+1] + P1 x1[k] + d[k]`, from rest under d[0]."""
+    from scipy.signal import lfilter
+
+    moved = lfilter([0.0, 0.0, 1.0], [1.0, -p2, -p1], drive - drive[0], axis=0)
+    return np.asarray(moved + drive[0] / (1.0 - p1 - p2))
+
+
+def shared(poles: Array, drive: Array, holds: IntArray) -> Array:
+    """Output (n,) or (n, m) of sections that hand one state on, from rest under d[0].
+
+    Parameters
+    ----------
+    poles
+        P1 and P2 of every section, (s, 2).
+    drive
+        What drives the section that holds, (n,) or (n, m).
+    holds
+        (n,) number of the section that holds.
+    """
+    from scipy.signal import lfilter
+
+    n = len(holds)
+    states = np.empty((n + 2, *drive.shape[1:]))  # x1[k] stands at k, x2[k] at k + 1
+    p1, p2 = poles[holds[0]] if n else (0.0, 0.0)
+    states[:2] = drive[0] / (1.0 - p1 - p2)
+    turns = np.flatnonzero(np.diff(holds)) + 1
+    for first, last in zip([0, *turns], [*turns, n], strict=True):
+        p1, p2 = poles[holds[first]]
+        past = np.stack([p2 * states[first + 1] + p1 * states[first], p1 * states[first + 1]])
+        states[first + 2 : last + 2], _ = lfilter([1.0], [1.0, -p2, -p1], drive[first:last], axis=0, zi=past)
+    return states[:n]

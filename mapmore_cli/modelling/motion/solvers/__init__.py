@@ -1,0 +1,26 @@
+"""Ways to find a section's parameters, by name. A further one is a further file with a `solve`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from mapmore_cli.modelling.motion.problem import Found, Problem
+from mapmore_cli.modelling.motion.recipe import MotionRecipe
+from mapmore_cli.modelling.motion.solvers import differential_evolution, least_squares, swarm, swarm_projected
+
+Solver = Callable[[Problem, MotionRecipe], Found]
+
+SOLVERS: Mapping[str, Solver] = {
+    "least_squares": least_squares.solve,
+    "differential_evolution": differential_evolution.solve,
+    "swarm": swarm.solve,
+    "swarm_projected": swarm_projected.solve,
+}
+
+NAMES = tuple(SOLVERS)
+
+
+def solve(problem: Problem, recipe: MotionRecipe) -> Found:
+    """What the recipe's solver finds, polished where it says so."""
+    found = SOLVERS[recipe.solver](problem, recipe)
+    return least_squares.polish(problem, found) if recipe.polish else found

@@ -1,0 +1,25 @@
+"""`swarm_projected`: the same swarm over the logarithm of the natural frequency and the damping ratio; the weights follow by projection."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.modelling.motion.plane import FASTEST, LEAST_DAMPED, MOST_DAMPED, SLOWEST, of_oscillator
+from mapmore_cli.modelling.motion.problem import Found, Problem
+from mapmore_cli.modelling.motion.recipe import MotionRecipe
+from mapmore_cli.modelling.motion.solvers.particles import fly
+
+
+def solve(problem: Problem, recipe: MotionRecipe) -> Found:
+    """The best of `iterations` over all frequencies and dampings of `plane`."""
+    low = np.array([math.log(SLOWEST), LEAST_DAMPED])
+    high = np.array([math.log(FASTEST), MOST_DAMPED])
+
+    def poles(place: Array) -> tuple[float, float]:
+        return of_oscillator(math.exp(place[0]), float(place[1]))
+
+    best = fly(lambda place: problem.projected_rmse(*poles(place)), low, high, recipe.particles, recipe.iterations, recipe.seed)
+    return problem.found(*poles(best.place), best.history)

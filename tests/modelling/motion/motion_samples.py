@@ -1,0 +1,71 @@
+"""Published sections, and records that a section makes."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+
+from mapmore_cli.domain.motion import Motion, MotionSection
+from mapmore_cli.modelling.memory.records import Record
+from mapmore_cli.modelling.motion import MotionRecipe
+
+PUBLISHED = Path(__file__).parents[3] / "datasets" / "published" / "p_table_1.csv"
+BOUNDARIES = (1.05, 2.35, 3.15, 3.95, 4.75)
+STEP = 0.05
+with PUBLISHED.open(newline="") as _lines:
+    ROWS = list(csv.DictReader(_lines))
+
+
+def recipe(**settings):
+    return MotionRecipe("input", "displacement", STEP, **settings)
+
+
+def published(model: str) -> Motion:
+    """One of P's four models, used directly."""
+    rows = [row for row in ROWS if row["model"] == model]
+    directed = rows[0]["direction"] != "all"
+    ways = {"rise": "rise ", "fall": "fall ", "all": ""}
+    sections = tuple(
+        MotionSection(
+            f"{ways[row['direction']]}{max(int(row['section']), 1)}",
+            max(int(row["section"]), 1),
+            row["direction"],
+            float(row["p1"]),
+            float(row["p2"]),
+            np.array([float(row["p3"])]),
+        )
+        for row in rows
+    )
+    boundaries = BOUNDARIES if len(rows) >= 6 else ()
+    return Motion("input", "displacement", STEP, "hard", boundaries, directed, 0.0, ("input",), sections, (0.0, 5.0))
+
+
+def looped(u, section):
+    """The section, sample by sample."""
+    x1 = x2 = float(section[2] * u[0] / (1 - section[0] - section[1]))
+    values = []
+    for now in u:
+        values.append(x1)
+        x1, x2 = x2, section[0] * x1 + section[1] * x2 + section[2] * now
+    return np.array(values)
+
+
+def sine(samples=240, low=0.0, high=5.0, frequency=0.25):
+    return low + (high - low) * (0.5 - 0.5 * np.cos(2 * np.pi * frequency * STEP * np.arange(samples)))
+
+
+def record(u, y, training=None):
+    n = len(u)
+    return Record(
+        {"time": STEP * np.arange(n), "input": u, "displacement": y},
+        np.ones(n, dtype=bool) if training is None else training,
+    )
+
+
+def made_by(row, samples=240, noise=0.0, seed=0):
+    """A record that a published row makes, with noise."""
+    u = sine(samples)
+    section = [float(row[name]) for name in ("p1", "p2", "p3")]
+    return record(u, looped(u, section) + noise * np.random.default_rng(seed).standard_normal(samples))

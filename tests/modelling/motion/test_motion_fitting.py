@@ -1,0 +1,194 @@
+"""Fitting: what made the data comes back, by every solver from declared bounds; hostile records."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from motion_samples import BOUNDARIES, ROWS, STEP, looped, made_by, published, recipe, record, sine
+
+from mapmore_cli.domain.errors import DataError, FitError, SpecError
+from mapmore_cli.domain.motion import BUMPLESS
+from mapmore_cli.modelling.motion import Box, fit_motion, simulate
+from mapmore_cli.modelling.motion.plane import stable
+from mapmore_cli.modelling.motion.solvers import NAMES
+from mapmore_cli.modelling.motion.solvers.particles import fly
+
+NOISE = 0.05
+SEEDS = range(10)
+
+
+def one(records, **settings):
+    fit = fit_motion(records, recipe(**settings))
+    return fit.model.sections[0], fit.searches[0]
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row['model']}-{row['printed_section']}")
+def test_least_squares_recovers_every_published_row(row):
+    section, search = one([made_by(row)])
+    told = [float(row[name]) for name in ("p1", "p2", "p3")]
+    assert [section.p1, section.p2, section.p3] == pytest.approx(told, abs=1e-6)
+    assert search.rmse < 1e-9
+
+
+@pytest.mark.parametrize("row", [ROWS[0], ROWS[5]], ids=["linear", "section-3"])
+def test_the_better_swarm_with_polish_is_as_good_as_least_squares(row):
+    records = [made_by(row, 400, NOISE)]
+    least = one(records)[1].rmse
+    errors = [one(records, solver="swarm_projected", polish=True, seed=seed)[1].rmse for seed in SEEDS]
+    assert sum(error <= 1.01 * least for error in errors) >= 9
+
+
+def test_the_published_swarm_does_not_settle():
+    """Outside of the region in which swarms settle (its W, C1 and C2), with 20 iterations."""
+    records = [made_by(ROWS[0], 400, NOISE)]
+    least = one(records)[1].rmse
+    errors = [one(records, solver="swarm", seed=seed)[1].rmse for seed in SEEDS]
+    assert min(errors) > 2 * least
+
+
+def test_differential_evolution_comes_near():
+    records = [made_by(ROWS[0], 400, NOISE)]
+    least = one(records)[1].rmse
+    errors = [one(records, solver="differential_evolution", iterations=60, seed=seed)[1].rmse for seed in range(5)]
+    assert max(errors) < 1.05 * least
+
+
+@pytest.mark.parametrize("solver", NAMES)
+def test_every_solver_tells_its_way(solver):
+    records = [made_by(ROWS[0], 200, NOISE)]
+    section, search = one(records, solver=solver, seed=3)
+    again, _ = one(records, solver=solver, seed=3)
+    assert (section.p1, section.p2, section.p3) == (again.p1, again.p2, again.p3)
+    assert stable(section.p1, section.p2)
+    assert search.samples == 200
+    assert np.all(np.diff(search.history) <= 0)
+    assert search.history[-1] == pytest.approx(search.rmse, rel=1e-9)
+    if solver.startswith("swarm"):
+        assert len(search.history) == 21
+
+
+def test_another_seed_makes_another_swarm():
+    records = [made_by(ROWS[0], 200, NOISE)]
+    assert one(records, solver="swarm", seed=1)[1].rmse != one(records, solver="swarm", seed=2)[1].rmse
+
+
+def test_a_swarm_finds_the_bottom_of_a_bowl():
+    best = fly(lambda x: float(np.sum((x - [0.3, -0.2]) ** 2)), np.array([-1.0, -1.0]), np.array([1.0, 1.0]), 50, 20, 1)
+    assert best.cost < 0.01
+    assert best.cost == min(best.history)
+
+
+@pytest.mark.parametrize("model", ["inflate_deflate", "piecewise", "piecewise_inflate_deflate"])
+def test_hard_sections_come_back_from_what_they_made(model):
+    truth = published(model)
+    u = np.concatenate([sine(480), sine(480, 0.7, 4.9, 0.4)])
+    y = simulate(truth, {"time": STEP * np.arange(len(u)), "input": u})
+    fit = fit_motion([record(u, y)], recipe(sections=truth.boundaries, direction=truth.directed, slowest=5.0))
+    for ours, theirs in zip(fit.model.sections, truth.sections, strict=True):
+        assert ours.id == theirs.id
+        assert (ours.p1, ours.p2, ours.p3) == pytest.approx((theirs.p1, theirs.p2, theirs.p3), abs=1e-5)
+
+
+def meeting(directed):
+    """A model whose sections meet, with offsets."""
+    from mapmore_cli.modelling.motion.bumpless import continued
+
+    return continued(published("piecewise_inflate_deflate" if directed else "piecewise"))
+
+
+@pytest.mark.parametrize("directed", [False, True])
+def test_sections_that_share_a_state_come_back(directed):
+    truth = meeting(directed)
+    u = np.concatenate([sine(160), sine(160, 0.7, 4.9, 0.4)])
+    y = simulate(truth, {"time": STEP * np.arange(len(u)), "input": u})
+    fit = fit_motion([record(u, y)], recipe(sections=BOUNDARIES, direction=directed, switching=BUMPLESS, slowest=5.0))
+    ours = simulate(fit.model, {"time": STEP * np.arange(len(u)), "input": u})
+    assert np.sqrt(np.mean((ours - y) ** 2)) < 0.02 * np.ptp(y)
+
+
+def test_joined_sections_agree_at_every_boundary():
+    u = np.concatenate([sine(320), sine(320, 0.7, 4.9, 0.4)])
+    y = simulate(published("piecewise_inflate_deflate"), {"time": STEP * np.arange(len(u)), "input": u})
+    boundaries = BOUNDARIES[1::2]
+    model = fit_motion([record(u, y)], recipe(sections=boundaries, direction=True, switching=BUMPLESS)).model
+
+    def steady(section, level):
+        return section.weights @ [level, 1.0] / (1 - section.p1 - section.p2)
+
+    for place, edge in enumerate(boundaries):
+        for way in (0, 1):
+            below, above = model.sections[2 * place + way], model.sections[2 * place + 2 + way]
+            assert steady(below, edge) == pytest.approx(steady(above, edge), abs=1e-9)
+
+
+@pytest.mark.parametrize("switching", ["hard", BUMPLESS])
+def test_what_depends_on_the_load_comes_back(switching):
+    rng = np.random.default_rng(4)
+    u = sine(600)
+    load = np.repeat(rng.uniform(0, 50, 6), 100)
+    weights = np.array([0.52, 0.1, -0.004, -0.002])
+    drive = np.column_stack([u, np.ones(600), load, u * load]) @ weights
+    y = looped(drive, (0.45, 0.3, 1.0))
+    one_record = replace(record(u, y), columns={**record(u, y).columns, "load": load})
+    fit = fit_motion([one_record], recipe(load="load", switching=switching))
+    assert fit.model.drives == ("input", "1", "load", "input*load")
+    assert fit.model.sections[0].weights == pytest.approx(weights, rel=1e-3)
+
+
+def test_only_training_samples_count():
+    u = sine()
+    y = looped(u, (0.45, 0.3, 0.5))
+    training = np.arange(240) < 160
+    section, search = one([record(u, np.where(training, y, 1e6), training)])
+    assert (section.p1, section.p2, section.p3) == pytest.approx((0.45, 0.3, 0.5), abs=1e-6)
+    assert search.samples == 160
+
+
+def test_a_section_is_no_slower_than_its_bound():
+    u = sine(80)
+    drift = np.linspace(0, 5, 80)
+    section, _ = one([record(u, drift)], slowest=0.5)
+    assert section.radius <= np.exp(-STEP / 0.5) + 1e-9
+
+
+@pytest.mark.parametrize("solver", NAMES)
+@pytest.mark.parametrize(
+    ("records", "settings", "message"),
+    [
+        ([record(np.full(80, 2.0), np.arange(80.0))], {}, r"the input `input` is 2 at all 80 training samples"),
+        ([record(sine(2), np.zeros(2))], {}, r"section 1 .* 1 training sample|section 1 .* 2 training sample|at all 2 training"),
+        ([record(sine(), sine())], {"sections": (7.0, 9.0)}, r"section 2 \(input from 7 to 9\): 0 .* from 0 to 5"),
+        ([record(sine(), sine())], {"sections": (2.0,), "direction": True, "slowest": 1.0, "load": None, "offset": False}, None),
+        ([record(sine(), sine(), np.zeros(240, dtype=bool))], {}, "no training sample"),
+    ],
+    ids=["constant-input", "two-samples", "empty-section", "sound", "nothing-to-learn-from"],
+)
+def test_hostile_records(solver, records, settings, message):
+    if message is None:
+        assert fit_motion(records, recipe(solver=solver, **settings)).model.sections
+        return
+    with pytest.raises(DataError, match=message) as raised:
+        fit_motion(records, recipe(solver=solver, **settings))
+    assert raised.value.remedy
+
+
+def test_a_swarm_that_may_only_be_unstable_says_so():
+    with pytest.raises(FitError, match=r"no stable section with P1 in 0\.9\.\.1 and P2 in 0\.9\.\.2") as raised:
+        one([made_by(ROWS[0])], solver="swarm", box=Box((0.9, 1.0), (0.9, 2.0)))
+    assert "bounds" in str(raised.value.remedy)
+
+
+@pytest.mark.parametrize("settings", [{"offset": True}, {"load": "load"}, {"switching": BUMPLESS}])
+def test_the_published_swarm_has_three_parameters(settings):
+    u = sine()
+    columns = {**record(u, u).columns, "load": np.ones(240)}
+    with pytest.raises(SpecError, match="P1, P2 and P3 alone"):
+        one([replace(record(u, u), columns=columns)], solver="swarm", **settings)
+
+
+def test_a_boundary_at_the_end_of_the_input_cannot_be_joined():
+    u = np.clip(2 * sine(), 0, 5)
+    with pytest.raises(DataError, match="at an end of the training input, which goes from 0 to 5"):
+        fit_motion([record(u, u)], recipe(sections=(5.0,), switching=BUMPLESS))

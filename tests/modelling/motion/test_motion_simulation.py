@@ -1,0 +1,173 @@
+"""Sections as linear filters, against a loop over samples; switching; the published rows used directly."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from motion_samples import BOUNDARIES, ROWS, STEP, looped, published, sine
+
+from mapmore_cli.domain.errors import FitError
+from mapmore_cli.domain.motion import BUMPLESS
+from mapmore_cli.modelling.memory.records import AtSample
+from mapmore_cli.modelling.motion import simulate
+from mapmore_cli.modelling.motion.bumpless import continued
+from mapmore_cli.modelling.motion.plane import EDGE, of_oscillator, of_reflections, radius, reflections, stable
+from mapmore_cli.modelling.motion.regimes import active, rising, spread
+from mapmore_cli.modelling.motion.simulation import response, shared
+
+MODELS = ("linear", "inflate_deflate", "piecewise", "piecewise_inflate_deflate")
+coefficients = st.floats(-EDGE, EDGE)
+
+
+def run(motion, u):
+    return simulate(motion, {"time": STEP * np.arange(len(u)), "input": u})
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row['model']}-{row['printed_section']}")
+def test_every_published_row_is_stable_and_filters_as_a_loop_does(row):
+    p1, p2, p3 = (float(row[name]) for name in ("p1", "p2", "p3"))
+    matrix = np.array([[0.0, 1.0], [p1, p2]])
+    assert np.abs(np.linalg.eigvals(matrix)).max() < 0.8895
+    u = sine()
+    np.testing.assert_allclose(response(p1, p2, p3 * u), looped(u, (p1, p2, p3)), atol=1e-12)
+
+
+def test_poles_and_gains_of_the_published_rows():
+    sections = [section for model in MODELS for section in published(model).sections]
+    assert len(sections) == 21
+    assert max(section.radius for section in sections) == pytest.approx(0.889, abs=5e-4)
+    assert 5 * published("linear").sections[0].gain == pytest.approx(10.67, abs=5e-3)
+
+
+def test_as_printed_in_continuous_time_every_row_is_unstable():
+    for row in ROWS:
+        poles = np.linalg.eigvals([[0.0, 1.0], [float(row["p1"]), float(row["p2"])]])
+        assert poles.real.max() > 0
+
+
+def test_hard_switching_takes_the_active_one_of_parallel_sections():
+    """P eq 15-17, an input that stands still falls."""
+    motion, u = published("piecewise_inflate_deflate"), sine(480)
+    parallel = [looped(u, (s.p1, s.p2, s.p3)) for s in motion.sections]
+    expected, last = [], u[0]
+    for k, now in enumerate(u):
+        place = sum(now >= boundary for boundary in BOUNDARIES)
+        expected.append(parallel[2 * place + (0 if now > last else 1)][k])
+        last = now
+    np.testing.assert_allclose(run(motion, u), expected, atol=1e-12)
+
+
+def test_steady_outputs_of_published_sections_disagree_by_up_to_one_and_a_half_centimetres():
+    sections = published("piecewise").sections
+    jumps = [abs(edge * (right.gain - left.gain)) for edge, left, right in zip(BOUNDARIES, sections, sections[1:], strict=False)]
+    assert 1.0 < max(jumps) < 1.6
+
+
+@pytest.mark.parametrize("model", ["piecewise", "piecewise_inflate_deflate"])
+@pytest.mark.parametrize("rate", [0.05, -0.05])
+def test_a_slow_ramp_over_a_boundary_jumps_hard_and_never_with_a_shared_state(model, rate):
+    u = np.arange(0.0, 5.0, abs(rate) * STEP)[:: 1 if rate > 0 else -1]
+    hard = published(model)
+    moving = slice(20, None)  # the direction is known, and the first section has settled
+    jump = np.abs(np.diff(run(hard, u))[moving]).max()
+    smooth = np.abs(np.diff(run(continued(hard), u))[moving]).max()
+    assert jump > 0.4
+    assert smooth < 0.05
+
+
+@given(st.lists(st.tuples(coefficients, coefficients), min_size=2, max_size=4), st.integers(0, 2**32 - 1))
+def test_a_shared_state_is_handed_on(poles, seed):
+    rng = np.random.default_rng(seed)
+    pairs = np.array([of_reflections(k1, k2, 0.98) for k1, k2 in poles])
+    drive, holds = rng.standard_normal(60), np.repeat(rng.integers(0, len(poles), 12), 5)
+    p1, p2 = pairs[holds[0]]
+    x1 = x2 = drive[0] / (1 - p1 - p2)
+    expected = []
+    for d, number in zip(drive, holds, strict=True):
+        expected.append(x1)
+        p1, p2 = pairs[number]
+        x1, x2 = x2, p1 * x1 + p2 * x2 + d
+    scale = max(1.0, np.abs(expected).max())
+    np.testing.assert_allclose(shared(pairs, drive, holds), expected, atol=1e-9 * scale)
+    columns = shared(pairs, np.column_stack([drive, 2 * drive]), holds)
+    np.testing.assert_allclose(columns[:, 1], 2 * columns[:, 0], atol=1e-9 * scale)
+
+
+@given(coefficients, coefficients, st.floats(0.3, 1.0))
+def test_reflections_are_all_sections_within_reach(k1, k2, reach):
+    p1, p2 = of_reflections(k1, k2, reach)
+    assert radius(p1, p2) <= reach * (1 + 1e-6)
+    again = of_reflections(*reflections(p1, p2, reach), reach)
+    assert again == pytest.approx((p1, p2), abs=1e-6)
+
+
+@given(st.floats(-1.5, 1.5), st.floats(-2.5, 2.5))
+def test_the_triangle_is_where_both_poles_are_within_the_circle(p1, p2):
+    largest = np.abs(np.linalg.eigvals([[0.0, 1.0], [p1, p2]])).max()
+    if abs(largest - 1) > 1e-9:
+        assert stable(p1, p2) == (largest < 1)
+    assert radius(p1, p2) == pytest.approx(largest, abs=1e-7)
+
+
+@given(st.floats(1e-4, 0.2), st.floats(0.02, 5.0))
+def test_an_oscillator_is_sampled(frequency, damping):
+    from scipy.linalg import expm
+
+    w = 2 * np.pi * frequency
+    sampled = np.linalg.eigvals(expm(np.array([[0.0, 1.0], [-w * w, -2 * damping * w]])))
+    p1, p2 = of_oscillator(frequency, damping)
+    assert (sampled.sum().real, -np.prod(sampled).real) == pytest.approx((p2, p1), abs=1e-7)
+
+
+def test_direction_is_literal_or_latched():
+    u = np.array([0.0, 0.0, 1.0, 1.0, 0.95, 0.93, 1.1, 0.5, 0.5])
+    assert rising(u, 0.0, latched=False).tolist() == [False, False, True, False, False, False, True, False, False]
+    assert rising(u, 0.1, latched=True).tolist() == [True, True, True, True, True, True, True, False, False]
+
+
+def test_sections_begin_at_their_lower_boundary():
+    motion = published("piecewise")
+    assert active(motion, np.array([0.0, 1.05, 1.049, 4.75, 9.0, -1.0])).tolist() == [0, 1, 0, 5, 5, 0]
+
+
+def test_sections_are_spread_by_equal_shares():
+    assert spread(np.linspace(0, 6, 601), 3) == pytest.approx((2.0, 4.0))
+    with pytest.raises(Exception, match="dwells at 1"):
+        spread(np.array([0.0, 1.0, 1.0, 1.0, 1.0, 1.0]), 4)
+
+
+def test_each_piece_begins_at_rest():
+    motion, u = published("linear"), sine(100)
+    time = STEP * np.arange(100)
+    time[60:] += 3.0
+    values = simulate(motion, {"time": time, "input": u})
+    np.testing.assert_allclose(values, np.concatenate([run(motion, u[:60]), run(motion, u[60:])]), atol=1e-12)
+    assert values[60] == pytest.approx(u[60] * motion.sections[0].gain)
+
+
+def test_another_time_step_is_refused():
+    with pytest.raises(AtSample, match=r"even steps of 0\.05 s"):
+        simulate(published("linear"), {"time": 0.01 * np.arange(20), "input": np.arange(20.0)})
+
+
+@pytest.mark.parametrize("switching", ["hard", BUMPLESS])
+def test_an_unstable_section_is_refused_by_name(switching):
+    motion = published("piecewise") if switching == "hard" else continued(published("piecewise"))
+    broken = replace(motion, sections=(*motion.sections[:2], replace(motion.sections[2], p1=0.9, p2=0.3), *motion.sections[3:]))
+    with pytest.raises(FitError, match=r"section 3 .* unstable: a pole lies at 1\.\d+") as raised:
+        run(broken, sine())
+    assert raised.value.remedy
+
+
+def test_a_load_moves_only_what_depends_on_it():
+    motion = published("linear")
+    section = replace(motion.sections[0], weights=np.array([0.5, 0.1, -0.02, -0.01]))
+    loaded = replace(motion, drives=("input", "1", "load", "input*load"), sections=(section,))
+    u = sine()
+    columns = {"time": STEP * np.arange(len(u)), "input": u, "load": np.full(len(u), 5.0)}
+    expected = looped(0.5 * u + 0.1 - 0.02 * 5 - 0.01 * 5 * u, (section.p1, section.p2, 1.0))
+    np.testing.assert_allclose(simulate(loaded, columns), expected, atol=1e-12)
