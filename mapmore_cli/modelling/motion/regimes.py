@@ -9,7 +9,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.motion import ALL, BUMPLESS, FALL, RISE, Motion
-from mapmore_cli.modelling.memory.operators import play
+from mapmore_cli.modelling.terms.operators.play import play
 
 
 def spread(u: Array, count: int) -> tuple[float, ...]:
