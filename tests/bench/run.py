@@ -18,6 +18,7 @@ HERE = Path(__file__).parent
 
 def main():
     from ingest import ingest
+    from motion import motion
     from program import evaluation, start_up
     from regression import regression
     from table import other_lines, regression_lines
@@ -32,6 +33,8 @@ def main():
         say("start-up and evaluation")
         bench["start_up"] = start_up(folder)
         bench["evaluation"] = evaluation(folder)
+        say("models of motion")
+        bench["motion"] = motion()
         bench["frols"], bench["notes"] = regression(say)
     options.output.write_text(json.dumps(bench, indent=2) + "\n", encoding="utf-8")
     print(*regression_lines(bench["frols"]), *other_lines(bench), sep="\n")

@@ -8,7 +8,10 @@ CONTESTANTS = ("ours", "dsyrk", "gram", "textbook", *PEERS)
 TALL_TARGETS = {"dsyrk": 1 / 1.3, "sysidentpy": 25.0, "fastcan": 5.0}
 WIDE_TARGETS = {"gram": 2.0, "sysidentpy": 10.0}
 """At least this many times our own seconds."""
+SOLVERS = ("swarm", "swarm_projected", "differential_evolution", "least_squares")
 MEMORY_TARGET = 0.10
+SWARM_TARGET = 1.0
+"""Seconds for 50 particles and 20 iterations over 20 000 samples."""
 
 
 def regression_lines(table):
@@ -41,6 +44,7 @@ def _verdicts(shape, row):
 
 def other_lines(bench):
     streaming, ingest, evaluation, start = bench["streaming"], bench["ingest"], bench["evaluation"], bench["start_up"]
+    motion = bench["motion"]
     yield (
         f"streaming   {streaming['samples']} samples, {streaming['candidates']} candidates: {streaming['seconds']:.3g} s, "
         f"{streaming['samples_per_second']:.3g} samples/s, {streaming['seconds_per_sample_over_in_memory']:.2f} times the in-memory "
@@ -57,6 +61,11 @@ def other_lines(bench):
         f"{evaluation['fused_model'] / evaluation['active_terms']:.1f} times its active terms on sorted rows "
         f"({evaluation['active_terms_per_point']:.2f} a point), "
         f"{evaluation['fused_model'] / evaluation['active_terms_in_place']:.1f} times on rows as they come"
+    )
+    yield (
+        f"motion      {motion['simulations']} simulations of {motion['samples']} samples: {motion['filter']:.3g} s "
+        f"({'met' if motion['filter'] < SWARM_TARGET else 'MISSED'}), by a loop {motion['loop'] / motion['filter']:.0f} times as long; "
+        + ", ".join(f"{name} {motion[name]:.3g} s" for name in SOLVERS)
     )
     yield (
         f"start-up    mapmore --version {start['version']:.2f} s (Python alone {start['python']:.2f}), "

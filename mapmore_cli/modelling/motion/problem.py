@@ -42,6 +42,7 @@ class Problem:
     def __init__(self, pieces: Sequence[Piece], reach: float = 1.0) -> None:
         self.reach = reach  # largest modulus of a pole that is looked for
         self.pieces = tuple(piece for piece in pieces if piece.counts.any())
+        self.own = [slice(None) if piece.counts.all() else piece.counts for piece in self.pieces]  # a slice copies nothing
         self.y = np.concatenate([piece.y[piece.counts] for piece in self.pieces])
         self.size = float(np.sqrt(np.mean(self.y**2))) or 1.0
         self.evaluations = 0
@@ -54,13 +55,13 @@ class Problem:
     def responses(self, p1: float, p2: float) -> Array:
         """Outputs (n, m) at the own samples, of a section that each drive alone moves with weight one."""
         self.evaluations += 1
-        return np.concatenate([response(p1, p2, piece.drives)[piece.counts] for piece in self.pieces])
+        return np.concatenate([response(p1, p2, piece.drives)[own] for piece, own in zip(self.pieces, self.own, strict=True)])
 
     def rmse(self, p1: float, p2: float, weights: Array) -> float:
         """Root mean squared error; large and finite for unstable sections."""
         if not stable(p1, p2):
             return PENALTY * self.size * max(radius(p1, p2), 1.0)
-        return _root_mean_square(self.responses(p1, p2) @ weights - self.y)
+        return _root_mean_square(_weighted(self.responses(p1, p2), weights) - self.y)
 
     def projected(self, p1: float, p2: float) -> tuple[Array, Array]:
         """The best weights (m,) for the poles, by linear least squares, and the residuals (n,) that they leave."""
@@ -71,7 +72,7 @@ class Problem:
             weights = np.array([float(column @ self.y) / square if square > 0 else 0.0])
         else:
             weights = np.linalg.lstsq(moved, self.y, rcond=None)[0]
-        return weights, moved @ weights - self.y
+        return weights, _weighted(moved, weights) - self.y
 
     def projected_rmse(self, p1: float, p2: float) -> float:
         """Root mean squared error with the best weights; large and finite for sections beyond the reach."""
@@ -85,5 +86,10 @@ class Problem:
         return Found(p1, p2, weights, _root_mean_square(residuals), self.evaluations, np.asarray(history, dtype=np.float64))
 
 
+def _weighted(moved: Array, weights: Array) -> Array:
+    """`moved @ weights`, which is slow for a single column."""
+    return moved[:, 0] * weights[0] if len(weights) == 1 else moved @ weights
+
+
 def _root_mean_square(residuals: Array) -> float:
-    return float(np.sqrt(np.mean(residuals**2)))
+    return float(np.sqrt(residuals @ residuals / len(residuals)))
