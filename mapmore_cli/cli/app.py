@@ -12,7 +12,7 @@ from typing import Annotated, Any, cast
 import typer
 from typer.core import TyperGroup
 
-from mapmore_cli.cli import batch, check, exits, init, pipeline, predict, schema, show, simulate
+from mapmore_cli.cli import batch, check, exits, figure, init, pipeline, predict, schema, show, simulate
 
 
 class Commands(TyperGroup):
@@ -61,6 +61,7 @@ batch.add_to(app)
 predict.add_to(app)
 simulate.add_to(app)
 show.add_to(app)
+figure.add_to(app)
 init.add_to(app)
 check.add_to(app)
 schema.add_to(app)

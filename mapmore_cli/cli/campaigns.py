@@ -54,7 +54,7 @@ def write_page(expanded: Expanded, results: Sequence[Finished | BaseException], 
     from mapmore_cli.cli.views.files import PAGE
     from mapmore_cli.reporting.campaign import campaign_tables, render_campaign
     from mapmore_cli.reporting.figures.campaign import campaign_figures
-    from mapmore_cli.reporting.figures.registry import figure_style, rendered
+    from mapmore_cli.reporting.figures.catalogue import rendered
     from mapmore_cli.reporting.tables import to_csv
     from mapmore_cli.storage.atomic import refusals_told, write_text
 
@@ -62,8 +62,7 @@ def write_page(expanded: Expanded, results: Sequence[Finished | BaseException], 
     finished = [result for result in results if not isinstance(result, BaseException)]
     scores = scores_of(campaign, results)
     tables = campaign_tables(scores)
-    with figure_style():
-        figures = [rendered(drawing) for drawing in campaign_figures(scores)]
+    figures = [rendered(drawing) for drawing in campaign_figures(scores)]
     failed = {name: message(r) for name, r in zip(expanded.names, results, strict=True) if isinstance(r, BaseException)}
     pages = {run.name: f"../{run.name}/{PAGE.as_posix()}" for run in finished}
     folder = runs / campaign.campaign
@@ -80,7 +79,6 @@ def write_page(expanded: Expanded, results: Sequence[Finished | BaseException], 
 def scores_of(campaign: Campaign, results: Sequence[Finished | BaseException]) -> CampaignScores:
     """What its tables are made of: the results of its runs, one for each."""
     from mapmore_cli.reporting.campaign import CampaignScores
-    from mapmore_cli.reporting.inputs import Published
 
     pairs = [(variant, run) for variant, run in zip(campaign.runs, results, strict=True) if not isinstance(run, BaseException)]
     finished = [run for _, run in pairs]
@@ -88,7 +86,7 @@ def scores_of(campaign: Campaign, results: Sequence[Finished | BaseException]) -
     return CampaignScores(
         {run.name: run.validation.scores for run in finished},
         units={run.name: unit for run in finished for unit in run.validation.units.values()},
-        published={name: Published(paper.source, paper.nrmse, paper.rmse) for name, paper in printed.items()},
+        published=printed,
         relative_to=campaign.relative_to,
         best_of=campaign.best_of,
         groups={run.name: variant.group for variant, run in pairs if variant.group is not None},

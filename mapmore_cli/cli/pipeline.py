@@ -139,7 +139,8 @@ def _print_scores(loaded: LoadedSpec, run_dir: Path, head: Mapping[str, Any], pa
     from mapmore_cli.storage.artefacts import read_validation
 
     validation = read_validation(run_dir / RESULTS["validate"])
-    scores = of_scores(validation, loaded.spec.report.published)
+    published = loaded.spec.report.published
+    scores = of_scores(validation, published.numbers if published else None)
     print_view(View({**head, **scores.document}, scores.tables, page_lines(run_dir) if page else ()), as_json)
     if missed := missed_limits(loaded.spec.validation.require, validation.scores):
         raise LimitMissed("; ".join(missed), "the results are complete; see validate.require in the spec")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import FormulaFit
@@ -39,6 +39,26 @@ class Score:
     r2: float
     rrse: float = math.nan
     rrse_one_step: float = math.nan
+
+
+@dataclass(frozen=True)
+class Published:
+    """Numbers of a publication, all of held-out data; shown beside ours and used in no computation.
+
+    By model: `nrmse` as fractions, `rmse` in the target's unit, and `rmse_at_least` where only a lower bound was printed. `source` says
+    where.
+    """
+
+    source: str
+    nrmse: Mapping[str, float] = field(default_factory=dict)
+    rmse: Mapping[str, float] = field(default_factory=dict)
+    rmse_at_least: Mapping[str, float] = field(default_factory=dict)
+
+    def shown_rmse(self, model: str) -> float | str | None:
+        """The RMSE as a cell of a table: a bound is told as one, and None where nothing was printed."""
+        if model in self.rmse_at_least:
+            return f">= {self.rmse_at_least[model]:.3g}"
+        return self.rmse.get(model)
 
 
 @dataclass(frozen=True)

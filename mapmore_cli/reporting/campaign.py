@@ -7,9 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from statistics import median
 
-from mapmore_cli.domain.scores import OWN, REPEATABILITY, Score, deciding
-from mapmore_cli.reporting.figures.registry import RenderedFigure
-from mapmore_cli.reporting.inputs import Published
+from mapmore_cli.domain.scores import OWN, REPEATABILITY, Published, Score, deciding
+from mapmore_cli.reporting.figures.catalogue import RenderedFigure
 from mapmore_cli.reporting.page import SCREEN_SCALE, environment
 from mapmore_cli.reporting.table import Cell, Column, Table
 
@@ -157,14 +156,14 @@ def _best(run: Pooled, models: Sequence[str]) -> Score | None:
 
 
 def published_table(scores: CampaignScores) -> Table:
-    """RMSE and NRMSE of every model that a publication reports, beside its numbers."""
+    """RMSE and NRMSE of held-out data, of every model that a publication reports, beside its numbers."""
     rows: list[tuple[Cell, ...]] = []
     for name, run in scores.pooled.items():
         paper = scores.published.get(name, Published(""))
         for model, score in run.items():
-            if model in paper.rmse or model in paper.nrmse:
-                nrmse = 100 * paper.nrmse[model] if model in paper.nrmse else None
-                rows.append((name, model, score.rmse, paper.rmse.get(model), 100 * score.nrmse, nrmse))
+            rmse, nrmse = paper.shown_rmse(model), 100 * paper.nrmse[model] if model in paper.nrmse else None
+            if score.split == "validate" and (rmse, nrmse) != (None, None):
+                rows.append((name, model, score.rmse, rmse, 100 * score.nrmse, nrmse))
     units = {scores.units.get(str(row[0]), "") for row in rows}
     unit = units.pop() if len(units) == 1 else ""
     columns = (

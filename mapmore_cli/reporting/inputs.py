@@ -12,7 +12,7 @@ from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.models import Equation, Model
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult
-from mapmore_cli.domain.scores import Validation, deciding
+from mapmore_cli.domain.scores import Published, Validation, deciding
 
 MOST_LINES = 7
 """Lines that can be told apart in one panel."""
@@ -21,16 +21,42 @@ FAR_OFF = 10.0
 """Times the error of the run's own model, from which on a model does not set the scale of a figure."""
 
 
-@dataclass(frozen=True)
-class Published:
-    """Numbers of a publication, shown beside ours and used in no computation.
+SINGLE = 3.5
+"""Width of one column of a journal page, inches."""
 
-    `nrmse` (fractions) and `rmse` (the target's unit) are by model; `source` says where they were printed.
+
+@dataclass(frozen=True)
+class FigureStyle:
+    """How figures look.
+
+    Attributes
+    ----------
+    width
+        Inches of a panel that stands by itself.
+    font, size
+        Name of the font (None: the sans-serif one of the machine), and points of the axis labels.
+    labels
+        Axis labels by quantity, unit included; formulas may stand between dollars.
+    palette
+        Colours of the models, that of the run's own first.
     """
 
-    source: str
-    nrmse: Mapping[str, float] = field(default_factory=dict)
-    rmse: Mapping[str, float] = field(default_factory=dict)
+    width: float = SINGLE
+    font: str | None = None
+    size: float = 8.0
+    labels: Mapping[str, str] = field(default_factory=dict)
+    palette: tuple[str, ...] = ()
+
+    def axis_label(self, quantity: Quantity, prefix: str = "") -> str:
+        """`Pressure (kPa)`; `(–)` where there is no dimension; the user's own words where there are any."""
+        if quantity.name in self.labels:
+            return f"{prefix} {self.labels[quantity.name]}".strip()
+        words = f"{prefix} {quantity.name}".strip().replace("_", " ")
+        return f"{words[:1].upper()}{words[1:]} ({'–' if quantity.unit in ('', '1') else quantity.unit})"
+
+    def is_own_label(self, label: str) -> bool:
+        """Whether a label has the user's own words, in which formulas may stand between dollars."""
+        return any(label.endswith(own) for own in self.labels.values())
 
 
 @dataclass(frozen=True)
@@ -49,6 +75,8 @@ class ReportInputs:
         Versions, hashes and the like, in the order in which to print them.
     other_equations
         The equations in other units, by the words that name these.
+    style
+        How its figures look.
     """
 
     name: str
@@ -66,6 +94,11 @@ class ReportInputs:
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     other_equations: Mapping[str, tuple[Equation, ...]] = field(default_factory=dict)
+    style: FigureStyle = field(default_factory=FigureStyle)
+
+    def axis_label(self, quantity: Quantity, prefix: str = "") -> str:
+        """What stands at an axis."""
+        return self.style.axis_label(quantity, prefix)
 
     @property
     def models(self) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from mapmore_cli.reporting.figures.registry import RenderedFigure
+from mapmore_cli.reporting.figures.catalogue import RenderedFigure
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.table import Table, to_html
 from mapmore_cli.reporting.verdict import verdict
@@ -21,7 +21,7 @@ SCREEN_SCALE = 1.35
 
 
 def render_page(inputs: ReportInputs, tables: Sequence[Table], figures: Mapping[str, Sequence[RenderedFigure]]) -> str:
-    """The page, from the template `templates/page.html`; every text of the user's is escaped."""
+    """The page, from the template `templates/page.html`, with `figures` by section; every text of the user's is escaped."""
     return (
         environment()
         .get_template("page.html")

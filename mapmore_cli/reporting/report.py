@@ -2,13 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import csv
+import io
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+from mapmore_cli.domain.page import FIGURES
 from mapmore_cli.reporting.inputs import ReportInputs
-from mapmore_cli.reporting.tables import all_tables, to_csv
+from mapmore_cli.reporting.table import Table, number_text
+from mapmore_cli.reporting.tables import all_tables, to_csv, to_latex
 
-SVG_PROLOGUE = '<?xml version="1.0" encoding="utf-8"?>\n'
+if TYPE_CHECKING:
+    from mapmore_cli.reporting.figures.drawing import Drawing
+
+TABLE_FILES: Mapping[str, Callable[[Table], str]] = {"csv": to_csv, "tex": to_latex}
+"""What is written of a table, by format."""
+
+PAPER = frozenset({"pdf", "png", "pgf"})
+"""Formats of figures for print: with one of these, every panel is a file of its own, beside the numbers that it was drawn from."""
+
+LONGEST_STEM = 80
 
 
 def write_report(inputs: ReportInputs, out: Path, figures: Sequence[str], formats: Sequence[str]) -> None:
@@ -17,27 +32,77 @@ def write_report(inputs: ReportInputs, out: Path, figures: Sequence[str], format
     Parameters
     ----------
     figures
-        Names out of `figures.registry.FIGURES`.
+        Names out of `domain.page.FIGURES`.
     formats
-        `html`: index.html, with the figures in it; `svg`: a file for each figure; `csv`: tables/*.csv.
+        `html`: index.html, with the figures in it; `svg`: a file for each figure; `csv`, `tex`: tables/*; `pdf`, `png`, `pgf`: panels/*,
+        every panel of every figure in these formats (and as SVG where that is asked for too), and as CSV.
     """
     tables = all_tables(inputs)
     out.mkdir(parents=True, exist_ok=True)
-    if "csv" in formats:
-        (out / "tables").mkdir(exist_ok=True)
-        for table in tables:
-            _write(out / "tables" / f"{table.name}.csv", to_csv(table))
-    if not {"html", "svg"} & set(formats):
+    for suffix, text_of in TABLE_FILES.items():
+        if suffix in formats:
+            (out / "tables").mkdir(exist_ok=True)
+            for table in tables:
+                _write(out / "tables" / f"{table.name}.{suffix}", text_of(table))
+    if set(formats) <= set(TABLE_FILES):
         return
-    from mapmore_cli.reporting.figures.registry import rendered_figures
+    from mapmore_cli.reporting.figures.catalogue import drawings, rendered, rendered_by_section
+    from mapmore_cli.reporting.figures.saving import SVG_PROLOGUE
     from mapmore_cli.reporting.page import render_page
 
-    rendered = rendered_figures(inputs, figures)
-    if "svg" in formats:
-        for figure in (figure for several in rendered.values() for figure in several):
-            _write(out / f"{figure.name}.svg", SVG_PROLOGUE + figure.svg)
-    if "html" in formats:
-        _write(out / "index.html", render_page(inputs, tables, rendered))
+    drawn = [(name, drawing) for name in FIGURES if name in figures for drawing in drawings(name, inputs)]
+    if {"html", "svg"} & set(formats):
+        on_page = [(name, rendered(drawing, inputs.style)) for name, drawing in drawn]
+        if "svg" in formats:
+            for _, figure in on_page:
+                _write(out / f"{figure.name}.svg", SVG_PROLOGUE + figure.svg)
+        if "html" in formats:
+            _write(out / "index.html", render_page(inputs, tables, rendered_by_section(on_page)))
+    if PAPER & set(formats):
+        write_panels([drawing for _, drawing in drawn], out / "panels", formats, inputs)
+
+
+def write_panels(drawn: Sequence[Drawing], folder: Path, formats: Sequence[str], inputs: ReportInputs) -> None:
+    """Every panel as a file of its own in every format of figures that is asked for, and the numbers behind it."""
+    from mapmore_cli.reporting.figures.drawing import alone
+    from mapmore_cli.reporting.figures.saving import WRITERS
+    from mapmore_cli.reporting.figures.style import figure_style
+
+    folder.mkdir(exist_ok=True)
+    stems = _stems(drawn)
+    for drawing in drawn:
+        for panel in drawing.panels:
+            stem = next(stems)
+            _write(folder / f"{stem}.csv", data_csv(panel.data))
+            with figure_style(inputs.style):
+                figure = alone(drawing, panel, inputs.style)
+                for suffix, to_bytes in WRITERS.items():
+                    if suffix in formats:
+                        (folder / f"{stem}.{suffix}").write_bytes(to_bytes(figure, stem, drawing.alt))
+
+
+def _stems(drawn: Sequence[Drawing]) -> Iterator[str]:
+    """A name for the files of every panel: of its figure and of what tells it from the others, in letters that any system takes."""
+    taken: set[str] = set()
+    for drawing in drawn:
+        for panel in drawing.panels:
+            words = re.sub(r"[^A-Za-z0-9=+-]+", "_", panel.key).strip("_")[:LONGEST_STEM]
+            stem = f"{drawing.name}.{words}" if words else drawing.name
+            number = 2
+            while stem.lower() in taken:  # some file systems know no capitals
+                stem, number = f"{stem.removesuffix(f'.{number - 1}')}.{number}", number + 1
+            taken.add(stem.lower())
+            yield stem
+
+
+def data_csv(data: Mapping[str, Any]) -> str:
+    """What a panel was drawn from, a column for each heading; 12 significant digits, an empty field where there is no number."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(data)
+    columns = [values.tolist() if hasattr(values, "tolist") else values for values in data.values()]
+    writer.writerows([number_text(cell) for cell in row] for row in zip(*columns, strict=True))
+    return text.getvalue()
 
 
 def _write(path: Path, text: str) -> None:

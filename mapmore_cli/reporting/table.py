@@ -19,13 +19,24 @@ _LATEX = str.maketrans(
         "\\": r"\textbackslash{}",
         "^": r"\textasciicircum{}",
         "~": r"\textasciitilde{}",
+        "<": r"\textless{}",
+        ">": r"\textgreater{}",
+        "|": r"\textbar{}",
         "–": "--",
+        "−": r"\ensuremath{-}",
         "²": r"\textsuperscript{2}",
-        "±": r"$\pm$",
-        "Σ": r"$\Sigma$",
+        "±": r"\ensuremath{\pm}",
+        "×": r"\ensuremath{\times}",
+        "Σ": r"\ensuremath{\Sigma}",
     }
     | {c: f"\\{c}" for c in "&%$#_{}"}
+    | {c: f"{{{c}}}" for c in "[]*"}  # else an argument of the line break before a row
 )
+
+
+def latex_text(text: str) -> str:
+    """The text as LaTeX source that prints it and does nothing else, on one line."""
+    return " ".join("".join(c if c.isprintable() else " " for c in text).split()).translate(_LATEX)
 
 
 @dataclass(frozen=True)
@@ -93,11 +104,12 @@ def to_csv(table: Table) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(table.headings)
-    writer.writerows([_csv_cell(cell) for cell in row] for row in table.rows)
+    writer.writerows([number_text(cell) for cell in row] for row in table.rows)
     return text.getvalue()
 
 
-def _csv_cell(cell: Cell) -> str:
+def number_text(cell: Cell) -> str:
+    """A cell for CSV: numbers with 12 significant digits, nothing where there is none."""
     if cell is None or (isinstance(cell, float) and math.isnan(cell)):
         return ""
     return format(cell, ".12g") if isinstance(cell, float) else str(cell)
@@ -121,10 +133,11 @@ def to_markdown(table: Table) -> str:
 
 
 def to_latex(table: Table) -> str:
-    """A `tabular` with booktabs rules, its title as a comment."""
-    lines = [" & ".join(cell.translate(_LATEX) for cell in line) + r" \\" for line in (table.headings, *table.shown)]
+    """A `tabular` with booktabs rules, its title and its notes as comments; it needs `\\usepackage{booktabs}`."""
+    lines = [" & ".join(map(latex_text, line)) + r" \\" for line in (table.headings, *table.shown)]
     align = "".join("r" if number else "l" for number in table.numeric)
-    frame = [f"% {table.title}", rf"\begin{{tabular}}{{{align}}}", r"\toprule", lines[0], r"\midrule"]
+    words = [f"% {latex_text(text)}" for text in (table.title, *table.notes)]
+    frame = [*words, rf"\begin{{tabular}}{{{align}}}", r"\toprule", lines[0], r"\midrule"]
     return "\n".join([*frame, *lines[1:], r"\bottomrule", r"\end{tabular}"]) + "\n"
 
 

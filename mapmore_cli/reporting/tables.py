@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
 from mapmore_cli.domain.recording import Dataset
-from mapmore_cli.domain.scores import REPEATABILITY, Score
-from mapmore_cli.reporting.inputs import Published, ReportInputs
+from mapmore_cli.domain.scores import REPEATABILITY, Published, Score
+from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.memory_tables import states_table, substitutes_table
 from mapmore_cli.reporting.model_tables import (
     coefficients_table,
@@ -72,29 +72,46 @@ def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
 def score_table(scores: Sequence[Score], units: Mapping[str, str], published: Published | None = None, failed: Sequence[str] = ()) -> Table:
     """Pooled scores, the held-out data first, every model in the order given.
 
-    `units` has the unit of every target. Where a publication's numbers are given they stand beside ours: beside the validation rows, or
-    beside the training rows where nothing was held out. Models in `failed` have no scores; they get a row that says so.
+    `units` has the unit of every target. A publication's numbers stand beside the validation rows, which alone are comparable. Models in
+    `failed` have no scores; they get a row that says so.
     """
     pooled = sorted((s for s in scores if s.curve == "all"), key=lambda s: s.split != "validate")
     unit = units[pooled[0].target] if pooled else ""
-    compared = pooled[0].split if pooled else ""
     free_running = _run_free(pooled)
     columns = [Column("model"), Column("data"), *_metric_columns(unit, free_running)]
     rows = [_score_cells(s, free_running) for s in pooled] + [(name, "failed", *[None] * (len(columns) - 2)) for name in failed]
-    full_scales = dict.fromkeys((s.split, f"{s.normaliser_name} = {s.normaliser:.4g} {unit}".rstrip()) for s in pooled)
-    notes = [f"NRMSE {split}: RMSE / FS, the full scale FS = {full_scale}." for split, full_scale in full_scales]
+    notes = [full_scale(pooled, unit)] if pooled else []
     if any(s.model == REPEATABILITY for s in pooled):
         notes.append(FLOOR_NOTE)
     if free_running:
         notes.append(FREE_RUN_NOTE)
-    if published is not None:
-        for heading, of, factor, unit_of in (("NRMSE", published.nrmse, 100.0, "%"), ("RMSE", published.rmse, 1.0, unit)):
-            if of:
-                columns.append(Column(f"published {heading}", unit_of, ".3g"))
-                rows = [(*row, factor * of[str(row[0])] if row[1] in (compared, "failed") and row[0] in of else None) for row in rows]
+    if published is not None and pooled and pooled[0].split == "validate":
+        for column, of in _published_columns(published, unit):
+            columns.append(column)
+            rows = [(*row, of.get(str(row[0])) if row[1] != "train" else None) for row in rows]
         notes.append(f"Published: {published.source}.")
+    elif published is not None:
+        notes.append(f"Published numbers ({published.source}) are of held-out data, and nothing is held out here to hold them against.")
     title = f"Scores (target: {pooled[0].target}), all curves pooled" if pooled else "Scores"
     return Table("scores", title, tuple(columns), tuple(rows), tuple(notes))
+
+
+def _published_columns(published: Published, unit: str) -> Iterator[tuple[Column, dict[str, Cell]]]:
+    """The columns of a publication's numbers, with their cells by model."""
+    if published.nrmse:
+        yield Column("published NRMSE", "%", ".3g"), {model: 100 * value for model, value in published.nrmse.items()}
+    models = [*published.rmse, *published.rmse_at_least]
+    if models:
+        yield Column("published RMSE", unit, ".3g"), {model: published.shown_rmse(model) for model in models}
+
+
+def full_scale(pooled: Sequence[Score], unit: str) -> str:
+    """What errors are divided by, in a sentence; by split where that differs, as in files of older versions."""
+    found = dict.fromkeys((s.split, f"FS = {s.normaliser_name} = {s.normaliser:.4g} {unit}".rstrip()) for s in pooled)
+    scales = dict.fromkeys(scale for _, scale in found)
+    if len(scales) == 1:
+        return f"NRMSE: RMSE / FS, for all rows {next(iter(scales))}."
+    return f"NRMSE: RMSE / FS, {', '.join(f'{scale} for {split}' for split, scale in found)}."
 
 
 def curve_scores_table(scores: Sequence[Score], units: Mapping[str, str]) -> Table:

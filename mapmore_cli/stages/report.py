@@ -6,12 +6,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from mapmore_cli.domain.errors import DataError, SpecError, UsageError
 from mapmore_cli.spec.experiment import ExperimentSpec, Muscle
-from mapmore_cli.spec.sections.results import Report, Validate
+from mapmore_cli.spec.sections.results import Report, Style, Validate
 from mapmore_cli.stages.pipeline.stage import Stage, Workspace
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from mapmore_cli.domain.models import Equation, Model
+    from mapmore_cli.reporting.inputs import FigureStyle, ReportInputs
+
+METRES_PER_INCH = 0.0254
 
 
 @dataclass(frozen=True)
@@ -31,37 +37,95 @@ def reads(spec: ExperimentSpec) -> Slice:
 
 def run(part: Slice, workspace: Workspace) -> None:
     """Collect the results of the run and write the page."""
-    from mapmore_cli.modelling.equations import model_equations
-    from mapmore_cli.reporting.inputs import Published, ReportInputs
     from mapmore_cli.reporting.report import write_report
-    from mapmore_cli.storage import artefacts
-    from mapmore_cli.storage.provenance import tool_versions
 
-    folder = workspace.run_dir
-    dataset = artefacts.read_dataset(folder / "ingest.h5")
-    model = artefacts.read_model(folder / "model.h5")
+    inputs = collected(part, workspace.run_dir, workspace.spec_text)
+    for warning in faults_of(inputs.style):
+        workspace.warn(warning)
+    write_report(inputs, workspace.out / "report", part.report.figures, part.report.formats)
+
+
+def collected(part: Slice, run_dir: Path, spec_text: str = "") -> ReportInputs:
+    """The results of the stages before, with what the spec says of the report."""
+    from mapmore_cli.modelling.equations import model_equations
+    from mapmore_cli.reporting.inputs import ReportInputs
+    from mapmore_cli.storage import artefacts
+    from mapmore_cli.storage.versions import tool_versions
+
+    dataset = artefacts.read_dataset(run_dir / "ingest.h5")
+    model = artefacts.read_model(run_dir / "model.h5")
     published = part.report.published
-    write_report(
-        ReportInputs(
-            name=part.name,
-            muscle=_labels(part.muscle),
-            target=dataset.quantities[dataset.target],
-            dataset=dataset,
-            segmentation=artefacts.read_segmentation(folder / "segment.h5"),
-            fit=artefacts.read_fit(folder / "fit.h5"),
-            model=model,
-            validation=artefacts.read_validation(folder / "validate.h5"),
-            equations=model_equations(model),
-            other_equations=_in_units(model, part.report.units),
-            published=Published(published.source, published.nrmse, published.rmse) if published else None,
-            spec_text=(folder / "experiment.yaml").read_text(encoding="utf-8"),
-            provenance=tool_versions(),
-            notes=(*dataset.notes, *model.notes),
-        ),
-        workspace.out / "report",
-        part.report.figures,
-        part.report.formats,
+    return ReportInputs(
+        name=part.name,
+        muscle=_labels(part.muscle),
+        target=dataset.quantities[dataset.target],
+        dataset=dataset,
+        segmentation=artefacts.read_segmentation(run_dir / "segment.h5"),
+        fit=artefacts.read_fit(run_dir / "fit.h5"),
+        model=model,
+        validation=artefacts.read_validation(run_dir / "validate.h5"),
+        equations=model_equations(model),
+        other_equations=_in_units(model, part.report.units),
+        published=published.numbers if published else None,
+        spec_text=spec_text,
+        provenance=tool_versions(),
+        notes=(*dataset.notes, *model.notes),
+        style=_style(part.report.style),
     )
+
+
+def _style(style: Style) -> FigureStyle:
+    from mapmore_cli.reporting.inputs import FigureStyle
+
+    return FigureStyle(style.width / METRES_PER_INCH, style.font, style.size, style.labels, tuple(style.palette))
+
+
+def faults_of(style: FigureStyle) -> list[str]:
+    """Warnings about a font that this machine does not have; SpecError where the formula in a label is wrong."""
+    if style.font is None and not style.labels:
+        return []
+    from mapmore_cli.reporting.figures.style import has_font, wrong_formula
+
+    for quantity, label in style.labels.items():
+        if fault := wrong_formula(label):
+            remedy = "mend the formula between the dollars, or remove the dollars"
+            raise SpecError(f"report.style.labels.{quantity}: {label!r} cannot be set ({fault})", remedy)
+    if style.font is not None and not has_font(style.font):
+        return [f"report.style.font: {style.font!r} is not installed here; PDF and PNG figures are set in another font"]
+    return []
+
+
+def drawn_figure(run_dir: Path, name: str, key: str | None, suffix: str) -> tuple[bytes, str | None]:
+    """A figure of a run as a file: all of it, or the panel of one curve (or model) as wide as the spec says, with its numbers as CSV.
+
+    Raises
+    ------
+    DataError
+        Where the folder holds no finished run.
+    UsageError
+        Where there is no such panel; the message names those that there are.
+    """
+    from mapmore_cli.reporting.figures.catalogue import drawings
+    from mapmore_cli.reporting.figures.drawing import alone, compose, find_panel
+    from mapmore_cli.reporting.figures.saving import WRITERS
+    from mapmore_cli.reporting.figures.style import figure_style
+    from mapmore_cli.reporting.report import data_csv
+    from mapmore_cli.spec.loader import load
+
+    if not (run_dir / "validate.h5").is_file():
+        raise DataError(f"{run_dir}: holds no finished run", "give a folder that `mapmore run` wrote, as runs/NAME")
+    inputs = collected(reads(load(run_dir / "experiment.yaml").spec), run_dir)
+    faults_of(inputs.style)
+    found = drawings(name, inputs)
+    if not found:
+        raise UsageError(f"{run_dir}: has nothing to draw as {name!r}", "choose another figure")
+    with figure_style(inputs.style):
+        if key is None:
+            figure = compose(found[0], inputs.style)
+            return WRITERS[suffix](figure, found[0].name, found[0].alt), None
+        drawing, panel = find_panel(found, key)
+        figure = alone(drawing, panel, inputs.style)
+        return WRITERS[suffix](figure, drawing.name, drawing.alt), data_csv(panel.data)
 
 
 def _in_units(model: Model, units: Mapping[str, str]) -> dict[str, tuple[Equation, ...]]:
@@ -88,4 +152,4 @@ def _labels(muscle: Muscle) -> dict[str, str]:
     }
 
 
-STAGE = Stage(name="report", revision=2, outputs=("report",), reads=reads, run=run)
+STAGE = Stage(name="report", revision=3, outputs=("report",), reads=reads, run=run)

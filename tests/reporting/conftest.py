@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from report_builder import build, surface
 
-from mapmore_cli.reporting.inputs import Published, ReportInputs
+from mapmore_cli.domain.scores import Published
+from mapmore_cli.reporting.inputs import ReportInputs
 
 PUBLISHED = Published("M2, section 5.1", {"mapmore": 0.022, "sarosi": 0.025, "polynomial_2": 0.07})
 

@@ -10,9 +10,9 @@ from mapmore_cli.domain.fits import FormulaFit, Scaling, Segment, SegmentedCurve
 from mapmore_cli.domain.models import CurveFunction, Equation, Fusion, Model, SegmentFunction
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
 from mapmore_cli.domain.results import FitResult
-from mapmore_cli.domain.scores import Score, Validation
+from mapmore_cli.domain.scores import Published, Score, Validation
 from mapmore_cli.modelling.pieces.weights import cell_weights, level_weights
-from mapmore_cli.reporting.inputs import Published, ReportInputs
+from mapmore_cli.reporting.inputs import ReportInputs
 
 QUANTITIES = {q.name: q for q in (Quantity("time", "s"), Quantity("pressure", "kPa"), Quantity("strain", "1"), Quantity("force", "N"))}
 CANDIDATES = ("1", "strain", "strain^2", "strain^3", "strain^4")

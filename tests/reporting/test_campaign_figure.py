@@ -12,15 +12,17 @@ from campaign_rows import row, rows
 from mapmore_cli.domain.scores import REPEATABILITY
 from mapmore_cli.reporting.campaign import CampaignScores
 from mapmore_cli.reporting.figures.campaign import campaign_figures
-from mapmore_cli.reporting.figures.registry import figure_style, rendered
+from mapmore_cli.reporting.figures.catalogue import rendered
+from mapmore_cli.reporting.figures.drawing import compose
 
 
 def dots(scores):
     """Where the dots of each model stand, by run."""
     (drawing,) = campaign_figures(scores)
-    ax = drawing.figure.axes[0]
+    figure = compose(drawing)
+    ax = figure.axes[0]
     names = [label.get_text() for label in ax.get_yticklabels()]
-    legend = [text.get_text() for text in drawing.figure.legends[0].get_texts()]
+    legend = [text.get_text() for text in figure.legends[0].get_texts()]
     points = [line for line in ax.lines if line.get_marker() != "None" and line.get_linestyle() == "None"]
     return names, legend, sorted((names[int(line.get_ydata()[0])], float(line.get_xdata()[0])) for line in points)
 
@@ -52,6 +54,5 @@ def test_there_is_nothing_to_compare_in_one_run() -> None:
 def test_the_same_scores_give_the_same_bytes() -> None:
     rng = np.random.default_rng(0)
     scores = CampaignScores({f"run {n}": rows(mapmore=rng.uniform(1, 9), sarosi=rng.uniform(1, 90)) for n in range(40)})
-    with figure_style():
-        first, second = ([rendered(drawing).svg for drawing in campaign_figures(scores)] for _ in range(2))
+    first, second = ([rendered(drawing).svg for drawing in campaign_figures(scores)] for _ in range(2))
     assert first == second

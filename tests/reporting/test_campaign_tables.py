@@ -10,9 +10,8 @@ from campaign_rows import row, rows
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mapmore_cli.domain.scores import REPEATABILITY
+from mapmore_cli.domain.scores import REPEATABILITY, Published
 from mapmore_cli.reporting.campaign import CampaignScores, campaign_tables, hindsight_table, nrmse_table, published_table
-from mapmore_cli.reporting.inputs import Published
 
 
 def test_ratios_are_of_the_runs_that_have_both() -> None:

@@ -9,8 +9,9 @@ import pytest
 from report_builder import build, surface
 
 from mapmore_cli.domain.scores import REPEATABILITY
-from mapmore_cli.reporting.figures.registry import FIGURES, figure_style
-from mapmore_cli.reporting.figures.style import model_styles
+from mapmore_cli.reporting.figures.catalogue import drawings
+from mapmore_cli.reporting.figures.drawing import compose
+from mapmore_cli.reporting.figures.style import figure_style, model_styles
 from mapmore_cli.reporting.inputs import MOST_LINES
 from mapmore_cli.reporting.tables import score_table
 
@@ -20,7 +21,7 @@ FAR = {"far": lambda p, e: surface(p, e) + 4000 * e**0.5}
 
 def drawing(inputs, name):
     with figure_style():
-        return next(found for found in FIGURES[name.partition("_")[0]](inputs) if found.name == name)
+        return next(found for found in drawings(name.partition("_")[0], inputs) if found.name == name)
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +44,7 @@ class TestManyModels:
     def test_lines_are_drawn_of_the_best_in_the_order_of_the_table(self, crowd):
         assert crowd.lines == ("mapmore", *(f"near_{shift}" for shift in (6, 5, 4, 3, 2, 1)))
         fit = drawing(crowd, "fit")
-        labels = [label.get_text() for legend in fit.figure.legends for label in legend.get_texts()]
+        labels = [label.get_text() for legend in compose(fit).legends for label in legend.get_texts()]
         assert labels == ["measured", *crowd.lines]
         assert "Of 10 models" in fit.caption
 
@@ -62,7 +63,7 @@ class TestFarOff:
         near = build(competitors={"near": lambda p, e: surface(p, e) + 9})
         for name in ("fit", "error"):
             held, free = (drawing(study, name) for study in (outlier, near))
-            for ax, same in zip(held.figure.axes, free.figure.axes, strict=False):
+            for ax, same in zip(compose(held).axes, compose(free).axes, strict=False):
                 assert np.ptp(ax.get_ylim()) == pytest.approx(np.ptp(same.get_ylim()), rel=0.15)
             assert held.caption.endswith("Too far off for the scale: far.")
             assert "Too far" not in free.caption
@@ -71,7 +72,8 @@ class TestFarOff:
         errors = np.abs(np.concatenate(outlier.validation.predictions["far"]) - np.concatenate(
             [curve.columns["force"] for curve in outlier.dataset.curves]
         ))  # fmt: skip
-        panels = {ax.get_title(loc="left"): ax for ax in drawing(outlier, "error").figure.axes}
+        with figure_style():
+            panels = {ax.get_title(loc="left"): ax for ax in compose(drawing(outlier, "error")).axes}
         assert [text.get_text() for text in panels["far"].texts] == [f"beyond the scale: up to {errors.max():.3g} N"]
         assert not panels["mapmore"].texts
 
@@ -84,8 +86,8 @@ class TestFarOff:
 class TestRepeatability:
     def test_a_dashed_line_marks_it_among_the_bars(self, inputs, repeated):
         plain, marked = drawing(inputs, "nrmse"), drawing(repeated, "nrmse")
-        assert len(marked.figure.axes[0].patches) == len(plain.figure.axes[0].patches)
-        lines = marked.figure.axes[0].lines[: 1 + len(plain.figure.axes[0].lines)]
+        assert len(compose(marked).axes[0].patches) == len(compose(plain).axes[0].patches)
+        lines = compose(marked).axes[0].lines[: 1 + len(compose(plain).axes[0].lines)]
         assert [line.get_xdata()[0] for line in lines if len(set(line.get_xdata())) == 1 and len(line.get_xdata()) == 2] == [1.0]
         assert "repeated measurements" in marked.caption
         assert "repeated measurements" not in plain.caption
@@ -93,7 +95,7 @@ class TestRepeatability:
     def test_it_is_no_model_of_any_figure(self, repeated):
         assert REPEATABILITY not in repeated.models
         assert REPEATABILITY not in repeated.lines
-        titles = [ax.get_title(loc="left") for ax in drawing(repeated, "error").figure.axes]
+        titles = [ax.get_title(loc="left") for ax in compose(drawing(repeated, "error")).axes]
         assert REPEATABILITY not in titles
 
     def test_the_table_says_what_it_is(self, inputs, repeated):

@@ -9,8 +9,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from mapmore_cli.modelling.kinds import predict
+from mapmore_cli.reporting.figures.catalogue import drawings
 from mapmore_cli.reporting.figures.levels import draw_courses, draw_levels, level_courses, level_figures
-from mapmore_cli.reporting.figures.registry import FIGURES
 
 LEVELS = np.array([80.0, 150.0, 350.0])
 
@@ -42,8 +42,8 @@ def test_a_number_beyond_the_levels_is_not_drawn(ax, inputs):
 
 def test_no_triangles_are_drawn_of_what_keeps_the_shape(inputs, shaped):
     (triangles,), (courses,) = level_figures(inputs), level_figures(shaped)
-    assert triangles.figure.axes[0].get_ylabel() == "Weight (–)"
-    assert courses.figure.axes[0].get_ylabel() == "Force (N)"
+    assert triangles.panels[0].y_labels[0] == "Weight (–)"
+    assert courses.panels[0].y_labels[0] == "Force (N)"
     assert "Weights" in triangles.caption
     assert "no single weight" in courses.caption
 
@@ -62,4 +62,4 @@ def test_courses_are_the_models_predictions_within_the_range_of_all_curves(ax, s
 
 def test_one_level_has_no_way_to_draw(alone):
     assert level_figures(alone) == []
-    assert [drawing.name for drawing in FIGURES["segments"](alone)] == ["segments"]
+    assert [drawing.name for drawing in drawings("segments", alone)] == ["segments"]

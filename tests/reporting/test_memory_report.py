@@ -13,7 +13,9 @@ from mapmore_cli.modelling.forecast import Forecast, forecast
 from mapmore_cli.modelling.memory import MemoryRecipe, fit_with_memory, records_of
 from mapmore_cli.modelling.memory.assembly import model_with_memory
 from mapmore_cli.modelling.scores.rows import score_rows
-from mapmore_cli.reporting.figures.registry import FIGURES, figure_style
+from mapmore_cli.reporting.figures.catalogue import drawings
+from mapmore_cli.reporting.figures.drawing import compose
+from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.page import render_page
 from mapmore_cli.reporting.tables import all_tables, score_table
@@ -72,23 +74,22 @@ def table(inputs, name):
 
 
 def test_loops_are_drawn_in_the_order_of_time_over_what_drives_them(fed_back):
+    found = {drawing.name: drawing for drawing in drawings("fit", fed_back)}
+    assert list(found) == ["loops", "fit"]
     with figure_style():
-        drawings = {drawing.name: drawing for drawing in FIGURES["fit"](fed_back)}
-    assert list(drawings) == ["loops", "fit"]
-    panel = drawings["loops"].figure.axes[0]
+        panel = compose(found["loops"]).axes[0]
     assert panel.get_xlabel() == "Pressure (kPa)"  # not the load, which never varies
     measured, own = panel.lines
     assert (np.diff(measured.get_xdata()) < 0).any()
     curve = fed_back.dataset.curves[0]
     assert measured.get_xdata()[0] == curve.columns["pressure"][curve.held_out][0]
     np.testing.assert_allclose(own.get_ydata(), measured.get_ydata(), atol=0.1)
-    assert "grey where samples train" in drawings["fit"].caption
+    assert "grey where samples train" in found["fit"].caption
 
 
 def test_no_loops_without_held_out_samples():
     inputs = report_of(["motion[k-1]", "pressure[k-1]"], held=0.0)
-    with figure_style():
-        assert [drawing.name for drawing in FIGURES["fit"](inputs)] == ["training"]
+    assert [drawing.name for drawing in drawings("fit", inputs)] == ["training"]
 
 
 def test_free_run_stands_beside_one_step_where_they_differ(fed_back, driven):

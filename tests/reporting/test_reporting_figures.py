@@ -11,17 +11,20 @@ from hypothesis.extra.numpy import arrays
 from matplotlib.figure import Figure
 from report_builder import build
 
+from mapmore_cli.domain.page import FIGURES
 from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.reporting.figures.errors import draw_errors, error_panels
-from mapmore_cli.reporting.figures.fit import draw_error, draw_fit, fit_panel, held_out_spans, mark_held_out
-from mapmore_cli.reporting.figures.registry import FIGURES, figure_style, rendered_figures
-from mapmore_cli.reporting.figures.scores import draw_nrmse, nrmse_bars
-from mapmore_cli.reporting.figures.segments import draw_segments, draw_weights, draw_zones, segment_panels
-from mapmore_cli.reporting.figures.style import axis_label, draw_band, model_styles, shortened, two_lines
+from mapmore_cli.reporting.figures.catalogue import drawings, rendered
+from mapmore_cli.reporting.figures.curves import curve_fit, draw_error, draw_fit, held_out_spans, mark_held_out
+from mapmore_cli.reporting.figures.data import draw_trace, traces
+from mapmore_cli.reporting.figures.drawing import compose
+from mapmore_cli.reporting.figures.error import draw_errors, model_errors
+from mapmore_cli.reporting.figures.nrmse import draw_nrmse, nrmse_bars
+from mapmore_cli.reporting.figures.segments import draw_segments, draw_weights, draw_zones, segment_curves
+from mapmore_cli.reporting.figures.style import OWN_STYLE, draw_band, figure_style, model_styles, shortened, two_lines
 from mapmore_cli.reporting.figures.terms import term_steps, whole_curves
 from mapmore_cli.reporting.figures.thinning import MOST_ON_A_LINE, STRETCHES, band, cloud, envelope, spread
-from mapmore_cli.reporting.figures.traces import draw_trace, traces
-from mapmore_cli.reporting.figures.training import draw_training_curves, label_curves, training_panels
+from mapmore_cli.reporting.figures.training import draw_training_curves, label_curves, training_curve_fits
+from mapmore_cli.reporting.inputs import FigureStyle
 
 
 @pytest.fixture
@@ -31,7 +34,7 @@ def ax():
 
 def drawn(inputs, names=tuple(FIGURES)) -> dict[str, Figure]:
     with figure_style():
-        return {drawing.name: drawing.figure for name in names for drawing in FIGURES[name](inputs)}
+        return {drawing.name: compose(drawing) for name in names for drawing in drawings(name, inputs)}
 
 
 def texts(figure: Figure) -> list[str]:
@@ -122,9 +125,9 @@ class TestThinning:
 
 class TestLabels:
     def test_units(self):
-        assert axis_label(Quantity("strain_rate", "1/s")) == "Strain rate (1/s)"
-        assert axis_label(Quantity("strain", "1")) == "Strain (–)"
-        assert axis_label(Quantity("force", "N"), "measured") == "Measured force (N)"
+        assert FigureStyle().axis_label(Quantity("strain_rate", "1/s")) == "Strain rate (1/s)"
+        assert FigureStyle().axis_label(Quantity("strain", "1")) == "Strain (–)"
+        assert FigureStyle().axis_label(Quantity("force", "N"), "measured") == "Measured force (N)"
 
     def test_curves_are_named_by_their_level(self, inputs):
         curve = inputs.dataset.curves[0]
@@ -158,15 +161,16 @@ class TestStyles:
         assert len({style.marker for style in styles.values()}) == 7
 
     def test_the_users_matplotlibrc_does_not_reach_the_report(self, alone):
-        before = rendered_figures(alone, ["nrmse"])
+        (drawing,) = drawings("nrmse", alone)
+        before = rendered(drawing)
         with mpl.rc_context({"font.size": 20, "axes.grid": True, "savefig.facecolor": "red"}):
-            assert rendered_figures(alone, ["nrmse"]) == before
+            assert rendered(drawing) == before
             assert mpl.rcParams["font.size"] == 20
 
 
 class TestFit:
     def test_lines_are_the_predictions_in_order_of_strain(self, ax, inputs):
-        panel = fit_panel(inputs, 2)
+        panel = curve_fit(inputs, 2)
         draw_fit(ax, panel, model_styles(inputs.models))
         dots, *lines = ax.lines
         curve = inputs.dataset.curves[2]
@@ -186,12 +190,12 @@ class TestFit:
         }
         dataset = replace(inputs.dataset, curves=(*inputs.dataset.curves[:2], mixed_up, inputs.dataset.curves[3]))
         changed = replace(inputs, dataset=dataset, validation=replace(inputs.validation, predictions=predictions))
-        panel, same = fit_panel(inputs, 2), fit_panel(changed, 2)
+        panel, same = curve_fit(inputs, 2), curve_fit(changed, 2)
         np.testing.assert_array_equal(panel.y, same.y)
         np.testing.assert_array_equal(panel.predictions["mapmore"], same.predictions["mapmore"])
 
     def test_error_is_predicted_minus_measured(self, ax, inputs):
-        panel = fit_panel(inputs, 2)
+        panel = curve_fit(inputs, 2)
         draw_error(ax, panel, model_styles(inputs.models))
         line = next(line for line in ax.lines if line.get_label() == "sarosi")
         np.testing.assert_array_equal(line.get_ydata(), panel.predictions["sarosi"] - panel.y)
@@ -201,9 +205,9 @@ class TestFit:
         assert len(drawn(mixed, ["fit"])["fit"].axes) == 8
 
     def test_held_out_regions_are_marked_in_mixed_curves_only(self, ax, inputs, mixed):
-        mark_held_out(ax, fit_panel(inputs, 2))
+        mark_held_out(ax, curve_fit(inputs, 2))
         assert len(ax.patches) == 0
-        panel = fit_panel(mixed, 2)
+        panel = curve_fit(mixed, 2)
         mark_held_out(ax, panel)
         (span,) = ax.patches
         low, high = span.get_x(), span.get_x() + span.get_width()
@@ -218,7 +222,7 @@ class TestFit:
 
     def test_scattered_samples_are_told_by_dots_alone(self, ax):
         scattered = build(held_out=lambda _level, strain: np.arange(len(strain)) % 3 == 0)
-        panel = fit_panel(scattered, 0)
+        panel = curve_fit(scattered, 0)
         mark_held_out(ax, panel)
         assert len(ax.patches) == 0
         draw_fit(ax, panel, model_styles(scattered.models))
@@ -228,7 +232,7 @@ class TestFit:
         assert set(training.get_ydata()) <= set(panel.y[~panel.held_out])
 
     def test_a_failed_formula_draws_nothing_and_is_called_failed(self, ax, failed):
-        draw_fit(ax, fit_panel(failed, 2), model_styles(failed.models))
+        draw_fit(ax, curve_fit(failed, 2), model_styles(failed.models))
         assert [line.get_label() for line in ax.lines[1:]] == ["mapmore", "flat"]
         assert "sarosi (failed)" in texts(drawn(failed, ["fit"])["fit"])
 
@@ -239,8 +243,8 @@ class TestFit:
 class TestTraining:
     def test_held_out_samples_are_left_out(self, ax, mixed):
         bottom = Figure().subplots()
-        panels = training_panels(mixed)
-        draw_training_curves(ax, bottom, panels, "mapmore")
+        panels = training_curve_fits(mixed)
+        draw_training_curves(ax, bottom, panels, "mapmore", OWN_STYLE.colour)
         assert len(ax.lines) == 8
         for panel, line, error in zip(panels, ax.lines[1::2], bottom.lines[1:], strict=True):
             assert not panel.held_out.any()
@@ -248,23 +252,23 @@ class TestTraining:
             np.testing.assert_array_equal(error.get_ydata(), panel.predictions["mapmore"] - panel.y)
 
     def test_curves_are_named_where_they_lie_apart(self, ax, inputs):
-        panels = training_panels(inputs)
-        draw_training_curves(ax, Figure().subplots(), panels, "mapmore")
+        panels = training_curve_fits(inputs)
+        draw_training_curves(ax, Figure().subplots(), panels, "mapmore", OWN_STYLE.colour)
         label_curves(ax, panels)
         assert [text.get_text() for text in ax.texts] == ["80 kPa", "150 kPa", "350 kPa"]
         assert all(text.xy == (panel.x[0], panel.y[0]) for text, panel in zip(ax.texts, panels, strict=True))
 
     def test_names_that_would_cover_each_other_are_left_out(self, ax, inputs):
-        panels = training_panels(inputs)
+        panels = training_curve_fits(inputs)
         twins = [panels[0], replace(panels[0], title="twin"), panels[2]]
-        draw_training_curves(ax, Figure().subplots(), twins, "mapmore")
+        draw_training_curves(ax, Figure().subplots(), twins, "mapmore", OWN_STYLE.colour)
         label_curves(ax, twins)
         assert len(ax.texts) == 2
 
 
 class TestErrors:
     def test_all_samples_pooled_over_the_measured_value(self, inputs):
-        panel = error_panels(inputs)[1]
+        panel = model_errors(inputs)[1]
         curve = inputs.dataset.curves[2]
         expected = dict(zip(curve.columns["force"], inputs.validation.predictions["sarosi"][2] - curve.columns["force"], strict=True))
         measured, error = panel.held_out
@@ -273,7 +277,7 @@ class TestErrors:
         assert len(panel.train[0]) == 600
 
     def test_a_failed_model_says_so(self, ax, failed):
-        panel = next(panel for panel in error_panels(failed) if panel.model == "sarosi")
+        panel = next(panel for panel in model_errors(failed) if panel.model == "sarosi")
         draw_errors(ax, panel, model_styles(failed.models)["sarosi"])
         assert [text.get_text() for text in ax.texts] == ["failed"]
         assert len(ax.lines) == 1  # the line at zero
@@ -318,7 +322,7 @@ class TestNrmse:
 class TestSegments:
     def test_each_training_sample_belongs_to_its_segment(self, inputs, mixed):
         for study in (inputs, mixed):
-            for panel, cut in zip(segment_panels(study, 0), study.segmentation, strict=True):
+            for panel, cut in zip(segment_curves(study, 0), study.segmentation, strict=True):
                 assert (panel.cell >= 1).all()
                 for segment in cut.segments:
                     assert np.sum(panel.cell == segment.cell[0]) == len(segment.rows)
@@ -326,13 +330,13 @@ class TestSegments:
                 assert ((panel.x >= low - 1e-12) & (panel.x <= high + 1e-12)).all()
 
     def test_one_line_a_segment(self, ax, inputs):
-        draw_segments(ax, segment_panels(inputs, 0)[0])
+        draw_segments(ax, segment_curves(inputs, 0)[0])
         assert len(ax.lines) == 4
         assert len({(line.get_color(), line.get_marker()) for line in ax.lines}) == 4
 
     @pytest.mark.parametrize("z_s", [0.0, 0.25, 0.5])
     def test_drawn_weights_sum_to_one(self, ax, inputs, z_s):
-        panel = segment_panels(inputs, 0)[0]
+        panel = segment_curves(inputs, 0)[0]
         draw_weights(ax, panel, "cubic", z_s)
         total = np.nansum([line.get_ydata() for line in ax.lines], axis=0)
         np.testing.assert_allclose(total, 1, atol=1e-12)
@@ -368,7 +372,7 @@ class TestTerms:
 class TestTraces:
     def test_every_quantity_over_time(self, ax, inputs):
         recording = inputs.dataset.recordings[0]
-        shown = traces(recording, inputs.dataset.quantities)
+        shown = traces(recording, inputs.dataset.quantities, FigureStyle())
         assert [trace.y_label for trace in shown] == ["Pressure (kPa)", "Strain (–)", "Force (N)"]
         draw_trace(ax, shown[2])
         x, y = ax.lines[0].get_data()
@@ -380,15 +384,14 @@ class TestTraces:
     def test_without_time_the_sample_number_is_the_axis(self, inputs):
         recording = inputs.dataset.recordings[0]
         columns = {name: values for name, values in recording.columns.items() if name != "time"}
-        trace = traces(replace(recording, columns=columns), inputs.dataset.quantities)[0]
+        trace = traces(replace(recording, columns=columns), inputs.dataset.quantities, FigureStyle())[0]
         assert trace.x_label == "Sample (–)"
         assert trace.x[-1] == recording.rows_kept - 1
 
     def test_recordings_beyond_the_most_are_counted_in_the_caption(self):
-        with figure_style():
-            (drawing,) = FIGURES["data"](build(levels=list(range(60, 460, 10))))
+        (drawing,) = drawings("data", build(levels=list(range(60, 460, 10))))
         assert "5 of 40 recordings are drawn" in drawing.caption
-        assert len(drawing.figure.axes) == 15
+        assert len(compose(drawing).axes) == 15
 
     def test_recordings_of_which_nothing_was_kept_are_not_drawn(self, inputs):
         first, *others = inputs.dataset.recordings

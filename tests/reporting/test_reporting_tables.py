@@ -11,7 +11,7 @@ import pytest
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import FoldError
 from mapmore_cli.domain.recording import Dataset, Quantity, Recording
-from mapmore_cli.reporting.inputs import Published
+from mapmore_cli.domain.scores import Published
 from mapmore_cli.reporting.model_tables import interval_half_width
 from mapmore_cli.reporting.tables import Table, all_tables, levels_table, recordings_table, score_table, terms_table, to_csv
 
@@ -56,9 +56,20 @@ class TestScores:
         assert column(table, "published NRMSE [%]") == [pytest.approx(2.2), pytest.approx(2.5), pytest.approx(7.0), None, None, None]
         assert any("M2, section 5.1" in note for note in table.notes)
 
-    def test_published_numbers_stand_beside_training_rows_where_nothing_is_held_out(self, alone):
+    def test_published_numbers_never_stand_beside_training_rows(self, alone):
         table = score_table(alone.validation.scores, {"force": "N"}, Published("somewhere", rmse={"mapmore": 3.0}))
-        assert column(table, "published RMSE [N]") == [3.0]
+        assert not any("published" in heading for heading in table.headings)
+        assert "nothing is held out here" in table.notes[-1]
+
+    def test_a_published_lower_bound_is_told_as_one(self, inputs):
+        printed = Published("somewhere", rmse={"mapmore": 3.0}, rmse_at_least={"sarosi": 170.0})
+        table = score_table(inputs.validation.scores, {"force": "N"}, printed)
+        assert column(table, "published RMSE [N]") == [3.0, ">= 170", None, None, None, None]
+        assert table.numeric[table.headings.index("published RMSE [N]")]
+
+    def test_one_full_scale_is_named_once(self, inputs):
+        scores = [replace(s, normaliser=500.0, normaliser_name="max|force| over validate") for s in inputs.validation.scores]
+        assert score_table(scores, {"force": "N"}).notes[0] == "NRMSE: RMSE / FS, for all rows FS = max|force| over validate = 500 N."
 
     def test_no_published_column_where_nothing_is_published(self, mixed):
         assert not any("published" in heading for heading in tables_of(mixed)["scores"].headings)

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING
 from mapmore_cli.cli.views.view import View
 
 if TYPE_CHECKING:
-    from mapmore_cli.domain.scores import Validation
+    from mapmore_cli.domain.scores import Published, Validation
     from mapmore_cli.reporting.tables import Table
-    from mapmore_cli.spec.sections.results import PublishedScores
 
 
-def of_scores(validation: Validation, published: PublishedScores | None = None) -> View:
+def of_scores(validation: Validation, published: Published | None = None) -> View:
     """The score rows of every curve in the document; the pooled ones in the table, beside what a publication reports."""
-    from mapmore_cli.storage.artefacts.score_table import score_row
+    from mapmore_cli.storage.artefacts.scores import score_row
 
     rows = [score_row(score) for score in validation.scores]
     return View({"scores": rows, "units": validation.units}, (pooled_table(validation, published),))
@@ -30,11 +29,9 @@ def of_validation(validation: Validation) -> View:
     return View({**pooled.document, "formulas": formulas}, (*pooled.tables, curve_scores_table(validation.scores, validation.units)))
 
 
-def pooled_table(validation: Validation, published: PublishedScores | None = None) -> Table:
+def pooled_table(validation: Validation, published: Published | None = None) -> Table:
     """Scores over all curves, beside the numbers of a publication."""
-    from mapmore_cli.reporting.inputs import Published
     from mapmore_cli.reporting.tables import score_table
 
-    beside = None if published is None else Published(published.source, published.nrmse, published.rmse)
     failed = [name for name, formula in validation.formulas.items() if formula.failed]
-    return score_table(validation.scores, validation.units, beside, failed)
+    return score_table(validation.scores, validation.units, published, failed)

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 
 from mapmore_cli.domain.scores import REPEATABILITY
 from mapmore_cli.reporting.campaign import CampaignScores
-from mapmore_cli.reporting.figures.drawing import Drawing
+from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
 from mapmore_cli.reporting.figures.style import DOUBLE, GREY, LIGHT, ModelStyle, best_of, model_styles, shortened
 from mapmore_cli.reporting.inputs import MOST_LINES
 
@@ -27,21 +27,25 @@ def campaign_figures(scores: CampaignScores) -> list[Drawing]:
     if len(runs) < FEWEST_RUNS or not any(model in run for run in runs.values() for model in shown):
         return []
     styles = model_styles(shown)
-    figure = Figure(figsize=(DOUBLE, 0.9 + 0.21 * len(runs)), layout="constrained")
-    ax = figure.subplots()
+    handles = [Line2D([], [], label=model, **_look(style)) for model, style in styles.items()]
+    if any(REPEATABILITY in run for run in runs.values()):
+        handles.append(Line2D([], [], label=REPEATABILITY, **FLOOR))
+    models = [model for model in scores.models if model != REPEATABILITY]
+    caption = f"NRMSE of every run, further left is better.{best_of(len(shown), len(models))}"
+    alt = "NRMSE of every run and model; the numbers are in the table below."
+    rows = [(name, model, error) for name, run in runs.items() for model, error in run.items()]
+    data: dict[str, Values] = dict(zip(("run", "model", "NRMSE [%]"), zip(*rows, strict=True), strict=True))
+    panel = Panel("", lambda axes: _draw_runs(axes[0], runs, styles), "NRMSE (%)", ("",), data)
+    return [Drawing("nrmse", caption, alt, (panel,), Grid(width=DOUBLE, height=0.45 + 0.21 * len(runs)), tuple(handles))]
+
+
+def _draw_runs(ax: Axes, runs: Mapping[str, dict[str, float]], styles: dict[str, ModelStyle]) -> None:
     for place, run in enumerate(runs.values()):
         _draw_run(ax, place, run, styles)
     ax.set_yticks(range(len(runs)), [shortened(name, 40) for name in runs])
     ax.tick_params(axis="y", length=0)
     ax.set_ylim(len(runs) - 0.4, -0.6)
     _label_logarithm(ax)
-    handles = [Line2D([], [], label=model, **_look(style)) for model, style in styles.items()]
-    if any(REPEATABILITY in run for run in runs.values()):
-        handles.append(Line2D([], [], label=REPEATABILITY, **FLOOR))
-    figure.legend(handles=handles, loc="outside upper left", ncols=4)
-    models = [model for model in scores.models if model != REPEATABILITY]
-    caption = f"NRMSE of every run, further left is better.{best_of(len(shown), len(models))}"
-    return [Drawing("nrmse", caption, "NRMSE of every run and model; the numbers are in the table below.", figure)]
 
 
 def _shown(scores: CampaignScores) -> list[str]:
@@ -78,4 +82,3 @@ def _label_logarithm(ax: Axes) -> None:
     formatter.set_scientific(False)
     ax.xaxis.set_major_formatter(formatter)
     ax.xaxis.set_minor_formatter(NullFormatter())
-    ax.set_xlabel("NRMSE (%)")

@@ -1,18 +1,73 @@
-"""A finished figure with the words that go with it, and how it is saved."""
+"""Figures as data: panels with what they draw, set side by side on a page, or each by itself for a paper."""
 
 from __future__ import annotations
 
-import io
-import re
-import warnings
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from html import escape
+from typing import Any, Literal
 
-from matplotlib import rc_context
+import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-_PROLOGUE = re.compile(r"\A.*?(?=<svg\b)", re.DOTALL)
-_GROUP_ID = re.compile(r'<g id="[^"]*"')
+from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.reporting.figures.style import small
+from mapmore_cli.reporting.inputs import SINGLE, FigureStyle
+
+LEGEND_ROOM, TITLE_ROOM = 0.45, 0.2
+"""Inches above the panels, with a legend and without one."""
+
+Values = Sequence[Any] | np.ndarray
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Axes below each other with one x axis: the smallest part of a figure that can stand by itself.
+
+    Attributes
+    ----------
+    key
+        What tells it from the others of its figure, as a curve or a model; empty where it is the only one.
+    draw
+        Draws on the given axes, from top to bottom.
+    data
+        The numbers that are drawn, by heading with unit, each `(n,)`.
+    y_limits
+        What each of the axes has to show, where that is not all that is drawn.
+    """
+
+    key: str
+    draw: Callable[[Sequence[Axes]], None]
+    x_label: str
+    y_labels: tuple[str, ...]
+    data: Mapping[str, Values]
+    title: str = ""
+    y_limits: tuple[tuple[float, float], ...] = ()
+
+
+@dataclass(frozen=True)
+class Grid:
+    """How the panels of a figure stand on a page.
+
+    Attributes
+    ----------
+    columns
+        Panels side by side.
+    width, height
+        Inches of the whole figure, and of one row of panels.
+    stack
+        Relative heights of the axes of a panel, from top to bottom.
+    common_x, common_y
+        Whether all panels have one x axis (else each its own); whether those of a row, or all, have one y axis.
+    """
+
+    columns: int = 1
+    width: float = SINGLE
+    height: float = 2.2
+    stack: tuple[float, ...] = (1.0,)
+    common_x: bool = False
+    common_y: Literal["none", "row", "all"] = "none"
 
 
 @dataclass(frozen=True)
@@ -27,24 +82,90 @@ class Drawing:
         What it shows, and what was left out of it.
     alt
         What one would tell somebody who cannot see it.
+    legend
+        Handles of the legend above the panels.
     """
 
     name: str
     caption: str
     alt: str
-    figure: Figure
+    panels: tuple[Panel, ...]
+    grid: Grid
+    legend: tuple[Any, ...] = ()
 
 
-def to_svg(drawing: Drawing) -> str:
-    """The figure as an `<svg>` element that can stand in a page or in a file of its own.
+def find_panel(drawings: Sequence[Drawing], key: str) -> tuple[Drawing, Panel]:
+    """The panel of a curve, a recording or a model, by its id or by the value of its level alone (`250` for `pressure=250`)."""
+    every = [(drawing, panel) for drawing in drawings for panel in drawing.panels]
+    found = [pair for pair in every if key in (pair[1].key, pair[1].key.partition("=")[2])]
+    if not found:
+        names = ", ".join(panel.key for _, panel in every if panel.key)
+        raise UsageError(f"no panel of this figure is called {key!r}", f"choose one of {names}" if names else "leave the panel out")
+    return found[0]
 
-    Equal figures give equal bytes: no date, no creator, and definitions named by a salted hash of their content. Groups lose their names
-    (`axes_1`), which would repeat between the figures of one page.
-    """
-    text = io.StringIO()
-    with rc_context({"svg.hashsalt": drawing.name}), warnings.catch_warnings():
-        # A character that the layout font lacks is still written as text, and drawn with the reader's fonts.
-        warnings.filterwarnings("ignore", message="Glyph .* missing from")
-        drawing.figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
-    svg = _GROUP_ID.sub("<g", _PROLOGUE.sub("", text.getvalue()))
-    return svg.replace("<svg ", f'<svg role="img" aria-label="{escape(drawing.alt)}" ', 1)
+
+def compose(drawing: Drawing, style: FigureStyle | None = None) -> Figure:
+    """All panels of a figure, in the grid of a page."""
+    return _composed(drawing, drawing.panels, drawing.grid.columns, drawing.grid.width, style or FigureStyle())
+
+
+def alone(drawing: Drawing, panel: Panel, style: FigureStyle) -> Figure:
+    """One panel with the legend of its figure, as wide as the style says."""
+    return _composed(drawing, (panel,), 1, style.width, style)
+
+
+def _composed(drawing: Drawing, panels: Sequence[Panel], columns: int, width: float, style: FigureStyle) -> Figure:
+    grid, stack = drawing.grid, len(drawing.grid.stack)
+    rows = math.ceil(len(panels) / columns)
+    room = LEGEND_ROOM if drawing.legend else TITLE_ROOM
+    figure = Figure(figsize=(width, room + rows * grid.height), layout="constrained")
+    shared: Any = {"none": False, "row": "row", "all": True}[grid.common_y]
+    every = figure.subplots(stack * rows, columns, height_ratios=[*grid.stack] * rows, sharex=grid.common_x, sharey=shared, squeeze=False)
+    places = [list(every[row * stack : (row + 1) * stack, column]) for row in range(rows) for column in range(columns)]
+    for number, axes in enumerate(places):
+        if number < len(panels):
+            _fill(axes, panels[number], grid, style, first=number % columns == 0 or grid.common_y == "none", columns=columns)
+        else:
+            for ax in axes:
+                ax.remove()
+    _hold(panels, places, columns if grid.common_y == "row" else len(panels) if grid.common_y == "all" else 1)
+    figure.align_ylabels()
+    if drawing.legend:
+        labels = [str(handle.get_label()) for handle in drawing.legend]
+        figure.legend(handles=list(drawing.legend), loc="outside upper left", ncols=_legend_columns(labels, width))
+    return figure
+
+
+def _fill(axes: Sequence[Axes], panel: Panel, grid: Grid, style: FigureStyle, *, first: bool, columns: int) -> None:
+    """Draw a panel; the y axes are labelled at the left of a row, the x axis below every panel."""
+    top, bottom = axes[0], axes[-1]
+    for ax in axes[1:]:
+        if not grid.common_x:
+            ax.sharex(top)
+    for ax in axes:
+        ax.tick_params(labelbottom=ax is bottom)
+    bottom.locator_params(axis="x", nbins=5 if columns < 2 else 4)
+    panel.draw(axes)
+    if panel.title:
+        top.set_title(panel.title)
+    bottom.set_xlabel(panel.x_label, parse_math=style.is_own_label(panel.x_label))
+    for ax, label in zip(axes, panel.y_labels, strict=True):
+        if first:
+            ax.set_ylabel(label, parse_math=style.is_own_label(label))
+
+
+def _hold(panels: Sequence[Panel], places: Sequence[Sequence[Axes]], together: int) -> None:
+    """Let the y axes show what their panels have to show: `together` panels in a row have their axes in common."""
+    for start in range(0, len(panels), together):
+        group = panels[start : start + together]
+        for place in range(min(len(panel.y_limits) for panel in group)):
+            low, high = (pick(panel.y_limits[place][end] for panel in group) for end, pick in ((0, min), (1, max)))
+            margin = 0.06 * (high - low)
+            places[start][place].set_ylim(low - margin, high + margin)
+
+
+def _legend_columns(labels: Sequence[str], width: float) -> int:
+    """As many entries side by side as fit, by the length of the longest; a letter is about half as wide as high."""
+    size = small() / 72
+    longest = max(len(label) for label in labels) * 0.55 * size + 4.2 * size
+    return max(1, min(len(labels), int(width / longest)))

@@ -7,16 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces.weights import level_weights
-from mapmore_cli.reporting.figures.drawing import Drawing
-from mapmore_cli.reporting.figures.style import SINGLE, axis_label, level_colours
+from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
+from mapmore_cli.reporting.figures.style import level_colours
 from mapmore_cli.reporting.inputs import ReportInputs
 
+NAME = "segments_levels"
 GRID = 401
 PLACES = (0.1, 0.5, 0.9)
 """Shares of the range that all curves have in common, at which the model is drawn over the levels."""
@@ -28,36 +29,53 @@ def level_figures(inputs: ReportInputs) -> list[Drawing]:
     if inputs.model.level is None or len(levels) < 2:
         return []
     level = inputs.dataset.quantities[inputs.model.level]
-    figure = Figure(figsize=(SINGLE, 1.5 if inputs.model.fusion.levels == "linear" else 2.2), layout="constrained")
-    ax = figure.subplots()
-    ax.set_xlabel(axis_label(level))
-    if inputs.model.fusion.levels == "linear":
-        draw_levels(ax, levels, inputs.model)
-        ax.set_yticks([0, 0.5, 1])
-        ax.set_ylabel("Weight (–)")
-        caption = f"Weights of the {len(levels)} training curves over {level.name}; a dot marks the level of each."
-        peaks = ", ".join(f"{value:g}" for value in levels)
-        return [Drawing("segments_levels", caption, f"Triangular weights with their peaks at {peaks} {level.unit}.", figure)]
+    return [_weights(inputs, level, levels) if inputs.model.fusion.levels == "linear" else _courses(inputs, level, levels)]
+
+
+def _weights(inputs: ReportInputs, level: Quantity, levels: Array) -> Drawing:
+    def on(axes: Sequence[Axes]) -> None:
+        draw_levels(axes[0], levels, inputs.model)
+        axes[0].set_yticks([0, 0.5, 1])
+
+    x, weights = _level_weights(inputs.model, levels)
+    data: dict[str, Values] = {f"{level.name} [{level.unit}]": x}
+    data |= {f"weight of {value:g} {level.unit}": weight for value, weight in zip(levels, weights, strict=True)}
+    caption = f"Weights of the {len(levels)} training curves over {level.name}; a dot marks the level of each."
+    peaks = ", ".join(f"{value:g}" for value in levels)
+    alt = f"Triangular weights with their peaks at {peaks} {level.unit}."
+    return Drawing(NAME, caption, alt, (Panel("", on, inputs.axis_label(level), ("Weight (–)",), data),), Grid(height=1.3))
+
+
+def _courses(inputs: ReportInputs, level: Quantity, levels: Array) -> Drawing:
     along = inputs.in_curve
     courses = level_courses(inputs.model, along.name, levels)
-    draw_courses(ax, courses, levels)
-    ax.set_ylabel(axis_label(inputs.target))
     places = ", ".join(f"{course.place:.3g}" for course in courses)
     at = f"{along.name} {places} {along.unit if along.unit != '1' else ''}".rstrip()
     caption = (
         f"{inputs.own} over {level.name} at {at}; dots mark the training levels. Between them the values of the curves are interpolated so "
         "that they keep their shape: the weights depend on these values, and there is no single weight to draw."
     )
-    return [Drawing("segments_levels", caption, f"{inputs.own} over {level.name} at {at}.", figure)]
+    data: dict[str, Values] = {f"{level.name} [{level.unit}]": courses[0].x}
+    data |= {f"{inputs.own} at {along.name} {course.place:.6g} [{inputs.target.unit}]": course.y for course in courses}
+    panel = Panel(
+        "", lambda axes: draw_courses(axes[0], courses, levels), inputs.axis_label(level), (inputs.axis_label(inputs.target),), data
+    )
+    return Drawing(NAME, caption, f"{inputs.own} over {level.name} at {at}.", (panel,), Grid(height=2.0))
 
 
 def draw_levels(ax: Axes, levels: Array, model: Model) -> None:
     """Triangular weights between neighbouring levels; beyond the outer ones as far as the extrapolation acts on the weights."""
-    x = _level_grid(model, levels)
-    below, above = model.fusion.extrapolation[str(model.level)]
-    for colour, level, weight in zip(level_colours(len(levels)), levels, level_weights(x, levels, str(below), str(above)).T, strict=True):
+    x, weights = _level_weights(model, levels)
+    for colour, level, weight in zip(level_colours(len(levels)), levels, weights, strict=True):
         ax.plot(x, weight, color=colour, linewidth=1.2)
         ax.plot([level], [1.0], color=colour, marker="o", markersize=3)
+
+
+def _level_weights(model: Model, levels: Array) -> tuple[Array, Array]:
+    """Values of the level quantity `(m,)`, and the weight of every curve there `(levels, m)`."""
+    x = _level_grid(model, levels)
+    below, above = model.fusion.extrapolation[str(model.level)]
+    return x, level_weights(x, levels, str(below), str(above)).T
 
 
 @dataclass(frozen=True)

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.recording import Curve
-from mapmore_cli.reporting.figures.drawing import Drawing
+from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
 from mapmore_cli.reporting.figures.motion import MEASURED, shown_models
-from mapmore_cli.reporting.figures.panels import columns_for
-from mapmore_cli.reporting.figures.style import BLACK, DOUBLE, OWN_STYLE, SINGLE, ModelStyle, axis_label, model_styles, shortened, some_of
+from mapmore_cli.reporting.figures.style import BLACK, DOUBLE, OWN_STYLE, ModelStyle, model_styles, shortened, some_of
 from mapmore_cli.reporting.figures.thinning import envelope, spread
-from mapmore_cli.reporting.inputs import ReportInputs
+from mapmore_cli.reporting.inputs import SINGLE, ReportInputs
 
 MOST_RECORDINGS = 3
 MOST_RIVALS = 2
@@ -30,35 +28,32 @@ def loop_figures(inputs: ReportInputs) -> list[Drawing]:
     if not shown:
         return []
     models = shown_models(inputs, MOST_RIVALS)
-    styles = model_styles(models)
-    columns = columns_for(len(models))
-    rows = math.ceil(len(models) / columns)
-    figure = Figure(figsize=(SINGLE if columns == 1 else DOUBLE, 0.4 + 2.3 * rows * len(shown)), layout="constrained")
-    axes = figure.subplots(rows * len(shown), columns, sharey="row", squeeze=False)
-    for place, number in enumerate(shown):
-        own = axes[place * rows : (place + 1) * rows].ravel()
-        for ax, model in zip(own, models, strict=False):
-            _draw(ax, inputs, number, model, styles[model])
-        for ax in own[len(models) :]:
-            ax.remove()
-        own[0].set_ylabel(axis_label(inputs.target))
-    figure.legend(handles=_legend(styles), loc="outside upper left", ncols=4)
+    styles = model_styles(models, inputs.style.palette)
+    panels = tuple(_panel(inputs, number, model, styles[model]) for number in shown for model in models)
+    grid = Grid(len(models), SINGLE if len(models) == 1 else DOUBLE, 2.3, common_y="row")
     what = f"Measured and predicted {inputs.target.name} over {inputs.in_curve.name}"
     left_out = some_of(len(shown), len(numbers), "recordings with held-out samples")
     best = f" The best {len(models) - 1} of {len(inputs.models) - 1} competitors are drawn." if len(models) < len(inputs.models) else ""
     caption = f"{what} along the held-out samples, in the order of time.{best}{left_out}"
-    return [Drawing("loops", caption, f"{what}, held-out samples in the order of time.", figure)]
+    return [Drawing("loops", caption, f"{what}, held-out samples in the order of time.", panels, grid, tuple(_legend(styles)))]
 
 
-def _draw(ax: Axes, inputs: ReportInputs, number: int, model: str, style: ModelStyle) -> None:
-    curve = inputs.dataset.curves[number]
-    x, measured = curve.columns[inputs.in_curve.name], curve.columns[inputs.dataset.target]
+def _panel(inputs: ReportInputs, number: int, model: str, style: ModelStyle) -> Panel:
+    curve, along, target = inputs.dataset.curves[number], inputs.in_curve, inputs.target
+    x, measured = curve.columns[along.name], curve.columns[inputs.dataset.target]
     predicted = inputs.validation.predictions[model][number]
-    for piece in _held_out_pieces(curve):
-        _path(ax, x[piece], measured[piece], color=BLACK, linewidth=MEASURED, zorder=2)
-        _path(ax, x[piece], predicted[piece], color=style.colour, linewidth=OWN_STYLE.width, zorder=3)
-    ax.set_title(f"{shortened(inputs.curve_label(curve), 22)}: {shortened(model, 24)}", fontsize=7)
-    ax.set_xlabel(axis_label(inputs.in_curve))
+    pieces = _held_out_pieces(curve)
+
+    def on(axes: Sequence[Axes]) -> None:
+        for piece in pieces:
+            _path(axes[0], x[piece], measured[piece], color=BLACK, linewidth=MEASURED, zorder=2)
+            _path(axes[0], x[piece], predicted[piece], color=style.colour, linewidth=OWN_STYLE.width, zorder=3)
+
+    rows = np.concatenate(pieces)
+    names = (f"{along.name} [{along.unit}]", f"{target.name} [{target.unit}]", f"{model} [{target.unit}]")
+    data: dict[str, Values] = dict(zip(names, (x[rows], measured[rows], predicted[rows]), strict=True))
+    title = f"{shortened(inputs.curve_label(curve), 22)}: {shortened(model, 24)}"
+    return Panel(f"{curve.id} {model}", on, inputs.axis_label(along), (inputs.axis_label(target),), data, title)
 
 
 def _path(ax: Axes, x: Array, y: Array, **look: object) -> None:

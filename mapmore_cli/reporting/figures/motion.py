@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from mapmore_cli.domain.recording import Curve, Quantity
-from mapmore_cli.reporting.figures.drawing import Drawing
-from mapmore_cli.reporting.figures.style import BLACK, DOUBLE, GREY, ModelStyle, axis_label, model_styles, shortened, some_of, zero_line
+from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
+from mapmore_cli.reporting.figures.style import BLACK, DOUBLE, GREY, ModelStyle, model_styles, shortened, some_of, zero_line
 from mapmore_cli.reporting.figures.thinning import envelope, spread
 from mapmore_cli.reporting.inputs import ReportInputs
 
@@ -34,15 +35,9 @@ def motion_figures(inputs: ReportInputs) -> list[Drawing]:
 def _figure(inputs: ReportInputs, name: str, numbers: list[int]) -> Drawing:
     shown = [numbers[i] for i in spread(len(numbers), MOST_RECORDINGS)]
     models = shown_models(inputs, MOST_RIVALS)
-    styles = model_styles(models)
-    figure = Figure(figsize=(DOUBLE, 0.45 + 2.5 * len(shown)), layout="constrained")
-    axes = figure.subplots(2 * len(shown), 1, height_ratios=[2.0, 1.0] * len(shown), squeeze=False)[:, 0]
-    for place, number in enumerate(shown):
-        _draw(inputs, number, axes[2 * place], axes[2 * place + 1], styles)
-    figure.align_ylabels()
+    styles = model_styles(models, inputs.style.palette)
     resting = any(curve.at_rest is not None and curve.at_rest.any() for curve in inputs.dataset.curves)
     mixed = any(_mixed(inputs.dataset.curves[number]) for number in shown)
-    figure.legend(handles=_legend(styles, resting, mixed), loc="outside upper left", ncols=6)
     what = "held-out" if name == "fit" else "training"
     rivals = len(inputs.models) - len(models)
     others = f" The best {len(models) - 1} of {len(inputs.models) - 1} competitors are drawn." if rivals else ""
@@ -52,7 +47,24 @@ def _figure(inputs: ReportInputs, name: str, numbers: list[int]) -> Drawing:
         f"Measured and predicted {inputs.target.name} of the {what} recordings over time, predicted minus measured below.{rest}{others}"
         f"{some_of(len(shown), len(numbers), f'{what} recordings')}"
     )
-    return Drawing(name, caption, f"Measured and predicted {inputs.target.name} over time, {what} recordings.", figure)
+    alt = f"Measured and predicted {inputs.target.name} over time, {what} recordings."
+    panels = tuple(_panel(inputs, number, styles) for number in shown)
+    grid = Grid(width=DOUBLE, height=2.5, stack=(2.0, 1.0))
+    return Drawing(name, caption, alt, panels, grid, tuple(_legend(styles, resting, mixed)))
+
+
+def _panel(inputs: ReportInputs, number: int, styles: dict[str, ModelStyle]) -> Panel:
+    curve = inputs.dataset.curves[number]
+    time, unit = inputs.dataset.quantities.get("time", Quantity("time", "s")), inputs.target.unit
+    data: dict[str, Values] = {
+        f"time [{time.unit}]": curve.columns["time"],
+        f"{inputs.target.name} [{unit}]": curve.columns[inputs.dataset.target],
+        "data": np.where(curve.held_out, "validate", "train"),
+        **{f"{model} [{unit}]": inputs.validation.predictions[model][number] for model in styles},
+    }
+    labels = (inputs.axis_label(inputs.target), f"Error ({unit})")
+    title = shortened(inputs.curve_label(curve), 60)
+    return Panel(curve.id, lambda axes: _draw(inputs, number, axes, styles), inputs.axis_label(time), labels, data, title)
 
 
 def shown_models(inputs: ReportInputs, most_rivals: int) -> list[str]:
@@ -62,7 +74,8 @@ def shown_models(inputs: ReportInputs, most_rivals: int) -> list[str]:
     return [model for model in inputs.models if model in {inputs.own, *best}]
 
 
-def _draw(inputs: ReportInputs, number: int, top: Axes, bottom: Axes, styles: dict[str, ModelStyle]) -> None:
+def _draw(inputs: ReportInputs, number: int, axes: Sequence[Axes], styles: dict[str, ModelStyle]) -> None:
+    top, bottom = axes
     curve = inputs.dataset.curves[number]
     time, measured = curve.columns["time"], curve.columns[inputs.dataset.target]
     for ax in (top, bottom):
@@ -80,12 +93,6 @@ def _draw(inputs: ReportInputs, number: int, top: Axes, bottom: Axes, styles: di
             top.plot(time[rows], predicted[rows], **look)
             bottom.plot(time[rows], (predicted - measured)[rows], **look)
     zero_line(bottom)
-    bottom.sharex(top)
-    top.tick_params(labelbottom=False)
-    top.set_title(shortened(inputs.curve_label(curve), 60))
-    top.set_ylabel(axis_label(inputs.target))
-    bottom.set_ylabel(f"Error ({inputs.target.unit})")
-    bottom.set_xlabel(axis_label(inputs.dataset.quantities.get("time", Quantity("time", "s"))))
 
 
 def _mixed(curve: Curve) -> bool:

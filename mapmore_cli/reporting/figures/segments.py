@@ -2,28 +2,27 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from mapmore_cli.domain.arrays import Array, IntArray
-from mapmore_cli.domain.recording import DIRECTION
+from mapmore_cli.domain.recording import DIRECTION, Quantity
 from mapmore_cli.modelling.pieces.segmentation import training_curves
 from mapmore_cli.modelling.pieces.weights import cell_weights, zones
-from mapmore_cli.reporting.figures.drawing import Drawing
+from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
 from mapmore_cli.reporting.figures.levels import level_figures
-from mapmore_cli.reporting.figures.panels import columns_for, label_pair, pairs, width_for
 from mapmore_cli.reporting.figures.style import (
     GREY,
     SEGMENT_COLOURS,
     SEGMENT_MARKERS,
-    axis_label,
+    columns_for,
     shortened,
     some_of,
+    width_for,
 )
 from mapmore_cli.reporting.figures.thinning import cloud, spread
 from mapmore_cli.reporting.inputs import ReportInputs
@@ -34,12 +33,13 @@ GRID = 401
 
 
 @dataclass(frozen=True)
-class SegmentPanel:
+class SegmentCurve:
     """One training curve along one segmented variable.
 
     `x`, `y` and `cell` (1-based place of the sample's segment) are `(n,)`; `boundaries` is `(count + 1,)`, both ends included.
     """
 
+    id: str
     title: str
     x: Array
     y: Array
@@ -47,7 +47,7 @@ class SegmentPanel:
     boundaries: Array
 
 
-def segment_panels(inputs: ReportInputs, variable: int) -> list[SegmentPanel]:
+def segment_curves(inputs: ReportInputs, variable: int) -> list[SegmentCurve]:
     """The segmented curves along variable number `variable`; held-out samples are left out."""
     curves = {curve.id: curve for curve in training_curves(inputs.dataset.curves, by_level=inputs.model.level is not None)}
     panels = []
@@ -57,23 +57,24 @@ def segment_panels(inputs: ReportInputs, variable: int) -> list[SegmentPanel]:
         cell = np.zeros(curve.size, dtype=np.int64)
         for segment in segmented.segments:
             cell[segment.rows] = segment.cell[variable]
-        x, y = curve.columns[segmented.variables[variable]], curve.columns[inputs.dataset.target]
-        panels.append(SegmentPanel(inputs.curve_label(curve), x[train], y[train], cell[train], segmented.boundaries[variable]))
+        x, y = curve.columns[segmented.variables[variable]][train], curve.columns[inputs.dataset.target][train]
+        title = inputs.curve_label(curve)
+        panels.append(SegmentCurve(segmented.curve, title, x, y, cell[train], segmented.boundaries[variable]))
     return panels
 
 
-def draw_segments(ax: Axes, panel: SegmentPanel) -> None:
+def draw_segments(ax: Axes, curve: SegmentCurve) -> None:
     """The samples, coloured and marked by segment."""
-    for place in range(1, len(panel.boundaries)):
-        rows = np.flatnonzero(panel.cell == place)
-        rows = rows[cloud(panel.x[rows], panel.y[rows], DOTS_A_SEGMENT)]
-        ax.plot(panel.x[rows], panel.y[rows], linestyle="none", markersize=2.8, markeredgewidth=0, **_look(place, "marker"))
+    for place in range(1, len(curve.boundaries)):
+        rows = np.flatnonzero(curve.cell == place)
+        rows = rows[cloud(curve.x[rows], curve.y[rows], DOTS_A_SEGMENT)]
+        ax.plot(curve.x[rows], curve.y[rows], linestyle="none", markersize=2.8, markeredgewidth=0, **_look(place, "marker"))
 
 
-def draw_weights(ax: Axes, panel: SegmentPanel, transition: str, z_s: float) -> None:
+def draw_weights(ax: Axes, curve: SegmentCurve, transition: str, z_s: float) -> None:
     """Weight of every segment along the variable, where it has any."""
-    x = np.union1d(np.linspace(panel.boundaries[0], panel.boundaries[-1], GRID), np.concatenate(zones(panel.boundaries, z_s)))
-    for place, weight in enumerate(cell_weights(x, panel.boundaries, transition, z_s).T, start=1):
+    x = np.union1d(np.linspace(curve.boundaries[0], curve.boundaries[-1], GRID), np.concatenate(zones(curve.boundaries, z_s)))
+    for place, weight in enumerate(cell_weights(x, curve.boundaries, transition, z_s).T, start=1):
         ax.plot(x, np.where(weight > 0, weight, np.nan), linewidth=1.2, **_look(place, "linestyle"))
     ax.set_yticks([0, 0.5, 1])
 
@@ -92,7 +93,7 @@ def _look(place: int, what: str) -> dict[str, Any]:
     return {"color": SEGMENT_COLOURS[i], what: marks[what]}
 
 
-def segment_figures(inputs: ReportInputs) -> list[Drawing]:
+def draw(inputs: ReportInputs) -> list[Drawing]:
     """One figure a segmented variable, and one of the way between the levels."""
     if not inputs.has_pieces:
         return []
@@ -101,24 +102,35 @@ def segment_figures(inputs: ReportInputs) -> list[Drawing]:
 
 
 def _variable_figure(inputs: ReportInputs, variable: int, name: str) -> Drawing:
-    every = segment_panels(inputs, variable)
-    panels = [every[i] for i in spread(len(every), MOST_CURVES)]
-    fusion, quantity = inputs.model.fusion, inputs.dataset.quantities[name]
-    rows = math.ceil(len(panels) / columns_for(len(panels)))
-    figure = Figure(figsize=(width_for(len(panels)), 0.2 + 2.2 * rows), layout="constrained")
-    for pair, panel in zip(pairs(figure, len(panels), (2.0, 0.8), common_x=False), panels, strict=True):
-        draw_segments(pair.top, panel)
-        draw_weights(pair.bottom, panel, fusion.transition, fusion.z_s)
-        for ax in (pair.top, pair.bottom):
-            draw_zones(ax, panel.boundaries, fusion.z_s)
-        pair.top.set_title(shortened(panel.title, 34))
-        label_pair(pair, axis_label(quantity), axis_label(inputs.target), "Weight (–)")
-    figure.align_ylabels()
+    every = segment_curves(inputs, variable)
+    shown = [every[i] for i in spread(len(every), MOST_CURVES)]
+    fusion = inputs.model.fusion
+    panels = tuple(_panel(inputs, curve, inputs.dataset.quantities[name]) for curve in shown)
+    grid = Grid(columns_for(len(panels)), width_for(len(panels)), 2.2, (2.0, 0.8), common_y="row")
     joined = f"{fusion.transition} transitions, z_s = {fusion.z_s:g}"
     caption = (
         f"Training samples by segment of {name}, and the segments' weights below: boundaries as lines, transition zones shaded ({joined})."
-        f"{some_of(len(panels), len(every), 'curves')}"
+        f"{some_of(len(shown), len(every), 'curves')}"
     )
-    alt = "; ".join(f"{panel.title}: boundaries at {', '.join(f'{b:.3g}' for b in panel.boundaries)}" for panel in panels)
+    spoken = "; ".join(f"{curve.title}: boundaries at {', '.join(f'{b:.3g}' for b in curve.boundaries)}" for curve in shown)
     stem = "segments" if variable == 0 else f"segments_{name}"
-    return Drawing(stem, caption, f"Segments of {name}. {alt}.", figure)
+    return Drawing(stem, caption, f"Segments of {name}. {spoken}.", panels, grid)
+
+
+def _panel(inputs: ReportInputs, curve: SegmentCurve, along: Quantity) -> Panel:
+    fusion = inputs.model.fusion
+
+    def on(axes: Sequence[Axes]) -> None:
+        draw_segments(axes[0], curve)
+        draw_weights(axes[1], curve, fusion.transition, fusion.z_s)
+        for ax in axes:
+            draw_zones(ax, curve.boundaries, fusion.z_s)
+
+    weights = cell_weights(curve.x, curve.boundaries, fusion.transition, fusion.z_s).T
+    data: dict[str, Values] = {
+        f"{along.name} [{along.unit}]": curve.x,
+        f"{inputs.target.name} [{inputs.target.unit}]": curve.y,
+        "segment": curve.cell,
+        **{f"weight of segment {place}": weight for place, weight in enumerate(weights, start=1)},
+    }
+    return Panel(curve.id, on, inputs.axis_label(along), (inputs.axis_label(inputs.target), "Weight (–)"), data, shortened(curve.title, 34))

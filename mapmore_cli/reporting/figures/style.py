@@ -2,48 +2,80 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from matplotlib import colormaps
+from matplotlib import colormaps, rc_context, rcdefaults, rcParams
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
+from matplotlib.font_manager import FontProperties, fontManager
+from matplotlib.mathtext import MathTextParser
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.reporting.figures.thinning import MOST_ON_A_LINE, band
+from mapmore_cli.reporting.inputs import SINGLE, FigureStyle
 
-SINGLE, DOUBLE = 3.5, 7.16
-"""Widths of one and of two columns of a journal page, inches."""
+DOUBLE = 7.16
+"""Width of two columns of a journal page, inches."""
+
+SMALLER = 1.0
+"""By how many points titles, ticks and legends are smaller than labels."""
 
 DOTS_A_CURVE = 180
 SOME_DOTS = " Dots are some of the samples, the extremes among them."
 
 RC: dict[Any, Any] = {
-    "axes.labelsize": 8,
     "axes.linewidth": 0.6,
     "axes.spines.right": False,
     "axes.spines.top": False,
     "axes.titlelocation": "left",
-    "axes.titlesize": 8,
     "axes.xmargin": 0.02,
     "figure.facecolor": "white",
-    "font.family": "sans-serif",
-    "font.size": 8,
-    "legend.fontsize": 7,
     "legend.frameon": False,
     "legend.columnspacing": 1.4,
     "legend.handlelength": 2.2,
     "lines.linewidth": 1.1,
     "svg.fonttype": "none",  # text stays text: searchable, and small
     "text.parse_math": False,  # a `$` in a name is a `$`
-    "xtick.labelsize": 7,
     "xtick.major.width": 0.6,
-    "ytick.labelsize": 7,
     "ytick.major.width": 0.6,
 }
+
+
+@contextmanager
+def figure_style(style: FigureStyle | None = None) -> Iterator[None]:
+    """The look of all figures over Matplotlib's own defaults: a user's matplotlibrc must not change a report."""
+    style = style or FigureStyle()
+    large, small = ["axes.labelsize", "font.size"], ["axes.titlesize", "legend.fontsize", "xtick.labelsize", "ytick.labelsize"]
+    sizes: dict[Any, Any] = {**dict.fromkeys(large, style.size), **dict.fromkeys(small, style.size - SMALLER)}
+    fonts: dict[Any, Any] = {"font.family": [*([style.font] if style.font else []), "sans-serif"]}
+    with rc_context():
+        rcdefaults()
+        with rc_context({**RC, **sizes, **fonts}):
+            yield
+
+
+def has_font(name: str) -> bool:
+    """Whether this machine has a font of that name."""
+    return name in {font.name for font in fontManager.ttflist}
+
+
+def wrong_formula(label: str) -> str | None:
+    """What is wrong with the formula in a label; None where nothing is."""
+    try:
+        MathTextParser("path").parse(label)
+    except ValueError as fault:
+        return str(fault).strip().splitlines()[-1]
+    return None
+
+
+def small() -> float:
+    """Size of small letters, as those of the ticks, in points; to be asked while a figure is drawn."""
+    return FontProperties(size=rcParams["xtick.labelsize"]).get_size_in_points()
+
 
 BLACK, GREY, LIGHT = "#000000", "#6e6e6e", "#b8b8b8"
 ORANGE, SKY, GREEN, BLUE, VERMILLION, PURPLE = "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7"
@@ -76,15 +108,15 @@ _OTHERS = (
 )
 
 
-def model_styles(models: Sequence[str]) -> dict[str, ModelStyle]:
-    """One style a model: the first, the run's own, always the same; the others in turn, names that come again left out."""
-    return {name: OWN_STYLE if i == 0 else _OTHERS[(i - 1) % len(_OTHERS)] for i, name in enumerate(dict.fromkeys(models))}
+def model_styles(models: Sequence[str], palette: Sequence[str] = ()) -> dict[str, ModelStyle]:
+    """One style a model: the first, the run's own, always the same; the others in turn, names that come again left out.
 
-
-def axis_label(quantity: Quantity, prefix: str = "") -> str:
-    """`Pressure (kPa)`; `(–)` where there is no dimension."""
-    words = f"{prefix} {quantity.name}".strip().replace("_", " ")
-    return f"{words[:1].upper()}{words[1:]} ({'–' if quantity.unit in ('', '1') else quantity.unit})"
+    A `palette` replaces the colours, that of the run's own model first.
+    """
+    looks = {name: OWN_STYLE if i == 0 else _OTHERS[(i - 1) % len(_OTHERS)] for i, name in enumerate(dict.fromkeys(models))}
+    if not palette:
+        return looks
+    return {name: replace(look, colour=palette[i % len(palette)]) for i, (name, look) in enumerate(looks.items())}
 
 
 def shortened(text: str, length: int) -> str:
@@ -106,6 +138,16 @@ def two_lines(text: str, length: int) -> str:
     return f"{text[:cut]}\n{text[cut:]}"
 
 
+def columns_for(count: int) -> int:
+    """How many panels to put side by side: up to three, without a nearly empty last row."""
+    return 2 if count == 4 else min(count, 3)
+
+
+def width_for(count: int) -> float:
+    """Width of a figure of `count` panels, inches: one column of a journal page, or two."""
+    return SINGLE if count == 1 else DOUBLE
+
+
 def some_of(shown: int, count: int, what: str) -> str:
     """A sentence that says what was left out; nothing where all is shown."""
     return "" if shown == count else f" {shown} of {count} {what} are drawn, evenly spread."
@@ -121,12 +163,10 @@ def best_of(shown: int, count: int) -> str:
     return "" if shown == count else f" Of {count} models, the run's own and the {shown - 1} others with the least error are drawn."
 
 
-def hold_scale(ax: Axes, values: Sequence[Array]) -> None:
-    """Let the y axis show these values, and whatever else is drawn leave it."""
+def extent(values: Sequence[Array]) -> tuple[float, float]:
+    """The least and the greatest of some values, which an axis is to show whatever else is drawn."""
     every = np.concatenate(values)
-    low, high = float(np.nanmin(every)), float(np.nanmax(every))
-    margin = 0.06 * (high - low)
-    ax.set_ylim(low - margin, high + margin)
+    return float(np.nanmin(every)), float(np.nanmax(every))
 
 
 def beyond_scale(models: Sequence[str]) -> str:

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import SegmentFit
-from mapmore_cli.reporting.figures.drawing import Drawing
-from mapmore_cli.reporting.figures.style import DOUBLE, GREY, LIGHT, OWN_STYLE, shortened, some_of
+from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
+from mapmore_cli.reporting.figures.style import DOUBLE, GREY, LIGHT, model_styles, shortened, small, some_of
 from mapmore_cli.reporting.figures.thinning import spread
 from mapmore_cli.reporting.inputs import ReportInputs
 
@@ -51,48 +51,63 @@ def whole_curves(fits: Sequence[SegmentFit], most: int) -> list[SegmentFit]:
     return [fit for fit in fits if fit.curve in chosen]
 
 
-def draw_terms(ax: Axes, segments: Sequence[TermSteps]) -> None:
+def draw_terms(ax: Axes, segments: Sequence[TermSteps], colour: str) -> None:
     """One row a segment: a filled dot for every chosen term, an open one for its runner-up, the names at the right."""
+    room = ax.get_figure(root=True).get_figwidth() / DOUBLE  # type: ignore[union-attr]
     for row, segment in enumerate(segments):
         left, rival = (np.maximum(values, LEAST) for values in (segment.left, segment.left_by_runner_up))
         ax.plot([*left, np.nan, left[-1], rival[-1]], [row] * (len(left) + 3), color=LIGHT, linewidth=0.8, zorder=1)
         ax.plot(rival, [row] * len(rival), linestyle="none", marker="o", markersize=4, color=GREY, markerfacecolor="white", zorder=2)
-        ax.plot(left, [row] * len(left), linestyle="none", marker="o", markersize=4, color=OWN_STYLE.colour, zorder=3)
+        ax.plot(left, [row] * len(left), linestyle="none", marker="o", markersize=4, color=colour, zorder=3)
         ax.annotate(
-            shortened(segment.terms, 46),
+            shortened(segment.terms, int(46 * room)),
             (1.0, row),
             (6, 0),
             xycoords=("axes fraction", "data"),
             textcoords="offset points",
             va="center",
-            fontsize=7,
+            fontsize=small(),
         )
     ax.set_xscale("log")
     low, high = np.log10(ax.get_xlim())
     ax.set_xlim(10.0 ** np.floor(low), 10.0 ** np.ceil(high))
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     ax.xaxis.set_minor_formatter(NullFormatter())
-    ax.set_yticks(range(len(segments)), [shortened(segment.segment, 34) for segment in segments])
+    ax.set_yticks(range(len(segments)), [shortened(segment.segment, int(34 * room)) for segment in segments])
     ax.tick_params(axis="y", length=0)
     ax.set_ylim(len(segments) - 0.4, -0.6)
 
 
-def terms_figures(inputs: ReportInputs) -> list[Drawing]:
+def draw(inputs: ReportInputs) -> list[Drawing]:
     """One figure for all segments; none where the model has no segments."""
     fits = inputs.fit.pieces
     segments = [term_steps(fit) for fit in whole_curves(fits, MOST_SEGMENTS) if fit.terms]
     if not segments:
         return []
-    figure = Figure(figsize=(DOUBLE, 0.75 + 0.17 * len(segments)), layout="constrained")
-    ax = figure.subplots()
-    draw_terms(ax, segments)
-    ax.set_xlabel("Sum of squares left unexplained (%)")
-    marks = (("chosen term", OWN_STYLE.colour, OWN_STYLE.colour), ("its runner-up", GREY, "white"))
+    own = model_styles([inputs.own], inputs.style.palette)[inputs.own].colour
+    marks = (("chosen term", own, own), ("its runner-up", GREY, "white"))
     handles = [Line2D([], [], linestyle="none", marker="o", markersize=4, color=c, markerfacecolor=f, label=label) for label, c, f in marks]
-    figure.legend(handles=handles, loc="outside upper left", ncols=2)
     caption = (
         "What the chosen terms (named at the right, in the order of selection) leave unexplained in every segment, and what the runner-up "
         f"of each step would have left: the distance is the margin of the choice.{some_of(len(segments), len(fits), 'segments')}"
     )
     spoken = "; ".join(f"{segment.segment}: {segment.terms}, {segment.left[-1]:.2g} % left" for segment in segments[:MOST_SPOKEN])
-    return [Drawing("terms", caption, f"Unexplained sum of squares by segment. {spoken}.", figure)]
+    on = partial(_draw_on, segments=segments, colour=own)
+    panel = Panel("", on, "Sum of squares left unexplained (%)", ("",), _data(segments))
+    grid = Grid(width=DOUBLE, height=0.3 + 0.17 * len(segments))
+    return [Drawing("terms", caption, f"Unexplained sum of squares by segment. {spoken}.", (panel,), grid, tuple(handles))]
+
+
+def _draw_on(axes: Sequence[Axes], segments: Sequence[TermSteps], colour: str) -> None:
+    draw_terms(axes[0], segments, colour)
+
+
+def _data(segments: Sequence[TermSteps]) -> dict[str, Values]:
+    steps = [(segment, step) for segment in segments for step in range(len(segment.left))]
+    return {
+        "segment": [segment.segment for segment, _ in steps],
+        "terms": [segment.terms for segment, _ in steps],
+        "step": [step + 1 for _, step in steps],
+        "left unexplained [%]": [float(segment.left[step]) for segment, step in steps],
+        "left by the runner-up [%]": [float(segment.left_by_runner_up[step]) for segment, step in steps],
+    }

@@ -5,12 +5,15 @@
 from __future__ import annotations
 
 from pathlib import PurePosixPath
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, Field, model_validator
 
+from mapmore_cli.domain.page import FIGURES
+from mapmore_cli.domain.scores import Published
 from mapmore_cli.spec.fields import (
     Keyed,
+    Metres,
     Metric,
     Name,
     OfTarget,
@@ -86,21 +89,52 @@ class Validate(Section):
     require: dict[str, Metric] = {}
 
 
-FigureName = Literal["data", "fit", "error", "nrmse", "segments", "terms"]
+if TYPE_CHECKING:
+    FigureName = str
+else:
+    FigureName = Literal[tuple(FIGURES)]
 
 
 class PublishedScores(Section):
-    """Numbers of a publication to show beside ours, by model: `nrmse` as fractions, `rmse` in the target's unit. Never computed with."""
+    """Numbers of a publication to show beside ours, by model, all of held-out data. Never computed with.
+
+    `nrmse` are fractions, `rmse` in the target's unit; `rmse_at_least` are lower bounds, where no more was printed.
+    """
 
     source: str
     nrmse: dict[str, Share] = {}
     rmse: dict[str, OfTarget] = {}
+    rmse_at_least: dict[str, OfTarget] = {}
+
+    @property
+    def numbers(self) -> Published:
+        """The same as data."""
+        return Published(self.source, self.nrmse, self.rmse, self.rmse_at_least)
+
+
+class Style(Section):
+    """How figures look: `width` of a panel that stands by itself, `font`, `size` of its labels in points (titles and ticks are 1 pt less).
+
+    `labels` are axis labels by quantity, with their unit; formulas may stand between dollars. `palette` are the colours of the models,
+    that of the run's own first.
+    """
+
+    width: Metres = 0.0889
+    font: str | None = None
+    size: Annotated[float, Field(ge=5, le=24)] = 8.0
+    labels: dict[Quantity, str] = {}
+    palette: list[Annotated[str, Field(pattern=r"^#[0-9A-Fa-f]{6}$")]] = []
 
 
 class Report(Section):
-    """Figures and files of the report; `units` are further units, by quantity, to print the equations in, as a publication does."""
+    """Figures and files of the report; `units` are further units, by quantity, to print the equations in, as a publication does.
 
-    figures: list[FigureName] = ["data", "fit", "error", "nrmse", "segments", "terms"]
-    formats: list[Literal["html", "csv", "svg"]] = ["html", "csv", "svg"]
+    `html` is the page, `svg` a file for each figure, `csv` and `tex` the tables. With `pdf`, `png` or `pgf`, every panel of every figure is
+    a file of its own in `panels/`, beside the numbers that it was drawn from.
+    """
+
+    figures: list[FigureName] = list(FIGURES)
+    formats: list[Literal["html", "csv", "tex", "svg", "pdf", "png", "pgf"]] = ["html", "csv", "svg"]
+    style: Style = Style()
     published: PublishedScores | None = None
     units: dict[Quantity, str] = {}

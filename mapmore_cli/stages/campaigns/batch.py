@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from mapmore_cli.domain.scores import Validation
-    from mapmore_cli.spec.sections.results import PublishedScores
+    from mapmore_cli.domain.scores import Published, Validation
 
 
 @dataclass(frozen=True)
@@ -35,7 +34,7 @@ class Finished:
     run_dir: Path
     stages: Mapping[str, str]
     validation: Validation
-    published: PublishedScores | None
+    published: Published | None
     missed: tuple[str, ...]
     warnings: tuple[str, ...]
 
@@ -97,4 +96,5 @@ def run_one(job: Job) -> Finished:
     validation = read_validation(outcome.run_dir / "validate.h5")
     missed = missed_limits(loaded.spec.validation.require, validation.scores)
     published = loaded.spec.report.published
-    return Finished(outcome.name, outcome.run_dir, outcome.stages, validation, published, tuple(missed), tuple(warnings))
+    printed = published.numbers if published else None
+    return Finished(outcome.name, outcome.run_dir, outcome.stages, validation, printed, tuple(missed), tuple(warnings))

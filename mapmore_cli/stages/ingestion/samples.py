@@ -122,8 +122,7 @@ def read_tables(log: Log, table: Logs, missing: MissingRule, units: Mapping[str,
         incomplete=missing.action == "drop",
         progress=meter.within(log),
     )
-    tables = READERS[table.reader].read(log.path, request)
-    return [_in_model_units(raw, table, missing.numbers, units) for raw in tables]
+    return [_in_model_units(raw, table, missing.numbers, units) for raw in READERS[table.reader](log.path, request)]
 
 
 def _in_model_units(raw: RawTable, table: Logs, missing: Sequence[float], units: Mapping[str, str]) -> Samples:

@@ -18,9 +18,11 @@ from mapmore_cli.stages.pipeline.needs import MODEL_STAGE, Needed, needed_runs, 
 from mapmore_cli.stages.pipeline.stage import Progress, Stage, Workspace
 from mapmore_cli.stages.pipeline.staleness import Plan, plan_stages
 from mapmore_cli.storage.atomic import refusals_told, write_text
-from mapmore_cli.storage.provenance import stamps_of, tool_versions
-from mapmore_cli.storage.run_folder import open_run_folder, recover, run_lock, stage_folder, swap_in
+from mapmore_cli.storage.hashing import stamps_of
+from mapmore_cli.storage.lock import run_lock
+from mapmore_cli.storage.run_folder import open_run_folder, recover, stage_folder, swap_in
 from mapmore_cli.storage.run_record import StageRecord, load_records, save_records
+from mapmore_cli.storage.versions import tool_versions
 
 if TYPE_CHECKING:
     from mapmore_cli.spec.loader import LoadedSpec
@@ -105,8 +107,6 @@ def bring_up_to_date(
         for other in runs_built_on(loaded, heirs) if until == every[-1].name else ():
             run.bring(other, until)
         for plan in plans:
-            if plan.stage is every[-1]:
-                run.write_spec()  # the last stage shows it; all results before are this spec's by now
             on_stage(plan.stage.name, plan.reason)
             if plan.reason is not None:
                 kept = run.stage(plan, plan.reason, kept)
@@ -179,7 +179,7 @@ class _Run:
         stage, needed = plan.stage, self.needed(plan)
         with refusals_told(self.run_dir), stage_folder(self.run_dir, stage.name) as out:
             with _one_blas_thread():
-                stage.run(plan.part, Workspace(self.run_dir, out, self.loaded.folder, self.progress, self.warn, needed))
+                stage.run(plan.part, self._workspace(out, needed))
             _check_outputs(stage, out)
             outputs = stamps_of(out, stage.outputs)
             swap_in(out, self.run_dir, stage.outputs)
@@ -190,6 +190,9 @@ class _Run:
             committed = {**records, stage.name: entry}
             save_records(self.run_dir, self.loaded.spec.name, committed)
         return committed
+
+    def _workspace(self, out: Path, needed: Mapping[str, Path]) -> Workspace:
+        return Workspace(self.run_dir, out, self.loaded.folder, self.progress, self.warn, needed, self.loaded.resolved)
 
     def write_spec(self) -> None:
         """Write `experiment.yaml`, which runs again where it lies, unless it is there already."""

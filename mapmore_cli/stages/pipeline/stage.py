@@ -27,7 +27,8 @@ class Workspace:
 
     `run_dir` holds the committed outputs of the stages before; a stage writes its own into `out` under their final names, and the
     runner swaps them in whole. `spec_dir` is the folder of the spec, from which the recordings are found. `needed` has the run folders of
-    the runs that the stage needs, by their path in the spec, or the name of a variation.
+    the runs that the stage needs, by their path in the spec, or the name of a variation. `spec_text` is the spec with its defaults filled
+    in, as the report shows it.
     """
 
     run_dir: Path
@@ -36,6 +37,7 @@ class Workspace:
     progress: Progress
     warn: Callable[[str], None]
     needed: Mapping[str, Path] = field(default_factory=dict)
+    spec_text: str = ""
 
 
 @dataclass(frozen=True)

@@ -108,7 +108,7 @@ def fake_stages(
         started("report")
         page = workspace.out / "report"
         (page / "tables").mkdir(parents=True)
-        model, spec = ((workspace.run_dir / name).read_text() for name in ("model.h5", "experiment.yaml"))
+        model, spec = (workspace.run_dir / "model.h5").read_text(), workspace.spec_text
         write(page / "index.html", f"<p>{part.report.formats} {model}</p><pre>{spec}</pre>")
         write(page / "tables" / "scores.csv", "model\n")
 

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from typing import Any
 
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from mapmore_cli.domain.scores import REPEATABILITY, Score
-from mapmore_cli.reporting.figures.drawing import Drawing
-from mapmore_cli.reporting.figures.style import BLACK, GREY, SINGLE, ModelStyle, model_styles, shortened
+from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
+from mapmore_cli.reporting.figures.style import BLACK, GREY, ModelStyle, model_styles, shortened, small
 from mapmore_cli.reporting.inputs import ReportInputs
+from mapmore_cli.reporting.tables import full_scale
 
 BAR = 0.36
 SPLITS = {"validate": "held out", "train": "training"}
@@ -47,7 +47,8 @@ def nrmse_bars(models: Sequence[str], scores: Sequence[Score], published: Mappin
         for model in (*models, REPEATABILITY)
     }
     floor = values.pop(REPEATABILITY)
-    return NrmseBars(values, {model: 100 * published[model] for model in models if model in published}, floor)
+    held_out = any("validate" in by_split for by_split in values.values())  # published numbers are of such data alone
+    return NrmseBars(values, {model: 100 * published[model] for model in models if held_out and model in published}, floor)
 
 
 def draw_nrmse(ax: Axes, bars: NrmseBars, styles: Mapping[str, ModelStyle]) -> None:
@@ -80,29 +81,34 @@ def _bar_look(colour: str, solid: bool) -> dict[str, Any]:
 
 
 def _write_beside(ax: Axes, at: float, text: str) -> None:
-    ax.annotate(text, (1.0, at), (5, 0), xycoords=("axes fraction", "data"), textcoords="offset points", va="center", fontsize=7)
+    ax.annotate(text, (1.0, at), (5, 0), xycoords=("axes fraction", "data"), textcoords="offset points", va="center", fontsize=small())
 
 
-def nrmse_figures(inputs: ReportInputs) -> list[Drawing]:
+def draw(inputs: ReportInputs) -> list[Drawing]:
     """One figure for all models."""
     bars = nrmse_bars(inputs.models, inputs.validation.scores, inputs.published.nrmse if inputs.published else {})
     if not bars.splits:
         return []
-    figure = Figure(figsize=(SINGLE, 0.75 + 0.42 * len(bars.values)), layout="constrained")
-    ax = figure.subplots()
-    draw_nrmse(ax, bars, model_styles([*inputs.lines, *inputs.models]))
-    ax.set_xlabel("NRMSE (%)")
+    styles = model_styles([*inputs.lines, *inputs.models], inputs.style.palette)
+    panel = Panel("", lambda axes: draw_nrmse(axes[0], bars, styles), "NRMSE (%)", ("",), _data(bars))
     handles: list[Patch | Line2D] = [Patch(label=SPLITS[split], **_bar_look(BLACK, j == 0)) for j, split in enumerate(bars.splits)]
     if bars.published:
         handles.append(Line2D([], [], label="published", **DIAMOND))
     shown = bars.splits[0]
     if shown in bars.floor:
         handles.append(Line2D([], [], label=f"repeatability {bars.floor[shown]:.2f}", **FLOOR))
-    figure.legend(handles=handles, loc="outside upper left", ncols=3)
-    normalisers = dict.fromkeys(f"{s.split}: {s.normaliser_name}" for s in inputs.validation.scores if s.curve == "all")
     source = f" Diamonds: {inputs.published.source}." if inputs.published and bars.published else ""
     floor = " The dashed line is what repeated measurements differ by, to be held against the solid bars." if shown in bars.floor else ""
-    caption = f"Normalised root mean square error of all curves pooled (normaliser of {'; '.join(normalisers)}).{floor}{source}"
+    normaliser = full_scale([s for s in inputs.validation.scores if s.curve == "all"], inputs.target.unit)
+    caption = f"Normalised root mean square error of all curves pooled. {normaliser}{floor}{source}"
     results = {model: f"{by_split[shown]:.2f} %" if shown in by_split else "failed" for model, by_split in bars.values.items()}
     spoken = ", ".join(f"{model} {result}" for model, result in results.items())
-    return [Drawing("nrmse", caption, f"NRMSE on {SPLITS[shown]} data: {spoken}.", figure)]
+    grid = Grid(height=0.3 + 0.42 * len(bars.values))
+    return [Drawing("nrmse", caption, f"NRMSE on {SPLITS[shown]} data: {spoken}.", (panel,), grid, tuple(handles))]
+
+
+def _data(bars: NrmseBars) -> dict[str, Values]:
+    rows = [(model, split, by_split.get(split, math.nan)) for model, by_split in bars.values.items() for split in bars.splits]
+    models, splits, errors = zip(*rows, strict=True)
+    published = [str(bars.published[model]) if split == "validate" and model in bars.published else "" for model, split, _ in rows]
+    return {"model": models, "data": splits, "NRMSE [%]": errors, **({"published NRMSE [%]": published} if bars.published else {})}

@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.reporting.figures.drawing import Drawing
-from mapmore_cli.reporting.figures.panels import columns_for, width_for
+from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
 from mapmore_cli.reporting.figures.style import (
     LIGHT,
     SOME_DOTS,
     ModelStyle,
-    axis_label,
     beyond_scale,
-    hold_scale,
+    columns_for,
+    extent,
     model_styles,
+    small,
+    width_for,
     zero_line,
 )
 from mapmore_cli.reporting.figures.thinning import cloud
@@ -29,7 +29,7 @@ DOTS = 600
 
 
 @dataclass(frozen=True)
-class ErrorPanel:
+class ModelErrors:
     """Predicted minus measured over the measured value, for one model: training and held-out samples, each sorted by the measured value."""
 
     model: str
@@ -42,7 +42,7 @@ class ErrorPanel:
         return not np.isfinite(np.concatenate([self.train[1], self.held_out[1]])).any()
 
 
-def error_panels(inputs: ReportInputs) -> list[ErrorPanel]:
+def model_errors(inputs: ReportInputs) -> list[ModelErrors]:
     """All samples of the dataset, pooled, one panel a model."""
     curves = inputs.dataset.curves
     measured = np.concatenate([curve.columns[inputs.dataset.target] for curve in curves])
@@ -52,11 +52,11 @@ def error_panels(inputs: ReportInputs) -> list[ErrorPanel]:
     panels = []
     for model, of_curves in inputs.validation.predictions.items():
         error = np.concatenate(of_curves) - measured
-        panels.append(ErrorPanel(model, (measured[train], error[train]), (measured[validate], error[validate])))
+        panels.append(ModelErrors(model, (measured[train], error[train]), (measured[validate], error[validate])))
     return panels
 
 
-def draw_errors(ax: Axes, panel: ErrorPanel, style: ModelStyle) -> None:
+def draw_errors(ax: Axes, panel: ModelErrors, style: ModelStyle) -> None:
     """Training samples as pale dots under the held-out ones in the model's colour; both thinned so that the extremes remain."""
     zero_line(ax)
     for (measured, error), colour, size in ((panel.train, LIGHT, 1.6), (panel.held_out, style.colour, 2.2)):
@@ -67,39 +67,40 @@ def draw_errors(ax: Axes, panel: ErrorPanel, style: ModelStyle) -> None:
         ax.text(0.5, 0.6, "failed", transform=ax.transAxes, ha="center")
 
 
-def _tell_beyond(ax: Axes, panel: ErrorPanel, unit: str) -> None:
+def _tell_beyond(ax: Axes, panel: ModelErrors, unit: str) -> None:
     """Write how large the errors are that the panel does not show."""
     largest = np.nanmax(np.abs(np.concatenate([panel.train[1], panel.held_out[1]])))
-    ax.text(0.98, 0.98, f"beyond the scale: up to {largest:.3g} {unit}", transform=ax.transAxes, ha="right", va="top", fontsize=7)
+    words = f"beyond the scale: up to {largest:.3g} {unit}"
+    ax.text(0.98, 0.98, words, transform=ax.transAxes, ha="right", va="top", fontsize=small())
 
 
-def error_figures(inputs: ReportInputs) -> list[Drawing]:
+def draw(inputs: ReportInputs) -> list[Drawing]:
     """One panel a model, all with the same axes."""
-    panels, styles = error_panels(inputs), model_styles([*inputs.lines, *inputs.models])
-    columns = columns_for(len(panels))
-    rows = math.ceil(len(panels) / columns)
-    figure = Figure(figsize=(width_for(len(panels)), 0.4 + 1.75 * rows), layout="constrained")
-    axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-    for number, ax in enumerate(axes.flat):
-        if number >= len(panels):
-            ax.remove()
-            continue
-        draw_errors(ax, panels[number], styles[panels[number].model])
-        ax.set_title(panels[number].model)
-        ax.tick_params(labelbottom=True)
-        ax.set_xlabel(axis_label(inputs.target, "measured"))
-        if number % columns == 0:
-            ax.set_ylabel(f"Error ({inputs.target.unit})")
-    if inputs.far_off:
-        near = [error for panel in panels if panel.model not in inputs.far_off for _, error in (panel.train, panel.held_out)]
-        hold_scale(axes[0, 0], near)
-        for ax, panel in zip(axes.flat, panels, strict=False):
-            if panel.model in inputs.far_off:
-                _tell_beyond(ax, panel, inputs.target.unit)
-    held_out = any(len(panel.held_out[0]) for panel in panels)
+    found, styles = model_errors(inputs), model_styles([*inputs.lines, *inputs.models], inputs.style.palette)
+    near = [error for one in found if one.model not in inputs.far_off for _, error in (one.train, one.held_out)]
+    limits = (extent(near),) if inputs.far_off else ()
+    panels = tuple(_panel(inputs, one, styles[one.model], limits) for one in found)
+    grid = Grid(columns_for(len(panels)), width_for(len(panels)), 1.75, common_x=True, common_y="all")
+    held_out = any(len(one.held_out[0]) for one in found)
     dots = "pale dots are training samples, coloured ones were held out" if held_out else "all samples are training samples"
-    thinned = max(len(measured) for measured, _ in (panels[0].train, panels[0].held_out)) > DOTS
+    thinned = max(len(measured) for measured, _ in (found[0].train, found[0].held_out)) > DOTS
     what = f"Error (predicted minus measured) over the measured {inputs.target.name}"
-    models = ", ".join(panel.model for panel in panels)
+    models = ", ".join(one.model for one in found)
     caption = f"{what}, all curves pooled; {dots}.{SOME_DOTS if thinned else ''}{beyond_scale(inputs.far_off)}"
-    return [Drawing("error", caption, f"{what} for {models}.", figure)]
+    return [Drawing("error", caption, f"{what} for {models}.", panels, grid)]
+
+
+def _panel(inputs: ReportInputs, errors: ModelErrors, style: ModelStyle, limits: tuple[tuple[float, float], ...]) -> Panel:
+    def on(axes: Sequence[Axes]) -> None:
+        draw_errors(axes[0], errors, style)
+        if errors.model in inputs.far_off:
+            _tell_beyond(axes[0], errors, inputs.target.unit)
+
+    (x_train, y_train), (x_held, y_held) = errors.train, errors.held_out
+    unit = inputs.target.unit
+    data: dict[str, Values] = {
+        f"measured {inputs.target.name} [{unit}]": np.concatenate([x_train, x_held]),
+        f"error [{unit}]": np.concatenate([y_train, y_held]),
+        "data": ["train"] * len(x_train) + ["validate"] * len(x_held),
+    }
+    return Panel(errors.model, on, inputs.axis_label(inputs.target, "measured"), (f"Error ({unit})",), data, errors.model, limits)

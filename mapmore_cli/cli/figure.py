@@ -1,0 +1,48 @@
+"""`mapmore figure`: one figure of a run, as a file for a paper."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mapmore_cli.cli.options import RUNS, Runs
+from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.domain.page import FIGURES
+
+SUFFIXES = ("svg", "pdf", "png", "pgf")
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(figure)
+
+
+def figure(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder, or the name of a run.", show_default=False)],
+    name: Annotated[str, typer.Argument(metavar="FIGURE", help=f"One of {', '.join(FIGURES)}.", show_default=False)],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help=f"Where to: .{', .'.join(SUFFIXES)}.", show_default=False)],
+    curve: Annotated[
+        str | None,
+        typer.Option("--curve", "--panel", metavar="ID", help="One panel alone: of a curve (250 or pressure=250), a recording or a model."),
+    ] = None,
+    data: Annotated[Path | None, typer.Option("--data", metavar="FILE", help="Also write what the panel was drawn from (CSV).")] = None,
+    runs: Runs = RUNS,
+) -> None:
+    """Draw one figure of a finished run, or one panel of it, as the spec's report.style says."""
+    from mapmore_cli.stages.report import drawn_figure
+    from mapmore_cli.storage.atomic import write_bytes, write_text
+
+    suffix = out.suffix.removeprefix(".")
+    if name not in FIGURES:
+        raise UsageError(f"there is no figure {name!r}", f"choose one of {', '.join(FIGURES)}")
+    if suffix not in SUFFIXES:
+        raise UsageError(f"{out}: figures are not written as {out.suffix or 'a file without an ending'}", f"choose .{', .'.join(SUFFIXES)}")
+    if data is not None and curve is None:
+        raise UsageError("--data needs one panel", "name it with --curve")
+    drawn, numbers = drawn_figure(run if run.is_dir() else runs / run, name, curve, suffix)
+    write_bytes(out, drawn)
+    if data is not None and numbers is not None:
+        write_text(data, numbers)
+    print(out)

@@ -1,1 +1,0 @@
-"""Tables of numbers out of files: what the readers of all formats share."""

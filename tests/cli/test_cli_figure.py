@@ -1,0 +1,64 @@
+"""`mapmore figure`: one panel of a finished run."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cli_samples import write_study
+
+
+def test_one_curve_as_pdf_with_its_numbers(finished: tuple[Path, Path], tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    _, runs = finished
+    arguments = ("fit", "--curve", "200", "-o", tmp_path / "fig3.pdf", "--data", tmp_path / "fig3.csv")
+    result = mapmore("figure", runs / "bench", *arguments)
+    assert (result.exit_code, result.stderr) == (0, "")
+    assert (tmp_path / "fig3.pdf").read_bytes().startswith(b"%PDF")
+    rows = list(csv.DictReader((tmp_path / "fig3.csv").read_text().splitlines()))
+    assert len(rows) == 40
+    assert set(rows[0]) == {"strain [1]", "force [N]", "data", "mapmore [N]", "polynomial_2 [N]"}
+    first = (tmp_path / "fig3.pdf").read_bytes()
+    assert mapmore("figure", "bench", *arguments, "--runs", runs).exit_code == 0
+    assert (tmp_path / "fig3.pdf").read_bytes() == first
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (("fat", "-o", "x.pdf"), 2, "choose one of data, fit"),
+        (("fit", "-o", "x.docx"), 2, "choose .svg"),
+        (("fit", "--curve", "201", "-o", "x.pdf"), 2, "pressure=200"),
+        (("fit", "-o", "x.svg", "--data", "x.csv"), 2, "--curve"),
+    ],
+)
+def test_what_cannot_be_drawn(finished: Any, arguments: tuple[str, ...], code: int, words: str, mapmore: Callable[..., Any]) -> None:
+    result = mapmore("figure", finished[1] / "bench", *arguments)
+    assert result.exit_code == code
+    assert words in result.stderr
+
+
+def test_an_empty_folder_is_no_run(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    result = mapmore("figure", tmp_path, "fit", "-o", tmp_path / "x.pdf")
+    assert result.exit_code == 4
+    assert "holds no finished run" in result.stderr
+
+
+def test_the_style_of_the_spec(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    spec = write_study(tmp_path)
+    style = "{width: 88 mm, size: 8, font: No Such Font, labels: {strain: '$\\varepsilon$ (1)'}}"
+    report = f"report: {{figures: [fit], formats: [pdf, tex], style: {style}"
+    text = spec.read_text().replace("report: {figures: [], formats: [html, csv]", report)
+    spec.write_text(text)
+    result = mapmore("run", spec, "--runs", tmp_path / "runs")
+    assert result.exit_code == 0, result.stderr
+    assert "'No Such Font' is not installed here" in result.stderr
+    names = {path.name for path in (tmp_path / "runs" / "bench" / "report" / "panels").iterdir()}
+    assert names == {"fit.pressure=200.pdf", "fit.pressure=200.csv", "fit_training.pdf", "fit_training.csv"}
+    assert r"\toprule" in (tmp_path / "runs" / "bench" / "report" / "tables" / "scores.tex").read_text()
+    spec.write_text(text.replace(r"\varepsilon", r"\input{x}"))
+    result = mapmore("run", spec, "--runs", tmp_path / "runs", "-q")
+    assert result.exit_code == 3
+    assert "report.style.labels.strain" in result.stderr

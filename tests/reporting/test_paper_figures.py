@@ -1,0 +1,150 @@
+"""Figures and tables for a paper: every panel a file of its own, the same bytes every time, and no name that a reader's program obeys."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import os
+import re
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+from report_builder import build
+
+from mapmore_cli.domain.page import FIGURES
+from mapmore_cli.reporting.figures.catalogue import drawings
+from mapmore_cli.reporting.figures.drawing import alone, compose, find_panel
+from mapmore_cli.reporting.figures.saving import DOTS_PER_INCH, WRITERS
+from mapmore_cli.reporting.figures.style import figure_style, wrong_formula
+from mapmore_cli.reporting.inputs import FigureStyle
+from mapmore_cli.reporting.report import write_report
+from mapmore_cli.reporting.table import Column, Table, latex_text, to_latex
+
+HOSTILE = r"\input{/etc/passwd}\write18{rm}$%&#_{}^~[2]*" + "\n\n\\def"
+OBEYED = re.compile(r"(?<!\\)\\(input|write|def|include|catcode|csname|immediate|openout)\b")
+
+
+@pytest.fixture(scope="module")
+def paper(inputs, tmp_path_factory) -> Path:
+    out = tmp_path_factory.mktemp("paper")
+    write_report(inputs, out, ("fit", "nrmse"), ("pdf", "png", "pgf", "svg", "tex"))
+    return out
+
+
+def test_every_panel_is_a_file_in_every_format_with_its_numbers(paper):
+    panels = {"fit.pressure=250", "fit_training", "nrmse"}
+    assert {path.name for path in (paper / "panels").iterdir()} == {
+        f"{panel}.{suffix}" for panel in panels for suffix in ("pdf", "png", "pgf", "svg", "csv")
+    }
+
+
+def test_the_numbers_are_the_ones_that_were_drawn(paper, inputs):
+    rows = list(csv.DictReader((paper / "panels" / "fit.pressure=250.csv").read_text().splitlines()))
+    curve = inputs.dataset.curves[2]
+    assert [float(row["strain [1]"]) for row in rows] == pytest.approx(curve.columns["strain"], rel=1e-11)
+    assert [float(row["force [N]"]) for row in rows] == pytest.approx(curve.columns["force"], rel=1e-11)
+    assert [float(row["sarosi [N]"]) for row in rows] == pytest.approx(inputs.validation.predictions["sarosi"][2], rel=1e-11)
+    assert {row["data"] for row in rows} == {"validate"}
+
+
+def test_a_panel_is_as_wide_as_the_style_says(inputs, tmp_path):
+    wide = replace(inputs, style=FigureStyle(width=88 / 25.4, size=8.0))
+    write_report(wide, tmp_path, ("nrmse",), ("png", "pgf"))
+    assert imread(tmp_path / "panels" / "nrmse.png").shape[1] == int(88 / 25.4 * DOTS_PER_INCH)
+    assert f"\\pgfqpoint{{{88 / 25.4:f}in}}" in (tmp_path / "panels" / "nrmse.pgf").read_text()
+
+
+SCRIPT = """
+import hashlib, sys
+sys.path.insert(0, sys.argv[1])
+from report_builder import build
+from mapmore_cli.reporting.figures.catalogue import drawings
+from mapmore_cli.reporting.figures.drawing import alone
+from mapmore_cli.reporting.figures.saving import WRITERS
+from mapmore_cli.reporting.figures.style import figure_style
+inputs = build()
+(drawing,) = drawings("nrmse", inputs)
+with figure_style():
+    for suffix, written in WRITERS.items():
+        print(suffix, hashlib.sha256(written(alone(drawing, drawing.panels[0], inputs.style), "nrmse", drawing.alt)).hexdigest())
+"""
+
+
+def test_another_process_on_another_day_writes_the_same_bytes(inputs):
+    (drawing,) = drawings("nrmse", build())
+    with figure_style():
+        here = [
+            f"{suffix} {hashlib.sha256(written(alone(drawing, drawing.panels[0], inputs.style), 'nrmse', drawing.alt)).hexdigest()}"
+            for suffix, written in WRITERS.items()
+        ]
+    later = {**os.environ, "PYTHONHASHSEED": "77", "SOURCE_DATE_EPOCH": "1234567890", "TZ": "Asia/Tokyo"}
+    run = subprocess.run([sys.executable, "-c", SCRIPT, str(Path(__file__).parent)], capture_output=True, text=True, check=True, env=later)
+    assert run.stdout.splitlines() == here
+
+
+def test_no_date_and_no_program_in_a_pdf(paper):
+    written = (paper / "panels" / "nrmse.pdf").read_bytes()
+    for word in (b"CreationDate", b"ModDate", b"Producer", b"Creator"):
+        assert word not in written
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_every_panel_of_every_figure_can_stand_alone(name, mixed):
+    for drawing in drawings(name, mixed):
+        with figure_style():
+            stacks = [len(alone(drawing, panel, mixed.style).axes) for panel in drawing.panels]
+            assert len(compose(drawing).axes) == sum(stacks)
+        assert set(stacks) == {len(drawing.grid.stack)}
+        keys = [panel.key for panel in drawing.panels]
+        assert len(set(keys)) == len(keys)
+        for panel in drawing.panels:
+            assert len({len(values) for values in panel.data.values()}) == 1
+
+
+def test_names_do_nothing_in_tex(tmp_path):
+    rivals = {HOSTILE: lambda p, e: p * (2.5 - 10 * e)}
+    write_report(build(rename=lambda text: text + HOSTILE, competitors=rivals), tmp_path, ("fit", "nrmse"), ("pgf", "tex"))
+    files = [*(tmp_path / "tables").glob("*.tex"), *(tmp_path / "panels").glob("*.pgf")]
+    assert len(files) > 12
+    for path in files:
+        text = path.read_text(encoding="utf-8")
+        labels = re.sub(r"\\catcode`\\[%^]=\\active\\def[%^]\{[^\n]*?\}(?=\\catcode|[^\\])", "", text) if path.suffix == ".pgf" else text
+        found = [match[0] for match in OBEYED.finditer(re.sub(r"(?m)^%.*$", "", labels)) if match[1] not in ("catcode", "def")]
+        assert found == [], path.name
+    assert all(len(path.name) < 120 and "/" not in path.stem for path in files)
+
+
+def test_what_tex_reads_is_text():
+    assert latex_text(r"\write18{rm}") == r"\textbackslash{}write18\{rm\}"
+    assert latex_text("a\n\nb\x00\tc") == "a b c"
+    rows = to_latex(Table("t", "x\n\\input{y}", (Column("a"),), (("[3pt]",), ("*",)))).splitlines()
+    assert rows[0] == r"% x \textbackslash{}input\{y\}"
+    assert rows[5:7] == [r"{[}3pt{]} \\", r"{*} \\"]
+
+
+def test_panels_are_found_by_level_and_by_id(mixed):
+    found = drawings("fit", mixed)
+    assert find_panel(found, "250")[1] is find_panel(found, "pressure=250")[1]
+    with pytest.raises(Exception, match="no panel of this figure is called '251'") as caught:
+        find_panel(found, "251")
+    assert "pressure=250" in caught.value.remedy
+
+
+def test_labels_and_colours_are_the_users(inputs):
+    style = FigureStyle(size=9, labels={"force": r"$F_\mathrm{m}$ (N)"}, palette=("#112233", "#445566"))
+    drawing = drawings("fit", replace(inputs, style=style))[0]
+    with figure_style(style):
+        top = alone(drawing, drawing.panels[0], style).axes[0]
+        assert top.yaxis.label.get_parse_math()
+        assert top.get_ylabel() == r"$F_\mathrm{m}$ (N)"
+        assert top.yaxis.label.get_fontsize() == 9
+        assert [line.get_color() for line in top.lines if line.get_label() in ("mapmore", "sarosi")] == ["#112233", "#445566"]
+        assert not top.title.get_parse_math()
+    assert wrong_formula(r"$F_\mathrm{m}$ (N)") is None
+    assert wrong_formula(r"$\input{x}$") is not None
+    assert np.isfinite(drawing.grid.width)
