@@ -95,7 +95,7 @@ def _provenance(part: Slice) -> dict[str, str]:
     """What made the model, for a reader who has nothing but the file: versions, and the spec's sections that decide about it."""
     import json
 
-    from mapmore_cli.storage.versions import tool_versions
+    from mapmore_cli.storage.provenance import tool_versions
 
     return {**tool_versions(), "spec": json.dumps(plain(part), indent=1)}
 

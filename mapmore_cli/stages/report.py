@@ -50,7 +50,7 @@ def collected(part: Slice, run_dir: Path, spec_text: str = "") -> ReportInputs:
     from mapmore_cli.modelling.equations import model_equations
     from mapmore_cli.reporting.inputs import ReportInputs
     from mapmore_cli.storage import artefacts
-    from mapmore_cli.storage.versions import tool_versions
+    from mapmore_cli.storage.provenance import tool_versions
 
     dataset = artefacts.read_dataset(run_dir / "ingest.h5")
     model = artefacts.read_model(run_dir / "model.h5")

@@ -19,6 +19,26 @@ from mapmore_cli.storage.atomic import TEMPORARY, refusals_told, sync_folder, sy
 ASIDE = ".old-"
 """How the name of a folder that makes way starts."""
 
+LOCK = ".lock"
+
+
+@contextmanager
+def run_lock(run_dir: Path) -> Iterator[None]:
+    """Hold the run; WriteError at once where another process holds it. The system frees it when its holder dies."""
+    from filelock import FileLock, Timeout
+
+    lock = FileLock(run_dir / LOCK, timeout=0)
+    try:
+        with refusals_told(run_dir):
+            lock.acquire()
+    except Timeout:
+        remedy = "wait until it is done, or choose another folder with --runs"
+        raise WriteError(f"{run_dir}: another process is writing this run", remedy) from None
+    try:
+        yield
+    finally:
+        lock.release()
+
 
 def open_run_folder(run_dir: Path) -> None:
     """Make the folder of a run; WriteError where it cannot be one, or not be written."""

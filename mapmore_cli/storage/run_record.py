@@ -14,8 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from mapmore_cli.storage.atomic import write_text
-from mapmore_cli.storage.hashing import Stamp
-from mapmore_cli.storage.versions import refuse_newer
+from mapmore_cli.storage.provenance import Stamp, refuse_newer
 
 RUN_RECORD = "run.json"
 FORMAT_VERSION = "1.0"

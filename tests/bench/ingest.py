@@ -27,7 +27,7 @@ def ingest(folder, megabytes):
     path = Path(folder) / "long_log.csv"
     lines = write_log(path, megabytes)
     size = path.stat().st_size / 1e6
-    parsed = seconds(lambda: READERS["csv"](path, TableRequest("log", ("P", "eps", "F"))))
+    parsed = seconds(lambda: READERS["csv"].read(path, TableRequest("log", ("P", "eps", "F"))))
     (Path(folder) / "long-log.yaml").write_text(STUDY, encoding="utf-8")
     command = [sys.executable, "-m", "mapmore_cli", "ingest", Path(folder) / "long-log.yaml", "--runs", folder]
     peak = {}

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 def of_scores(validation: Validation, published: Published | None = None) -> View:
     """The score rows of every curve in the document; the pooled ones in the table, beside what a publication reports."""
-    from mapmore_cli.storage.artefacts.scores import score_row
+    from mapmore_cli.storage.artefacts.score_table import score_row
 
     rows = [score_row(score) for score in validation.scores]
     return View({"scores": rows, "units": validation.units}, (pooled_table(validation, published),))

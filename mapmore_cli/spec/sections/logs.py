@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -26,6 +26,7 @@ from mapmore_cli.spec.fields import (
     contradiction,
     of_sibling,
 )
+from mapmore_cli.storage.readers import READERS
 
 OfQuantity = Annotated[float, of_sibling("quantity")]
 Interval = Annotated[tuple[OfQuantity, OfQuantity], Field(strict=False)]
@@ -61,16 +62,14 @@ class Keep(Section):
 
 
 FilePattern = Annotated[str, RelativePath()]
-ReaderName = Literal["csv", "xlsx", "mat", "hdf5", "tdms"]
+if TYPE_CHECKING:
+    ReaderName = str
+else:
+    ReaderName = Literal[tuple(READERS)]
 
-READERS_OF: Mapping[str, tuple[ReaderName, ...]] = {
-    "header": ("csv", "xlsx"),
-    "skip_rows": ("csv", "xlsx"),
-    "delimiter": ("csv",),
-    "decimal": ("csv",),
-    "encoding": ("csv",),
-    "sheet": ("xlsx",),
-    "root": ("mat", "hdf5"),
+READERS_OF: Mapping[str, tuple[str, ...]] = {
+    key: tuple(name for name, reader in READERS.items() if key in reader.keys)
+    for key in ("header", "skip_rows", "delimiter", "decimal", "encoding", "sheet", "root")
 }
 """The readers that have a use for a key."""
 
@@ -134,10 +133,12 @@ class Logs(Section):
             if self.reader not in readers and getattr(self, key) != Logs.model_fields[key].default:
                 owners = " and ".join(f"`{reader}`" for reader in readers)
                 raise contradiction(f"reader `{self.reader}` has no use for `{key}`", f"remove it: it belongs to {owners}", key)
-        if self.reader != "xlsx" and any(isinstance(entry, FileEntry) and entry.sheet is not None for entry in self.files):
-            raise contradiction(f"reader `{self.reader}` has no use for `sheet`", "remove it: it belongs to `xlsx`", "files")
-        if self.reader == "tdms" and any(isinstance(column.column, int) for column in self.columns.values()):
-            raise contradiction("reader `tdms` finds channels by name", "write `column: Group/Channel`", "columns")
+        reader = READERS[self.reader]
+        if "sheet" not in reader.keys and any(isinstance(entry, FileEntry) and entry.sheet is not None for entry in self.files):
+            owners = " and ".join(f"`{name}`" for name in READERS_OF["sheet"])
+            raise contradiction(f"reader `{self.reader}` has no use for `sheet`", f"remove it: it belongs to {owners}", "files")
+        if not reader.by_index and any(isinstance(column.column, int) for column in self.columns.values()):
+            raise contradiction(f"reader `{reader.name}` finds columns by name", f"write `column: {reader.column}`", "columns")
         if self.sample_time is not None and "time" in self.columns:
             raise contradiction("`time` is a column, and `sample_time` makes it as well", "keep one of both", "sample_time")
         if self.sample_time is None and "time" not in self.columns and any(column.rest is not None for column in self.columns.values()):

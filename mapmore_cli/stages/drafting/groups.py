@@ -11,8 +11,9 @@ from itertools import takewhile
 from pathlib import Path
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.stages.drafting.preview import ADDRESSED, SUFFIXES, Preview, preview, suffix_of
-from mapmore_cli.storage.readers.files import expand, relative_name
+from mapmore_cli.stages.drafting.preview import Preview, preview
+from mapmore_cli.storage.globs import expand, relative_name
+from mapmore_cli.storage.readers import reader_of, suffix_of
 
 _REPEAT = re.compile(r"(?:test|run|rep|repeat|trial|take|try|no|nr|cycle)?\d{1,2}", re.IGNORECASE)
 _REPEAT_WORD = re.compile(r"test|run|rep|repeat|trial|take|try|no|nr", re.IGNORECASE)
@@ -129,7 +130,7 @@ def _is_recording(file: Path, folder: Path) -> bool:
     """True for a file of a known format that is neither hidden nor the result of a run."""
     inside = file.relative_to(folder)
     ours = any((folder / parent / "run.json").is_file() for parent in inside.parents)
-    return file.is_file() and suffix_of(file) in {*SUFFIXES, *ADDRESSED} and not ours and not any(p.startswith(".") for p in inside.parts)
+    return file.is_file() and reader_of(file) is not None and not ours and not any(p.startswith(".") for p in inside.parts)
 
 
 def _by_names(files: Sequence[Path], layout: Preview) -> list[Group]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.spec.sections.logs import FileEntry, Join, Keep
 from mapmore_cli.stages.pipeline.stage import Progress
-from mapmore_cli.storage.readers.files import expand, relative_name, unique_ids
+from mapmore_cli.storage.globs import expand, relative_name, unique_ids
 
 
 @dataclass(frozen=True)

@@ -122,7 +122,8 @@ def read_tables(log: Log, table: Logs, missing: MissingRule, units: Mapping[str,
         incomplete=missing.action == "drop",
         progress=meter.within(log),
     )
-    return [_in_model_units(raw, table, missing.numbers, units) for raw in READERS[table.reader](log.path, request)]
+    tables = READERS[table.reader].read(log.path, request)
+    return [_in_model_units(raw, table, missing.numbers, units) for raw in tables]
 
 
 def _in_model_units(raw: RawTable, table: Logs, missing: Sequence[float], units: Mapping[str, str]) -> Samples:

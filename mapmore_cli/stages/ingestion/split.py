@@ -15,7 +15,7 @@ from mapmore_cli.modelling.signals.cycles import last_cycles
 from mapmore_cli.spec.sections.data import Between, Holdout
 from mapmore_cli.stages.ingestion.curves import LevelSet, Part
 from mapmore_cli.stages.ingestion.samples import located
-from mapmore_cli.storage.readers.files import relative_name
+from mapmore_cli.storage.globs import relative_name
 
 Masks = list[BoolArray]
 """One mask `(n,)` for each part."""

@@ -17,7 +17,7 @@ from mapmore_cli.modelling.signals.rates import with_signals
 from mapmore_cli.stages.prediction.reading import Reading, reading_of
 from mapmore_cli.stages.prediction.records import Row, fields_of, records, values_of
 from mapmore_cli.stages.prediction.stretches import recordings, stretches
-from mapmore_cli.storage.readers.table import TableRequest, locate_columns
+from mapmore_cli.storage.tables.table import TableRequest, locate_columns
 
 CHUNK = 20_000
 """Rows in memory at a time, where rows know nothing of each other."""

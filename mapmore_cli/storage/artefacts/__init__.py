@@ -18,7 +18,7 @@ from mapmore_cli.domain.results import FitResult
 from mapmore_cli.domain.scores import Validation
 from mapmore_cli.storage.artefacts.files import DATASET_FILE, FIT_FILE, MODEL_FILE, SEGMENTATION_FILE, VALIDATION_FILE, kind_of
 from mapmore_cli.storage.artefacts.layout import SegmentationFile
-from mapmore_cli.storage.artefacts.scores import score_row, write_scores
+from mapmore_cli.storage.artefacts.score_table import score_row, write_scores
 
 __all__ = [
     "kind_of",

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from io import RawIOBase
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,9 +21,8 @@ from mapmore_cli.storage.artefacts.codecs import checked_text
 from mapmore_cli.storage.artefacts.label import Label
 from mapmore_cli.storage.artefacts.layout import DATASET, FIT_RESULT, MODEL, SEGMENTATION, VALIDATION
 from mapmore_cli.storage.artefacts.schema import Schema
-from mapmore_cli.storage.artefacts.steady import SteadyFile
 from mapmore_cli.storage.atomic import replacing
-from mapmore_cli.storage.versions import refuse_newer
+from mapmore_cli.storage.provenance import refuse_newer
 
 if TYPE_CHECKING:
     import h5py
@@ -116,3 +116,58 @@ def _opened(path: Path) -> Iterator[h5py.File]:
         why = str(fault).strip("'\"").splitlines()[0] if str(fault) else type(fault).__name__
         remedy = "it is damaged or of another program: delete it and run `mapmore run CONFIG`, or get a fresh copy"
         raise DataError(f"{path}: cannot be read ({why})", remedy) from fault
+
+
+class SteadyFile:
+    """A file, as HDF5 wants it, in which no write fails: the first fault is kept, and what comes after it goes nowhere.
+
+    HDF5 cannot close a file that it could not write: it crashes at the exit of the program. So it never learns of the fault; the caller
+    asks for it when the file is closed.
+    """
+
+    def __init__(self, file: RawIOBase) -> None:
+        self._file = file
+        self._fault: OSError | None = None
+
+    def tell_fault(self) -> None:
+        """Raise the OSError that a write met, if one did."""
+        if self._fault is not None:
+            raise self._fault
+
+    def write(self, data: memoryview) -> int:
+        """Write, or do as if."""
+        rest = memoryview(data)
+        while len(rest) and self._fault is None:
+            try:
+                rest = rest[self._file.write(rest) :]
+            except OSError as fault:
+                self._fault = fault
+        return len(data)
+
+    def truncate(self, size: int) -> int:
+        """Set the length, or do as if."""
+        if self._fault is None:
+            try:
+                self._file.truncate(size)
+            except OSError as fault:
+                self._fault = fault
+        return size
+
+    def read(self, size: int) -> bytes | None:
+        """Read at the current place; h5py takes an object without it for a path."""
+        return self._file.read(size)
+
+    def readinto(self, buffer: memoryview) -> int | None:
+        """Read at the current place into a buffer."""
+        return self._file.readinto(buffer)
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        """Go to a place."""
+        return self._file.seek(offset, whence)
+
+    def tell(self) -> int:
+        """The current place."""
+        return self._file.tell()
+
+    def flush(self) -> None:
+        """Nothing is held back."""

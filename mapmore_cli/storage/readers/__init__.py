@@ -1,23 +1,37 @@
-"""Readers of recordings, one file each, chosen by `data.reader`.
+"""Readers of recordings, one file each: whoever puts a file with a `READER` into this folder has added a format.
 
-A reader is a function `read(path, request) -> list[RawTable]`, one table for each recording in the file; to add one, write it in a file
-of its own and name it in `READERS`. Libraries that only one format needs are imported when it is read.
+The words of `data.reader`, the keys that each has a use for, the suffixes that ids of recordings leave out, and what `init` does with a
+file all follow from that declaration (`storage/tables/reader.py`). Libraries that only one format needs are imported when it is read.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 
-from mapmore_cli.storage.readers.csv import read_csv
-from mapmore_cli.storage.readers.hdf5 import read_hdf5
-from mapmore_cli.storage.readers.mat import read_mat
-from mapmore_cli.storage.readers.table import RawTable, TableRequest
-from mapmore_cli.storage.readers.tdms import read_tdms
-from mapmore_cli.storage.readers.xlsx import read_xlsx
+from mapmore_cli.storage.tables.reader import Reader
+from mapmore_cli.storage.tables.table import RawTable, TableRequest
 
-Reader = Callable[[Path, TableRequest], list[RawTable]]
+__all__ = ["READERS", "RawTable", "Reader", "TableRequest", "reader_of", "suffix_of"]
 
-READERS: Mapping[str, Reader] = {"csv": read_csv, "xlsx": read_xlsx, "mat": read_mat, "hdf5": read_hdf5, "tdms": read_tdms}
 
-__all__ = ["READERS", "RawTable", "Reader", "TableRequest"]
+def _declared() -> dict[str, Reader]:
+    """Every reader by its name, in the order of the alphabet."""
+    found = [import_module(f"{__name__}.{module.name}").READER for module in iter_modules(__path__)]
+    return {reader.name: reader for reader in sorted(found, key=lambda reader: reader.name)}
+
+
+READERS: Mapping[str, Reader] = _declared()
+
+
+def suffix_of(path: Path) -> str:
+    """The suffix that tells the format, in lower case: `.csv` of `a.csv.gz`."""
+    return Path(path.name.casefold().removesuffix(".gz")).suffix
+
+
+def reader_of(path: Path) -> Reader | None:
+    """The reader for files of that name; None where no reader claims the suffix."""
+    suffix = suffix_of(path)
+    return next((reader for reader in READERS.values() if suffix in reader.suffixes), None)

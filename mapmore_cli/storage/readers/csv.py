@@ -6,14 +6,19 @@ import csv
 import gzip
 import math
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.readers.cells import (
+from mapmore_cli.storage.tables.lines import Growing, Lines, guess_encoding, open_lines
+from mapmore_cli.storage.tables.reader import Reader, Top
+from mapmore_cli.storage.tables.table import RawTable, TableRequest, locate_columns
+from mapmore_cli.storage.tables.text import (
     DELIMITERS,
     WHITESPACE,
     Layout,
@@ -22,9 +27,7 @@ from mapmore_cli.storage.readers.cells import (
     values_of_lines,
     values_of_records,
 )
-from mapmore_cli.storage.readers.growing import Growing
-from mapmore_cli.storage.readers.lines import Lines, guess_encoding, open_lines
-from mapmore_cli.storage.readers.table import RawTable, TableRequest, locate_columns
+from mapmore_cli.storage.text_streams import lines_of
 
 CHUNK = 8192
 """Lines held as text at one time; where one of them is out of order, all of them are read record by record."""
@@ -128,3 +131,54 @@ def _header_hint(first: Sequence[str], request: TableRequest) -> str | None:
     except ValueError:
         return None
     return "The first line holds numbers: give 0-based indices and say `header: false`." if looks_like_data else None
+
+
+def peek_csv(path: Path, most: int) -> Iterable[Top]:
+    """The first lines of a text file, cut in every way that is usual; those with decimal points first."""
+    lines = [line.rstrip("\r\n") for line in islice(lines_of(path), most)]
+    if any("\0" in line for line in lines):
+        raise DataError(f"{path.name}: is no text", "save the table as CSV")
+    return [
+        Top(_cut(lines, character), is_number, {**delimiter, **decimal})
+        for character, delimiter in _DIALECTS
+        for is_number, decimal in _NUMBERS
+        if (character, is_number) != (",", _with_comma)
+    ]
+
+
+def _cut(lines: Sequence[str], delimiter: str | None) -> list[list[str]]:
+    """Lines cut at the delimiter, at any run of blanks where it is None; blank lines have no fields."""
+    try:
+        return [line.split() for line in lines] if delimiter is None else list(csv.reader(lines, delimiter=delimiter))
+    except csv.Error:  # quotes that never close
+        return []
+
+
+def _with_point(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return "_" not in cell  # Python reads 1_5 as 15
+
+
+def _with_comma(cell: str) -> bool:
+    return "." not in cell and _with_point(cell.replace(",", "."))
+
+
+_DIALECTS: tuple[tuple[str | None, dict[str, Any]], ...] = (
+    (",", {}),
+    (";", {"delimiter": ";"}),
+    ("\t", {"delimiter": "tab"}),
+    (None, {"delimiter": "whitespace"}),
+)
+_NUMBERS: tuple[tuple[Callable[[Any], bool], dict[str, Any]], ...] = ((_with_point, {}), (_with_comma, {"decimal": ","}))
+"""Dialects in the order of preference where several fit."""
+
+READER = Reader(
+    "csv",
+    read_csv,
+    suffixes=(".csv", ".txt", ".tsv", ".dat"),
+    keys=("header", "skip_rows", "delimiter", "decimal", "encoding"),
+    peek=peek_csv,
+)

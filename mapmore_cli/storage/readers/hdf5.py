@@ -7,11 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from mapmore_cli.storage.readers.addresses import Selection
-from mapmore_cli.storage.readers.faults import reading
-from mapmore_cli.storage.readers.mat73 import matlab_file
-from mapmore_cli.storage.readers.members import Member, check_fit, tables
-from mapmore_cli.storage.readers.table import RawTable, TableRequest
+from mapmore_cli.storage.readers.mat import matlab_file
+from mapmore_cli.storage.tables.members import Member, Selection, check_fit, tables
+from mapmore_cli.storage.tables.reader import Reader, reading
+from mapmore_cli.storage.tables.table import RawTable, TableRequest
 
 
 def read_hdf5(path: Path, request: TableRequest) -> list[RawTable]:
@@ -62,3 +61,6 @@ def _reader(dataset: Any, field: str | None) -> Callable[[Selection], Any]:
 def _natural(name: str) -> list[tuple[bool, int | str]]:
     """Sort key that puts run_2 before run_10."""
     return [(not part.isdigit(), int(part) if part.isdigit() else part) for part in re.split(r"(\d+)", name) if part]
+
+
+READER = Reader("hdf5", read_hdf5, suffixes=(".h5", ".hdf5"), keys=("root",), column="group/dataset")

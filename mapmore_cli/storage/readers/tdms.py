@@ -9,9 +9,9 @@ from typing import Any, BinaryIO, Literal
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.readers.faults import optional_library, reading
-from mapmore_cli.storage.readers.members import as_numbers, table_of
-from mapmore_cli.storage.readers.table import RawTable, SourceColumn, TableRequest, known_names
+from mapmore_cli.storage.tables.members import as_numbers, table_of
+from mapmore_cli.storage.tables.reader import Reader, optional_library, reading
+from mapmore_cli.storage.tables.table import RawTable, SourceColumn, TableRequest, known_names
 
 TAG = b"TDSm"
 LEAD_IN = 28  # bytes: tag, flags, version, length of the segment, offset of its data
@@ -59,3 +59,6 @@ def _channel(column: SourceColumn, channels: Mapping[str, Any], label: str) -> A
     if column not in channels:
         raise DataError(f"{label}: there is no channel '{column}'", known_names(str(column), list(channels), "The file has"))
     return as_numbers(channels[str(column)][:], f"{label}: channel '{column}'")
+
+
+READER = Reader("tdms", read_tdms, suffixes=(".tdms",), column="Group/Channel", by_index=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import zipfile
-from collections.abc import Iterator, Sequence, Set
+from collections.abc import Iterable, Iterator, Sequence, Set
 from datetime import UTC, datetime, time, timedelta
 from fnmatch import fnmatchcase
 from itertools import chain, islice
@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.readers.faults import optional_library, reading
-from mapmore_cli.storage.readers.numbers import number_of, shortened
-from mapmore_cli.storage.readers.table import RawTable, SourceColumn, TableRequest, known_names, locate_columns
+from mapmore_cli.storage.tables.numbers import number_of, shortened
+from mapmore_cli.storage.tables.reader import Reader, Top, optional_library, reading
+from mapmore_cli.storage.tables.table import RawTable, SourceColumn, TableRequest, known_names, locate_columns
 
 BOMB_RATIO = 200  # sheets of measurements shrink to a fifth or a tenth when zipped
 BOMB_SIZE = 100_000_000  # bytes unpacked, from which the ratio matters
@@ -40,6 +40,17 @@ def read_xlsx(path: Path, request: TableRequest) -> list[RawTable]:
         _refuse_bombs(path, request.label)
         book = openpyxl.load_workbook(file, read_only=True, data_only=True, keep_links=False)
         return [_parse(_rows(sheet, request), request, f"{request.label}:{sheet.title}", name) for name, sheet in _sheets(book, request)]
+
+
+def peek_xlsx(path: Path, most: int) -> Iterable[Top]:
+    """The first rows of the first sheet."""
+    openpyxl = optional_library("openpyxl", "openpyxl", path.name)
+    with reading(path.name, "workbook (.xlsx)"), path.open("rb") as file:
+        _refuse_bombs(path, path.name)
+        sheet = openpyxl.load_workbook(file, read_only=True, data_only=True, keep_links=False).worksheets[0]
+        sheet.reset_dimensions()
+        rows = [list(row) for row in islice(sheet.iter_rows(values_only=True), most)]
+    return [Top(rows, lambda cell: not isinstance(cell, str))]
 
 
 def _refuse_bombs(path: Path, label: str) -> None:
@@ -118,3 +129,6 @@ def _number(cell: Any, missing: Set[str]) -> float:
             return cell.total_seconds()
         case _:
             return float(cell)
+
+
+READER = Reader("xlsx", read_xlsx, suffixes=(".xlsx",), keys=("header", "skip_rows", "sheet"), peek=peek_xlsx)

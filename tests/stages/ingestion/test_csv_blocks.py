@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import READERS, RawTable, TableRequest
-from mapmore_cli.storage.readers.cells import Layout, values_of_lines, values_of_records
+from mapmore_cli.storage.tables.text import Layout, values_of_lines, values_of_records
 
 PLAIN = [
     "0",
@@ -55,7 +55,7 @@ CELLS = st.one_of(st.sampled_from(PLAIN), st.sampled_from(PLAIN), st.floats().ma
 
 def read(path: Path, content: bytes, **request: Any) -> RawTable:
     path.write_bytes(content)
-    (table,) = READERS["csv"](path, TableRequest("a.csv", **request))
+    (table,) = READERS["csv"].read(path, TableRequest("a.csv", **request))
     return table
 
 

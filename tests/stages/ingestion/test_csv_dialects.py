@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import READERS, RawTable, TableRequest
-from mapmore_cli.storage.readers.cells import DELIMITERS
+from mapmore_cli.storage.tables.text import DELIMITERS
 
 EXPECTED = np.array([[0.0, 1.5], [0.5, -2000.25], [1.0, np.nan]])
 NAMES: tuple[str | int, ...] = ("t", "F")
@@ -48,7 +48,7 @@ DIALECTS: dict[str, tuple[str, str, tuple[str | int, ...], dict[str, Any]]] = {
 
 def read(path: Path, content: bytes, columns: tuple[str | int, ...], **dialect: Any) -> RawTable:
     path.write_bytes(content)
-    (table,) = READERS["csv"](path, TableRequest("a.csv", columns, **dialect))
+    (table,) = READERS["csv"].read(path, TableRequest("a.csv", columns, **dialect))
     return table
 
 

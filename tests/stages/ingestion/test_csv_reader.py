@@ -11,14 +11,14 @@ from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import READERS, RawTable, TableRequest
-from mapmore_cli.storage.readers.table import SourceColumn
+from mapmore_cli.storage.tables.table import SourceColumn
 
 GOOD = b"t,P,F\n0,80,1.5\n1,81,2.5\n"
 
 
 def read(path: Path, content: bytes, *columns: SourceColumn, header: int = 1, **dialect: Any) -> RawTable:
     path.write_bytes(content)
-    (table,) = READERS["csv"](path, TableRequest("a.csv", columns, header, **dialect))
+    (table,) = READERS["csv"].read(path, TableRequest("a.csv", columns, header, **dialect))
     return table
 
 
@@ -114,4 +114,4 @@ def test_every_cut_of_a_gz_file_is_noticed(tmp_path: Path) -> None:
 
 def test_file_that_vanished(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="cannot be read"):
-        READERS["csv"](tmp_path / "gone.csv", TableRequest("gone.csv", (0,), header=0))
+        READERS["csv"].read(tmp_path / "gone.csv", TableRequest("gone.csv", (0,), header=0))

@@ -10,7 +10,7 @@ import scipy.io
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import READERS, RawTable, TableRequest
-from mapmore_cli.storage.readers.table import SourceColumn
+from mapmore_cli.storage.tables.table import SourceColumn
 
 T = np.arange(6.0)
 
@@ -33,7 +33,7 @@ def file(tmp_path: Path) -> Path:
 
 
 def read(path: Path, *columns: SourceColumn, **request: Any) -> list[RawTable]:
-    return READERS["hdf5"](path, TableRequest("a.h5", columns, **request))
+    return READERS["hdf5"].read(path, TableRequest("a.h5", columns, **request))
 
 
 @pytest.mark.parametrize(

@@ -15,14 +15,14 @@ from scipy import sparse
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import READERS, RawTable, TableRequest
-from mapmore_cli.storage.readers.table import SourceColumn
+from mapmore_cli.storage.tables.table import SourceColumn
 
 BY_MATLAB = Path(scipy.io.__file__).parent / "matlab" / "tests" / "data"
 T = np.arange(5.0)
 
 
 def read(path: Path, *columns: SourceColumn, **request: Any) -> list[RawTable]:
-    return READERS["mat"](path, TableRequest("a.mat", columns, **request))
+    return READERS["mat"].read(path, TableRequest("a.mat", columns, **request))
 
 
 def values(path: Path, column: SourceColumn, **request: Any) -> list[float]:

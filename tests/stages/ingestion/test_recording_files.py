@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.spec.sections.logs import FileEntry
 from mapmore_cli.stages.ingestion.files import find_sources
-from mapmore_cli.storage.readers.files import unique_ids
+from mapmore_cli.storage.globs import unique_ids
 
 
 @pytest.fixture

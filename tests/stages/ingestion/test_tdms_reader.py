@@ -29,7 +29,7 @@ def file(tmp_path: Path) -> Path:
 
 
 def read(path: Path, *columns: str, **request: Any) -> RawTable:
-    (table,) = READERS["tdms"](path, TableRequest("a.tdms", columns, **request))
+    (table,) = READERS["tdms"].read(path, TableRequest("a.tdms", columns, **request))
     return table
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import READERS, RawTable, TableRequest
-from mapmore_cli.storage.readers.table import SourceColumn
+from mapmore_cli.storage.tables.table import SourceColumn
 
 openpyxl = pytest.importorskip("openpyxl")
 
@@ -41,7 +41,7 @@ def of_rows(path: Path, *rows: list[Any]) -> Path:
 
 
 def read(path: Path, *columns: SourceColumn, **request: Any) -> RawTable:
-    (table,) = READERS["xlsx"](path, TableRequest("a.xlsx", columns, **request))
+    (table,) = READERS["xlsx"].read(path, TableRequest("a.xlsx", columns, **request))
     return table
 
 

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
 
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.storage.readers import READERS
 
 SHOWN = 4  # names listed in a message
-SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".xlsx", ".mat", ".h5", ".hdf5", ".tdms")
 
 
 def expand(pattern: str, folder: Path) -> list[Path]:
@@ -50,7 +50,8 @@ def unique_ids(sources: Sequence[str]) -> list[str]:
 
 def _without_suffix(source: str) -> str:
     stem = source.removesuffix(".gz")
-    return next((stem.removesuffix(suffix) for suffix in SUFFIXES if stem.endswith(suffix)), stem) or source
+    suffixes = [suffix for reader in READERS.values() for suffix in reader.suffixes]
+    return next((stem.removesuffix(suffix) for suffix in suffixes if stem.endswith(suffix)), stem) or source
 
 
 def _what_exists(path: Path) -> str:

@@ -13,8 +13,8 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.readers.numbers import number_of, seconds_of_stamp, shortened
-from mapmore_cli.storage.readers.table import SourceColumn, TableRequest
+from mapmore_cli.storage.tables.numbers import number_of, seconds_of_stamp, shortened
+from mapmore_cli.storage.tables.table import SourceColumn, TableRequest
 
 DELIMITERS = {"tab": "\t"}
 WHITESPACE = "whitespace"
