@@ -44,21 +44,22 @@ def effective_pressure_slope(pressure: float, threshold: float, width: float) ->
     return 0.5 * (1.0 + math.tanh(0.5 * (pressure - threshold) / width))
 
 
-def zero_force_strain(force: Callable[[float], float]) -> float:
-    """Strain in `STRAIN_RANGE` at which a force that falls with strain vanishes.
+def zero_force_strain(force: Callable[[float], float], lowest: float = STRAIN_RANGE[0]) -> float:
+    """Strain between `lowest` and the end of `STRAIN_RANGE` at which a force that falls with strain vanishes.
 
     Raises `SpecError` for a muscle that still pulls at the end of the range, or pushes at its beginning.
     """
     from scipy.optimize import brentq
 
-    first, last = map(force, STRAIN_RANGE)
+    highest = STRAIN_RANGE[1]
+    first, last = force(lowest), force(highest)
     if not first >= 0.0 >= last:
         raise SpecError(
-            f"the simulated muscle's force does not vanish between strains {STRAIN_RANGE[0]:g} and {STRAIN_RANGE[1]:g}: "
+            f"the simulated muscle's force does not vanish between strains {lowest:g} and {highest:g}: "
             f"it goes from {first:.3g} N to {last:.3g} N",
             "lower the pressure, or bring the parameters of `muscle` nearer to their defaults",
         )
-    return float(brentq(force, *STRAIN_RANGE, xtol=1e-12))
+    return float(brentq(force, lowest, highest, xtol=1e-12))
 
 
 def free_strain(muscle: StaticMuscle, pressure: float) -> float:

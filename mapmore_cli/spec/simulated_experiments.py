@@ -74,7 +74,8 @@ def pressure_label(pressure: float) -> str:
     return f"{pressure:03g}"
 
 
-def _once(pressures: list[float]) -> list[float]:
+def once(pressures: list[float]) -> list[float]:
+    """The pressures, refused where two of them would give files of one name."""
     if len({pressure_label(pressure) for pressure in pressures}) != len(pressures):
         raise ValueError("each pressure makes one recording: name it once")
     return pressures
@@ -91,7 +92,7 @@ class LoadCycles(Section):
     """One slow contraction and extension at each pressure (M1 section IV.A); with more `turns`, reversals inside of that loop."""
 
     type: Literal["load_cycles"]
-    pressures: Annotated[list[Pressure], Field(min_length=1), AfterValidator(_once)]  # kPa
+    pressures: Annotated[list[Pressure], Field(min_length=1), AfterValidator(once)]  # kPa
     duration: Positive  # of each recording, s
     sample_time: Positive  # s
     dwell: NonNegative  # rest before, between and after the moves, s
@@ -119,7 +120,7 @@ class StepSpec(Section):
 
 
 def _each_once(steps: list[StepSpec]) -> list[StepSpec]:
-    _once([step.pressure for step in steps])
+    once([step.pressure for step in steps])
     return steps
 
 
@@ -154,7 +155,7 @@ class Perturbations(Section):
     """The muscle is stretched and released at constant pressure, at several speeds (M2 section 6.2)."""
 
     type: Literal["perturbation"]
-    pressures: Annotated[list[DrivingPressure], Field(min_length=1), AfterValidator(_once)]  # kPa
+    pressures: Annotated[list[DrivingPressure], Field(min_length=1), AfterValidator(once)]  # kPa
     between: Annotated[tuple[float, float], Field(strict=False)]  # stretched and contracted end, as fractions of the free strain
     moves: Annotated[list[Positive], Field(min_length=1)]  # duration of each stretch, and of the release after it, s
     dwell: Positive  # before, between and after the moves, s

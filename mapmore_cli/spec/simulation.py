@@ -11,43 +11,10 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from mapmore_cli.spec.fields import Name, Positive, Section
+from mapmore_cli.spec.muscle_rigs import Antagonists, ContractionTable, RandomVelocity
 from mapmore_cli.spec.simulated_experiments import LoadCycles, NonNegative, Perturbations, StepResponses
+from mapmore_cli.spec.simulated_muscles import McKibbenMuscle, PeanoMuscle
 from mapmore_cli.spec.waveform_rig import Waveforms
-
-
-class McKibbenMuscle(Section):
-    """A braided cylinder around a rubber tube (see `mapmore_cli.rig.mckibben`); defaults: DMSP-20-88N."""
-
-    kind: Literal["mckibben"]
-    length: Positive = 0.088  # m
-    diameter: Positive = 0.020  # m
-    braid_angle: Annotated[float, Field(ge=12, lt=54)] = 25.0  # degrees from the axis; below 12, taut before 2 % of stretch
-    taper: Annotated[float, Field(ge=0, le=2)] = 0.85  # length of each tapered end over the change of radius
-    wall: Positive = 0.002  # m
-    c10: NonNegative = 280.0  # Mooney-Rivlin constants, kPa
-    c01: NonNegative = 60.0  # kPa
-    threshold: NonNegative = 22.0  # pressure that unfolds the wall, kPa
-    threshold_width: Positive = 8.0  # kPa
-    crimp_force: NonNegative = 150.0  # N
-    crimp_pressure: Positive = 150.0  # kPa
-    crimp_strain: Positive = 0.012
-    crimp_exponent: Positive = 1.5
-    stretch_stiffness: NonNegative = 9000.0  # taut braid below zero strain, N
-    stretch_strain: Positive = 0.002
-
-
-class PeanoMuscle(Section):
-    """Flat tubes side by side (see `mapmore_cli.rig.peano`); defaults: the four-tube muscle of M2."""
-
-    kind: Literal["peano"]
-    tube_width: Positive = 0.01725  # along the pull, m
-    tube_length: Positive = 0.046  # across the pull, m
-    end_loss: Annotated[float, Field(ge=0, lt=1)] = 0.33  # beta: share of the bulge that the closed ends take away
-    stiffness: Positive = 26000.0  # of the fabric, N
-    bending: NonNegative = 26.0  # N per rad
-    tubes: Annotated[int, Field(ge=1)] = 4  # side by side; the wet rig has to fill them all
-    threshold: NonNegative = 6.0  # kPa
-    threshold_width: Positive = 3.0  # kPa
 
 
 class Stop(Section):
@@ -89,6 +56,8 @@ class Sensors(Section):
     muscle_pressure: SensorSpec | None = None  # kPa; of the wet experiments
     displacement: SensorSpec | None = None  # mm; of waveforms
     load: SensorSpec | None = None  # N; of waveforms
+    length: SensorSpec | None = None  # mm of elongation; of random velocity and antagonists
+    velocity: SensorSpec | None = None  # mm/s; of random velocity and antagonists
 
 
 _WET = {"pressure", "strain", "force", "flow", "muscle_pressure"}
@@ -97,8 +66,14 @@ SENSED: dict[str, set[str]] = {
     "step_responses": _WET,
     "perturbation": _WET,
     "waveforms": {"pressure", "displacement", "load"},
+    "contraction_table": {"pressure", "strain"},
+    "random_velocity": {"pressure", "length", "velocity", "force"},
+    "antagonists": {"pressure", "length", "velocity", "force"},
 }
 """What each experiment measures."""
+
+
+Experiment = LoadCycles | StepResponses | Perturbations | Waveforms | ContractionTable | RandomVelocity | Antagonists
 
 
 class SimulationSpec(Section):
@@ -108,7 +83,10 @@ class SimulationSpec(Section):
     name: Name
     muscle: Annotated[McKibbenMuscle | PeanoMuscle, Field(discriminator="kind")]
     hysteresis: HysteresisSpec
-    experiment: Annotated[LoadCycles | StepResponses | Perturbations | Waveforms, Field(discriminator="type")]
+    experiment: Annotated[
+        LoadCycles | StepResponses | Perturbations | Waveforms | ContractionTable | RandomVelocity | Antagonists,
+        Field(discriminator="type"),
+    ]
     sensors: Sensors
     seed: Annotated[int, Field(ge=0)]
     output: Name
@@ -126,6 +104,6 @@ class SimulationSpec(Section):
 
     @model_validator(mode="after")
     def _braided(self) -> SimulationSpec:
-        if isinstance(self.experiment, Waveforms) and not isinstance(self.muscle, McKibbenMuscle):
-            raise ValueError("`type: waveforms` moves a muscle of `kind: mckibben`")
+        if isinstance(self.experiment, Waveforms | RandomVelocity | Antagonists) and not isinstance(self.muscle, McKibbenMuscle):
+            raise ValueError(f"`type: {self.experiment.type}` moves a muscle of `kind: mckibben`")
         return self

@@ -5,19 +5,25 @@ from __future__ import annotations
 import numpy as np
 
 from mapmore_cli.rig.air import Reservoir
+from mapmore_cli.rig.antagonists import Joint, Swing
 from mapmore_cli.rig.chamber import Braid, Chamber, Tubes
+from mapmore_cli.rig.closed_muscle import Air, ClosedMuscle
+from mapmore_cli.rig.contraction_table import Loading
 from mapmore_cli.rig.hysteresis import Hysteresis
 from mapmore_cli.rig.load_cycle import LoadCycle, Regulation
 from mapmore_cli.rig.mckibben import McKibben
 from mapmore_cli.rig.muscle import StaticMuscle
 from mapmore_cli.rig.peano import Peano
 from mapmore_cli.rig.perturbation import Strokes
+from mapmore_cli.rig.random_velocity import RandomMotion
 from mapmore_cli.rig.step_response import Bumper, StepRig, StepTimes
 from mapmore_cli.rig.water import Pipe
 from mapmore_cli.rig.waveform import Regulator, Waveform, WaveformRig
 from mapmore_cli.rig.wet_muscle import Plumbing, Rubber, Wall, WetMuscle
+from mapmore_cli.spec.muscle_rigs import Antagonists, ContractionTable, RandomVelocity, RestLength
 from mapmore_cli.spec.simulated_experiments import LoadCycles, Perturbations, StepResponses, WaterRig
-from mapmore_cli.spec.simulation import HysteresisSpec, McKibbenMuscle, PeanoMuscle, SimulationSpec
+from mapmore_cli.spec.simulated_muscles import McKibbenMuscle, PeanoMuscle
+from mapmore_cli.spec.simulation import HysteresisSpec, SimulationSpec
 from mapmore_cli.spec.waveform_rig import RegulatorSpec, Waveforms, WaveformSpec
 
 KPA = 1e3
@@ -156,3 +162,46 @@ def waveform_of(experiment: Waveforms, waveform: WaveformSpec) -> Waveform:
         rest_input=waveform.rest_at,
         sample_time=experiment.sample_time,
     )
+
+
+def loading_of(experiment: ContractionTable) -> Loading:
+    """The weights of a table of contractions."""
+    return Loading(tuple(experiment.masses), experiment.regulator_error * KPA)
+
+
+def closed_muscle_of(muscle: McKibbenMuscle, hysteresis: HysteresisSpec, experiment: RandomVelocity | Antagonists) -> ClosedMuscle:
+    """A muscle full of air."""
+    air = Air(**experiment.air.model_dump())
+    return ClosedMuscle(braid_of(muscle), hysteresis_of(hysteresis), Rubber(**experiment.rubber.model_dump()), air)
+
+
+def random_motion_of(experiment: RandomVelocity) -> RandomMotion:
+    """What the motor does."""
+    return RandomMotion(
+        duration=experiment.duration,
+        sample_time=experiment.sample_time,
+        every=experiment.every,
+        speeds=experiment.speeds,
+        rest=_rest_of(experiment.rest),
+        taut=experiment.taut,
+        drawn_out=experiment.drawn_out,
+        load_cell=experiment.load_cell,
+    )
+
+
+def joint_of(flexor: McKibbenMuscle, hysteresis: HysteresisSpec, experiment: Antagonists) -> tuple[Joint, Swing]:
+    """The joint, and its sine."""
+    joint = Joint(
+        muscles=(closed_muscle_of(flexor, hysteresis, experiment), closed_muscle_of(experiment.extensor, hysteresis, experiment)),
+        radius=experiment.radius,
+        inertia=experiment.inertia,
+        damping=experiment.damping,
+        load_cell=experiment.load_cell,
+        rest=_rest_of(experiment.rest),
+        upright=(experiment.pressure * KPA, experiment.taut),
+    )
+    return joint, Swing(experiment.duration, experiment.sample_time, experiment.frequency)
+
+
+def _rest_of(rest: RestLength) -> tuple[float, float]:
+    return rest.pressure * KPA, rest.force

@@ -12,20 +12,30 @@ from pathlib import Path
 import numpy as np
 
 from mapmore_cli.domain.arrays import Columns
+from mapmore_cli.rig.antagonists import driven, swung
+from mapmore_cli.rig.contraction_table import contraction_table
 from mapmore_cli.rig.load_cycle import load_cycle
 from mapmore_cli.rig.perturbation import perturbation
+from mapmore_cli.rig.random_velocity import random_velocity
 from mapmore_cli.rig.sensors import Sensor, measure, recording_generator
 from mapmore_cli.rig.step_response import step_response
 from mapmore_cli.rig.waveform import waveform_response
+from mapmore_cli.spec.muscle_rigs import Antagonists, ContractionTable, RandomVelocity
 from mapmore_cli.spec.simulated_experiments import LoadCycles, Perturbations, StepResponses, pressure_label
-from mapmore_cli.spec.simulation import McKibbenMuscle, SensorSpec, SimulationSpec
+from mapmore_cli.spec.simulated_muscles import McKibbenMuscle
+from mapmore_cli.spec.simulation import SensorSpec, SimulationSpec
 from mapmore_cli.spec.waveform_rig import Waveforms, WaveformSpec
 from mapmore_cli.stages.pipeline.stage import Progress
 from mapmore_cli.stages.simulation.rig_parts import (
     KPA,
+    closed_muscle_of,
     hysteresis_of,
+    joint_of,
     load_cycle_of,
+    loading_of,
     muscle_of,
+    random_motion_of,
+    regulator_of,
     step_rig_of,
     strokes_of,
     waveform_of,
@@ -34,8 +44,8 @@ from mapmore_cli.stages.simulation.rig_parts import (
 )
 from mapmore_cli.storage.atomic import refusals_told, write_text
 
-UNITS = {"pressure": KPA, "muscle_pressure": KPA, "flow": 1e-3 / 60.0, "displacement": 1e-3}
-"""Of the recordings, in SI units: kPa, L/min, mm; the other columns have the rig's own."""
+UNITS = {"pressure": KPA, "muscle_pressure": KPA, "flow": 1e-3 / 60.0, "displacement": 1e-3, "length": 1e-3, "velocity": 1e-3}
+"""Of the recordings, in SI units: kPa, L/min, mm, mm/s; the other columns have the rig's own."""
 
 HEADER = {
     "time": "t",
@@ -47,14 +57,16 @@ HEADER = {
     "muscle_pressure": "Pm",
     "displacement": "x",
     "load": "W",
+    "length": "l",
+    "velocity": "v",
 }
-"""Column of the file for each quantity: s, V, kPa, 1, N, L/min, kPa, mm, N."""
+"""Column of the file for each quantity: s, V, kPa, 1, N, L/min, kPa, mm, N, mm, mm/s; of two muscles, `P_1` is the first one's."""
 
-INPUT_STEP = 0.001
-"""Of the commanded input in the files, V."""
+SET_STEPS = {"waveforms": {"input": 0.001}, "contraction_table": {"force": 0.001}}
+"""Steps in the files of what is set and not measured: V, N."""
 
-Cause = float | WaveformSpec
-"""What tells one recording of a simulation from another: its pressure (kPa), or its waveform."""
+Cause = float | WaveformSpec | str
+"""What tells one recording of a simulation from another: its pressure (kPa), its waveform, or a name."""
 
 
 def simulate(spec: SimulationSpec, folder: Path, progress: Progress) -> list[Path]:
@@ -78,19 +90,35 @@ def simulate(spec: SimulationSpec, folder: Path, progress: Progress) -> list[Pat
 def causes_of(spec: SimulationSpec) -> list[Cause]:
     """One for each recording."""
     experiment = spec.experiment
-    return [*experiment.waveforms] if isinstance(experiment, Waveforms) else [*experiment.pressures]
+    if isinstance(experiment, Waveforms):
+        return [*experiment.waveforms]
+    return [*(experiment.recordings if isinstance(experiment, Antagonists) else experiment.pressures)]
 
 
 def label(cause: Cause) -> str:
     """Name of a recording within its file's name."""
-    return cause.name if isinstance(cause, WaveformSpec) else pressure_label(cause)
+    if isinstance(cause, WaveformSpec):
+        return cause.name
+    return cause if isinstance(cause, str) else pressure_label(cause)
 
 
 def recording(spec: SimulationSpec, cause: Cause) -> Columns:
     """Readings, each `(n,)`, by the names and in the units of `HEADER`: those that the experiment measures."""
-    rng = recording_generator(spec.seed, f"waveform={cause.name}" if isinstance(cause, WaveformSpec) else f"pressure={cause:g}")
-    in_units = {name: values / UNITS.get(name, 1.0) for name, values in truth(spec, cause, rng).items()}
-    return measure(in_units, {name: Sensor(sensor.noise, sensor.resolution) for name, sensor in sensors(spec).items()}, rng)
+    rng = recording_generator(spec.seed, f"pressure={cause:g}" if isinstance(cause, float) else f"waveform={label(cause)}")
+    repeats = spec.experiment.repeats if isinstance(spec.experiment, ContractionTable) else 1
+    read = [_readings(spec, cause, rng) for _ in range(repeats)]
+    return {name: np.mean([one[name] for one in read], axis=0) for name in read[0]} if repeats > 1 else read[0]
+
+
+def _readings(spec: SimulationSpec, cause: Cause, rng: np.random.Generator) -> Columns:
+    in_units = {name: values / UNITS.get(quantity(name), 1.0) for name, values in truth(spec, cause, rng).items()}
+    seen = {name: Sensor(sensor.noise, sensor.resolution) for name, sensor in sensors(spec).items()}
+    return measure(in_units, {name: seen[quantity(name)] for name in in_units if quantity(name) in seen}, rng)
+
+
+def quantity(name: str) -> str:
+    """The quantity of a column: `pressure` of `pressure_2`, which is the second muscle's."""
+    return name.removesuffix("_1").removesuffix("_2")
 
 
 def truth(spec: SimulationSpec, cause: Cause, rng: np.random.Generator) -> Columns:
@@ -99,6 +127,17 @@ def truth(spec: SimulationSpec, cause: Cause, rng: np.random.Generator) -> Colum
         case Waveforms() as experiment, McKibbenMuscle() as muscle, WaveformSpec() as waveform:
             hanging = waveform_rig_of(muscle, spec.hysteresis, experiment)
             return waveform_response(hanging, waveform_of(experiment, waveform), waveform.load)
+        case ContractionTable() as experiment, muscle, float(pressure):
+            return contraction_table(muscle_of(muscle), hysteresis_of(spec.hysteresis), loading_of(experiment), pressure * KPA, rng)
+        case RandomVelocity() as experiment, McKibbenMuscle() as muscle, float(pressure):
+            closed = closed_muscle_of(muscle, spec.hysteresis, experiment)
+            return random_velocity(closed, random_motion_of(experiment), pressure * KPA, rng)
+        case Antagonists() as experiment, McKibbenMuscle() as flexor, str(name):
+            joint, swing = joint_of(flexor, spec.hysteresis, experiment)
+            if name == "closed":
+                return swung(joint, swing, experiment.amplitude, experiment.pressure * KPA)
+            low, high = experiment.pressures
+            return driven(joint, swing, regulator_of(experiment.regulator), (low * KPA, high * KPA))
         case LoadCycles() as experiment, muscle, float(pressure):
             cycle, regulation = load_cycle_of(experiment)
             return load_cycle(muscle_of(muscle), hysteresis_of(spec.hysteresis), cycle, regulation, pressure * KPA, rng)
@@ -119,8 +158,8 @@ def sensors(spec: SimulationSpec) -> dict[str, SensorSpec]:
 
 def decimals(spec: SimulationSpec) -> dict[str, int]:
     """Digits after the point that each column needs: those of its quantisation step, none more."""
-    commanded = {"input": INPUT_STEP} if isinstance(spec.experiment, Waveforms) else {}
-    steps = {"time": spec.experiment.sample_time, **commanded, **{name: sensor.resolution for name, sensor in sensors(spec).items()}}
+    clock = {} if isinstance(spec.experiment, ContractionTable) else {"time": spec.experiment.sample_time}
+    steps = {**clock, **SET_STEPS.get(spec.experiment.type, {}), **{name: sensor.resolution for name, sensor in sensors(spec).items()}}
     return {name: _digits(step) for name, step in steps.items()}
 
 
@@ -131,7 +170,8 @@ def _digits(step: float) -> int:
 
 def csv_text(columns: Columns, digits: Mapping[str, int]) -> str:
     """The file: a header, and a line for each sample."""
-    names = [name for name in HEADER if name in columns]
-    formatted = [[f"{value:.{digits[name]}f}" for value in columns[name]] for name in names]
-    lines = [",".join(HEADER[name] for name in names), *map(",".join, zip(*formatted, strict=True))]
+    names = [name for number in ("", "_1", "_2") for name in (f"{of}{number}" for of in HEADER) if name in columns]
+    formatted = [[f"{value:.{digits[quantity(name)]}f}" for value in columns[name]] for name in names]
+    header = [HEADER[quantity(name)] + name.removeprefix(quantity(name)) for name in names]
+    lines = [",".join(header), *map(",".join, zip(*formatted, strict=True))]
     return "\n".join(lines) + "\n"

@@ -1,0 +1,88 @@
+"""W's and H's experiments as a simulation's spec names them; kPa, N, kg, m, s, and SI units for air."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field, model_validator
+
+from mapmore_cli.spec.fields import Positive, Section
+from mapmore_cli.spec.simulated_experiments import NonNegative, Pressure, RubberSpec, once
+from mapmore_cli.spec.simulated_muscles import McKibbenMuscle
+from mapmore_cli.spec.waveform_rig import RegulatorSpec
+
+
+class ContractionTable(Section):
+    """Contraction at each pressure under each load, repeated and averaged (W section II): a table for each pressure."""
+
+    type: Literal["contraction_table"]
+    pressures: Annotated[list[Pressure], Field(min_length=1), AfterValidator(once)]  # kPa
+    masses: Annotated[list[NonNegative], Field(min_length=1)]  # kg, in the order in which they are hung on
+    repeats: Annotated[int, Field(ge=1)]
+    regulator_error: NonNegative  # standard deviation of the pressure between repeats, kPa
+
+
+class AirSpec(Section):
+    """Air in a muscle."""
+
+    heat_ratio: Annotated[float, Field(ge=1, le=1.67)]
+    cooling_time: Positive  # s
+    dead_volume: NonNegative  # m3
+
+
+class RestLength(Section):
+    """The muscle's state at the length that its elongation is measured from."""
+
+    pressure: Positive  # kPa
+    force: Positive  # N
+
+
+class RandomVelocity(Section):
+    """A motor moves the muscle at random velocities for a while, valves closed at an initial pressure (H section II.A)."""
+
+    type: Literal["random_velocity"]
+    pressures: Annotated[list[Pressure], Field(min_length=1), AfterValidator(once)]  # initial, kPa
+    duration: Positive  # s
+    sample_time: Positive  # of the simulation, s
+    every: Annotated[int, Field(ge=1)]  # samples that the file has one of
+    speeds: Annotated[tuple[Positive, Positive], Field(strict=False)]  # slowest and fastest peak of a move, m/s
+    rest: RestLength
+    taut: Positive  # force with which the rope is drawn taut before the valves close, N
+    drawn_out: Annotated[float, Field(ge=-0.01, le=0.3)]  # strain at the far end of the stroke
+    air: AirSpec
+    rubber: RubberSpec
+    load_cell: Positive  # cut-off of its amplifier, Hz
+
+    @model_validator(mode="after")
+    def _possible(self) -> RandomVelocity:
+        if self.speeds[0] > self.speeds[1]:
+            raise ValueError("`speeds` needs the slower one first: [0.02, 0.2]")
+        if 100 * self.sample_time * self.every > self.duration:
+            raise ValueError("fewer than 100 samples: shorten `sample_time`, keep more of them, or lengthen `duration`")
+        return self
+
+
+class Antagonists(Section):
+    """Two muscles on a joint (H section II.D): `closed` swings it by a motor at closed valves, `driven` drives the pressures in antiphase.
+
+    The spec's `muscle` is the flexor.
+    """
+
+    type: Literal["antagonists"]
+    extensor: McKibbenMuscle
+    recordings: Annotated[list[Literal["closed", "driven"]], Field(min_length=1)]
+    duration: Positive  # s
+    sample_time: Positive  # s
+    frequency: Positive  # Hz
+    amplitude: Positive  # of the closed swing, rad
+    pressure: Positive  # at which the valves are closed, and at which both muscles are at angle zero, kPa
+    pressures: Annotated[tuple[Pressure, Pressure], Field(strict=False)]  # between which they are driven, kPa
+    taut: Positive  # force of both muscles at angle zero, N
+    rest: RestLength
+    radius: Positive  # of the pulleys, m
+    inertia: Positive  # kg m2
+    damping: NonNegative  # N m s
+    air: AirSpec
+    rubber: RubberSpec
+    regulator: RegulatorSpec
+    load_cell: Positive  # Hz

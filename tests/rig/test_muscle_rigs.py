@@ -1,0 +1,199 @@
+"""W's table of contractions, H's random motion at closed valves and H's joint: the laws that they obey, and what is shipped."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+
+from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.rig.air import ATMOSPHERE
+from mapmore_cli.rig.antagonists import driven, swung
+from mapmore_cli.rig.contraction_table import resting_strains
+from mapmore_cli.rig.hysteresis import Hysteresis
+from mapmore_cli.rig.mckibben import volume
+from mapmore_cli.rig.random_velocity import random_velocity
+from mapmore_cli.rig.sensors import recording_generator
+from mapmore_cli.spec.loader import load_as
+from mapmore_cli.spec.simulation import SimulationSpec
+from mapmore_cli.stages.simulation import rig_parts
+from mapmore_cli.stages.simulation.simulate import csv_text, decimals, recording
+
+DATASETS = Path(__file__).parents[2] / "datasets"
+LENGTHS = ("22", "16", "12")
+
+
+@cache
+def spec(name: str, *changes: str) -> SimulationSpec:
+    folder = "wrist" if name == "contraction_table" else "muscle-like"
+    return load_as(DATASETS / folder / f"{name}.yaml", SimulationSpec, changes).spec
+
+
+def committed(path: str) -> dict[str, np.ndarray]:
+    table = np.genfromtxt(DATASETS / path, delimiter=",", names=True)
+    return {name: table[name] for name in table.dtype.names}
+
+
+@cache
+def closed_muscle(length: str = "16"):
+    short = spec(f"random_velocity_{length}cm")
+    return rig_parts.closed_muscle_of(short.muscle, short.hysteresis, short.experiment)
+
+
+# Contraction table --------------------------------------------------------------------------------------------------------------------
+
+
+def test_each_weight_hangs_where_the_muscle_balances_it():
+    table = spec("contraction_table")
+    muscle, weights = rig_parts.muscle_of(table.muscle), np.linspace(0.0, 290.0, 7)
+    without = Hysteresis(0.0, 0.0, np.array([0.01]), np.array([1.0]))
+    strains = resting_strains(muscle, without, 4e5, weights)
+    assert muscle.force(4e5, strains) == pytest.approx(weights, abs=1e-6)
+    assert (np.diff(strains) < 0).all()
+
+
+def test_friction_keeps_a_muscle_from_its_full_contraction_and_from_being_drawn_out():
+    """It contracts first and is then drawn out: shorter of contraction unloaded, and less drawn out under weights than it would be."""
+    table = spec("contraction_table")
+    muscle, weights = rig_parts.muscle_of(table.muscle), np.array([0.0, 100.0, 200.0])
+    rubbing, without = rig_parts.hysteresis_of(table.hysteresis), Hysteresis(0.0, 0.0, np.array([0.01]), np.array([1.0]))
+    held, free = (resting_strains(muscle, friction, 5e5, weights) for friction in (rubbing, without))
+    assert held[0] < free[0]
+    assert (held[1:] > free[1:]).all()
+
+
+def test_the_shipped_table_is_as_the_paper_says():
+    """13 loads of 0 to 30 kg at 1 to 7 bar; a free strain of 0.19 at 7 bar; a quarter of the points slightly below zero strain."""
+    tables = [committed(f"wrist/contraction_{pressure}.csv") for pressure in range(100, 800, 100)]
+    assert [len(table["F"]) for table in tables] == [13] * 7
+    assert tables[0]["F"][[0, -1]] == pytest.approx([0.0, 294.3], abs=0.01)
+    assert tables[-1]["eps"][0] == pytest.approx(0.194, abs=0.025)
+    strains = np.concatenate([table["eps"] for table in tables])
+    assert 0.15 < np.mean(strains < 0) < 0.35
+    assert -0.03 < strains.min() < -0.015
+
+
+def test_the_shipped_table_regenerates():
+    table = spec("contraction_table")
+    made = csv_text(recording(table, 300.0), decimals(table))
+    shipped = (DATASETS / "wrist/contraction_300.csv").read_text()
+    ours, theirs = (np.loadtxt(text.splitlines()[1:], delimiter=",") for text in (made, shipped))
+    assert (np.abs(ours - theirs).max(axis=0) <= [1.0, 2.2e-5, 0.0]).all()
+
+
+def test_repeats_are_averaged():
+    """The mean of nine repeats scatters less around the weights' balance than one of them does."""
+    single, many = (spec("contraction_table", f"experiment.repeats={n}", "experiment.regulator_error=0") for n in (1, 9))
+    exact = resting_strains(
+        rig_parts.muscle_of(single.muscle), rig_parts.hysteresis_of(single.hysteresis), 6e5, 9.81 * np.array(single.experiment.masses)
+    )
+    one, nine = (np.std(recording(table, 600.0)["strain"] - exact) for table in (single, many))
+    assert nine < 0.6 * one
+
+
+def test_a_weight_that_nothing_balances_is_told():
+    with pytest.raises(SpecError, match="does not vanish"):
+        recording(spec("contraction_table", "experiment.masses=[1000]"), 100.0)
+
+
+# Closed valves ------------------------------------------------------------------------------------------------------------------------
+
+
+@settings(deadline=None, max_examples=15)
+@given(st.floats(0.02, 0.2), st.floats(-0.1, 0.1), st.floats(2e5, 6e5))
+def test_slow_air_keeps_its_temperature_and_fast_air_its_heat(start, change, pressure):
+    muscle = closed_muscle()
+    strain = np.linspace(start, min(max(start + change, 0.0), 0.24), 2001)
+    chamber = volume(muscle.muscle, strain) + muscle.air.dead_volume
+    for step, exponent in ((1.0, 1.0), (1e-7, muscle.air.heat_ratio)):
+        absolute = muscle.closed_pressure(strain, pressure, step) + ATMOSPHERE
+        assert absolute[-1] * chamber[-1] ** exponent == pytest.approx(absolute[0] * chamber[0] ** exponent, rel=3e-3)
+
+
+def test_the_pressure_is_that_of_the_gas_and_its_warmth_integrated_apart():
+    """Pressure and temperature of a fixed mass as two equations: `p V = m R T`, `m c_v T' = -p V' + k (T_w - T)`."""
+    muscle, dt = closed_muscle(), 1e-3
+    time = dt * np.arange(1500)
+    strain = 0.12 + 0.08 * np.sin(2 * np.pi * 1.3 * time)
+    chamber = CubicSpline(time, volume(muscle.muscle, strain) + muscle.air.dead_volume)
+    gamma, tau, p0 = muscle.air.heat_ratio, muscle.air.cooling_time, 4e5 + ATMOSPHERE
+
+    def rate(t, warmth):
+        p = p0 * chamber(0.0) / chamber(t) * warmth
+        return -(gamma - 1) * p * chamber(t, 1) / (p0 * chamber(0.0)) + (1 - warmth) / tau
+
+    warmth = solve_ivp(rate, (0, time[-1]), [1.0], t_eval=time, rtol=1e-9, atol=1e-9).y[0]
+    expected = p0 * chamber(0.0) / chamber(time) * warmth - ATMOSPHERE
+    assert muscle.closed_pressure(strain, 4e5, dt) == pytest.approx(expected, rel=2e-4)
+
+
+def test_a_random_motion_is_what_its_columns_say():
+    motion = rig_parts.random_motion_of(spec("random_velocity_16cm", "experiment.duration=6", "experiment.every=1").experiment)
+    found = random_velocity(closed_muscle(), motion, 4e5, recording_generator(1, "a"))
+    assert found["velocity"][1:-1] == pytest.approx(-np.gradient(found["length"], found["time"])[1:-1], abs=2e-3)
+    assert np.abs(found["velocity"]).max() <= motion.speeds[1] * 1.01
+    assert found["force"][0] == pytest.approx(10.0, abs=0.1)
+    assert found["force"].min() >= 0.0
+    drawn = found["length"] - found["length"][0]
+    assert drawn.min() > -1e-9
+    assert np.corrcoef(drawn, found["pressure"])[0, 1] > 0.8  # a muscle that is drawn out holds less
+
+
+def test_fewer_logged_samples_are_those_of_the_full_record():
+    full, few = (
+        recording(spec("random_velocity_12cm", "experiment.duration=8", f"experiment.every={n}", "sensors.force.noise=0"), 300.0)
+        for n in (1, 40)
+    )
+    assert few["force"] == pytest.approx(full["force"][::40])
+    assert few["time"] == pytest.approx(full["time"][::40])
+
+
+@pytest.mark.parametrize("length", LENGTHS)
+def test_the_shipped_records_cover_pressures_lengths_and_speeds(length):
+    first, last = (committed(f"muscle-like/random_velocity_{length}cm_{pressure}.csv") for pressure in (200, 600))
+    assert first["P"].min() > 150
+    assert last["P"].max() < 1000  # what H's sensor can read
+    assert 100 < np.abs(last["v"]).max() < 205
+    assert last["l"].max() > 0.1 * 10 * float(length)
+    assert len(first["t"]) == 2001
+
+
+def test_what_one_muscle_of_the_joint_gives_the_other_takes():
+    joint, swing = rig_parts.joint_of(
+        spec("joint").muscle, spec("joint").hysteresis, spec("joint", "experiment.duration=2", "experiment.sample_time=0.01").experiment
+    )
+    closed = swung(joint, swing, 0.5, 5e5)
+    assert closed["velocity_1"] == pytest.approx(-closed["velocity_2"])
+    assert closed["length_1"] + closed["length_2"] == pytest.approx(
+        np.full(len(swing.clock), closed["length_1"][0] + closed["length_2"][0])
+    )
+    assert np.corrcoef(closed["pressure_1"], closed["length_1"])[0, 1] > 0.9
+    regulator = rig_parts.regulator_of(spec("joint").experiment.regulator)
+    moved = driven(joint, swing, regulator, (0.5e5, 5e5))
+    later = swing.clock > 0.5
+    assert np.corrcoef(moved["pressure_1"][later], moved["pressure_2"][later])[0, 1] < -0.9
+    turning = joint.radius * (moved["force_1"] - moved["force_2"]) - joint.damping * moved["velocity_1"] / joint.radius
+    acceleration = np.gradient(moved["velocity_1"], swing.clock) / joint.radius
+    assert np.corrcoef(turning[later], joint.inertia * acceleration[later])[0, 1] > 0.95  # but for the filter of the load cells
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "words"),
+    [
+        ("contraction_table", "experiment.repeats=0", "greater than or equal to 1|at least 1"),
+        ("contraction_table", "sensors.force={noise: 1, resolution: 1}", "goes with"),
+        ("random_velocity_16cm", "experiment.speeds=[0.2, 0.1]", "slower one first"),
+        ("random_velocity_16cm", "experiment.every=40000", "fewer than 100 samples"),
+        ("random_velocity_16cm", "muscle={kind: peano}", "kind: mckibben|unknown key"),
+        ("joint", "experiment.recordings=[swung]", "closed"),
+    ],
+)
+def test_impossible_experiments_are_refused(name, change, words):
+    with pytest.raises(SpecError, match=words):
+        spec(name, change)
