@@ -197,3 +197,10 @@ def test_what_one_muscle_of_the_joint_gives_the_other_takes():
 def test_impossible_experiments_are_refused(name, change, words):
     with pytest.raises(SpecError, match=words):
         spec(name, change)
+
+
+def test_the_forces_that_the_page_names_for_the_16_cm_muscle():
+    muscle = closed_muscle()
+    strain = muscle.taut_strain(5e5, 10.0) - 0.02 / muscle.muscle.length
+    forces = muscle.muscle.force(np.array([2e5, 4e5, 6e5]), strain)
+    assert [round(float(force)) for force in forces] == [-3, 61, 125]
