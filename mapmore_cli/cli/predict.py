@@ -69,10 +69,11 @@ def predict(
 
 def _input(model: Model, table: Path | None, grid: str | None, reporter: Reporter) -> tuple[Iterator[str], str]:
     """The lines to predict for, and what messages call them."""
+    from mapmore_cli.modelling.kinds import runs_over_time
     from mapmore_cli.stages.prediction.grid import grid_lines
     from mapmore_cli.storage.text_streams import as_text, lines_of
 
-    if grid is not None and model.memories:
+    if grid is not None and runs_over_time(model):
         columns = ", ".join(["time", *(quantity.name for quantity in model.inputs)])
         raise UsageError("--grid: this model has memory, and a grid has no time", f"give a TABLE of recordings with the columns {columns}")
     if grid is not None:

@@ -1,4 +1,4 @@
-"""A fused model as data: what model.h5 holds and what predicts without any recording."""
+"""A model as data: what model.h5 holds and what predicts without any recording."""
 
 from __future__ import annotations
 
@@ -92,35 +92,138 @@ class FoldError:
 
 
 @dataclass(frozen=True)
-class Model:
-    """A model `output = backbone(inputs) + sum_i f_i(E(x)) prod_j w_ij(x_j)` (M2 eq 9).
+class CurveRange:
+    """Training range of every input within one training curve; `level` is the curve's, None without levels."""
 
-    Where the model is a formula alone, its curves have no segments but still say the training range; `backbone` is None where MAPMORE
-    stands by itself. `cross_validation` says on what grounds the residual on a backbone was kept, shrunk or dropped; it is empty where
-    nobody asked. `signals` are inputs that a record over time need not hold, each after those that it follows from. A dynamic model is the
-    sum of its `summands`, a static and a damping model (M2 section 3), and has no pieces of its own. A model with `memory` has none
-    either: it takes a recording with its `time`, from the first measured outputs where those are fed back.
+    curve: str
+    level: float | None
+    limits: Mapping[str, tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """MAPMORE: `output = backbone(inputs) + sum_i f_i(E(x)) prod_j w_ij(x_j)` (M2 eq 9).
+
+    Attributes
+    ----------
+    level
+        The input that is constant within a curve and interpolated between curves; None where all curves are pooled.
+    variables
+        Segmented variables.
+    backbone
+        Formula that the pieces are added to; None where they stand by themselves. Curves have no segments where the residual on it was
+        dropped.
+    cross_validation
+        On what grounds the residual on a backbone was kept, shrunk or dropped; empty where nobody asked.
+    """
+
+    level: str | None
+    variables: tuple[str, ...]
+    curves: tuple[CurveFunction, ...]
+    fusion: Fusion
+    backbone: FormulaFit | None = None
+    cross_validation: tuple[FoldError, ...] = ()
+
+    @property
+    def ranges(self) -> tuple[CurveRange, ...]:
+        """Training range of every curve."""
+        return tuple(CurveRange(curve.curve, curve.level, curve.limits) for curve in self.curves)
+
+    @property
+    def segments(self) -> tuple[SegmentFunction, ...]:
+        """Every segment function, curve by curve."""
+        return tuple(segment for curve in self.curves for segment in curve.segments)
+
+
+@dataclass(frozen=True)
+class Formula:
+    """A formula of the literature as the whole model; `level` and `ranges` say where it was trained."""
+
+    fit: FormulaFit
+    level: str | None
+    ranges: tuple[CurveRange, ...]
+
+
+@dataclass(frozen=True)
+class Memory:
+    """A model with memory, on a backbone or by itself.
+
+    It takes a recording with its `time`, from the first measured outputs where those are fed back.
+    """
+
+    model: MemoryModel
+    ranges: tuple[CurveRange, ...]
+    backbone: FormulaFit | None = None
+
+
+@dataclass(frozen=True)
+class Part:
+    """A model in a sum: its output counts with a `sign`, +1 or -1.
+
+    `inputs` says where an input of the part has another name in the sum: an expression of the sum's inputs, as `p1` or `-strain`.
+    """
+
+    model: Model
+    sign: float = 1.0
+    inputs: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Sum:
+    """Models that are added up, as a static and a damping model (M2 section 3)."""
+
+    parts: tuple[Part, ...]
+
+
+Body = Pieces | Formula | Memory | Sum
+"""What a model consists of, by its kind. `modelling.kinds` says what each kind can do."""
+
+
+@dataclass(frozen=True)
+class Model:
+    """A model that predicts without any other file: what all kinds have in common, and the `body` of one kind.
+
+    `signals` are inputs that a record over time need not hold, each after those that it follows from.
     """
 
     name: str
     output: Quantity
     inputs: tuple[Quantity, ...]
-    level: str | None
-    variables: tuple[str, ...]  # segmented variables
-    curves: tuple[CurveFunction, ...]
-    fusion: Fusion
-    backbone: FormulaFit | None = None
-    cross_validation: tuple[FoldError, ...] = ()
-    notes: tuple[str, ...] = ()
+    body: Body
     signals: tuple[Signal, ...] = ()
-    summands: tuple[Model, ...] = ()
-    memory: MemoryModel | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def pieces(self) -> Pieces | None:
+        """The body where it consists of pieces."""
+        return self.body if isinstance(self.body, Pieces) else None
+
+    @property
+    def level(self) -> str | None:
+        """The input that is constant within a training curve, where there is one."""
+        return self.body.level if isinstance(self.body, Pieces | Formula) else None
+
+    @property
+    def backbone(self) -> FormulaFit | None:
+        """The formula that the model is built on, or that it is."""
+        match self.body:
+            case Formula(fit):
+                return fit
+            case Pieces() | Memory():
+                return self.body.backbone
+            case Sum():
+                return None
 
     @property
     def memories(self) -> tuple[MemoryModel, ...]:
         """Every part that has memory: its own, and those of its summands."""
-        own = () if self.memory is None else (self.memory,)
-        return (*own, *(memory for summand in self.summands for memory in summand.memories))
+        match self.body:
+            case Memory(model):
+                return (model,)
+            case Sum(parts):
+                return tuple(memory for part in parts for memory in part.model.memories)
+            case _:
+                return ()
 
 
 @dataclass(frozen=True)

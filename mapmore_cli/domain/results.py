@@ -1,27 +1,97 @@
-"""What the fit stage hands on."""
+"""What fits, simulations and forecasts hand on."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.fits import FormulaFit, SegmentFit
 from mapmore_cli.domain.memory import MemoryFit
 
 
 @dataclass(frozen=True)
-class FitResult:
-    """What the fit stage hands on: the segment functions, fitted to what `backbone` leaves where there is one.
+class PiecesFit:
+    """The segment functions of every training curve."""
 
-    `fits` is empty where the run's own model is a formula, which is then the backbone, and where one model with `memory` stands in their
-    place.
+    segments: tuple[SegmentFit, ...]
+
+
+FitBody = PiecesFit | MemoryFit | FormulaFit
+"""What was fitted, by the kind of the model."""
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """What the fit stage hands on: what was fitted to what `backbone` leaves where there is one.
+
+    `body` is None where models are only added up, so that there is nothing to fit.
     """
 
-    fits: tuple[SegmentFit, ...]
+    body: FitBody | None
     backbone: FormulaFit | None = None
     notes: tuple[str, ...] = ()
-    memory: MemoryFit | None = None
 
     @property
     def pieces(self) -> tuple[SegmentFit, ...]:
         """Everything that terms were chosen for: the segments, or the model with memory as one piece."""
-        return self.fits if self.memory is None else (*self.fits, self.memory.piece)
+        return self.segments if self.memory is None else (self.memory.piece,)
+
+    @property
+    def segments(self) -> tuple[SegmentFit, ...]:
+        """The segment functions, where the model consists of pieces."""
+        return self.body.segments if isinstance(self.body, PiecesFit) else ()
+
+    @property
+    def memory(self) -> MemoryFit | None:
+        """The fit where it is one with memory."""
+        return self.body if isinstance(self.body, MemoryFit) else None
+
+    @property
+    def formula(self) -> FormulaFit | None:
+        """The formula that was fitted: the backbone, or the model itself."""
+        return self.body if isinstance(self.body, FormulaFit) else self.backbone
+
+
+@dataclass(frozen=True)
+class Run:
+    """Predictions (n,), empty (NaN) before there is history and from a sample at which the run left all bounds to the end of its piece.
+
+    `diverged` are the rows of such samples.
+    """
+
+    values: Array
+    diverged: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """Predictions of the samples of a curve, (n,) each.
+
+    Attributes
+    ----------
+    values
+        The model's prediction, in free run where it has memory; NaN before there is history, and from where a run diverged.
+    ready
+        Samples with enough history to be predicted; what is NaN among them has diverged.
+    one_step
+        Prediction of every sample from the measured past; None for a model without memory.
+    """
+
+    values: Array
+    ready: BoolArray
+    one_step: Array | None = None
+
+    @classmethod
+    def of(cls, values: Array) -> Forecast:
+        """Predictions that need no history; what is NaN among them is none."""
+        return cls(values, np.ones(len(values), dtype=np.bool_))
+
+    @property
+    def diverged(self) -> tuple[int, ...]:
+        """Rows at which a free run diverges."""
+        if self.one_step is None:
+            return ()
+        lost = self.ready & np.isnan(self.values)
+        return tuple(np.flatnonzero(lost & ~np.concatenate([[False], lost[:-1]])).tolist())

@@ -1,21 +1,53 @@
-"""Evaluation of a fused model: `y(x) = sum_i f_i(E(x)) prod_j w_ij(x_j)` (M1 eq 5, M2 eq 9)."""
+"""What every kind of model can do: the one place that tells kinds apart.
+
+A kind is a folder of `modelling/` with a module `model` that holds its verbs. Whoever adds one adds it to `KINDS`.
+"""
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
-from mapmore_cli.domain.models import Model
-from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.memory import Run, free_run
-from mapmore_cli.modelling.pieces.evaluation import FusedPieces, level_values
-from mapmore_cli.modelling.pieces.weights import level_weights
+from mapmore_cli.domain.models import Body, Equation, Formula, Memory, Model, Pieces, Sum
+from mapmore_cli.domain.results import Run
+from mapmore_cli.modelling.literature import model as formula
+from mapmore_cli.modelling.memory import model as memory
+from mapmore_cli.modelling.pieces import model as pieces
+from mapmore_cli.modelling.sums import model as sums
 
-BLOCK = 2**18
-"""Rows at a time: few enough to stay in the processor's cache, and enough for every region to have many."""
+MODEL_UNITS: Mapping[str, float] = {}
+"""Quantities in the units of the model."""
 
-OUTSIDE_TOLERANCE = 1e-9
-"""Inputs within this fraction of a range beyond its end still count as inside: the end itself must not be flagged by rounding."""
+
+@dataclass(frozen=True)
+class Kind:
+    """The verbs of a kind.
+
+    Attributes
+    ----------
+    simulate
+        Output at every row, NaN where an input is NaN or there is no history; and the rows at which a free run diverges.
+    outside_range
+        True where an input lies beyond the training range, (n,).
+    equations
+        The model as equations in physical units, given how many of the model's units one unit of a quantity is.
+    one_step
+        Prediction of every row from the measured past, (n,); None for kinds that know no past.
+    fed_back
+        The measured outputs that a run begins from.
+    """
+
+    simulate: Callable[[Model, Columns], Run]
+    outside_range: Callable[[Model, Columns], BoolArray]
+    equations: Callable[[Model, Mapping[str, float]], tuple[Equation, ...]]
+    one_step: Callable[[Model, Columns], Array] | None = None
+    fed_back: Callable[[Model], tuple[str, ...]] = lambda _model: ()
+
+
+def kind_of(model: Model) -> Kind:
+    """The verbs for a model."""
+    return KINDS[type(model.body)]
 
 
 def predict(model: Model, columns: Columns) -> Array:
@@ -26,8 +58,7 @@ def predict(model: Model, columns: Columns) -> Array:
 def simulate(model: Model, columns: Columns) -> Run:
     """Output of the model at every row, (n,), NaN where an input is NaN; and the rows at which a free run diverges.
 
-    A model with memory runs free along one recording (`memory.free_run`): it has no prediction before there is history, and starts anew
-    after rows with a NaN.
+    A model with memory runs free along one recording: it has no prediction before there is history, and starts anew after rows with a NaN.
 
     Parameters
     ----------
@@ -41,52 +72,46 @@ def simulate(model: Model, columns: Columns) -> Run:
     DataError
         Where a free run has nothing to begin from, or samples are not at the model's time steps.
     """
-    inputs = {quantity.name: np.asarray(columns[quantity.name], dtype=np.float64) for quantity in model.inputs}
-    pieces = FusedPieces(model) if any(curve.segments for curve in model.curves) else None
-    y = np.empty(len(next(iter(columns.values()))))
-    for start in range(0, len(y), BLOCK):
-        block = {name: x[start : start + BLOCK] for name, x in inputs.items()}
-        with np.errstate(all="ignore"):  # a term may overflow far outside, and what follows from a NaN is replaced
-            y[start : start + BLOCK] = _block(model, pieces, block, len(y[start : start + BLOCK]))
-    runs = [] if model.memory is None else [free_run(model.memory, columns)]
-    runs += [simulate(summand, columns) for summand in model.summands]
-    for run in runs:
-        y += run.values
-    return Run(y, tuple(sorted({row for run in runs for row in run.diverged})))
-
-
-def _block(model: Model, pieces: FusedPieces | None, inputs: Columns, n: int) -> Array:
-    finite = np.logical_and.reduce([np.ones(n, dtype=bool), *(np.isfinite(x) for x in inputs.values())])
-    y = np.zeros(n) if pieces is None else pieces.values(inputs)
-    if model.backbone is not None:
-        y += literature.get(model.backbone.name).predict(model.backbone.parameters, inputs)
-    y[~finite] = np.nan
-    return y
+    return kind_of(model).simulate(model, columns)
 
 
 def outside_range(model: Model, columns: Columns) -> BoolArray:
-    """True where an input lies beyond the training range, of any summand where the model is a sum, (n,).
-
-    The range of the level quantity is that of its levels; the range of any other input is interpolated between the curves, since each
-    curve has its own (free strain grows with pressure).
-    """
-    level, others = model.level, [q.name for q in model.inputs if q.name != model.level]
-    n = len(next(iter(columns.values())))
-    outside = np.zeros(n, dtype=bool)
-    for summand in model.summands:
-        outside |= outside_range(summand, columns)
-    weights = np.ones((n, 1))
-    if level is not None:
-        levels = level_values(model)
-        outside |= _beyond(columns[level], np.full(n, levels[0]), np.full(n, levels[-1]))
-        weights = level_weights(columns[level], levels)
-    for name in others:
-        limits = np.array([curve.limits[name] for curve in model.curves])
-        if len(limits):
-            outside |= _beyond(columns[name], weights @ limits[:, 0], weights @ limits[:, 1])
-    return outside
+    """True where an input lies beyond the training range, of any summand where the model is a sum, (n,)."""
+    return kind_of(model).outside_range(model, columns)
 
 
-def _beyond(x: Array, low: Array, high: Array) -> BoolArray:
-    margin = OUTSIDE_TOLERANCE * np.maximum(high - low, np.maximum(np.abs(low), np.abs(high)))
-    return (x < low - margin) | (x > high + margin)
+def equations(model: Model, units: Mapping[str, float] = MODEL_UNITS) -> tuple[Equation, ...]:
+    """The model as equations, in its units or in others: of a sum, those of each summand."""
+    return kind_of(model).equations(model, units)
+
+
+def one_step_ahead(model: Model, columns: Columns) -> Array:
+    """Prediction of every row from the measured past, (n,); NaN before there is history."""
+    one_step = kind_of(model).one_step
+    return predict(model, columns) if one_step is None else one_step(model, columns)
+
+
+def runs_over_time(model: Model) -> bool:
+    """True where rows are samples of a recording, which the model runs along."""
+    if isinstance(model.body, Sum):
+        return any(runs_over_time(part.model) for part in model.body.parts)
+    return kind_of(model).one_step is not None
+
+
+def fed_back(model: Model) -> tuple[str, ...]:
+    """The measured outputs that a run begins from, each once."""
+    return kind_of(model).fed_back(model)
+
+
+KINDS: Mapping[type[Body], Kind] = {
+    Pieces: Kind(pieces.simulate, pieces.outside_range, pieces.equations),
+    Formula: Kind(formula.simulate, formula.outside_range, formula.equations),
+    Memory: Kind(memory.simulate, memory.outside_range, memory.equations, memory.one_step, memory.fed_back),
+    Sum: Kind(
+        lambda model, columns: sums.simulate(model, columns, simulate),
+        lambda model, columns: sums.outside_range(model, columns, outside_range),
+        lambda model, units: sums.equations(model, units, equations),
+        lambda model, columns: sums.one_step(model, columns, one_step_ahead),
+        lambda model: sums.fed_back(model, fed_back),
+    ),
+}

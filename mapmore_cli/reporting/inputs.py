@@ -140,7 +140,7 @@ class ReportInputs:
     @property
     def has_pieces(self) -> bool:
         """False where the model is a formula alone."""
-        return any(curve.segments for curve in self.model.curves)
+        return self.model.pieces is not None and bool(self.model.pieces.segments)
 
     @property
     def over_time(self) -> bool:
@@ -156,7 +156,8 @@ class ReportInputs:
     def in_curve(self) -> Quantity:
         """The quantity that varies within a curve: the first segmented one, else the input of which a curve covers most."""
         free = [q.name for q in self.model.inputs if q.name != self.model.level] or [q.name for q in self.model.inputs]
-        name = self.model.variables[0] if self.model.variables else max(free, key=self._covered)
+        pieces = self.model.pieces
+        name = pieces.variables[0] if pieces is not None and pieces.variables else max(free, key=self._covered)
         return self.dataset.quantities[name]
 
     def _covered(self, name: str) -> float:

@@ -39,7 +39,7 @@ def segments_table(inputs: ReportInputs) -> Table:
         Column("condition", "", ".3g"),
     )
     rows: list[tuple[Cell, ...]] = []
-    for fit in inputs.fit.fits:
+    for fit in inputs.fit.segments:
         chosen = fit.selection
         ends = [float(end) for pair in places[fit.id] for end in pair]
         rmse = math.sqrt(max(chosen.sse, 0.0) / chosen.samples) * abs(fit.scaling.y_slope)
@@ -124,7 +124,7 @@ def equations_table(equations: Sequence[Equation], others: Mapping[str, Sequence
 
 def formulas_table(inputs: ReportInputs) -> Table:
     """Parameters ± standard error of every fitted formula; a failed fit has one row, and no number."""
-    own = inputs.fit.backbone or inputs.model.backbone
+    own = inputs.fit.formula
     fitted = [(own.name, "backbone" if inputs.has_pieces else "own model", own)] if own is not None else []
     fitted += [(name, "competitor", formula) for name, formula in inputs.validation.formulas.items()]
     columns = (

@@ -64,7 +64,7 @@ def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
         coefficients_table(inputs),
         equations_table(inputs.equations, inputs.other_equations),
         formulas_table(inputs),
-        folds_table(inputs.model.cross_validation, inputs.target.unit),
+        folds_table(inputs.model.pieces.cross_validation if inputs.model.pieces else (), inputs.target.unit),
         *((states_table(memory.model.states), substitutes_table(memory)) if memory is not None else ()),
     )
 

@@ -14,9 +14,10 @@ from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.domain.results import Forecast
 from mapmore_cli.domain.scores import OWN
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.forecast import Forecast, forecast
+from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.literature.backbone import fit_formula, pooled_training
 from mapmore_cli.modelling.literature.hysteresis_loss import HysteresisLoss
 from mapmore_cli.modelling.signals.plateau import damping_component

@@ -47,7 +47,7 @@ def run(part: Slice, workspace: Workspace) -> None:
 
 def collected(part: Slice, run_dir: Path, spec_text: str = "") -> ReportInputs:
     """The results of the stages before, with what the spec says of the report."""
-    from mapmore_cli.modelling.equations import model_equations
+    from mapmore_cli.modelling.kinds import equations as model_equations
     from mapmore_cli.reporting.inputs import ReportInputs
     from mapmore_cli.storage import artefacts
     from mapmore_cli.storage.provenance import tool_versions
@@ -130,7 +130,7 @@ def drawn_figure(run_dir: Path, name: str, key: str | None, suffix: str) -> tupl
 
 def _in_units(model: Model, units: Mapping[str, str]) -> dict[str, tuple[Equation, ...]]:
     """The equations in other units of some quantities, and of the rates that follow from these."""
-    from mapmore_cli.modelling.equations import model_equations
+    from mapmore_cli.modelling.kinds import equations as model_equations
     from mapmore_cli.spec.units import convert, default_unit
 
     if not units:

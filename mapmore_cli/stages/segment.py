@@ -8,7 +8,8 @@ from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.data import Levels
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry
 from mapmore_cli.spec.sections.method import Cuts, Fit, Fuse, ModelChoice
-from mapmore_cli.stages.kinds.pieces import SegmentSection, recipe_of
+from mapmore_cli.stages.kinds.choices import SegmentSection
+from mapmore_cli.stages.kinds.pieces import recipe_of
 from mapmore_cli.stages.pipeline.stage import Stage, Workspace
 
 

@@ -17,8 +17,8 @@ from mapmore_cli.stages.pipeline.stage import Stage, Variation, Workspace
 if TYPE_CHECKING:
     from mapmore_cli.domain.fits import FormulaFit
     from mapmore_cli.domain.recording import Dataset
+    from mapmore_cli.domain.results import Forecast
     from mapmore_cli.domain.scores import Score
-    from mapmore_cli.modelling.forecast import Forecast
 
 AT_LEAST = frozenset({"r2", "n"})
 """Metrics whose limit is a lower one; all others are errors."""
@@ -100,8 +100,8 @@ def _told_of_diverged(name: str, forecasts: Sequence[Forecast], dataset: Dataset
 
 def _floor(part: Slice, inputs: Sequence[str], dataset: Dataset) -> Iterator[Score]:
     """Rows of the repeatability: of held-out cycles, or where measurements at one level, coordinate and direction were repeated."""
+    from mapmore_cli.domain.results import Forecast
     from mapmore_cli.domain.scores import REPEATABILITY
-    from mapmore_cli.modelling.forecast import Forecast
     from mapmore_cli.modelling.scores.repeatability import repeated_cycles, repeats
     from mapmore_cli.modelling.scores.rows import score_rows
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mapmore_cli.domain.fits import Scaling
-from mapmore_cli.domain.models import CurveFunction, Fusion, Model, SegmentFunction
+from mapmore_cli.domain.models import CurveFunction, Fusion, Model, Pieces, SegmentFunction
 from mapmore_cli.domain.recording import Quantity
 
 SPEC = """\
@@ -56,14 +56,12 @@ def line(curve: str, level: float, slope: float, height: float, end: float) -> C
 def hand_model() -> Model:
     """`100 - 400 eps` at 100 kPa up to 0.1, `200 - 500 eps` at 200 kPa up to 0.2, triangles between; both continue outside."""
     continued = {"pressure": ("continue", "continue"), "strain": ("continue", "continue")}
+    curves = (line("pressure=100", 100.0, -400.0, 100.0, 0.1), line("pressure=200", 200.0, -500.0, 200.0, 0.2))
     return Model(
         name="by-hand",
         output=Quantity("force", "N"),
         inputs=(Quantity("pressure", "kPa"), Quantity("strain", "1")),
-        level="pressure",
-        variables=("strain",),
-        curves=(line("pressure=100", 100.0, -400.0, 100.0, 0.1), line("pressure=200", 200.0, -500.0, 200.0, 0.2)),
-        fusion=Fusion("linear", 0.25, continued),
+        body=Pieces("pressure", ("strain",), curves, Fusion("linear", 0.25, continued)),
     )
 
 

@@ -28,7 +28,7 @@ def test_every_result_file_has_a_table_and_a_document(name: str, finished, docum
 
 def test_fit(finished, document) -> None:
     _, runs = finished
-    fits = read_fit(runs / "bench/fit.h5").fits
+    fits = read_fit(runs / "bench/fit.h5").segments
     shown = document("show", runs / "bench/fit.h5")["segments"]
     assert [segment["id"] for segment in shown] == [fit.id for fit in fits]
     for segment, fit in zip(shown, fits, strict=True):

@@ -113,7 +113,7 @@ def test_a_run_gives_what_the_page_says(table: str, name: str, tmp_path: Path, m
 def test_the_true_terms_of_the_simulated_record(tmp_path: Path, mapmore: Callable[..., Any], measured_data: Path) -> None:
     result = mapmore("fuse", CONFIGS / "identification" / "data_for_testing.yaml", "--runs", tmp_path, "-q")
     assert result.exit_code == 0, result.stderr
-    model = read_model(tmp_path / "data_for_testing" / "model.h5").memory
+    model = read_model(tmp_path / "data_for_testing" / "model.h5").body.model
     assert model is not None
     truth = {"x[k-2]": 0.6, "y[k-2]": -0.5, "x[k-1]*y[k-1]": 0.7, "x[k-2]*y[k-2]": -0.7, "y[k-1]^2": 0.2}
     assert dict(zip(model.terms, model.theta, strict=True)) == pytest.approx(truth, abs=1e-6)

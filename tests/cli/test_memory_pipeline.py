@@ -110,7 +110,7 @@ PLANTED = {
 
 @pytest.mark.parametrize("name", sorted(PLANTED))
 def test_planted_coefficients_are_recovered(name: str, finished: dict[str, tuple[Path, Path]]) -> None:
-    model = read_model(finished[name][1] / "model.h5").memory
+    model = read_model(finished[name][1] / "model.h5").body.model
     assert model is not None
     assert dict(zip(model.terms, model.theta, strict=True)) == pytest.approx(PLANTED[name], abs=1e-9)
 

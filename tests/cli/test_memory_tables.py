@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.memory import MemoryModel, StateSet
-from mapmore_cli.domain.models import CurveFunction, Fusion, Model, Signal
+from mapmore_cli.domain.models import CurveRange, Memory, Model, Part, Signal, Sum
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.stages.prediction.predict import predicted_lines
@@ -26,14 +26,10 @@ REMEMBERING = Model(
     name="remembering",
     output=Quantity("force", "N"),
     inputs=(Quantity("pressure", "kPa"),),
-    level=None,
-    variables=(),
-    curves=(CurveFunction("all", None, (), LIMITS, ()),),
-    fusion=Fusion("linear", 0.0, {}),
-    memory=MEMORY,
+    body=Memory(MEMORY, (CurveRange("all", None, LIMITS),)),
 )
 STATIC = hand_model()
-SUM = replace(REMEMBERING, name="sum", inputs=STATIC.inputs, curves=(), memory=None, summands=(STATIC, REMEMBERING))
+SUM = replace(REMEMBERING, name="sum", inputs=STATIC.inputs, body=Sum((Part(STATIC), Part(REMEMBERING))))
 
 pieces = st.lists(st.tuples(st.integers(3, 12), st.sampled_from(["gap", "reset", "recording", "empty"])), min_size=1, max_size=6)
 
@@ -76,8 +72,7 @@ def test_rates_are_derived_before_memory_runs() -> None:
     model = replace(
         REMEMBERING,
         inputs=(Quantity("pressure_rate", "kPa/s"),),
-        curves=(CurveFunction("all", None, (), {"pressure_rate": (0.0, 10.0)}, ()),),
-        memory=memory,
+        body=Memory(memory, (CurveRange("all", None, {"pressure_rate": (0.0, 10.0)}),)),
         signals=(Signal("pressure_rate", "rate", "pressure", window=0.05, order=1),),
     )
     rows = [f"{k * STEP!r},{100 + 3 * k * STEP!r}\n" for k in range(50)]

@@ -146,7 +146,7 @@ def test_a_table_of_time_pressure_and_strain_predicts_what_was_validated(
 def test_the_dynamic_model_is_the_sum_of_the_two(muscle: tuple[str, Path]) -> None:
     name, runs = muscle
     model = read_model(runs / f"{name}-dynamic" / "model.h5")
-    assert [part.name for part in model.summands] == [f"{name}-static-from-zero", f"{name}-damping"]
+    assert [part.model.name for part in model.body.parts] == [f"{name}-static-from-zero", f"{name}-damping"]
     predictions = read_validation(runs / f"{name}-dynamic" / "validate.h5").predictions
     own = read_validation(runs / f"{name}-damping" / "validate.h5").predictions["mapmore"]
     for total, static, damping in zip(predictions["mapmore"], predictions["static_alone"], own, strict=True):

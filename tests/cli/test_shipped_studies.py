@@ -96,7 +96,7 @@ def test_a_measured_study_runs(path: Path, tmp_path: Path, mapmore: Callable[...
         told_of_runs = (row["RRSE, free run"], row["RRSE, one step"])
         assert (rows["mapmore"]["rrse"], rows["mapmore"]["rrse_one_step"]) == pytest.approx(told_of_runs, abs=2e-5)
     for backbone, left_out in left_out_of(path.stem).items():
-        folds = read_model(tmp_path / f"{path.stem}.{backbone}" / "model.h5").cross_validation
+        folds = read_model(tmp_path / f"{path.stem}.{backbone}" / "model.h5").body.cross_validation
         assert min(fold.rmse for fold in folds) == pytest.approx(left_out, rel=0.02)
 
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from mapmore_cli.domain.fits import FormulaFit, Scaling, Segment, SegmentedCurve, SegmentFit, Selection
-from mapmore_cli.domain.models import CurveFunction, Equation, Fusion, Model, SegmentFunction
+from mapmore_cli.domain.models import CurveFunction, Equation, Fusion, Model, Pieces, SegmentFunction
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
-from mapmore_cli.domain.results import FitResult
+from mapmore_cli.domain.results import FitResult, PiecesFit
 from mapmore_cli.domain.scores import Published, Score, Validation
 from mapmore_cli.modelling.pieces.weights import cell_weights, level_weights
 from mapmore_cli.reporting.inputs import ReportInputs
@@ -47,7 +49,7 @@ def build(
     )
     trained = [c for c in curves if not c.held_out.all()]
     segmentation = tuple(_segmented(c, segments) for c in trained)
-    fit = FitResult(tuple(_segment_fit(c, s) for c, cut in zip(trained, segmentation, strict=True) for s in cut.segments))
+    fit = FitResult(PiecesFit(tuple(_segment_fit(c, s) for c, cut in zip(trained, segmentation, strict=True) for s in cut.segments)))
     model = _model(name, segmentation, fit)
     predictions = {"mapmore": tuple(_predict(model, c) for c in curves)}
     predictions |= {key: tuple(f(c.columns["pressure"], c.columns["strain"]) for c in curves) for key, f in competitors.items()}
@@ -61,7 +63,7 @@ def build(
     )
     equations = tuple(
         Equation(f.id, f"force = 123.4*((strain - 0.01)/0.05)^2 + 12 = {f.terms[0]}", r"F = 123.4 \left(\epsilon\right)^2")
-        for f in fit.fits
+        for f in fit.segments
     )
     return ReportInputs(
         name=name,
@@ -148,21 +150,21 @@ def _model(name: str, segmentation: Sequence[SegmentedCurve], fit: FitResult) ->
             1.0,
             "max_terms",
         )
-        for f in fit.fits
+        for f in fit.segments
     }
     curves = tuple(
         CurveFunction(c.curve, c.level, c.boundaries, c.limits, tuple(functions[s.id] for s in c.segments)) for c in segmentation
     )
     fusion = Fusion("quadratic", 0.25, {"strain": ("continue", "continue"), "pressure": ("continue", "continue_linear")})
-    return Model(name, QUANTITIES["force"], (QUANTITIES["pressure"], QUANTITIES["strain"]), "pressure", ("strain",), curves, fusion)
+    return Model(name, QUANTITIES["force"], (QUANTITIES["pressure"], QUANTITIES["strain"]), Pieces("pressure", ("strain",), curves, fusion))
 
 
 def _predict(model: Model, curve: Curve) -> np.ndarray:
     pressure, strain = curve.columns["pressure"], curve.columns["strain"]
     total = np.zeros(len(strain))
-    weights = level_weights(pressure, np.array([c.level for c in model.curves]))
-    for number, function in enumerate(model.curves):
-        cells = cell_weights(strain, function.boundaries[0], model.fusion.transition, model.fusion.z_s)
+    weights = level_weights(pressure, np.array([c.level for c in model.body.curves]))
+    for number, function in enumerate(model.body.curves):
+        cells = cell_weights(strain, function.boundaries[0], model.body.fusion.transition, model.body.fusion.z_s)
         for place, piece in enumerate(function.segments):
             z = piece.scaling.slope[0] * strain + piece.scaling.intercept[0]
             power = CANDIDATES.index(piece.terms[0])
@@ -203,3 +205,8 @@ def _scores(curves: Sequence[Curve], predictions: Mapping[str, Sequence[np.ndarr
             yield score(model, split, "all", some)
             for i, mask in some:
                 yield score(model, split, curves[i].id, [(i, mask)])
+
+
+def of_pieces(model: Model, **changes: Any) -> Model:
+    """The model with other pieces."""
+    return replace(model, body=replace(model.body, **changes))

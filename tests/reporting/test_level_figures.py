@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from report_builder import of_pieces
 
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.reporting.figures.catalogue import drawings
@@ -23,11 +24,11 @@ def ax():
 @pytest.fixture
 def shaped(inputs):
     """The same study with shape-preserving interpolation between the levels."""
-    return replace(inputs, model=replace(inputs.model, fusion=replace(inputs.model.fusion, levels="pchip")))
+    return replace(inputs, model=of_pieces(inputs.model, fusion=replace(inputs.model.body.fusion, levels="pchip")))
 
 
 def test_triangles_peak_at_the_levels(ax, inputs):
-    draw_levels(ax, LEVELS, inputs.model)
+    draw_levels(ax, LEVELS, inputs.model.body)
     for line, level in zip(ax.lines[::2], LEVELS, strict=True):
         x, weight = line.get_data()
         assert weight[x == level] == pytest.approx([1.0])
@@ -35,8 +36,8 @@ def test_triangles_peak_at_the_levels(ax, inputs):
 
 
 def test_a_number_beyond_the_levels_is_not_drawn(ax, inputs):
-    fusion = replace(inputs.model.fusion, extrapolation={"pressure": (100.0, "saturate"), "strain": ("continue", "continue")})
-    draw_levels(ax, LEVELS, replace(inputs.model, fusion=fusion))
+    fusion = replace(inputs.model.body.fusion, extrapolation={"pressure": (100.0, "saturate"), "strain": ("continue", "continue")})
+    draw_levels(ax, LEVELS, replace(inputs.model.body, fusion=fusion))
     assert ax.lines[0].get_xdata().min() == 80
 
 
@@ -50,7 +51,7 @@ def test_no_triangles_are_drawn_of_what_keeps_the_shape(inputs, shaped):
 
 def test_courses_are_the_models_predictions_within_the_range_of_all_curves(ax, shaped):
     courses = level_courses(shaped.model, "strain", LEVELS)
-    shortest = min(curve.limits["strain"][1] for curve in shaped.model.curves)
+    shortest = min(curve.limits["strain"][1] for curve in shaped.model.body.curves)
     for course in courses:
         assert 0 < course.place < shortest
         at = {"pressure": course.x, "strain": np.full(len(course.x), course.place)}

@@ -7,11 +7,11 @@ import pytest
 
 from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
-from mapmore_cli.domain.results import FitResult
+from mapmore_cli.domain.results import FitResult, Forecast
 from mapmore_cli.domain.scores import Validation
-from mapmore_cli.modelling.forecast import Forecast, forecast
+from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.memory import MemoryRecipe, fit_with_memory, records_of
-from mapmore_cli.modelling.memory.assembly import model_with_memory
+from mapmore_cli.modelling.memory import model as memory
 from mapmore_cli.modelling.scores.rows import score_rows
 from mapmore_cli.reporting.figures.catalogue import drawings
 from mapmore_cli.reporting.figures.drawing import compose
@@ -50,12 +50,12 @@ def report_of(dictionary, *, ridge=0.0, scale=False, held=0.5):
     )
     fit = fit_with_memory(records_of([curve], STEP), recipe)
     limits = {name: (float(x.min()), float(x.max())) for name, x in columns.items()}
-    model = model_with_memory("demo", fit.model, None, (SegmentedCurve("a", None, (), (), limits, ()),), QUANTITIES)
+    model = memory.build("demo", fit.model, None, (SegmentedCurve("a", None, (), (), limits, ()),), QUANTITIES)
     forecasts = {"mapmore": (forecast(model, curve),), "flat": (Forecast.of(np.full(n, 12.0)),)}
     scores = [row for name, found in forecasts.items() for row in score_rows(name, "motion", found, dataset, "range")]
     predictions = {name: tuple(one.values for one in found) for name, found in forecasts.items()}
     validation = Validation(predictions, {}, tuple(scores), {"motion": "mm"})
-    result = FitResult((), memory=fit)
+    result = FitResult(fit)
     return ReportInputs("demo", {}, QUANTITIES["motion"], dataset, (), result, model, validation, (), None, "", {})
 
 

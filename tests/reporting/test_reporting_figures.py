@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from matplotlib.figure import Figure
-from report_builder import build
+from report_builder import build, of_pieces
 
 from mapmore_cli.domain.page import FIGURES
 from mapmore_cli.domain.recording import Quantity
@@ -348,25 +348,25 @@ class TestSegments:
         assert [line.get_xdata()[0] for line in ax.lines] == [0, 1, 3]
 
     def test_a_formula_alone_has_no_segments_to_draw(self, inputs):
-        assert drawn(replace(inputs, model=replace(inputs.model, curves=())), ["segments"]) == {}
+        assert drawn(replace(inputs, model=of_pieces(inputs.model, curves=())), ["segments"]) == {}
 
 
 class TestTerms:
     def test_left_over_shares_of_choice_and_runner_up(self, inputs):
-        for fit in inputs.fit.fits:
+        for fit in inputs.fit.segments:
             steps, err = term_steps(fit), np.sort(fit.selection.err_all[0])
             assert steps.left == pytest.approx([100 * (1 - err[-1])])
             assert steps.left_by_runner_up == pytest.approx([100 * (1 - err[-2])])
 
     def test_of_many_segments_whole_curves_are_shown(self):
         many = build(levels=list(range(60, 460, 10)))
-        chosen = whole_curves(many.fit.fits, 40)
+        chosen = whole_curves(many.fit.segments, 40)
         assert len(chosen) <= 40
         for name in {fit.curve for fit in chosen}:
             assert [fit.cell for fit in chosen if fit.curve == name] == [(1,), (2,), (3,), (4,)]
 
     def test_no_terms_no_figure(self, inputs):
-        assert drawn(replace(inputs, fit=replace(inputs.fit, fits=())), ["terms"]) == {}
+        assert drawn(replace(inputs, fit=replace(inputs.fit, body=None)), ["terms"]) == {}
 
 
 class TestTraces:

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from report_builder import build
+from report_builder import build, of_pieces
 
-from mapmore_cli.domain.models import Equation
+from mapmore_cli.domain.models import Equation, Formula
 from mapmore_cli.domain.page import FIGURES
 from mapmore_cli.reporting.report import write_report
 
@@ -214,8 +214,8 @@ def test_one_curve_no_competitor_nothing_held_out(alone, tmp_path):
 
 def test_a_formula_as_the_runs_own_model(inputs, tmp_path):
     own = inputs.validation.formulas["sarosi"]
-    model = replace(inputs.model, curves=(), variables=(), backbone=own)
-    alone = replace(inputs, segmentation=(), fit=replace(inputs.fit, fits=(), backbone=own), model=model)
+    model = replace(inputs.model, body=Formula(own, "pressure", ()))
+    alone = replace(inputs, segmentation=(), fit=replace(inputs.fit, body=own), model=model)
     page = page_of(alone, tmp_path)
     assert "it is a formula alone" in page.text
     assert "No terms were selected." in page.text
@@ -224,7 +224,7 @@ def test_a_formula_as_the_runs_own_model(inputs, tmp_path):
 
 def test_segments_that_cross_validation_dropped_are_called_unused(inputs, tmp_path):
     own = inputs.validation.formulas["sarosi"]
-    model = replace(inputs.model, curves=tuple(replace(curve, segments=()) for curve in inputs.model.curves), backbone=own)
+    model = of_pieces(inputs.model, curves=tuple(replace(curve, segments=()) for curve in inputs.model.body.curves), backbone=own)
     page = page_of(replace(inputs, fit=replace(inputs.fit, backbone=own), model=model), tmp_path)
     assert "did not help on left-out" in page.text
 
@@ -233,7 +233,7 @@ def test_without_levels_and_without_figures(inputs, tmp_path):
     curves = tuple(replace(curve, level=None, id=curve.recordings[0]) for curve in inputs.dataset.curves)
     dataset = replace(inputs.dataset, level=None, curves=curves)
     plain = replace(
-        inputs, dataset=dataset, segmentation=(), fit=replace(inputs.fit, fits=()), model=replace(inputs.model, level=None, curves=())
+        inputs, dataset=dataset, segmentation=(), fit=replace(inputs.fit, body=None), model=of_pieces(inputs.model, level=None, curves=())
     )
     page = page_of(plain, tmp_path, figures=())
     assert not page.named("svg")

@@ -7,10 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from report_builder import of_pieces
 
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import FoldError
 from mapmore_cli.domain.recording import Dataset, Quantity, Recording
+from mapmore_cli.domain.results import PiecesFit
 from mapmore_cli.domain.scores import Published
 from mapmore_cli.reporting.model_tables import interval_half_width
 from mapmore_cli.reporting.tables import Table, all_tables, levels_table, recordings_table, score_table, terms_table, to_csv
@@ -107,8 +109,8 @@ class TestData:
 class TestModel:
     def test_terms_show_runner_up_and_margin(self, inputs):
         table = terms_table(inputs.fit)
-        assert len(table.rows) == len(inputs.fit.fits)
-        for fit, row in zip(inputs.fit.fits, table.rows, strict=True):
+        assert len(table.rows) == len(inputs.fit.segments)
+        for fit, row in zip(inputs.fit.segments, table.rows, strict=True):
             best, second = np.argsort(-fit.selection.err_all[0])[:2]
             assert row[2] == fit.candidates[best]
             assert row[5] == fit.candidates[second]
@@ -116,14 +118,14 @@ class TestModel:
             assert row[9] == "max_terms"
 
     def test_a_single_candidate_has_no_runner_up_and_ties_are_flagged(self, inputs):
-        first = inputs.fit.fits[0]
+        first = inputs.fit.segments[0]
         only = replace(first, selection=replace(first.selection, runner_up=np.array([-1]), tied=np.array([2])))
-        table = terms_table(replace(inputs.fit, fits=(only,)))
+        table = terms_table(replace(inputs.fit, body=PiecesFit((only,))))
         assert table.shown[0][5:9] == ("–", "–", "–", "2")
         assert any("Tied" in note for note in table.notes)
 
     def test_running_sum_and_stop_reason_of_several_terms(self, inputs):
-        first = inputs.fit.fits[0]
+        first = inputs.fit.segments[0]
         err = np.array([0.7, 0.2, 0.05])
         selection = replace(
             first.selection,
@@ -134,7 +136,7 @@ class TestModel:
             tied=np.zeros(3, int),
             stop="tolerance",
         )
-        rows = terms_table(replace(inputs.fit, fits=(replace(first, selection=selection),))).rows
+        rows = terms_table(replace(inputs.fit, body=PiecesFit((replace(first, selection=selection),)))).rows
         assert [row[2] for row in rows] == ["strain^2", "1", "strain"]
         assert [row[4] for row in rows] == pytest.approx([70, 90, 95])
         assert [row[9] for row in rows] == [None, None, "tolerance"]
@@ -146,7 +148,7 @@ class TestModel:
 
     def test_coefficients_in_the_targets_unit(self, inputs):
         table = tables_of(inputs)["coefficients"]
-        for fit, row in zip(inputs.fit.fits, table.rows, strict=True):
+        for fit, row in zip(inputs.fit.segments, table.rows, strict=True):
             theta, half, lower, upper, physical, physical_half = row[2:]
             assert (lower, upper) == (pytest.approx(theta - half), pytest.approx(theta + half))
             assert physical == pytest.approx(fit.selection.theta[0] * fit.scaling.y_slope)
@@ -159,7 +161,7 @@ class TestModel:
         for cut, rows in zip(inputs.segmentation, np.array_split(np.arange(len(table.rows)), len(inputs.segmentation)), strict=True):
             assert [table.rows[i][2] for i in rows] == pytest.approx(cut.boundaries[0][:-1])
             assert [table.rows[i][3] for i in rows] == pytest.approx(cut.boundaries[0][1:])
-        fit = inputs.fit.fits[0]
+        fit = inputs.fit.segments[0]
         assert column(table, "RMSE [N]")[0] == pytest.approx(math.sqrt(fit.selection.sse / 50) * abs(fit.scaling.y_slope))
 
 
@@ -183,11 +185,11 @@ class TestFormulas:
         roles = [row[:3] for row in tables_of(with_backbone)["formulas"].rows if row[0] == "sarosi"]
         assert roles[0] == ("sarosi", "backbone", "at bound")
         assert ("sarosi", "competitor", "converged") in roles
-        bare = replace(with_backbone, model=replace(inputs.model, curves=()))
+        bare = replace(with_backbone, model=of_pieces(inputs.model, curves=()))
         assert tables_of(bare)["formulas"].rows[0][1] == "own model"
 
     def test_cross_validation_marks_the_least_error(self, inputs):
         errors = (FoldError("backbone", 5.0, 3), FoldError("backbone + residual", 4.0, 3))
-        table = tables_of(replace(inputs, model=replace(inputs.model, cross_validation=errors)))["cross_validation"]
+        table = tables_of(replace(inputs, model=of_pieces(inputs.model, cross_validation=errors)))["cross_validation"]
         assert column(table, "least error") == ["no", "yes"]
         assert column(table, "RMSE of left-out samples [N]") == [5.0, 4.0]

@@ -11,9 +11,22 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from mapmore_cli.domain.fits import FormulaFit, Scaling, Segment, SegmentedCurve, SegmentFit, Selection
-from mapmore_cli.domain.models import CurveFunction, FoldError, Fusion, Model, SegmentFunction
+from mapmore_cli.domain.memory import MemoryModel, StateSet
+from mapmore_cli.domain.models import (
+    CurveFunction,
+    CurveRange,
+    FoldError,
+    Formula,
+    Fusion,
+    Memory,
+    Model,
+    Part,
+    Pieces,
+    SegmentFunction,
+    Sum,
+)
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
-from mapmore_cli.domain.results import FitResult
+from mapmore_cli.domain.results import FitResult, PiecesFit
 from mapmore_cli.domain.scores import Score, Validation
 
 NAMES = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=8) | st.sampled_from(
@@ -98,7 +111,7 @@ def segment_fits(draw: st.DrawFn) -> SegmentFit:
 
 
 FORMULAS = st.builds(FormulaFit, NAMES, table(REAL), table(REAL), NAMES, NAMES, COUNT, REAL, REAL, COUNT, NOTES)
-FITS = st.builds(FitResult, some(segment_fits()), st.none() | FORMULAS, NOTES)
+FITS = st.builds(FitResult, st.none() | FORMULAS | st.builds(PiecesFit, some(segment_fits())), st.none() | FORMULAS, NOTES)
 
 SIDE = st.sampled_from(["continue", "continue_linear", "saturate", "zero"]) | st.floats(allow_nan=False)
 FUSIONS = st.builds(
@@ -114,19 +127,23 @@ FUNCTIONS = st.integers(0, 3).flatmap(
     lambda k: st.builds(SegmentFunction, NAMES, CELLS, NOTES, reals(k), reals(k), reals(k), reals(k), SCALINGS, COUNT, REAL, NAMES, LIMITS)
 )
 CURVE_FUNCTIONS = st.builds(CurveFunction, NAMES, st.none() | REAL, BOUNDARIES, LIMITS, some(FUNCTIONS), st.none() | REAL)
-MODELS = st.builds(
-    Model,
-    name=NAMES,
-    output=QUANTITIES,
-    inputs=some(QUANTITIES),
-    level=st.none() | NAMES,
-    variables=NOTES,
-    curves=some(CURVE_FUNCTIONS),
-    fusion=FUSIONS,
-    backbone=st.none() | FORMULAS,
-    cross_validation=some(st.builds(FoldError, NAMES, REAL, COUNT)),
-    notes=NOTES,
+RANGES = some(st.builds(CurveRange, NAMES, st.none() | REAL, LIMITS))
+FOLDS = some(st.builds(FoldError, NAMES, REAL, COUNT))
+PIECES = st.builds(Pieces, st.none() | NAMES, NOTES, some(CURVE_FUNCTIONS), FUSIONS, st.none() | FORMULAS, FOLDS)
+STATES = st.integers(0, 3).flatmap(
+    lambda s: st.builds(StateSet, st.tuples(*[NAMES] * s), REAL, LIMITS, LIMITS, reals(s) | reals(0), reals(s) | reals(0), REAL)
 )
+MEMORIES = st.builds(MemoryModel, NAMES, STATES, NOTES, reals(2), reals(2), REAL, st.tuples(REAL, REAL))
+
+
+def models(bodies: st.SearchStrategy[Any]) -> st.SearchStrategy[Model]:
+    """Models with some bodies."""
+    return st.builds(Model, name=NAMES, output=QUANTITIES, inputs=some(QUANTITIES), body=bodies, notes=NOTES)
+
+
+ALONE = PIECES | st.builds(Formula, FORMULAS, st.none() | NAMES, RANGES) | st.builds(Memory, MEMORIES, RANGES, st.none() | FORMULAS)
+SUMS = st.builds(Sum, some(st.builds(Part, models(ALONE), st.sampled_from([1.0, -1.0]), table(NAMES))))
+MODELS = models(ALONE | SUMS)
 
 SCORES = st.builds(Score, NAMES, NAMES, NAMES, NAMES, COUNT, REAL, REAL, REAL, NAMES, REAL, REAL, REAL)
 VALIDATIONS = st.builds(Validation, table(some(st.integers(0, 4).flatmap(reals))), table(FORMULAS), some(SCORES), table(UNITS))

@@ -21,7 +21,7 @@ def test_an_archive_is_what_it_is_called(archive: Path) -> None:
     for path in archive.glob("*.h5"):
         with h5py.File(path) as file:
             assert file.attrs["format_version"] == archive.name
-    assert archive.name.split(".")[0] == FORMAT_VERSION.split(".")[0]
+    assert int(archive.name.split(".")[0]) <= int(FORMAT_VERSION.split(".")[0])
 
 
 @pytest.mark.parametrize("archive", ARCHIVES, ids=lambda path: path.name)
@@ -37,7 +37,7 @@ def test_a_model_of_old_predicts_as_it_did(archive: Path) -> None:
 def test_the_other_files_of_old_fit_together(archive: Path) -> None:
     segments = {segment.id for curve in artefacts.read_segmentation(archive / "segment.h5") for segment in curve.segments}
     result = artefacts.read_fit(archive / "fit.h5")
-    assert {fit.id for fit in result.fits} == segments
+    assert {fit.id for fit in result.segments} == segments
     assert result.backbone is not None
     assert result.backbone.name == "polynomial_2"
 
@@ -52,7 +52,7 @@ def test_a_sum_of_format_1_1_predicts_as_it_did() -> None:
     archive = ARCHIVES[1]
     model = artefacts.read_model(archive / "dynamic.h5")
     then = json.loads((archive / "dynamic.json").read_text())
-    assert len(model.summands) == 2
+    assert len(model.body.parts) == 2
     assert [signal.name for signal in model.signals] == ["strain_rate", "pressure_rate", "direction"]
     inputs = {name: np.array(values) for name, values in then["inputs"].items()}
     np.testing.assert_allclose(predict(model, inputs), then["predicted"], rtol=1e-12)

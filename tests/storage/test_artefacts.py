@@ -19,9 +19,9 @@ from stored_records import DATASETS, FITS, MODELS, SEGMENTATIONS, VALIDATIONS, s
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import FormulaFit, Scaling, Segment, SegmentedCurve, SegmentFit, Selection
-from mapmore_cli.domain.models import CurveFunction, Fusion, Model, SegmentFunction
+from mapmore_cli.domain.models import CurveFunction, Fusion, Model, Pieces, SegmentFunction
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
-from mapmore_cli.domain.results import FitResult
+from mapmore_cli.domain.results import FitResult, PiecesFit
 from mapmore_cli.domain.scores import Validation
 from mapmore_cli.storage import artefacts
 from mapmore_cli.storage.artefacts.codecs import escaped
@@ -111,16 +111,20 @@ def examples() -> dict[str, Any]:
                 "pressure=250", 250.0, ("strain",), boundaries, limits, (Segment(segment_id, "pressure=250", (1,), np.arange(3)),)
             ),
         ),
-        "fit": FitResult((SegmentFit(segment_id, "pressure=250", (1,), ("1", "strain", "strain^2"), scaling, selection),), formula),
+        "fit": FitResult(
+            PiecesFit((SegmentFit(segment_id, "pressure=250", (1,), ("1", "strain", "strain^2"), scaling, selection),)), formula
+        ),
         "model": Model(
             "demo",
             force,
             (pressure, strain),
-            "pressure",
-            ("strain",),
-            (CurveFunction("pressure=250", 250.0, boundaries, limits, (function,)),),
-            Fusion("linear", 0.25, {"strain": ("continue", 0.0)}),
-            formula,
+            Pieces(
+                "pressure",
+                ("strain",),
+                (CurveFunction("pressure=250", 250.0, boundaries, limits, (function,)),),
+                Fusion("linear", 0.25, {"strain": ("continue", 0.0)}),
+                formula,
+            ),
         ),
         "validation": Validation({"mapmore": (x,), "m2/x": (x,)}, {"sarosi": formula}, (), {"force": "N"}),
     }
@@ -138,7 +142,7 @@ def written(tmp_path: Path) -> dict[str, Path]:
 def test_equality_of_records_sees_a_difference() -> None:
     fit, other = examples()["fit"], examples()["fit"]
     assert same(fit, other)
-    other.fits[0].selection.err_all[1, 0] = np.nan
+    other.segments[0].selection.err_all[1, 0] = np.nan
     assert not same(fit, other)
 
 
@@ -170,10 +174,10 @@ def test_units_are_those_of_the_quantities(written: dict[str, Path]) -> None:
     dataset, model = arrays_of(written["dataset"]), arrays_of(written["model"])
     assert dataset["curves/000/columns/pressure"][0] == "kPa"
     assert dataset["recordings/000/columns/force"][0] == "N"
-    assert model["curves/000/limits/pressure"][0] == "kPa"
-    assert model["curves/000/boundaries/000"][0] == "1"
-    assert model["curves/000/segments/000/terms"][0] == NO_UNIT
-    assert model["curves/000/segments/000/scaling/slope"][0] == "1/1"
+    assert model["body/curves/000/limits/pressure"][0] == "kPa"
+    assert model["body/curves/000/boundaries/000"][0] == "1"
+    assert model["body/curves/000/segments/000/terms"][0] == NO_UNIT
+    assert model["body/curves/000/segments/000/scaling/slope"][0] == "1/1"
     assert arrays_of(written["validation"])["predictions/mapmore/000"][0] == "N"
 
 
@@ -206,7 +210,7 @@ def test_units_in_brackets(unit: str, known: dict[str, str], resolved: str, tmp_
 
 def test_fit_file_shows_how_terms_were_chosen(written: dict[str, Path]) -> None:
     with h5py.File(written["fit"]) as file:
-        fit = file["fits/000"]
+        fit = file["body/segments/000"]
         assert fit["terms"].asstr()[()].tolist() == ["strain^2", "1"]
         assert fit["selection/err_sum"][()].tolist() == [0.75, 0.875]
         assert fit["selection/err_all"].shape == (2, 3)
@@ -256,34 +260,34 @@ def test_truncated_file_is_named(kind: str, written: dict[str, Path]) -> None:
 
 
 def _delete_dataset(file: h5py.File) -> None:
-    del file["fits/000/selection/theta"]
+    del file["body/segments/000/selection/theta"]
 
 
 def _text_for_numbers(file: h5py.File) -> None:
-    del file["fits/000/selection/g"]
-    file["fits/000/selection/g"] = ["a", "b"]
+    del file["body/segments/000/selection/g"]
+    file["body/segments/000/selection/g"] = ["a", "b"]
 
 
 def _wrong_rank(file: h5py.File) -> None:
-    del file["fits/000/selection/a"]
-    file["fits/000/selection/a"] = [1.0]
+    del file["body/segments/000/selection/a"]
+    file["body/segments/000/selection/a"] = [1.0]
 
 
 def _number_for_text(file: h5py.File) -> None:
-    file["fits/000"].attrs["id"] = 3
+    file["body/segments/000"].attrs["id"] = 3
 
 
 def _text_for_number(file: h5py.File) -> None:
-    file["fits/000/selection"].attrs["sse"] = "much"
+    file["body/segments/000/selection"].attrs["sse"] = "much"
 
 
 def _gap_in_numbers(file: h5py.File) -> None:
-    file.move("fits/000", "fits/001")
+    file.move("body/segments/000", "body/segments/001")
 
 
 def _dataset_for_group(file: h5py.File) -> None:
-    del file["fits/000/scaling"]
-    file["fits/000/scaling"] = 1.0
+    del file["body/segments/000/scaling"]
+    file["body/segments/000/scaling"] = 1.0
 
 
 @pytest.mark.parametrize(
@@ -319,7 +323,7 @@ def _set_version(path: Path, version: str) -> None:
         file.attrs["format_version"] = version
 
 
-@pytest.mark.parametrize(("version", "readable"), [("1.9", True), ("2.0", False), ("10.0", False), ("one", False)])
+@pytest.mark.parametrize(("version", "readable"), [("2.9", True), ("3.0", False), ("10.0", False), ("one", False)])
 def test_format_versions(version: str, readable: bool, written: dict[str, Path]) -> None:
     _set_version(written["model"], version)
     if readable:

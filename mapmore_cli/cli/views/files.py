@@ -57,7 +57,7 @@ def page_lines(run_dir: Path) -> tuple[str, ...]:
 
 
 def _of_hdf5(path: Path) -> View:
-    from mapmore_cli.cli.views import fitted, measured, scored
+    from mapmore_cli.cli.views import fitted, measured, models, scored
     from mapmore_cli.storage import artefacts
 
     match artefacts.kind_of(path):
@@ -68,7 +68,7 @@ def _of_hdf5(path: Path) -> View:
         case "fit":
             return fitted.of_fit(artefacts.read_fit(path))
         case "model":
-            return fitted.of_model(artefacts.read_model(path))
+            return models.of_model(artefacts.read_model(path))
         case _:
             return scored.of_validation(artefacts.read_validation(path))
 

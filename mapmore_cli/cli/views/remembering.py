@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.memory import MemoryFit, MemoryModel
-    from mapmore_cli.domain.models import Model
     from mapmore_cli.reporting.tables import Table
 
 
-def model_document(memory: MemoryModel | None) -> dict[str, Any] | None:
+def model_document(memory: MemoryModel) -> dict[str, Any]:
     """The model with memory as it is stored; theta is of states scaled as `states` says."""
-    return None if memory is None else asdict(memory)
+    return asdict(memory)
 
 
 def fit_document(fit: MemoryFit | None) -> dict[str, Any] | None:
@@ -52,14 +51,11 @@ def model_tables(memory: MemoryModel) -> tuple[Table, ...]:
     return (coefficients, states) if states.rows else (coefficients,)
 
 
-def running_lines(model: Model) -> tuple[str, ...]:
-    """How each part with memory is run."""
+def running_lines(memory: MemoryModel) -> tuple[str, ...]:
+    """How the model is run."""
     from mapmore_cli.modelling.memory.resolution import output_lags
 
-    lines = []
-    for memory in model.memories:
-        steps = sorted(output_lags(memory.states, memory.output).values())
-        first = f"the first {steps[-1]} measured samples" if steps and steps[-1] > 1 else "the first measured sample"
-        start = f"from {first} of {memory.output}" if steps else f"without measured {memory.output}"
-        lines.append(f"Runs free {start}, at steps of {memory.states.step:.6g} s.")
-    return tuple(lines)
+    steps = sorted(output_lags(memory.states, memory.output).values())
+    first = f"the first {steps[-1]} measured samples" if steps and steps[-1] > 1 else "the first measured sample"
+    start = f"from {first} of {memory.output}" if steps else f"without measured {memory.output}"
+    return (f"Runs free {start}, at steps of {memory.states.step:.6g} s.",)

@@ -6,7 +6,7 @@ make a dictionary; `resolution` finds the numbers behind them in training; `eval
 """
 
 from mapmore_cli.modelling.memory.fitting import fit_with_memory
-from mapmore_cli.modelling.memory.free_run import Run, free_run, one_step_ahead
+from mapmore_cli.modelling.memory.free_run import free_run, one_step_ahead
 from mapmore_cli.modelling.memory.recipe import MemoryRecipe
 from mapmore_cli.modelling.memory.records import AtSample, Record, numbered, records_of, time_step, uninterrupted
 
@@ -14,7 +14,6 @@ __all__ = [
     "AtSample",
     "MemoryRecipe",
     "Record",
-    "Run",
     "fit_with_memory",
     "free_run",
     "numbered",

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns, IntArray
 from mapmore_cli.domain.memory import MemoryModel
+from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.memory.evaluation import evaluate_states
 from mapmore_cli.modelling.memory.feedback import Feedback, fed_back
 from mapmore_cli.modelling.memory.records import UNEVEN, AtSample, numbered, uninterrupted
@@ -21,17 +21,6 @@ DIVERGED = 100.0
 
 FEW = 2
 """Samples up to which a longer step is taken for a gap."""
-
-
-@dataclass(frozen=True)
-class Run:
-    """Predictions (n,), empty (NaN) before there is history and from a sample at which the run left all bounds to the end of its piece.
-
-    `diverged` are the rows of such samples.
-    """
-
-    values: Array
-    diverged: tuple[int, ...] = ()
 
 
 def one_step_ahead(model: MemoryModel, columns: Columns) -> Array:

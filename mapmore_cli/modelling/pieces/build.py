@@ -11,9 +11,9 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import IntArray
 from mapmore_cli.domain.fits import FormulaFit, Segment, SegmentedCurve, SegmentFit
-from mapmore_cli.domain.models import CurveFunction, Fusion, Model, SegmentFunction, Side
+from mapmore_cli.domain.models import CurveFunction, Fusion, Model, Pieces, SegmentFunction, Side
 from mapmore_cli.domain.recording import Curve, Quantity
-from mapmore_cli.domain.results import FitResult
+from mapmore_cli.domain.results import FitResult, PiecesFit
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature.backbone import residual_of
 from mapmore_cli.modelling.pieces.alignment import threshold
@@ -84,7 +84,7 @@ def fuse(
     along = _aligned_variable(recipe, inputs)
     thresholds = _thresholds(curves, recipe, along) if along else {}
     fits: dict[str, list[SegmentFit]] = {}
-    for one in result.fits:
+    for one in result.segments:
         fits.setdefault(one.curve, []).append(one)
     functions = [
         CurveFunction(
@@ -98,15 +98,12 @@ def fuse(
         for s in sorted(segmentation, key=lambda s: (s.level is not None, s.level))
     ]
     sides = _extrapolation(recipe, result, inputs)
+    fusion = Fusion(recipe.transition, recipe.z_s, sides, recipe.levels, along, _shrink(recipe, result.backbone))
     return Model(
         name=name,
         output=quantities[recipe.target],
         inputs=tuple(quantities[i] for i in inputs),
-        level=recipe.level,
-        variables=tuple(recipe.cuts),
-        curves=tuple(functions),
-        fusion=Fusion(recipe.transition, recipe.z_s, sides, recipe.levels, along, _shrink(recipe, result.backbone)),
-        backbone=result.backbone,
+        body=Pieces(recipe.level, tuple(recipe.cuts), tuple(functions), fusion, result.backbone),
         notes=(*result.notes, *_remarks(recipe, result, sides)),
     )
 
@@ -116,7 +113,7 @@ def build(
 ) -> Model:
     """A model from curves in one go."""
     segmentation = segment(curves, recipe, backbone)
-    return fuse(name, curves, segmentation, FitResult(fit(curves, segmentation, recipe, backbone), backbone), recipe, quantities)
+    return fuse(name, curves, segmentation, FitResult(PiecesFit(fit(curves, segmentation, recipe, backbone)), backbone), recipe, quantities)
 
 
 def _shrink(recipe: Recipe, backbone: FormulaFit | None) -> float:
@@ -181,7 +178,7 @@ def _extrapolation(recipe: Recipe, result: FitResult, inputs: Sequence[str]) -> 
 
 def _several_terms(result: FitResult) -> list[str]:
     """Curves with a segment of more than one term."""
-    return list(dict.fromkeys(one.curve for one in result.fits if len(one.terms) > 1))
+    return list(dict.fromkeys(one.curve for one in result.segments if len(one.terms) > 1))
 
 
 def _remarks(recipe: Recipe, result: FitResult, sides: Mapping[str, tuple[Side, Side]]) -> tuple[str, ...]:

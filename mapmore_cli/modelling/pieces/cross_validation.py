@@ -10,9 +10,9 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.pieces.build import build
+from mapmore_cli.modelling.pieces.model import simulate
 from mapmore_cli.modelling.pieces.recipe import Recipe
 
 BLOCKS = 5
@@ -58,7 +58,7 @@ def leave_out(
             if out.any():
                 rows = {name: x[out] for name, x in curve.columns.items()}
                 alone = literature.get(backbone).predict(formula.parameters, rows)
-                found.append((rows[recipe.target], alone, predict(model, rows) - alone))
+                found.append((rows[recipe.target], alone, simulate(model, rows).values - alone))
         progress(number + 1, len(folds))
     measured, alone, residual = (np.concatenate(parts) for parts in zip(*found, strict=True))
     return LeftOut(measured, alone, residual, len(folds))

@@ -13,7 +13,7 @@ from math import inf, prod
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns, IntArray, Value
-from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.models import Pieces as Body
 from mapmore_cli.modelling.pieces.alignment import aligned
 from mapmore_cli.modelling.pieces.bands import Band, alone, bands
 from mapmore_cli.modelling.pieces.curve import FusedCurve, Pieces
@@ -70,8 +70,7 @@ class Lookup:
 class FusedPieces:
     """The pieces of a model, ready for any number of rows; what counts in a region is found out when the first row is found in it."""
 
-    def __init__(self, model: Model) -> None:
-        names = [quantity.name for quantity in model.inputs]
+    def __init__(self, model: Body, names: Sequence[str]) -> None:
         self.fusion = model.fusion
         self.level = model.level
         self.free = tuple(name for name in names if name != model.level)
@@ -156,12 +155,12 @@ class FusedPieces:
         return {lookup.column: aligned(inputs[name], here, marks[lookup.curve]) for lookup in lookups if lookup.curve is not None}
 
 
-def _bands(model: Model, levels: Array) -> tuple[Array, tuple[Band, ...]]:
+def _bands(model: Body, levels: Array) -> tuple[Array, tuple[Band, ...]]:
     if model.level is None:
         return np.empty(0), (alone(0, 0.0),)
     return bands(levels, model.fusion.extrapolation[model.level], model.fusion)
 
 
-def level_values(model: Model) -> Array:
+def level_values(model: Body) -> Array:
     """The levels of the model's curves, ascending, (L,)."""
     return np.array([curve.level for curve in model.curves], dtype=np.float64)

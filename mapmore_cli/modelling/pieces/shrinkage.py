@@ -11,7 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from mapmore_cli.domain.models import FoldError, Model
+from mapmore_cli.domain.fits import FormulaFit
+from mapmore_cli.domain.models import FoldError, Model, Pieces
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling.pieces.cross_validation import LeftOut, inner_levels, leave_out
 from mapmore_cli.modelling.pieces.recipe import Recipe
@@ -33,14 +34,14 @@ def with_trusted_residual(
     - With fewer than three, and without levels, inner blocks of the curves are left out, and the residual is dropped where it does harm
       there.
     """
-    assert model.backbone is not None
-    left_out = leave_out(curves, recipe, quantities, model.backbone.name, progress)
+    body, formula = _on_backbone(model)
+    left_out = leave_out(curves, recipe, quantities, formula.name, progress)
     if inner_levels(curves, recipe):
         return _carried(model, left_out, shrunken_share(left_out))
     if left_out.rmse(1.0) < left_out.rmse(0.0):
         errors = _errors(left_out, {BACKBONE: 0.0, RESIDUAL: 1.0})
-        kept = replace(model, cross_validation=errors)
-        return _only_at_levels(kept) if len(model.curves) == 2 else kept
+        kept = replace(model, body=replace(body, cross_validation=errors))
+        return _only_at_levels(kept) if len(body.curves) == 2 else kept
     return _dropped(model, left_out)
 
 
@@ -52,36 +53,41 @@ def shrunken_share(left_out: LeftOut) -> float:
 
 
 def _carried(model: Model, left_out: LeftOut, share: float) -> Model:
-    assert model.backbone is not None
+    body, formula = _on_backbone(model)
     unit = model.output.unit
     note = (
-        f"midway between levels, {share:.0%} of the residual on {model.backbone.name} is carried: on {left_out.folds} left-out inner "
+        f"midway between levels, {share:.0%} of the residual on {formula.name} is carried: on {left_out.folds} left-out inner "
         f"level(s), {left_out.rmse(0.0):.4g} {unit} without it, {left_out.rmse(1.0):.4g} {unit} with all of it, "
         f"{left_out.rmse(share):.4g} {unit} with that share"
     )
-    return replace(
-        model,
-        fusion=replace(model.fusion, shrink=share),
-        cross_validation=_errors(left_out, {BACKBONE: 0.0, RESIDUAL: 1.0, SHRUNKEN: share}),
-        notes=(*model.notes, note),
-    )
+    errors = _errors(left_out, {BACKBONE: 0.0, RESIDUAL: 1.0, SHRUNKEN: share})
+    carried = replace(body, fusion=replace(body.fusion, shrink=share), cross_validation=errors)
+    return replace(model, body=carried, notes=(*model.notes, note))
 
 
 def _only_at_levels(model: Model) -> Model:
-    assert model.backbone is not None
-    note = f"two levels: midway between them {model.backbone.name} stands alone, since no inner level says how its residual runs there"
-    return replace(model, fusion=replace(model.fusion, shrink=0.0), notes=(*model.notes, note))
+    body, formula = _on_backbone(model)
+    note = f"two levels: midway between them {formula.name} stands alone, since no inner level says how its residual runs there"
+    return replace(model, body=replace(body, fusion=replace(body.fusion, shrink=0.0)), notes=(*model.notes, note))
 
 
 def _dropped(model: Model, left_out: LeftOut) -> Model:
-    assert model.backbone is not None
+    body, formula = _on_backbone(model)
     unit = model.output.unit
     note = (
-        f"cross-validation keeps {model.backbone.name} alone: {left_out.rmse(0.0):.4g} {unit}, "
+        f"cross-validation keeps {formula.name} alone: {left_out.rmse(0.0):.4g} {unit}, "
         f"with the residual {left_out.rmse(1.0):.4g} {unit} ({left_out.folds} folds)"
     )
-    bare = tuple(replace(curve, segments=()) for curve in model.curves)
-    return replace(model, curves=bare, cross_validation=_errors(left_out, {BACKBONE: 0.0, RESIDUAL: 1.0}), notes=(*model.notes, note))
+    bare = tuple(replace(curve, segments=()) for curve in body.curves)
+    errors = _errors(left_out, {BACKBONE: 0.0, RESIDUAL: 1.0})
+    return replace(model, body=replace(body, curves=bare, cross_validation=errors), notes=(*model.notes, note))
+
+
+def _on_backbone(model: Model) -> tuple[Pieces, FormulaFit]:
+    """The pieces of a model, and the formula that they stand on."""
+    assert isinstance(model.body, Pieces)
+    assert model.body.backbone is not None
+    return model.body, model.body.backbone
 
 
 def _errors(left_out: LeftOut, shares: Mapping[str, float]) -> tuple[FoldError, ...]:

@@ -9,8 +9,8 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.recording import DIRECTION, Curve, Dataset
+from mapmore_cli.domain.results import Forecast
 from mapmore_cli.domain.scores import Score
-from mapmore_cli.modelling.forecast import Forecast
 from mapmore_cli.modelling.scores.metrics import NORMALISERS, Normaliser, score
 from mapmore_cli.modelling.signals.rates import FALL, RISE
 

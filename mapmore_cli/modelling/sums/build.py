@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.domain.models import Fusion, Model
+from mapmore_cli.domain.models import Model, Part, Sum
 from mapmore_cli.domain.recording import Quantity
 
 
@@ -34,10 +34,6 @@ def sum_of(name: str, models: Sequence[Model], output: Quantity, quantities: Map
         name=name,
         output=output,
         inputs=tuple(inputs[key] for key in sorted(inputs)),
-        level=None,
-        variables=(),
-        curves=(),
-        fusion=Fusion("linear", 0.0, {}),
+        body=Sum(tuple(map(Part, models))),
         notes=tuple(f"{model.name}: {note}" for model in models for note in model.notes),
-        summands=tuple(models),
     )

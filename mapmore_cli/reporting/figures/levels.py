@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.models import Model, Pieces
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces.weights import level_weights
@@ -25,19 +25,20 @@ PLACES = (0.1, 0.5, 0.9)
 
 def level_figures(inputs: ReportInputs) -> list[Drawing]:
     """One figure where there are levels to interpolate between."""
-    levels = np.array([curve.level for curve in inputs.model.curves if curve.level is not None])
-    if inputs.model.level is None or len(levels) < 2:
+    pieces = inputs.model.pieces
+    if pieces is None or pieces.level is None or len(pieces.curves) < 2:
         return []
-    level = inputs.dataset.quantities[inputs.model.level]
-    return [_weights(inputs, level, levels) if inputs.model.fusion.levels == "linear" else _courses(inputs, level, levels)]
+    levels = np.array([curve.level for curve in pieces.curves], dtype=np.float64)
+    level = inputs.dataset.quantities[pieces.level]
+    return [_weights(pieces, inputs, level, levels) if pieces.fusion.levels == "linear" else _courses(inputs, level, levels)]
 
 
-def _weights(inputs: ReportInputs, level: Quantity, levels: Array) -> Drawing:
+def _weights(pieces: Pieces, inputs: ReportInputs, level: Quantity, levels: Array) -> Drawing:
     def on(axes: Sequence[Axes]) -> None:
-        draw_levels(axes[0], levels, inputs.model)
+        draw_levels(axes[0], levels, pieces)
         axes[0].set_yticks([0, 0.5, 1])
 
-    x, weights = _level_weights(inputs.model, levels)
+    x, weights = _level_weights(pieces, levels)
     data: dict[str, Values] = {f"{level.name} [{level.unit}]": x}
     data |= {f"weight of {value:g} {level.unit}": weight for value, weight in zip(levels, weights, strict=True)}
     caption = f"Weights of the {len(levels)} training curves over {level.name}; a dot marks the level of each."
@@ -63,18 +64,18 @@ def _courses(inputs: ReportInputs, level: Quantity, levels: Array) -> Drawing:
     return Drawing(NAME, caption, f"{inputs.own} over {level.name} at {at}.", (panel,), Grid(height=2.0))
 
 
-def draw_levels(ax: Axes, levels: Array, model: Model) -> None:
+def draw_levels(ax: Axes, levels: Array, pieces: Pieces) -> None:
     """Triangular weights between neighbouring levels; beyond the outer ones as far as the extrapolation acts on the weights."""
-    x, weights = _level_weights(model, levels)
+    x, weights = _level_weights(pieces, levels)
     for colour, level, weight in zip(level_colours(len(levels)), levels, weights, strict=True):
         ax.plot(x, weight, color=colour, linewidth=1.2)
         ax.plot([level], [1.0], color=colour, marker="o", markersize=3)
 
 
-def _level_weights(model: Model, levels: Array) -> tuple[Array, Array]:
+def _level_weights(pieces: Pieces, levels: Array) -> tuple[Array, Array]:
     """Values of the level quantity `(m,)`, and the weight of every curve there `(levels, m)`."""
-    x = _level_grid(model, levels)
-    below, above = model.fusion.extrapolation[str(model.level)]
+    x = _level_grid(pieces, levels)
+    below, above = pieces.fusion.extrapolation[str(pieces.level)]
     return x, level_weights(x, levels, str(below), str(above)).T
 
 
@@ -90,10 +91,12 @@ class Course:
 
 def level_courses(model: Model, along: str, levels: Array) -> list[Course]:
     """The model at `PLACES` of the range that all its curves have of `along`, other inputs in the middle of their ranges."""
-    level = str(model.level)
-    limits = {quantity.name: np.array([curve.limits[quantity.name] for curve in model.curves]) for quantity in model.inputs}
+    pieces = model.pieces
+    assert pieces is not None
+    level = str(pieces.level)
+    limits = {quantity.name: np.array([curve.limits[quantity.name] for curve in pieces.curves]) for quantity in model.inputs}
     low, high = limits[along][:, 0].max(), limits[along][:, 1].min()
-    x = _level_grid(model, levels)
+    x = _level_grid(pieces, levels)
     middle = {name: float(ends.mean()) for name, ends in limits.items()}
 
     def at(place: float, values: Array) -> Array:
@@ -111,9 +114,9 @@ def draw_courses(ax: Axes, courses: Sequence[Course], levels: Array) -> None:
         ax.plot(levels, course.at_levels, color=colour, linestyle="none", marker="o", markersize=3)
 
 
-def _level_grid(model: Model, levels: Array) -> Array:
+def _level_grid(pieces: Pieces, levels: Array) -> Array:
     """Values of the level quantity, a little beyond the outer levels where the model is extrapolated, the levels among them."""
-    below, above = model.fusion.extrapolation[str(model.level)]
+    below, above = pieces.fusion.extrapolation[str(pieces.level)]
     margin = 0.08 * (levels[-1] - levels[0])
     low = levels[0] - (margin if isinstance(below, str) else 0.0)
     high = levels[-1] + (margin if isinstance(above, str) else 0.0)

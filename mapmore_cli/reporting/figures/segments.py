@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from mapmore_cli.domain.arrays import Array, IntArray
+from mapmore_cli.domain.models import Fusion
 from mapmore_cli.domain.recording import DIRECTION, Quantity
 from mapmore_cli.modelling.pieces.segmentation import training_curves
 from mapmore_cli.modelling.pieces.weights import cell_weights, zones
@@ -95,17 +96,17 @@ def _look(place: int, what: str) -> dict[str, Any]:
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
     """One figure a segmented variable, and one of the way between the levels."""
-    if not inputs.has_pieces:
+    pieces = inputs.model.pieces
+    if pieces is None or not pieces.segments:
         return []
-    cut = [_variable_figure(inputs, j, name) for j, name in enumerate(inputs.model.variables) if name != DIRECTION]
+    cut = [_variable_figure(inputs, pieces.fusion, j, name) for j, name in enumerate(pieces.variables) if name != DIRECTION]
     return [*cut, *level_figures(inputs)]
 
 
-def _variable_figure(inputs: ReportInputs, variable: int, name: str) -> Drawing:
+def _variable_figure(inputs: ReportInputs, fusion: Fusion, variable: int, name: str) -> Drawing:
     every = segment_curves(inputs, variable)
     shown = [every[i] for i in spread(len(every), MOST_CURVES)]
-    fusion = inputs.model.fusion
-    panels = tuple(_panel(inputs, curve, inputs.dataset.quantities[name]) for curve in shown)
+    panels = tuple(_panel(inputs, fusion, curve, inputs.dataset.quantities[name]) for curve in shown)
     grid = Grid(columns_for(len(panels)), width_for(len(panels)), 2.2, (2.0, 0.8), common_y="row")
     joined = f"{fusion.transition} transitions, z_s = {fusion.z_s:g}"
     caption = (
@@ -117,9 +118,7 @@ def _variable_figure(inputs: ReportInputs, variable: int, name: str) -> Drawing:
     return Drawing(stem, caption, f"Segments of {name}. {spoken}.", panels, grid)
 
 
-def _panel(inputs: ReportInputs, curve: SegmentCurve, along: Quantity) -> Panel:
-    fusion = inputs.model.fusion
-
+def _panel(inputs: ReportInputs, fusion: Fusion, curve: SegmentCurve, along: Quantity) -> Panel:
     def on(axes: Sequence[Axes]) -> None:
         draw_segments(axes[0], curve)
         draw_weights(axes[1], curve, fusion.transition, fusion.z_s)

@@ -1,1 +1,35 @@
-"""From sections of the spec to models: one file for each kind of model."""
+"""From sections of the spec to models: one file for each kind of model, and the one place that tells them apart."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from mapmore_cli.domain.models import Model
+    from mapmore_cli.domain.recording import Dataset
+    from mapmore_cli.domain.results import FitResult
+    from mapmore_cli.stages.kinds.choices import FitChoices, ModelChoices
+    from mapmore_cli.stages.pipeline.stage import Workspace
+
+
+@dataclass(frozen=True)
+class Maker:
+    """How a kind is fitted (the fit stage), and how the model is made of the fits (the fuse stage)."""
+
+    fit: Callable[[FitChoices, Dataset, Workspace], FitResult]
+    build: Callable[[ModelChoices, Dataset, Workspace], Model]
+
+
+def maker_of(part: FitChoices) -> Maker:
+    """How the model of a study is made."""
+    from mapmore_cli.stages.kinds import formula, memory, pieces, sums
+
+    makers = {
+        "pieces": Maker(pieces.fit, pieces.build),
+        "memory": Maker(memory.fit, memory.build),
+        "formula": Maker(formula.fit, formula.build),
+        "sum": Maker(sums.fit, sums.build),
+    }
+    return makers[part.kind]

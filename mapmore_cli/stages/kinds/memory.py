@@ -2,45 +2,53 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.domain.results import FitResult
+from mapmore_cli.modelling.literature.backbone import residual_of
+from mapmore_cli.modelling.memory import MemoryRecipe, fit_with_memory, records_of, time_step
+from mapmore_cli.modelling.memory import model as memory
+from mapmore_cli.stages.kinds.choices import FitChoices, ModelChoices
 from mapmore_cli.stages.kinds.dictionary import Clock, terms_of
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mapmore_cli.domain.fits import FormulaFit
-    from mapmore_cli.domain.memory import MemoryFit
-    from mapmore_cli.domain.recording import Dataset
-    from mapmore_cli.spec.sections.dictionary import DictionaryEntry
-    from mapmore_cli.spec.sections.method import Fit
+from mapmore_cli.stages.kinds.formula import fitted
+from mapmore_cli.stages.pipeline.stage import Workspace
+from mapmore_cli.storage.artefacts import read_fit, read_segmentation
 
 
-def fit_memory(dataset: Dataset, dictionary: Sequence[DictionaryEntry], fit: Fit, backbone: FormulaFit | None) -> MemoryFit:
+def fit(part: FitChoices, dataset: Dataset, workspace: Workspace) -> FitResult:
     """One model of all recordings, of what the backbone leaves where there is one.
 
     Raises
     ------
     DataError
         Where recordings are not sampled alike, or too few samples have a history.
+    FitError
+        Where the fit of the backbone failed.
     """
-    from mapmore_cli.modelling.literature.backbone import residual_of
-    from mapmore_cli.modelling.memory import MemoryRecipe, fit_with_memory, records_of, time_step
-
+    del workspace
+    backbone = None if part.model.backbone is None else fitted(part.model.backbone, part, dataset)
     curves = [residual_of(curve, dataset.target, backbone) for curve in dataset.curves]
     step = time_step(curves)
     records = records_of(curves, step)
     clock = Clock(step, step * max(int(record.training.sum()) for record in records))
     recipe = MemoryRecipe(
         target=dataset.target,
-        dictionary=terms_of(dictionary, clock),
+        dictionary=terms_of(part.dictionary, clock),
         step=step,
-        scale=fit.scaling == "range",
-        margin=fit.margin,
-        ridge=fit.ridge,
-        max_terms=fit.max_terms,
-        forward=fit.forward,
-        tolerance=fit.tolerance,
-        stop=fit.stop,
+        scale=part.fit.scaling == "range",
+        margin=part.fit.margin,
+        ridge=part.fit.ridge,
+        max_terms=part.fit.max_terms,
+        forward=part.fit.forward,
+        tolerance=part.fit.tolerance,
+        stop=part.fit.stop,
     )
-    return fit_with_memory(records, recipe)
+    return FitResult(fit_with_memory(records, recipe), backbone)
+
+
+def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:
+    """The model, with the training range of its inputs."""
+    result = read_fit(workspace.run_dir / "fit.h5")
+    assert result.memory is not None
+    training = read_segmentation(workspace.run_dir / "segment.h5")
+    return memory.build(part.name, result.memory.model, result.backbone, training, dataset.quantities, result.notes)

@@ -1,20 +1,22 @@
-"""From sections of the spec to what the mathematics has to be told."""
+"""From sections of the spec to MAPMORE, the pieces of M1 and M2."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from mapmore_cli.spec.sections.data import STEP_OF, STEP_PRESSURE, Levels
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry, remembers
 from mapmore_cli.spec.sections.method import BelowAbove, CutByDirection, Cuts, Fit, Fuse
+from mapmore_cli.stages.kinds.choices import FitChoices, ModelChoices, SegmentSection
 from mapmore_cli.stages.kinds.dictionary import terms_of
 
 if TYPE_CHECKING:
-    from mapmore_cli.domain.models import Side
+    from mapmore_cli.domain.models import Model, Side
+    from mapmore_cli.domain.recording import Dataset
+    from mapmore_cli.domain.results import FitResult
     from mapmore_cli.modelling.pieces.recipe import Cut, Recipe
-
-SegmentSection = Mapping[str, Cuts | CutByDirection | Literal["none", "levels"]]
+    from mapmore_cli.stages.pipeline.stage import Workspace
 
 
 def level_of(levels: Levels | None, segment: SegmentSection) -> str | None:
@@ -79,3 +81,43 @@ def _sides(fuse: Fuse) -> dict[str, tuple[Side | None, Side | None]]:
     return {
         name: (sides.below, sides.above) if isinstance(sides, BelowAbove) else (sides, sides) for name, sides in fuse.extrapolation.items()
     }
+
+
+def fit(part: FitChoices, dataset: Dataset, workspace: Workspace) -> FitResult:
+    """The terms of every segment, fitted to what the backbone leaves where there is one; raises FitError where its fit failed."""
+    from mapmore_cli.domain.results import FitResult, PiecesFit
+    from mapmore_cli.modelling.pieces import build as method
+    from mapmore_cli.modelling.pieces.segmentation import trained_at
+    from mapmore_cli.stages.kinds.formula import fitted
+    from mapmore_cli.storage.artefacts import read_segmentation
+
+    backbone = None if part.model.backbone is None else fitted(part.model.backbone, part, dataset)
+    segmentation = read_segmentation(workspace.run_dir / "segment.h5")
+    recipe = recipe_of(dataset.target, part.levels, part.segment, part.dictionary, part.fit, Fuse())
+    total = sum(len(curve.segments) for curve in segmentation)
+    done = 0
+
+    def tick() -> None:
+        nonlocal done
+        done += 1
+        workspace.progress("segments", done, total)
+
+    segments = method.fit(trained_at(dataset.curves, part.fit.train_level), segmentation, recipe, backbone, tick)
+    return FitResult(PiecesFit(segments), backbone)
+
+
+def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:
+    """Fuse; on a backbone, keep as much of the residual as left-out training data support, unless the spec says how much."""
+    from mapmore_cli.modelling.pieces import build as method
+    from mapmore_cli.modelling.pieces.segmentation import trained_at
+    from mapmore_cli.modelling.pieces.shrinkage import with_trusted_residual
+    from mapmore_cli.storage.artefacts import read_fit, read_segmentation
+
+    curves = trained_at(dataset.curves, part.fit.train_level)
+    segmentation = read_segmentation(workspace.run_dir / "segment.h5")
+    result = read_fit(workspace.run_dir / "fit.h5")
+    recipe = recipe_of(dataset.target, part.levels, part.segment, part.dictionary, part.fit, part.fuse)
+    model = method.fuse(part.name, curves, segmentation, result, recipe, dataset.quantities)
+    if result.backbone is None or recipe.shrink is not None:
+        return model
+    return with_trusted_residual(model, curves, recipe, dataset.quantities, lambda done, total: workspace.progress("folds", done, total))

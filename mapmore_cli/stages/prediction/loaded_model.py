@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.models import Equation, Model
 from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.modelling.equations import model_equations
+from mapmore_cli.modelling.kinds import equations as model_equations
 from mapmore_cli.modelling.kinds import outside_range, predict
 from mapmore_cli.modelling.signals.rates import with_signals
 from mapmore_cli.stages.prediction.reading import reading_of

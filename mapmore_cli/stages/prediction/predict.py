@@ -11,8 +11,9 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.kinds import outside_range, simulate
-from mapmore_cli.modelling.memory import AtSample, Run, numbered
+from mapmore_cli.modelling.memory import AtSample, numbered
 from mapmore_cli.modelling.signals.rates import with_signals
 from mapmore_cli.stages.prediction.reading import Reading, reading_of
 from mapmore_cli.stages.prediction.records import Row, fields_of, records, values_of

@@ -6,7 +6,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 from mapmore_cli.domain.models import Model, Signal
-from mapmore_cli.modelling.memory.resolution import output_lags
+from mapmore_cli.modelling.kinds import fed_back, runs_over_time
 
 
 @dataclass(frozen=True)
@@ -34,9 +34,8 @@ class Reading:
 def reading_of(model: Model, given: Collection[str]) -> Reading:
     """Every input by its own name where it is `given`, else by the signal that it is; `time` where there are signals or memory."""
     signals = tuple(signal for signal in model.signals if signal.name not in given)
-    over_time = bool(signals or model.memories)
+    over_time = bool(signals) or runs_over_time(model)
     wanted = [quantity.name for quantity in model.inputs] + [signal.of for signal in signals]
     derived = {signal.name for signal in signals}
     columns = dict.fromkeys(name for name in (["time"] if over_time else []) + wanted if name not in derived)
-    outputs = dict.fromkeys(memory.output for memory in model.memories if output_lags(memory.states, memory.output))
-    return Reading(tuple(columns), signals, tuple(outputs), over_time)
+    return Reading(tuple(columns), signals, fed_back(model), over_time)

@@ -5,6 +5,7 @@ Format versions are read like semantic versions: a new major is refused by older
 1.0  first version.
 1.1  curves with samples at rest and the recording of each sample; models with signals and summands.
 1.2  fits and models with memory; scores with the root relative squared error.
+2.0  fits and models have a body of one kind; sums have signs and renamed inputs. Files of 1.x stay readable (`layout.legacy`).
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.artefacts.codecs import checked_text
 from mapmore_cli.storage.artefacts.label import Label
 from mapmore_cli.storage.artefacts.layout import DATASET, FIT_RESULT, MODEL, SEGMENTATION, VALIDATION
+from mapmore_cli.storage.artefacts.layout.legacy import FIT_RESULT_1, MODEL_1
 from mapmore_cli.storage.artefacts.schema import Schema
 from mapmore_cli.storage.atomic import replacing
 from mapmore_cli.storage.provenance import refuse_newer
@@ -27,16 +29,20 @@ from mapmore_cli.storage.provenance import refuse_newer
 if TYPE_CHECKING:
     import h5py
 
-FORMAT_VERSION = "1.2"
+FORMAT_VERSION = "2.0"
 
 
 @dataclass(frozen=True)
 class FileKind:
-    """A kind of file: its name in the attribute `kind`, the stage that makes it, and what its root holds."""
+    """A kind of file: its name in the attribute `kind`, the stage that makes it, and what its root holds.
+
+    `before_2` is what its root held in formats 1.x, where that was something else; its records have a method `upgraded`.
+    """
 
     name: str
     stage: str
     schema: Schema
+    before_2: Schema | None = None
 
     def write(self, path: Path, record: Any, units: Mapping[str, str], provenance: Mapping[str, str] | None = None) -> None:
         """Write `record`; `units` are those that it does not know itself. The bytes depend on the arguments only.
@@ -65,14 +71,16 @@ class FileKind:
             found = _checked_kind(path, file)
             if found != self.name:
                 raise DataError(f"{path}: is a {found} file, not a {self.name} file", f"give a file that `mapmore {self.stage}` wrote")
+            if self.before_2 is not None and str(file.attrs["format_version"]).startswith("1."):
+                return self.before_2.read_from(file).upgraded()
             return self.schema.read_from(file)
 
 
 KINDS = (
     FileKind("dataset", "ingest", DATASET),
     FileKind("segmentation", "segment", SEGMENTATION),
-    FileKind("fit", "fit", FIT_RESULT),
-    FileKind("model", "fuse", MODEL),
+    FileKind("fit", "fit", FIT_RESULT, FIT_RESULT_1),
+    FileKind("model", "fuse", MODEL, MODEL_1),
     FileKind("validation", "validate", VALIDATION),
 )
 DATASET_FILE, SEGMENTATION_FILE, FIT_FILE, MODEL_FILE, VALIDATION_FILE = KINDS

@@ -80,6 +80,25 @@ def nested(type_: type, schema: Callable[[], Schema]) -> Codec:
     return Codec(f"[{type_.__name__}](#{type_.__name__.lower()})", write, read)
 
 
+def variant(bodies: Mapping[str, Schema]) -> Codec:
+    """One object of one of several types, as a group of its own whose attribute `kind` names the type."""
+
+    def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
+        word, schema = next((word, schema) for word, schema in bodies.items() if type(value) is schema.type)
+        body = group.create_group(name)
+        body.attrs["kind"] = word
+        schema.write_into(body, value, label)
+
+    def read(group: h5py.Group, name: str) -> Any:
+        word = group[name].attrs["kind"]
+        if word not in bodies:
+            raise ValueError(f"{group.name}/{name} is of the unknown kind {word!r}")
+        return bodies[word].read_from(group[name])
+
+    form = ", ".join(f"`{word}`: [{schema.type.__name__}](#{schema.type.__name__.lower()})" for word, schema in bodies.items())
+    return Codec(f"group with the attribute `kind`; {form}", write, read)
+
+
 def rows(schema: Schema) -> Codec:
     """A tuple of objects with scalar fields as a table: a group with one 1-D dataset for every field.
 

@@ -12,8 +12,8 @@ from memory_samples import STEP, narx_truth, recipe_of, record, wandering
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.memory import capacity, fit_with_memory, free_run
-from mapmore_cli.modelling.memory.equation import memory_equation
 from mapmore_cli.modelling.memory.families import lags, operated, products
+from mapmore_cli.modelling.memory.model import memory_equation
 from mapmore_cli.modelling.terms import evaluate, to_text
 from mapmore_cli.modelling.terms.operators.play import play
 from mapmore_cli.modelling.terms.operators.slow import slow
@@ -103,7 +103,7 @@ def test_the_equation_is_the_model(scale):
     fit = fit_with_memory([record(x=x, y=y)], replace(OPERATED, scale=scale))
     columns = {"x": x} | {f"slow(x, {tau:g})": slow(x, tau, STEP) for tau in (0.05, 0.2, 1)}
     columns |= {f"play(x, {width:g})": play(x, width * np.ptp(x)) for width in (0.1, 0.2, 0.4)}
-    np.testing.assert_allclose(evaluate(memory_equation(fit.model), columns), free_run(fit.model, {"x": x}).values, rtol=1e-8)
+    np.testing.assert_allclose(evaluate(memory_equation(fit.model, {}), columns), free_run(fit.model, {"x": x}).values, rtol=1e-8)
 
 
 def test_the_ridge_may_be_left_to_the_data():

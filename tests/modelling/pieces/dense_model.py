@@ -26,9 +26,9 @@ def dense(model, columns):
 
 def pieces(model, row):
     if model.level is None:
-        return curve_value(model, model.curves[0], row)
-    at = np.array([curve.level for curve in model.curves])
-    below, above = model.fusion.extrapolation[model.level]
+        return curve_value(model, model.body.curves[0], row)
+    at = np.array([curve.level for curve in model.body.curves])
+    below, above = model.body.fusion.extrapolation[model.level]
     x = row[model.level]
     if x < at[0]:
         x = at[0] if below == "saturate" else below if isinstance(below, float) else x
@@ -39,14 +39,14 @@ def pieces(model, row):
         return 0.0
     straight = (x < at[0] and below == "continue_linear") or (x > at[-1] and above == "continue_linear")
     within = x if straight else min(max(x, at[0]), at[-1])
-    f = {number: curve_value(model, model.curves[number], moved(model, row, number)) for number in counting(model, at, within)}
+    f = {number: curve_value(model, model.body.curves[number], moved(model, row, number)) for number in counting(model, at, within)}
     if len(f) == 1:
         return next(iter(f.values()))
     share = 1.0
     if at[0] <= x <= at[-1]:
         left = min(int(np.searchsorted(at, x, side="right")) - 1, len(at) - 2)
         t = (x - at[left]) / (at[left + 1] - at[left])
-        share = model.fusion.shrink + (1 - model.fusion.shrink) * (1 - 2 * t) ** 2
+        share = model.body.fusion.shrink + (1 - model.body.fusion.shrink) * (1 - 2 * t) ** 2
     return share * across(model, at, f, within)
 
 
@@ -54,14 +54,14 @@ def counting(model, at, x):
     """Numbers of the curves that matter: the others may have no value there."""
     if x in at:
         return [int(np.flatnonzero(at == x)[0])]
-    if model.fusion.levels == "pchip" or len(at) == 1:
+    if model.body.fusion.levels == "pchip" or len(at) == 1:
         return range(len(at))
     left = min(max(int(np.searchsorted(at, x)) - 1, 0), len(at) - 2)
     return [left, left + 1]
 
 
 def across(model, at, f, x):
-    if model.fusion.levels == "linear":
+    if model.body.fusion.levels == "linear":
         (i, a), (j, b) = f.items()
         return a + (b - a) * (x - at[i]) / (at[j] - at[i])
     from scipy.interpolate import PchipInterpolator
@@ -73,11 +73,11 @@ def across(model, at, f, x):
 
 def moved(model, row, number):
     """The row with the aligned variable at the place that corresponds on one curve."""
-    name = model.fusion.aligned
+    name = model.body.fusion.aligned
     if name is None:
         return row
-    at = np.array([curve.level for curve in model.curves])
-    marks = np.array([[curve.limits[name][0], curve.threshold, curve.limits[name][1]] for curve in model.curves])
+    at = np.array([curve.level for curve in model.body.curves])
+    marks = np.array([[curve.limits[name][0], curve.threshold, curve.limits[name][1]] for curve in model.body.curves])
     here = [np.interp(row[model.level], at, mark) for mark in marks.T]
     own, x = marks[number], row[name]
     side = 0 if x < here[1] else 1
@@ -92,7 +92,7 @@ def curve_value(model, curve, row):
         if name == model.level:
             continue
         low, high = curve.limits[name]
-        for side, limit, out in zip(model.fusion.extrapolation[name], (low, high), (row[name] < low, row[name] > high), strict=True):
+        for side, limit, out in zip(model.body.fusion.extrapolation[name], (low, high), (row[name] < low, row[name] > high), strict=True):
             if out and side == "zero":
                 return 0.0
             if out and side != "continue":
@@ -102,8 +102,8 @@ def curve_value(model, curve, row):
     total = 0.0
     for segment in curve.segments:
         weight = 1.0
-        for name, boundaries, place in zip(model.variables, curve.boundaries, segment.cell, strict=True):
-            weight *= cell_weight(at[name], boundaries, place, S[model.fusion.transition], model.fusion.z_s)
+        for name, boundaries, place in zip(model.body.variables, curve.boundaries, segment.cell, strict=True):
+            weight *= cell_weight(at[name], boundaries, place, S[model.body.fusion.transition], model.body.fusion.z_s)
         if weight != 0.0:
             total += weight * segment_at(model, curve, segment, at, beyond)
     return total
@@ -126,11 +126,11 @@ def cell_weight(x, boundaries, place, s, z_s):
 
 def segment_at(model, curve, segment, at, beyond):
     held = dict(at)
-    for name, boundaries, place in zip(model.variables, curve.boundaries, segment.cell, strict=True):
+    for name, boundaries, place in zip(model.body.variables, curve.boundaries, segment.cell, strict=True):
         if name not in segment.limits:
             continue
         low, high = segment.limits[name]
-        reach = model.fusion.z_s * (high - low)
+        reach = model.body.fusion.z_s * (high - low)
         held[name] = max(held[name], low - reach) if place > 1 else held[name]
         held[name] = min(held[name], high + reach) if place < len(boundaries) - 1 else held[name]
     scaling = segment.scaling

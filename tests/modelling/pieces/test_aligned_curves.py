@@ -147,4 +147,4 @@ def test_held_out_forces_move_no_threshold():
     masked = [replace(c, held_out=held) for c in samples]
     spoilt = [replace(c, columns={**c.columns, "force": np.where(held, 1e4 * rng.random(500), c.columns["force"])}) for c in masked]
     one, two = (build("slack", s, recipe(**SLACK, align="threshold"), QUANTITIES) for s in (masked, spoilt))
-    assert [c.threshold for c in one.curves] == [c.threshold for c in two.curves]
+    assert [c.threshold for c in one.body.curves] == [c.threshold for c in two.body.curves]

@@ -53,7 +53,7 @@ def test_the_dictionary_is_never_there_as_a_whole():
 def test_a_wide_dictionary_is_read_as_a_whole(monkeypatch):
     monkeypatch.setattr(regression, "frols_streamed", None)
     model = build("short", curves(), recipe(), QUANTITIES)
-    assert all(curve.segments for curve in model.curves)
+    assert all(curve.segments for curve in model.body.curves)
 
 
 def test_a_value_that_is_not_finite_is_found_in_any_block():

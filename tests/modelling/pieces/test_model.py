@@ -65,7 +65,7 @@ def test_positive_units_change_neither_selection_nor_scaled_theta(seed, a, b, k)
         for c in curves(seed=seed)
     )
     other = built(samples, max_terms=k)
-    for one, two in zip(plain.curves, other.curves, strict=True):
+    for one, two in zip(plain.body.curves, other.body.curves, strict=True):
         for f, g in zip(one.segments, two.segments, strict=True):
             assert f.terms == g.terms
             assert f.scaling.placement == g.scaling.placement
@@ -83,7 +83,7 @@ def test_the_order_of_rows_does_not_matter(seed):
         order = rng.permutation(c.size)
         shuffled.append(replace(c, columns={name: x[order] for name, x in c.columns.items()}, held_out=c.held_out[order]))
     one, two = built(curves(seed=seed), max_terms=2), built(tuple(shuffled), max_terms=2)
-    for f, g in zip(one.curves, two.curves, strict=True):
+    for f, g in zip(one.body.curves, two.body.curves, strict=True):
         for p, q in zip(f.segments, g.segments, strict=True):
             assert p.terms == q.terms
             np.testing.assert_array_equal(p.theta, q.theta)
@@ -135,9 +135,9 @@ def test_extrapolation_below_the_lowest_level(word, expected):
 
 
 def test_several_terms_saturate_by_default_and_one_term_continues():
-    assert built(max_terms=1).fusion.extrapolation["strain"] == ("continue", "continue")
+    assert built(max_terms=1).body.fusion.extrapolation["strain"] == ("continue", "continue")
     several = built(max_terms=3)
-    assert several.fusion.extrapolation["strain"] == ("saturate", "saturate")
+    assert several.body.fusion.extrapolation["strain"] == ("saturate", "saturate")
     assert any("saturates" in note for note in several.notes)
     asked = built(max_terms=3, beyond="continue")
     assert any("pressure=80" in note and "explode" in note for note in asked.notes)
@@ -156,13 +156,19 @@ def test_a_narrow_segment_beside_a_wide_one_does_not_explode_in_the_zone():
     model = built(clustered(), cuts={"strain": Breakpoints((0.011,))}, max_terms=4, tolerance=0.0)
     strain = np.linspace(0, 0.2, 500)
     assert np.abs(predict(model, at(150, strain)) - 500 * np.exp(-strain / 0.1)).max() < 60
-    carried = replace(model, curves=tuple(replace(c, segments=tuple(replace(s, limits={}) for s in c.segments)) for c in model.curves))
+    carried = without_limits(model)
     assert np.abs(predict(carried, at(150, strain)) - 500 * np.exp(-strain / 0.1)).max() > 500
+
+
+def without_limits(model):
+    """The model with segment functions that are held nowhere."""
+    free = (replace(c, segments=tuple(replace(s, limits={}) for s in c.segments)) for c in model.body.curves)
+    return replace(model, body=replace(model.body, curves=tuple(free)))
 
 
 def test_even_segments_full_of_samples_are_not_held():
     model = built(curves(n=4000), max_terms=3, beyond="continue")
-    free = replace(model, curves=tuple(replace(c, segments=tuple(replace(s, limits={}) for s in c.segments)) for c in model.curves))
+    free = without_limits(model)
     x = at(*np.meshgrid(np.linspace(60, 400, 30), np.linspace(-0.02, 0.3, 400)))
     np.testing.assert_allclose(predict(model, x), predict(free, x), atol=0.02)
 
@@ -186,7 +192,7 @@ def test_two_segmented_variables_without_levels():
         recipe(level=None, cuts={"strain": Even(2)}, dictionary=("1", "strain", "pressure", "pressure*strain"), max_terms=4),
         QUANTITIES,
     )
-    assert [c.curve for c in model.curves] == ["all"]
+    assert [c.curve for c in model.body.curves] == ["all"]
     x = {name: np.concatenate([c.columns[name] for c in samples]) for name in ("pressure", "strain", "force")}
     assert np.sqrt(np.mean((predict(model, x) - x["force"]) ** 2)) < 0.1 * np.abs(x["force"]).max()
 

@@ -12,11 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.fits import FormulaFit, Scaling
-from mapmore_cli.domain.models import CurveFunction, Fusion, Model, SegmentFunction
+from mapmore_cli.domain.models import CurveFunction, Fusion, Model, Pieces, SegmentFunction
 from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.modelling import kinds as evaluation
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import predict
+from mapmore_cli.modelling.literature import model as evaluation
 
 TERMS = ("1", "a", "a^2", "a^5", "b*a", "exp(-a)", "sqrt(a^2 + b^2)", "b", "c*b", "a/(1 + b^2)")
 WORDS = ("continue", "continue_linear", "saturate", "zero")
@@ -43,7 +43,17 @@ def imagined(rng, names, level, count, cuts, terms=3):
         curves.append(CurveFunction(f"curve {number}", at, boundaries, limits, tuple(segments), threshold))
     quantities = tuple(Quantity(name, "1") for name in names)
     sides = dict.fromkeys(names, ("continue", "continue"))
-    return Model("imagined", Quantity("force", "N"), quantities, level, tuple(cuts), tuple(curves), Fusion("linear", 0.25, sides))
+    return Model("imagined", Quantity("force", "N"), quantities, Pieces(level, tuple(cuts), tuple(curves), Fusion("linear", 0.25, sides)))
+
+
+def of_pieces(model, **changes):
+    """The model with other pieces."""
+    return replace(model, body=replace(model.body, **changes))
+
+
+def fused(model, **changes):
+    """The model with its pieces joined in another way."""
+    return of_pieces(model, fusion=replace(model.body.fusion, **changes))
 
 
 def segment(rng, name, cell, names, boundaries, terms):
@@ -66,11 +76,11 @@ def places(rng, model, n=25):
     columns = {}
     for quantity in model.inputs:
         name = quantity.name
-        exact = [x for curve in model.curves for x in curve.limits[name]]
-        exact += [curve.level for curve in model.curves] if name == model.level else []
-        for curve, j in product(model.curves, [j for j, variable in enumerate(model.variables) if variable == name]):
+        exact = [x for curve in model.body.curves for x in curve.limits[name]]
+        exact += [curve.level for curve in model.body.curves] if name == model.level else []
+        for curve, j in product(model.body.curves, [j for j, variable in enumerate(model.body.variables) if variable == name]):
             at, widths = curve.boundaries[j], np.diff(curve.boundaries[j])
-            exact += [*at, *(at[1:-1] - model.fusion.z_s * widths[:-1]), *(at[1:-1] + model.fusion.z_s * widths[1:])]
+            exact += [*at, *(at[1:-1] - model.body.fusion.z_s * widths[:-1]), *(at[1:-1] + model.body.fusion.z_s * widths[1:])]
         low, high = min(exact), max(exact)
         anywhere = rng.uniform(low - (high - low), high + (high - low), n)
         columns[name] = np.where(rng.random(n) < 0.4, rng.choice(exact, n), anywhere)
@@ -104,7 +114,7 @@ def sides(rng, names):
 def test_agrees_with_the_sum_over_all_segments(seed, way, levels, segments):
     rng = np.random.default_rng(seed)
     model = imagined(rng, ("a", "b"), "b", levels, {"a": segments} if segments else {})
-    model = replace(model, fusion=replace(model.fusion, extrapolation=sides(rng, "ab"), **way))
+    model = fused(model, extrapolation=sides(rng, "ab"), **way)
     agree(model, places(rng, model))
 
 
@@ -113,7 +123,7 @@ def test_agrees_with_the_sum_over_all_segments(seed, way, levels, segments):
 def test_agrees_where_two_variables_are_cut(seed, way, level, count_a, count_b):
     rng = np.random.default_rng(seed)
     model = imagined(rng, ("a", "b", "c"), level, 3, {"a": count_a, "b": count_b})
-    model = replace(model, fusion=replace(model.fusion, extrapolation=sides(rng, "abc"), **{**way, "aligned": level and way["aligned"]}))
+    model = fused(model, extrapolation=sides(rng, "abc"), **{**way, "aligned": level and way["aligned"]})
     agree(model, places(rng, model))
 
 
@@ -121,12 +131,12 @@ def test_a_backbone_is_added():
     rng = np.random.default_rng(1)
     model = imagined(rng, ("a", "b"), "b", 3, {"a": 3})
     model = replace(model, inputs=(Quantity("a", "1"), Quantity("b", "1"), Quantity("pressure", "kPa"), Quantity("strain", "1")))
-    model = replace(model, fusion=replace(model.fusion, extrapolation={quantity.name: ("continue",) * 2 for quantity in model.inputs}))
-    model = replace(model, curves=tuple(replace(c, limits={**c.limits, "pressure": (0, 1), "strain": (0, 1)}) for c in model.curves))
+    model = fused(model, extrapolation={quantity.name: ("continue",) * 2 for quantity in model.inputs})
+    model = of_pieces(model, curves=tuple(replace(c, limits={**c.limits, "pressure": (0, 1), "strain": (0, 1)}) for c in model.body.curves))
     columns = {**places(rng, model)}
     backbone = literature.get(BACKBONE.name).predict(BACKBONE.parameters, columns)
-    np.testing.assert_allclose(predict(replace(model, backbone=BACKBONE), columns), predict(model, columns) + backbone)
-    bare = replace(model, backbone=BACKBONE, curves=tuple(replace(curve, segments=()) for curve in model.curves))
+    np.testing.assert_allclose(predict(of_pieces(model, backbone=BACKBONE), columns), predict(model, columns) + backbone)
+    bare = of_pieces(model, backbone=BACKBONE, curves=tuple(replace(curve, segments=()) for curve in model.body.curves))
     np.testing.assert_array_equal(predict(bare, columns), backbone)
 
 
@@ -154,7 +164,7 @@ def test_what_does_not_count_is_not_evaluated():
     """The logarithm of one segment has no value on the rows of the other, and one curve none at the other's level."""
     rng = np.random.default_rng(4)
     model = imagined(rng, ("a", "b"), "b", 2, {"a": 2})
-    curve = model.curves[0]
+    curve = model.body.curves[0]
     same = Scaling("none", "-", ("a", "b"), np.ones(2), np.zeros(2), 1.0, 0.0)
     left, right = (
         replace(s, scaling=same, theta=np.ones(1), terms=(term,), limits={})
@@ -162,7 +172,7 @@ def test_what_does_not_count_is_not_evaluated():
     )
     far = replace(curve, boundaries=(np.array([0.0, 4.0, 8.0]),), segments=(left, right), level=1.0)
     nowhere = replace(far, segments=tuple(replace(s, terms=("log(-1 - a^2)",)) for s in (left, right)), level=2.0)
-    model = replace(model, curves=(far, nowhere), fusion=replace(model.fusion, z_s=0.25))
+    model = fused(of_pieces(model, curves=(far, nowhere)), z_s=0.25)
     a = np.array([0.0, 1.9, 3.0, 5.0, 7.0])
     np.testing.assert_allclose(predict(model, {"a": a, "b": np.full(5, 1.0)}), [1, 1, 1, np.log(3), np.log(5)])
     np.testing.assert_allclose(predict(model, {"a": a, "b": np.full(5, 0.5)}), [1, 1, 1, np.log(3), np.log(5)])

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Quantity
-from mapmore_cli.modelling.equations import model_equations
+from mapmore_cli.modelling.kinds import equations as model_equations
 from mapmore_cli.modelling.kinds import outside_range, predict
 from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import Directions, Recipe

@@ -53,42 +53,42 @@ def test_no_share_is_better_on_the_left_out_data(arrays):
 
 def test_a_residual_that_runs_through_the_levels_is_carried_whole():
     model = trusted(curves(levels=LEVELS, held_out=()))
-    assert model.fusion.shrink > 0.8
-    by_choice = {error.choice: error.rmse for error in model.cross_validation}
+    assert model.body.fusion.shrink > 0.8
+    by_choice = {error.choice: error.rmse for error in model.body.cross_validation}
     assert list(by_choice) == [BACKBONE, RESIDUAL, SHRUNKEN]
     assert by_choice[SHRUNKEN] <= min(by_choice.values()) * (1 + 1e-9)
-    assert {error.folds for error in model.cross_validation} == {3}
-    assert f"{model.fusion.shrink:.0%} of the residual on polynomial_2 is carried" in model.notes[-1]
+    assert {error.folds for error in model.body.cross_validation} == {3}
+    assert f"{model.body.fusion.shrink:.0%} of the residual on polynomial_2 is carried" in model.notes[-1]
 
 
 def test_a_residual_that_jumps_from_level_to_level_counts_at_the_levels_alone():
     samples = bumped(curves(levels=LEVELS, held_out=()), lambda number: 150 * (-1) ** number)
     model = trusted(samples)
-    assert model.fusion.shrink < 0.2
+    assert model.body.fusion.shrink < 0.2
     for curve in samples:
         at = {**curve.columns, "pressure": np.full(curve.size, curve.level)}
         gain = np.sqrt(np.mean((predict(model, at) - curve.columns["force"]) ** 2))
         assert gain < 0.3 * np.sqrt(np.mean((backbone_of(model, at) - curve.columns["force"]) ** 2))
     middle = {"pressure": np.full(40, 200.0), "strain": np.linspace(0, 0.12, 40)}
-    whole = replace(model, fusion=replace(model.fusion, shrink=1.0))
+    whole = replace(model, body=replace(model.body, fusion=replace(model.body.fusion, shrink=1.0)))
     alone = backbone_of(model, middle)
-    np.testing.assert_allclose(predict(model, middle) - alone, model.fusion.shrink * (predict(whole, middle) - alone), atol=1e-9)
+    np.testing.assert_allclose(predict(model, middle) - alone, model.body.fusion.shrink * (predict(whole, middle) - alone), atol=1e-9)
 
 
 @pytest.mark.parametrize("shrink", [0.0, 0.35, 1.0])
 def test_a_given_share_is_taken_as_it_is(shrink):
     samples = curves(held_out=())
     formula = fit_formula("polynomial_2", samples, "force")
-    assert build("m", samples, recipe(shrink=shrink), QUANTITIES, formula).fusion.shrink == shrink
+    assert build("m", samples, recipe(shrink=shrink), QUANTITIES, formula).body.fusion.shrink == shrink
 
 
 def test_without_a_backbone_nothing_is_shrunk():
-    assert build("m", curves(), recipe(shrink=0.3), QUANTITIES).fusion.shrink == 1.0
+    assert build("m", curves(), recipe(shrink=0.3), QUANTITIES).body.fusion.shrink == 1.0
 
 
 def test_between_two_levels_the_backbone_stands_alone():
     model = trusted(bumped(curves(levels=(150.0, 350.0), held_out=()), lambda _number: 80))
-    assert model.fusion.shrink == 0.0
+    assert model.body.fusion.shrink == 0.0
     assert any("two levels" in note for note in model.notes)
     middle = {"pressure": np.full(20, 250.0), "strain": np.linspace(0, 0.12, 20)}
     np.testing.assert_allclose(predict(model, middle), backbone_of(model, middle))
@@ -101,8 +101,8 @@ def test_pooled_data_drop_a_residual_that_does_harm():
         for c in curves(held_out=())
     ]
     model = trusted(samples, level=None, tolerance=0.0)
-    assert not any(curve.segments for curve in model.curves)
-    assert model.cross_validation[0].rmse < model.cross_validation[1].rmse
+    assert not any(curve.segments for curve in model.body.curves)
+    assert model.body.cross_validation[0].rmse < model.body.cross_validation[1].rmse
     assert "keeps polynomial_2 alone" in model.notes[-1]
     strain = {"pressure": np.full(9, 200.0), "strain": np.linspace(0, 0.1, 9)}
     np.testing.assert_allclose(predict(model, strain), backbone_of(model, strain))
@@ -118,6 +118,6 @@ def test_held_out_forces_decide_nothing(seed):
         for c in samples
     ]
     one, two = trusted(samples), trusted(spoilt)
-    assert one.fusion == two.fusion
-    assert one.cross_validation == two.cross_validation
+    assert one.body.fusion == two.body.fusion
+    assert one.body.cross_validation == two.body.cross_validation
     assert one.notes == two.notes

@@ -11,7 +11,7 @@ import pytest
 from ingest_samples import COLUMNS, csv_text, spec_of
 
 from mapmore_cli.domain.errors import DataError, SpecError
-from mapmore_cli.domain.models import Fusion, Model
+from mapmore_cli.domain.models import Formula, Model
 from mapmore_cli.domain.recording import Dataset, Quantity
 from mapmore_cli.modelling import literature
 from mapmore_cli.stages.ingestion.dataset import build_dataset
@@ -37,8 +37,7 @@ def step(height: float, extra: float = 0.0, **changes: np.ndarray) -> str:
 def sarosi_model(**changes: Any) -> Model:
     fit = literature.get("sarosi").fit(GRID, FORCE)
     inputs = (Quantity("pressure", "kPa"), Quantity("strain", "1"))
-    sides = {"pressure": ("continue", "continue"), "strain": ("continue", "continue")}
-    return replace(Model("s", Quantity("force", "N"), inputs, None, (), (), Fusion("linear", 0.25, sides), fit), **changes)
+    return replace(Model("s", Quantity("force", "N"), inputs, Formula(fit, None, ())), **changes)
 
 
 def ingest(folder: Path, recordings: dict[str, str], model: Model | None = None, **data: Any) -> Dataset:

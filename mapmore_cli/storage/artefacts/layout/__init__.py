@@ -9,8 +9,18 @@ from __future__ import annotations
 from mapmore_cli.storage.artefacts.layout.data import CURVE, DATASET, QUANTITY, RECORDING
 from mapmore_cli.storage.artefacts.layout.fits import FORMULA_FIT, SCALING, SEGMENT_FIT, SELECTION
 from mapmore_cli.storage.artefacts.layout.memory import MEMORY_FIT, MEMORY_MODEL, STATE_SET
-from mapmore_cli.storage.artefacts.layout.model import CURVE_FUNCTION, FOLD_ERROR, FUSION, MODEL, SEGMENT_FUNCTION, SIGNAL
-from mapmore_cli.storage.artefacts.layout.results import FIT_RESULT
+from mapmore_cli.storage.artefacts.layout.model import (
+    BODIES,
+    CURVE_FUNCTION,
+    CURVE_RANGE,
+    FOLD_ERROR,
+    FUSION,
+    MODEL,
+    PART,
+    SEGMENT_FUNCTION,
+    SIGNAL,
+)
+from mapmore_cli.storage.artefacts.layout.results import FIT_RESULT, PIECES_FIT
 from mapmore_cli.storage.artefacts.layout.scores import SCORE, VALIDATION
 from mapmore_cli.storage.artefacts.layout.segmentation import SEGMENT, SEGMENTATION, SEGMENTED_CURVE, SegmentationFile
 
@@ -32,10 +42,14 @@ SCHEMAS = (
     STATE_SET,
     MEMORY_MODEL,
     MEMORY_FIT,
+    PIECES_FIT,
     FIT_RESULT,
     SEGMENT_FUNCTION,
     CURVE_FUNCTION,
     FUSION,
+    CURVE_RANGE,
+    PART,
+    *BODIES.values(),
     SIGNAL,
     MODEL,
     SCORE,

@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
-from mapmore_cli.domain.models import CurveFunction, FoldError, Fusion, Model, SegmentFunction, Side, Signal
-from mapmore_cli.storage.artefacts.codecs import adapted, added, named, numbered, optional
+from mapmore_cli.domain.models import (
+    CurveFunction,
+    CurveRange,
+    FoldError,
+    Formula,
+    Fusion,
+    Memory,
+    Model,
+    Part,
+    Pieces,
+    SegmentFunction,
+    Side,
+    Signal,
+    Sum,
+)
+from mapmore_cli.storage.artefacts.codecs import adapted, named, numbered, optional, pairs
 from mapmore_cli.storage.artefacts.label import NO_UNIT
 from mapmore_cli.storage.artefacts.layout.cells import CELL, COUNT, LIMITS, OPTIONAL_REAL, OPTIONAL_TEXT, REAL, REALS, TEXT, TEXTS
 from mapmore_cli.storage.artefacts.layout.data import QUANTITY
 from mapmore_cli.storage.artefacts.layout.fits import FORMULA_FIT, SCALING
 from mapmore_cli.storage.artefacts.layout.memory import MEMORY_MODEL
-from mapmore_cli.storage.artefacts.schema import Field, Schema, nested, record, rows
+from mapmore_cli.storage.artefacts.schema import Field, Schema, nested, record, rows, variant
 
 
 def _side_text(side: Side) -> str:
@@ -97,33 +111,90 @@ SIGNAL = Schema(
 )
 
 
-def _model() -> Schema:
-    return MODEL
-
-
-MODEL: Schema = Schema(
-    Model,
-    "A fused model that predicts without any other file: `output = backbone + sum_i f_i prod_j w_ij` (M2 eq 9).",
+CURVE_RANGE = Schema(
+    CurveRange,
+    "Training range of every input within one training curve.",
     (
-        Field("name", TEXT, "name of the run", NO_UNIT),
-        Field("output", record(QUANTITY), "predicted quantity", NO_UNIT),
-        Field("inputs", numbered(record(QUANTITY)), "quantities that the model needs", NO_UNIT),
+        Field("curve", TEXT, "identifier of the curve", NO_UNIT),
+        Field("level", OPTIONAL_REAL, "value of the level quantity", "[level]"),
+        Field("limits", LIMITS, "least and greatest training value of each input", "[*]"),
+    ),
+)
+
+PIECES = Schema(
+    Pieces,
+    "MAPMORE: `output = backbone + sum_i f_i prod_j w_ij` (M2 eq 9).",
+    (
         Field("level", OPTIONAL_TEXT, "the input that is constant within a curve", NO_UNIT),
         Field("variables", TEXTS, "segmented variables", NO_UNIT),
         Field("curves", numbered(record(CURVE_FUNCTION)), "training curves", NO_UNIT),
         Field("fusion", record(FUSION), "how the pieces are joined", NO_UNIT),
         Field("backbone", optional(record(FORMULA_FIT)), "formula that the pieces are added to", NO_UNIT),
         Field("cross_validation", rows(FOLD_ERROR), "errors that decided for or against the pieces on the backbone", NO_UNIT),
+    ),
+    units=lambda pieces: {
+        **{f"variables.{place}": f"[{name}]" for place, name in enumerate(pieces.variables)},
+        "level": f"[{pieces.level}]" if pieces.level else NO_UNIT,
+        "aligned": f"[{pieces.fusion.aligned}]" if pieces.fusion.aligned else NO_UNIT,
+    },
+)
+
+FORMULA = Schema(
+    Formula,
+    "A formula of the literature as the whole model.",
+    (
+        Field("fit", record(FORMULA_FIT), "the fitted formula", NO_UNIT),
+        Field("level", OPTIONAL_TEXT, "the input that is constant within a training curve", NO_UNIT),
+        Field("ranges", numbered(record(CURVE_RANGE)), "training range of each curve", NO_UNIT),
+    ),
+    units=lambda formula: {"level": f"[{formula.level}]" if formula.level else NO_UNIT},
+)
+
+MEMORY = Schema(
+    Memory,
+    "A model with memory, on a backbone or by itself.",
+    (
+        Field("model", record(MEMORY_MODEL), "states, terms and coefficients", NO_UNIT),
+        Field("ranges", numbered(record(CURVE_RANGE)), "training range of each curve", NO_UNIT),
+        Field("backbone", optional(record(FORMULA_FIT)), "formula that it is added to", NO_UNIT),
+    ),
+)
+
+
+def _model() -> Schema:
+    return MODEL
+
+
+PART = Schema(
+    Part,
+    "A model in a sum.",
+    (
+        Field("model", nested(Model, _model), "the model", NO_UNIT),
+        Field("sign", REAL, "+1 or -1: how its output counts"),
+        Field("inputs", pairs(TEXTS), "its inputs that have another name in the sum, as expressions of the sum's inputs", NO_UNIT),
+    ),
+)
+
+SUM = Schema(
+    Sum, "Models that are added up.", (Field("parts", numbered(record(PART)), "the summands, with their signs and inputs", NO_UNIT),)
+)
+
+BODIES = {"pieces": PIECES, "formula": FORMULA, "memory": MEMORY, "sum": SUM}
+"""What a model consists of, by the name of its kind. Whoever adds a kind adds its body here."""
+
+MODEL: Schema = Schema(
+    Model,
+    "A model that predicts without any other file: what all kinds have in common, and the body of one kind.",
+    (
+        Field("name", TEXT, "name of the run", NO_UNIT),
+        Field("output", record(QUANTITY), "predicted quantity", NO_UNIT),
+        Field("inputs", numbered(record(QUANTITY)), "quantities that the model needs", NO_UNIT),
+        Field("body", variant(BODIES), "what the model consists of", NO_UNIT),
+        Field("signals", rows(SIGNAL), "inputs that follow from others over time, each after those", NO_UNIT),
         Field("notes", TEXTS, "remarks for the reader", NO_UNIT),
-        Field("signals", added(rows(SIGNAL), ()), "inputs that follow from others over time, each after those", NO_UNIT),
-        Field("summands", added(numbered(nested(Model, _model)), ()), "models that are added up", NO_UNIT),
-        Field("memory", optional(record(MEMORY_MODEL)), "model with memory that stands in place of segments", NO_UNIT),
     ),
     units=lambda model: {
         **{quantity.name: quantity.unit for quantity in (*model.inputs, model.output)},
-        **{f"variables.{place}": f"[{name}]" for place, name in enumerate(model.variables)},
         "target": model.output.unit,
-        "level": f"[{model.level}]" if model.level else NO_UNIT,
-        "aligned": f"[{model.fusion.aligned}]" if model.fusion.aligned else NO_UNIT,
     },
 )

@@ -1,0 +1,82 @@
+"""A formula of the literature as a model, or as the part of a model that another is built on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns
+from mapmore_cli.domain.fits import FormulaFit, SegmentedCurve
+from mapmore_cli.domain.models import CurveRange, Equation, Formula, Model
+from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.domain.results import Run
+from mapmore_cli.modelling import literature
+from mapmore_cli.modelling.ranges import outside
+from mapmore_cli.modelling.terms import Expression, Name, Number, multiply, substitute, to_latex, to_text
+
+BLOCK = 2**18
+"""Rows at a time: few enough to stay in the processor's cache, and enough for every region to have many."""
+
+DIGITS = 6
+"""Digits of the printed numbers; model.h5 holds all of them."""
+
+
+def build(
+    name: str, output: Quantity, fit: FormulaFit, level: str | None, training: Sequence[SegmentedCurve], quantities: Mapping[str, Quantity]
+) -> Model:
+    """A fitted formula as a model; the `training` curves, in the order of their levels, say the range of its inputs."""
+    inputs = sorted({*literature.get(fit.name).inputs, *([level] if level is not None else [])})
+    ordered = sorted(training, key=lambda curve: (curve.level is not None, curve.level))
+    ranges = tuple(CurveRange(curve.curve, curve.level, {i: curve.limits[i] for i in inputs}) for curve in ordered)
+    return Model(name, output, tuple(quantities[i] for i in inputs), Formula(fit, level, ranges))
+
+
+def simulate(model: Model, columns: Columns) -> Run:
+    """The formula at every row, (n,); NaN where an input is."""
+    body = model.body
+    assert isinstance(body, Formula)
+    return Run(by_blocks(model.inputs, columns, lambda inputs, n: backbone_values(body.fit, inputs, n)))
+
+
+def outside_range(model: Model, columns: Columns) -> BoolArray:
+    """True where an input lies beyond its training range, (n,)."""
+    assert isinstance(model.body, Formula)
+    return outside(model.body.ranges, model.body.level, columns)
+
+
+def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
+    """The formula with its parameters put in."""
+    assert isinstance(model.body, Formula)
+    return tuple(printed(name, formula) for name, formula in formula_equations(model.body.fit, units))
+
+
+def backbone_values(fit: FormulaFit | None, inputs: Columns, n: int) -> Array:
+    """A fitted formula at n rows; zero where there is none."""
+    return np.zeros(n) if fit is None else literature.get(fit.name).predict(fit.parameters, inputs)
+
+
+def formula_equations(fit: FormulaFit | None, units: Mapping[str, float]) -> list[tuple[str, Expression]]:
+    """A fitted formula by the names of its parts; `units` says how many of the model's units one unit of a quantity is."""
+    if fit is None:
+        return []
+    other = {name: multiply(Number(factor), Name(name)) for name, factor in units.items()}
+    return [(name, substitute(formula, other)) for name, formula in literature.get(fit.name).equations(fit).items()]
+
+
+def printed(name: str, expression: Expression) -> Equation:
+    """An equation as text and as LaTeX."""
+    return Equation(name, to_text(expression, DIGITS), to_latex(expression, DIGITS))
+
+
+def by_blocks(inputs: Sequence[Quantity], columns: Columns, value: Callable[[dict[str, Array], int], Array]) -> Array:
+    """A function of the inputs, block of rows by block; NaN where an input is not finite, (n,)."""
+    given = {quantity.name: np.asarray(columns[quantity.name], dtype=np.float64) for quantity in inputs}
+    y = np.empty(len(next(iter(columns.values()))))
+    for start in range(0, len(y), BLOCK):
+        block = {name: x[start : start + BLOCK] for name, x in given.items()}
+        n = len(y[start : start + BLOCK])
+        finite = np.logical_and.reduce([np.ones(n, dtype=np.bool_), *(np.isfinite(x) for x in block.values())])
+        with np.errstate(all="ignore"):  # a term may overflow far outside, and what follows from a NaN is replaced
+            y[start : start + BLOCK] = np.where(finite, value(block, n), np.nan)
+    return y

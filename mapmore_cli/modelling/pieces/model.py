@@ -1,0 +1,69 @@
+"""MAPMORE as a model: its prediction, its training range, its equations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns
+from mapmore_cli.domain.models import Equation, Model, Pieces, SegmentFunction
+from mapmore_cli.domain.results import Run
+from mapmore_cli.modelling.literature.model import backbone_values, by_blocks, formula_equations, printed
+from mapmore_cli.modelling.pieces.evaluation import FusedPieces
+from mapmore_cli.modelling.ranges import outside
+from mapmore_cli.modelling.terms import Expression, Name, Number, add, affine, exponents, multiply, parse, substitute
+
+
+def simulate(model: Model, columns: Columns) -> Run:
+    """`backbone(inputs) + sum_i f_i(E(x)) prod_j w_ij(x_j)` at every row, (n,) (M1 eq 5, M2 eq 9); NaN where an input is."""
+    body = _body(model)
+    fused = FusedPieces(body, [quantity.name for quantity in model.inputs]) if body.segments else None
+
+    def value(inputs: dict[str, Array], n: int) -> Array:
+        base = backbone_values(body.backbone, inputs, n)
+        return base if fused is None else base + fused.values(inputs)
+
+    return Run(by_blocks(model.inputs, columns, value))
+
+
+def outside_range(model: Model, columns: Columns) -> BoolArray:
+    """True where an input lies beyond its training range, (n,)."""
+    body = _body(model)
+    return outside(body.ranges, body.level, columns)
+
+
+def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
+    """The backbone first, then every segment function, in the model's units or in others."""
+    body = _body(model)
+    pieces = [(segment.id, segment_equation(segment, units)) for segment in body.segments]
+    return tuple(printed(name, equation) for name, equation in (*formula_equations(body.backbone, units), *pieces))
+
+
+def segment_equation(segment: SegmentFunction, units: Mapping[str, float]) -> Expression:
+    """`y_slope sum_k theta_k D_k(slope x + intercept) + y_intercept` with the scaling put in (M2 eq 8).
+
+    `units` says how many of the model's units one unit of a quantity is, where it is to be in another. A product of quantities that are
+    scaled without an offset keeps its form, with one coefficient in front, as M2's table 5 prints them.
+    """
+    scaling = segment.scaling
+    offsets = dict(zip(scaling.variables, zip(scaling.slope.tolist(), scaling.intercept.tolist(), strict=True), strict=True))
+    terms = []
+    for theta, text in zip(segment.theta, segment.terms, strict=True):
+        term, size = parse(text), scaling.y_slope * float(theta)
+        degrees = exponents(term)
+        if degrees is not None and not scaling.intercept.any():
+            size *= float(np.prod([(offsets[name][0] * units.get(name, 1.0)) ** degree for name, degree in degrees.items()]))
+        else:
+            term = substitute(term, {name: _scaled(name, *offset, units) for name, offset in offsets.items()})
+        terms.append(multiply(Number(size), term))
+    return add(Number(scaling.y_intercept), *terms)
+
+
+def _scaled(name: str, slope: float, intercept: float, units: Mapping[str, float]) -> Expression:
+    return affine(Name(name), slope * units.get(name, 1.0), intercept)
+
+
+def _body(model: Model) -> Pieces:
+    assert isinstance(model.body, Pieces)
+    return model.body

@@ -1,0 +1,57 @@
+"""The sections of a spec by which a model is made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from mapmore_cli.domain.models import Signal
+from mapmore_cli.spec.experiment import ExperimentSpec
+from mapmore_cli.spec.sections.data import Levels
+from mapmore_cli.spec.sections.dictionary import DictionaryEntry, remembers
+from mapmore_cli.spec.sections.method import CutByDirection, Cuts, Fit, Fuse, ModelChoice
+
+SegmentSection = Mapping[str, Cuts | CutByDirection | Literal["none", "levels"]]
+
+
+@dataclass(frozen=True)
+class FitChoices:
+    """What a fit depends on."""
+
+    levels: Levels | None
+    segment: SegmentSection
+    dictionary: list[DictionaryEntry]
+    model: ModelChoice
+    fit: Fit
+    lengths: Mapping[str, float | None]  # dimensions of the muscle (m) that the formula needs
+
+    @property
+    def kind(self) -> str:
+        """The kind of model: a `formula`, a `sum`, one with `memory`, or `pieces`."""
+        match self.model.type:
+            case "literature":
+                return "formula"
+            case "sum":
+                return "sum"
+            case _:
+                return "memory" if remembers(self.dictionary) else "pieces"
+
+
+@dataclass(frozen=True)
+class ModelChoices(FitChoices):
+    """What the model depends on: cross-validation of a backbone repeats the fit; a sum is made of the models of needed runs."""
+
+    name: str
+    fuse: Fuse
+    signals: tuple[Signal, ...]
+    summands: tuple[str, ...]
+
+
+def lengths_of(spec: ExperimentSpec) -> dict[str, float | None]:
+    """The muscle's dimensions (m) where the formula that is the model or its backbone has one."""
+    from mapmore_cli.modelling import literature
+
+    name = spec.model.name or spec.model.backbone
+    needed = literature.get(name).dimensions if name is not None else ()
+    return {name: length for name, length in spec.muscle.lengths.items() if name in needed}
