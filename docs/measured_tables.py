@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from mapmore_cli.cli.campaigns import scores_of
 from mapmore_cli.domain.scores import REPEATABILITY
 from mapmore_cli.reporting.campaign import CampaignScores, hindsight_table, nrmse_table, published_table
 from mapmore_cli.reporting.tables import Column, Table, score_table, to_markdown
 from mapmore_cli.spec.campaign import Entry, load_campaign
 from mapmore_cli.stages.campaigns.batch import Finished, Job, run_one
+from mapmore_cli.stages.campaigns.page import scores_of
 from mapmore_cli.stages.inspection.evidence import slack_foot
 from mapmore_cli.storage.artefacts import read_dataset, read_model
 
@@ -30,7 +30,7 @@ BACKBONES = ("on_sarosi", "on_sarosi_hinged")
 def campaign(name: str, runs: Path) -> CampaignScores:
     """The scores of a shipped campaign."""
     spec, entries = load_campaign(CONFIGS / "campaigns" / f"{name}.yaml")
-    return scores_of(spec, [finished(entry, runs) for entry in entries])
+    return scores_of(spec, {run.name: run for run in (finished(entry, runs) for entry in entries)})
 
 
 def finished(entry: Entry, runs: Path) -> Finished:

@@ -14,12 +14,16 @@ from typer.core import TyperGroup
 
 from mapmore_cli.cli import batch, check, exits, figure, init, pipeline, predict, schema, show, simulate
 
+AS_JSON = "mapmore.json"
+"""Key of the context: whether the line asks for JSON, in which errors are then told too."""
+
 
 class Commands(TyperGroup):
     """The group of subcommands: turns errors into exit codes, and takes `--debug` anywhere on the line."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Move `--debug` to the front, so that it can be added at the end of a line that failed."""
+        ctx.meta[AS_JSON] = "--json" in args
         if "--debug" in args:
             args = ["--debug", *(arg for arg in args if arg != "--debug")]
         return super().parse_args(ctx, args)
@@ -34,7 +38,7 @@ class Commands(TyperGroup):
         except typers_own:
             raise
         except (Exception, KeyboardInterrupt) as error:
-            raise typer.Exit(exits.settle(error, debug=ctx.params["debug"])) from error
+            raise typer.Exit(exits.settle(error, debug=ctx.params["debug"], as_json=ctx.meta[AS_JSON])) from error
 
 
 app = typer.Typer(cls=Commands, no_args_is_help=True, rich_markup_mode=None, context_settings={"help_option_names": ["-h", "--help"]})

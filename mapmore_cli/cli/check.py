@@ -29,10 +29,10 @@ def check(
     quiet: Quiet = False,
 ) -> None:
     """Check a spec and its data, or a campaign; compute nothing."""
-    from mapmore_cli.cli.campaigns import expanded
     from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.cli.views import inspected
+    from mapmore_cli.stages.campaigns.page import expanded
 
     campaigns, entries = expanded([config], overrides)
     with Reporter(quiet) as reporter:

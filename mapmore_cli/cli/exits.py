@@ -10,15 +10,19 @@ import os
 import sys
 import traceback
 
-from mapmore_cli.domain.errors import MapmoreError, WriteError
+from mapmore_cli.cli.console import print_document
+from mapmore_cli.domain.errors import LimitMissed, MapmoreError, WriteError, told
 
 INTERNAL_FAULT = 1
 INTERRUPTED = 130  # 128 + SIGINT, as shells report it
 BROKEN_PIPE = 141  # 128 + SIGPIPE
 
 
-def settle(error: BaseException, debug: bool) -> int:
-    """Say on stderr what went wrong, and return the exit code; the traceback is for `--debug` alone."""
+def settle(error: BaseException, debug: bool, as_json: bool) -> int:
+    """Say on stderr what went wrong, and return the exit code; the traceback is for `--debug` alone.
+
+    With `--json` the error is the document on stdout too, unless that has been printed: a missed limit stands in it.
+    """
     if isinstance(error, BrokenPipeError):
         _silence_stdout()
         return BROKEN_PIPE
@@ -29,7 +33,16 @@ def settle(error: BaseException, debug: bool) -> int:
         traceback.print_exception(error, file=sys.stderr)
     else:
         print(message(error), file=sys.stderr)
+    if as_json and not isinstance(error, LimitMissed | KeyboardInterrupt):
+        print_document({"error": error_document(error)})
     return exit_code(error)
+
+
+def error_document(error: BaseException) -> dict[str, object]:
+    """An error as a member of a JSON document."""
+    if isinstance(error, MapmoreError):
+        return {"message": error.message, "remedy": error.remedy, "exit_code": error.exit_code}
+    return {"message": told(error), "remedy": None, "exit_code": exit_code(error)}
 
 
 def exit_code(error: BaseException) -> int:
@@ -41,12 +54,9 @@ def exit_code(error: BaseException) -> int:
 
 def message(error: BaseException) -> str:
     """What a user is told; an internal fault is one line."""
-    if isinstance(error, MapmoreError):
-        return f"error: {error}"
     if isinstance(error, KeyboardInterrupt):
         return "interrupted"
-    fault = f"{type(error).__name__}: {error}".splitlines()[0]
-    return f"internal fault: {fault}; run again with --debug to see where"
+    return f"error: {told(error)}" if isinstance(error, MapmoreError) else told(error)
 
 
 def _silence_stdout() -> None:

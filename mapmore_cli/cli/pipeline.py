@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from mapmore_cli.cli.ci import CiFiles, Junit, Summary
 from mapmore_cli.cli.console import print_view
 from mapmore_cli.cli.options import NO_OVERRIDES, RUNS, AsJson, Config, Explain, Force, Overrides, Quiet, Rehash, Runs, Verbose
 from mapmore_cli.cli.views.files import RESULTS, of_stage, page_lines
 from mapmore_cli.cli.views.view import View
-from mapmore_cli.domain.errors import LimitMissed
+from mapmore_cli.domain.errors import LimitMissed, told
 
 if TYPE_CHECKING:
+    from mapmore_cli.reporting.ci import RunReport
     from mapmore_cli.spec.loader import LoadedSpec
 
 SUMMARIES = {
@@ -38,6 +42,7 @@ class Options:
     as_json: bool
     quiet: bool
     verbose: bool
+    files: CiFiles = field(default_factory=CiFiles)
 
 
 def add_to(app: typer.Typer) -> None:
@@ -79,6 +84,8 @@ def run(
     rehash: Rehash = False,
     explain: Explain = False,
     print_spec: Annotated[bool, typer.Option("--print-spec", help="Print the spec with its defaults filled in; do nothing.")] = False,
+    junit: Junit = None,
+    summary: Summary = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
@@ -87,13 +94,28 @@ def run(
     from mapmore_cli.spec.loader import load
 
     loaded = load(config, overrides)
-    options = Options(runs, force, rehash, as_json, quiet, verbose)
+    options = Options(runs, force, rehash, as_json, quiet, verbose, CiFiles(junit, summary))
     if print_spec:
         print(loaded.resolved, end="")
     elif explain:
         _explain(loaded, "report", options)
     else:
-        _bring_up_to_date(loaded, "run", options)
+        with _failures_written(loaded.spec.name, options.files):
+            _bring_up_to_date(loaded, "run", options)
+
+
+@contextmanager
+def _failures_written(name: str, files: CiFiles) -> Iterator[None]:
+    """Write a failed run to the files that machines read; missed limits are in them already."""
+    from mapmore_cli.reporting.ci import RunReport
+
+    try:
+        yield
+    except LimitMissed:
+        raise
+    except Exception as error:
+        files.write([RunReport(name, failure=told(error))])
+        raise
 
 
 def _explain(loaded: LoadedSpec, until: str, options: Options) -> None:
@@ -112,9 +134,17 @@ def _explain(loaded: LoadedSpec, until: str, options: Options) -> None:
 def _bring_up_to_date(loaded: LoadedSpec, command: str, options: Options) -> None:
     """Do what is stale, and print what the command is for."""
     from mapmore_cli.cli.progress import Reporter
+    from mapmore_cli.reporting.ci import RunReport
     from mapmore_cli.stages.pipeline.runner import bring_up_to_date
 
+    started, warnings = time.perf_counter(), list[str]()
+
     with Reporter(options.quiet, options.verbose) as reporter:
+
+        def warn(message: str) -> None:
+            warnings.append(message)
+            reporter.warn(message)
+
         outcome = bring_up_to_date(
             loaded,
             options.runs,
@@ -122,25 +152,31 @@ def _bring_up_to_date(loaded: LoadedSpec, command: str, options: Options) -> Non
             force=options.force,
             rehash=options.rehash,
             progress=reporter.progress,
-            warn=reporter.warn,
+            warn=warn,
             on_stage=reporter.stage,
         )
     head = {"name": outcome.name, "run_dir": str(outcome.run_dir), "stages": outcome.stages}
-    if command in ("validate", "run"):
-        _print_scores(loaded, outcome.run_dir, head, page=command == "run", as_json=options.as_json)
-    else:
+    if command not in ("validate", "run"):
         print_view(of_stage(command, outcome.run_dir).under(head), options.as_json)
+        return
+    ended = RunReport(outcome.name, time.perf_counter() - started, None, (), tuple(warnings))
+    _print_scores(loaded, outcome.run_dir, head, ended, page_lines(outcome.run_dir) if command == "run" else (), options)
 
 
-def _print_scores(loaded: LoadedSpec, run_dir: Path, head: Mapping[str, Any], page: bool, as_json: bool) -> None:
+def _print_scores(
+    loaded: LoadedSpec, run_dir: Path, head: Mapping[str, Any], ended: RunReport, lines: tuple[str, ...], options: Options
+) -> None:
     """Print the scores, and then fail where the spec's limits are missed."""
     from mapmore_cli.cli.views.scored import of_scores
-    from mapmore_cli.stages.validate import missed_limits
+    from mapmore_cli.stages.validate import limits
     from mapmore_cli.storage.artefacts import read_validation
 
     validation = read_validation(run_dir / RESULTS["validate"])
     published = loaded.spec.report.published
     scores = of_scores(validation, published.numbers if published else None)
-    print_view(View({**head, **scores.document}, scores.tables, page_lines(run_dir) if page else ()), as_json)
-    if missed := missed_limits(loaded.spec.validation.require, validation.scores):
+    held_to = limits(loaded.spec.validation.require, validation.scores)
+    missed = [limit.sentence for limit in held_to if not limit.kept]
+    print_view(View({**head, **scores.document, "missed": missed}, scores.tables, lines), options.as_json)
+    options.files.write([replace(ended, limits=held_to)], scores.tables)
+    if missed:
         raise LimitMissed("; ".join(missed), "the results are complete; see validate.require in the spec")

@@ -9,13 +9,16 @@ from contextlib import ExitStack
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.domain.errors import RunWarning, UsageError
 
 if TYPE_CHECKING:
     from rich.progress import Progress
 
 PATIENCE = 1.0
 """Seconds that work may take before progress shows."""
+
+SOME_RUNS = 3
+"""Runs that are named beside a warning which concerns more of them."""
 
 LINE_EVERY = 5.0
 """Seconds between two progress lines where stderr is no terminal."""
@@ -38,6 +41,7 @@ class Reporter:
         self._due = 0.0
         self._stage: tuple[str, float] | None = None
         self._cleanup = ExitStack()
+        self._warnings: dict[str, list[str]] = {}
 
     def __enter__(self) -> Reporter:
         self._cleanup.enter_context(warnings.catch_warnings())
@@ -49,6 +53,7 @@ class Reporter:
         self._end_task()
         if error is None:
             self._end_stage()
+        self._tell_warnings()
         self._cleanup.close()
 
     def say(self, message: str) -> None:
@@ -57,8 +62,20 @@ class Reporter:
             self.complain(message)
 
     def warn(self, message: str) -> None:
-        """Print a warning."""
-        self.say(f"warning: {message}")
+        """Keep a warning for the end of the work, when it is told once, with the runs that it concerns."""
+        run, text = (message.run, message.message) if isinstance(message, RunWarning) else ("", message)
+        runs = self._warnings.setdefault(text, [])
+        if run not in runs:
+            runs.append(run)
+
+    def _tell_warnings(self) -> None:
+        for message, runs in self._warnings.items():
+            named = [run for run in runs if run]
+            if len(runs) == 1:
+                self.say(f"warning: {': '.join([*named, message])}")
+            else:
+                some = ", ".join(named[:SOME_RUNS]) + (", ..." if len(named) > SOME_RUNS else "")
+                self.say(f"warning: {message} (the same in {len(runs)} runs: {some})")
 
     def complain(self, message: str) -> None:
         """Print what went wrong, which `quiet` does not suppress."""

@@ -1,4 +1,4 @@
-"""One error class for each way in which a command can end, with its exit code.
+"""One error class for each way in which a command can end, with its exit code; and warnings of other runs.
 
 Scripts rely on the codes (docs/reference.md, "Exit codes"); the command line turns a `MapmoreError` into its message and its code, and
 anything else into an internal fault.
@@ -22,6 +22,13 @@ class MapmoreError(Exception):
 
     def __str__(self) -> str:
         return self.message if self.remedy is None else f"{self.message}\n  {self.remedy}"
+
+
+def told(error: BaseException) -> str:
+    """What a user is told of an error; a fault of the program itself is one line."""
+    if isinstance(error, MapmoreError):
+        return str(error)
+    return f"internal fault: {f'{type(error).__name__}: {error}'.splitlines()[0]}; run again with --debug to see where"
 
 
 class UsageError(MapmoreError):
@@ -58,3 +65,19 @@ class WriteError(MapmoreError):
     """A result cannot be written: folder, full disk, or a lock held by another process (exit 7)."""
 
     exit_code = 7
+
+
+class RunWarning(str):
+    """A warning about another run than the one that was asked for: the text says which, `run` and `message` hold the two apart."""
+
+    run: str
+    message: str
+
+    @classmethod
+    def of(cls, run: str, message: str) -> RunWarning:
+        """The warning of a run; where it is about yet another one already, it stays as it is."""
+        if isinstance(message, RunWarning):
+            return message
+        warning = cls(f"{run}: {message}")
+        warning.run, warning.message = run, message
+        return warning

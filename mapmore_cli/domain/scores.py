@@ -41,6 +41,31 @@ class Score:
     rrse_one_step: float = math.nan
 
 
+AT_LEAST = frozenset({"r2", "n"})
+"""Metrics whose limit is a lower one; all others are errors."""
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A limit that the score row of a run's own model is held to, with the value that it has."""
+
+    metric: str
+    model: str
+    split: str
+    value: float
+    limit: float
+
+    @property
+    def kept(self) -> bool:
+        """False also where there is no number."""
+        return self.value >= self.limit if self.metric in AT_LEAST else self.value <= self.limit
+
+    @property
+    def sentence(self) -> str:
+        """The value beside its limit."""
+        return f"{self.metric} of {self.model} on the {self.split} rows is {self.value:.6g}; the limit is {self.limit:g}"
+
+
 @dataclass(frozen=True)
 class Published:
     """Numbers of a publication, all of held-out data; shown beside ours and used in no computation.

@@ -36,6 +36,8 @@ class CampaignScores:
         Models of which the best in each run, picked afterwards, is compared with.
     groups
         What runs are summarised together, by run.
+    failed
+        The runs that have no scores.
     """
 
     runs: Mapping[str, Sequence[Score]]
@@ -45,6 +47,7 @@ class CampaignScores:
     relative_to: str | None = None
     best_of: Sequence[str] = ()
     groups: Mapping[str, str] = field(default_factory=dict)
+    failed: Sequence[str] = ()
 
     @property
     def pooled(self) -> dict[str, Pooled]:
@@ -74,6 +77,7 @@ def nrmse_table(scores: CampaignScores) -> Table:
     rows: list[tuple[Cell, ...]] = [
         (name, *(100 * run[model].nrmse if model in run else None for model in models)) for name, run in pooled.items()
     ]
+    rows += [(name, *("failed" if place == 0 else None for place in range(len(models)))) for name in scores.failed]
     normalisers = dict.fromkeys(score.normaliser_name for run in pooled.values() for score in run.values())
     notes = [f"NRMSE in per cent, all curves pooled; normalised by {' and '.join(normalisers)}."]
     rows += _summaries(scores)
@@ -104,11 +108,17 @@ def _ratios(runs: Sequence[Pooled], models: Sequence[str], relative_to: str) -> 
     ratios = {m: [ratio for ratio in found if ratio is not None] for m, found in compared.items()}
     ratios[REPEATABILITY] = []  # the floor wins nothing
     means = {m: math.exp(sum(map(math.log, r)) / len(r)) if r and min(r) > 0 else None for m, r in ratios.items()}
+    ties = {m: sum(r == 1 for r in ratios[m]) if m != relative_to else 0 for m in models}
     return [
         ("ratio, geometric mean", *(means[m] for m in models)),
         ("ratio, worst", *(max(ratios[m], default=None) for m in models)),
-        ("runs better", *(f"{sum(r < 1 for r in ratios[m])} of {len(ratios[m])}" if ratios[m] else None for m in models)),
+        ("runs better", *(_of(sum(r < 1 for r in ratios[m]), len(ratios[m]), ties[m]) for m in models)),
     ]
+
+
+def _of(won: int, count: int, tied: int) -> str | None:
+    """`3 of 5, 1 tied`: runs in which a model is strictly better, and in which it is exactly as good."""
+    return f"{won} of {count}{f', {tied} tied' if tied else ''}" if count else None
 
 
 def _ratio(score: Score, other: Score) -> float | None:
@@ -119,11 +129,12 @@ def _ratio(score: Score, other: Score) -> float | None:
 
 
 def _wins(runs: Iterable[Pooled], model: str, best_of: Sequence[str]) -> str | None:
-    """In how many runs a model lies below the best of others; of those, only one that ties with nobody else does."""
+    """In how many runs a model lies below the best of others, and in how many it is exactly as good."""
     others = [name for name in best_of if name != model]
     compared = [(run[model].rmse, _best(run, others)) for run in runs if model in run]
-    won = [best is None or rmse < best.rmse for rmse, best in compared]
-    return f"{sum(won)} of {len(won)}" if won and model != REPEATABILITY else None
+    won = sum(best is None or rmse < best.rmse for rmse, best in compared)
+    tied = sum(best is not None and rmse == best.rmse for rmse, best in compared)
+    return _of(won, len(compared), tied) if model != REPEATABILITY else None
 
 
 def hindsight_table(scores: CampaignScores) -> Table:
@@ -135,7 +146,8 @@ def hindsight_table(scores: CampaignScores) -> Table:
         if least is None or formula is None or own is None:
             continue
         ratios = (_ratio(own, formula), _ratio(own, floor) if floor else None)
-        rows.append((name, least.model, 100 * least.nrmse, formula.model, 100 * formula.nrmse, 100 * own.nrmse, *ratios))
+        first, second = _tied(run, least), _tied({m: run[m] for m in scores.best_of if m in run}, formula)
+        rows.append((name, first, 100 * least.nrmse, second, 100 * formula.nrmse, 100 * own.nrmse, *ratios))
     columns = (
         Column("run"),
         Column("least of all"),
@@ -153,6 +165,12 @@ def hindsight_table(scores: CampaignScores) -> Table:
 def _best(run: Pooled, models: Sequence[str]) -> Score | None:
     usable = [run[model] for model in models if model in run and math.isfinite(run[model].rmse)]
     return min(usable, key=lambda score: score.rmse, default=None)
+
+
+def _tied(run: Pooled, best: Score) -> str:
+    """The best model, with those that are exactly as good."""
+    others = [m for m, score in run.items() if score.rmse == best.rmse and m not in (best.model, REPEATABILITY)]
+    return f"{best.model} (tied with {', '.join(others)})" if others else best.model
 
 
 def published_table(scores: CampaignScores) -> Table:

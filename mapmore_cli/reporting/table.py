@@ -127,9 +127,14 @@ def to_text(table: Table) -> str:
 def to_markdown(table: Table) -> str:
     """A pipe table with its title in bold and its notes below."""
     rule = tuple("---:" if number else "---" for number in table.numeric)
-    escaped = [tuple(cell.replace("\\", "\\\\").replace("|", "\\|") for cell in line) for line in (table.headings, *table.shown)]
+    escaped = [tuple(map(markdown_text, line)) for line in (table.headings, *table.shown)]
     lines = [f"| {' | '.join(line)} |" for line in (escaped[0], rule, *escaped[1:])]
     return "\n".join([f"**{table.title}**", "", *lines, *(f"\n{note}" for note in table.notes)]) + "\n"
+
+
+def markdown_text(text: str) -> str:
+    """The text as Markdown that prints it within a cell, without tags."""
+    return " ".join(text.split()).replace("\\", "\\\\").replace("|", "\\|").replace("<", "&lt;")
 
 
 def to_latex(table: Table) -> str:

@@ -35,6 +35,8 @@ def _comparison(ours: Score, others: Sequence[Score], failed: Sequence[str]) -> 
         return "no competitor gave a prediction to compare with" if others or failed else "it was compared with no other model"
     best = min(usable, key=lambda s: s.nrmse)
     claim = f"the best competitor, {best.model}, reaches {_percent(best.nrmse)}"
+    if ours.rmse == best.rmse:
+        return f"{claim}: an exact tie"
     if abs(ours.rmse - best.rmse) <= EQUAL_WITHIN * max(ours.rmse, best.rmse):
         return f"{claim}: no difference to speak of"
     ratio = f" ({ours.rmse / best.rmse:.3g} times the RMSE)" if best.rmse > 0 else ""

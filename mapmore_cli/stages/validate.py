@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mapmore_cli.domain.scores import OWN, deciding
+from mapmore_cli.domain.scores import OWN, Limit, deciding
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.layers import as_overrides
 from mapmore_cli.spec.sections.results import Competitor
@@ -19,9 +19,6 @@ if TYPE_CHECKING:
     from mapmore_cli.domain.recording import Dataset
     from mapmore_cli.domain.results import Forecast
     from mapmore_cli.domain.scores import Score
-
-AT_LEAST = frozenset({"r2", "n"})
-"""Metrics whose limit is a lower one; all others are errors."""
 
 
 @dataclass(frozen=True)
@@ -114,19 +111,13 @@ def _floor(part: Slice, inputs: Sequence[str], dataset: Dataset) -> Iterator[Sco
         yield from score_rows(REPEATABILITY, part.target, known, dataset, part.normaliser, partial=True)
 
 
-def missed_limits(require: Mapping[str, float], scores: Sequence[Score]) -> list[str]:
-    """The `validate.require` limits that the run's own model misses, each as a sentence.
+def limits(require: Mapping[str, float], scores: Sequence[Score]) -> tuple[Limit, ...]:
+    """The `validate.require` limits with what the run's own model has.
 
-    Limits hold on the pooled validation rows, or on the training rows where nothing is held out.
+    They hold on the pooled validation rows, or on the training rows where nothing is held out.
     """
     row = deciding(score for score in scores if score.model == OWN)[0]
-    missed = []
-    for metric, limit in require.items():
-        value = float(getattr(row, metric))
-        kept = value >= limit if metric in AT_LEAST else value <= limit
-        if not kept:
-            missed.append(f"{metric} of {row.model} on the {row.split} rows is {value:.6g}; the limit is {limit:g}")
-    return missed
+    return tuple(Limit(metric, row.model, row.split, float(getattr(row, metric)), limit) for metric, limit in require.items())
 
 
 def needs(spec: ExperimentSpec) -> list[str | Variation]:

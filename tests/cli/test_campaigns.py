@@ -46,7 +46,9 @@ def test_a_campaign_runs_its_variants_and_writes_its_page(campaign: Path, tmp_pa
     assert "fuse:\n  transition: linear\n  z_s: 0.4" in (tmp_path / "runs" / "two" / "experiment.yaml").read_text()
     assert "ratio, geometric mean" in result.stdout
     rows = list(csv.reader((tmp_path / "runs" / "sweep" / "tables" / "nrmse.csv").read_text().splitlines()))
-    assert [row[0] for row in rows[:3]] == ["run", "one", "two"]
+    assert [row[0] for row in rows[:4]] == ["run", "one", "two", "broken"]
+    assert rows[3][1] == "failed"
+    assert "broken: error:" in result.stderr
 
 
 def test_overrides_of_the_command_line_come_last(campaign: Path, tmp_path: Path, mapmore: Callable[..., Any]) -> None:

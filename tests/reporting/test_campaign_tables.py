@@ -14,6 +14,21 @@ from mapmore_cli.domain.scores import REPEATABILITY, Published
 from mapmore_cli.reporting.campaign import CampaignScores, campaign_tables, hindsight_table, nrmse_table, published_table
 
 
+def test_a_failed_run_is_told_by_its_name() -> None:
+    table = nrmse_table(CampaignScores({"a": rows(mapmore=1, sarosi=2)}, failed=("broken",)))
+    assert table.rows[1] == ("broken", "failed", None)
+    assert table.numeric[1]
+
+
+def test_exact_ties_are_told() -> None:
+    runs = {"a": rows(mapmore=2, sarosi=2, flat=5), "b": rows(mapmore=1, sarosi=2, flat=5)}
+    scores = CampaignScores(runs, relative_to="sarosi", best_of=("sarosi", "flat"))
+    table = {row[0]: row for row in nrmse_table(scores).rows}
+    assert table["runs better"][1] == "1 of 2, 1 tied"
+    assert table["below the best formula"][1] == "1 of 2, 1 tied"
+    assert hindsight_table(scores).rows[0][1] == "mapmore (tied with sarosi)"
+
+
 def test_ratios_are_of_the_runs_that_have_both() -> None:
     runs = {"a": rows(mapmore=1, sarosi=2), "b": rows(mapmore=8, sarosi=4), "c": rows(mapmore=5)}
     table = nrmse_table(CampaignScores(runs, relative_to="sarosi"))

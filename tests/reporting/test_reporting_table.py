@@ -55,7 +55,7 @@ def test_text_columns_line_up():
 def test_markdown_escapes_the_pipe_and_aligns_numbers():
     lines = to_markdown(TABLE).splitlines()
     assert lines[3] == "| --- | ---: | ---: | ---: |"
-    assert "b\\|<i>" in lines[5]
+    assert "b\\|&lt;i>" in lines[5]
 
 
 def test_latex_escapes_what_latex_reads():

@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 from mapmore_cli.cli.views.view import View
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.page import RUN_PAGE
 
 if TYPE_CHECKING:
     from mapmore_cli.reporting.tables import Table
 
 RESULTS = {"ingest": "ingest.h5", "segment": "segment.h5", "fit": "fit.h5", "fuse": "model.h5", "validate": "validate.h5"}
 """The file that shows what a stage found; `report` has a page instead."""
-
-PAGE = Path("report/index.html")
 
 
 def of_file(path: Path) -> View:
@@ -33,7 +32,7 @@ def of_stage(stage: str, run_dir: Path) -> View:
     """What a stage found."""
     if stage in RESULTS:
         return _of_hdf5(run_dir / RESULTS[stage])
-    page = run_dir / PAGE
+    page = run_dir / RUN_PAGE
     files = tuple(str(path) for path in sorted(page.parent.rglob("*")) if path.is_file())
     return View({"files": files}, lines=page_lines(run_dir) or files)
 
@@ -52,7 +51,7 @@ def of_run(run_dir: Path) -> View:
 
 def page_lines(run_dir: Path) -> tuple[str, ...]:
     """Where the page is, for people; nothing where the spec asks for none."""
-    page = run_dir / PAGE
+    page = run_dir / RUN_PAGE
     return (f"page: {page}",) if page.is_file() else ()
 
 

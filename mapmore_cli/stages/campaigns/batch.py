@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager, suppress
@@ -12,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from mapmore_cli.domain.scores import Published, Validation
+    from mapmore_cli.domain.scores import Limit, Published, Validation
 
 
 @dataclass(frozen=True)
@@ -28,15 +29,21 @@ class Job:
 
 @dataclass(frozen=True)
 class Finished:
-    """A run that came to its end; `missed` are the limits that it misses."""
+    """A run that came to its end, after `seconds`, with the `limits` that its scores are held to."""
 
     name: str
     run_dir: Path
     stages: Mapping[str, str]
     validation: Validation
     published: Published | None
-    missed: tuple[str, ...]
+    limits: tuple[Limit, ...]
     warnings: tuple[str, ...]
+    seconds: float = 0.0
+
+    @property
+    def missed(self) -> tuple[str, ...]:
+        """The limits that it misses, each as a sentence."""
+        return tuple(limit.sentence for limit in self.limits if not limit.kept)
 
 
 def run_all(jobs: Sequence[Job], workers: int) -> Iterator[tuple[int, Finished | BaseException]]:
@@ -87,14 +94,16 @@ def run_one(job: Job) -> Finished:
     """Bring one run up to date and read its scores; raises what that raises."""
     from mapmore_cli.spec.loader import load
     from mapmore_cli.stages.pipeline.runner import bring_up_to_date
-    from mapmore_cli.stages.validate import missed_limits
+    from mapmore_cli.stages.validate import limits
     from mapmore_cli.storage.artefacts import read_validation
 
+    started = time.perf_counter()
     loaded = load(job.config, job.overrides)
     warnings: list[str] = []
     outcome = bring_up_to_date(loaded, job.runs, force=job.force, rehash=job.rehash, warn=warnings.append)
     validation = read_validation(outcome.run_dir / "validate.h5")
-    missed = missed_limits(loaded.spec.validation.require, validation.scores)
+    held_to = limits(loaded.spec.validation.require, validation.scores)
     published = loaded.spec.report.published
     printed = published.numbers if published else None
-    return Finished(outcome.name, outcome.run_dir, outcome.stages, validation, printed, tuple(missed), tuple(warnings))
+    seconds = time.perf_counter() - started
+    return Finished(outcome.name, outcome.run_dir, outcome.stages, validation, printed, held_to, tuple(warnings), seconds)

@@ -111,6 +111,6 @@ def _warn_of_losses(recording: Recording, warn: Callable[[str], None]) -> None:
     reasons = "; ".join(f"{count}: {reason}" for reason, count in recording.dropped.items())
     name = f"{recording.source} ({recording.id})" if recording.id.rpartition("#")[2].isdigit() else recording.source
     if kept < FEW:
-        warn(f"{name}: only {kept} of {kept + lost} samples kept ({reasons or 'the file has no more'})")
+        warn(f"{name}: only {kept} of {kept + lost} samples are left ({reasons})" if lost else f"{name}: holds only {kept} samples")
     elif kept < (1 - MUCH) * (kept + lost):
         warn(f"{name}: {lost / (kept + lost):.0%} of {kept + lost} samples left out ({reasons})")

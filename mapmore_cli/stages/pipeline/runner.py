@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mapmore_cli.domain.errors import MapmoreError
+from mapmore_cli.domain.errors import MapmoreError, RunWarning
 from mapmore_cli.stages.pipeline.needs import MODEL_STAGE, Needed, needed_runs, runs_built_on
 from mapmore_cli.stages.pipeline.stage import Progress, Stage, Workspace
 from mapmore_cli.stages.pipeline.staleness import Plan, plan_stages
@@ -159,7 +159,7 @@ class _Run:
                 runs,
                 until,
                 progress=self.progress,
-                warn=lambda message: self.warn(f"{name}: {message}"),
+                warn=lambda message: self.warn(RunWarning.of(name, message)),
                 on_stage=lambda stage, reason: self.on_stage(f"{name}: {stage}", reason),
                 stages=self.every,
                 heirs=other.heirs,

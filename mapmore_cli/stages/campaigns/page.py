@@ -1,18 +1,20 @@
-"""Campaigns on the command line: which runs they stand for, and the page over all of them."""
+"""Campaigns: which runs they stand for, and the page over all of them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
-from mapmore_cli.cli.exits import message
-from mapmore_cli.cli.views.view import View
+from mapmore_cli.domain.errors import SpecError, UsageError, told
+from mapmore_cli.domain.page import RUN_PAGE
+from mapmore_cli.spec.campaign import Campaign, Entry, is_campaign, load_campaign
+from mapmore_cli.spec.loader import load
 
 if TYPE_CHECKING:
     from mapmore_cli.reporting.campaign import CampaignScores
-    from mapmore_cli.spec.campaign import Campaign, Entry
+    from mapmore_cli.reporting.table import Table
     from mapmore_cli.stages.campaigns.batch import Finished
 
 
@@ -27,8 +29,6 @@ class Expanded:
 
 def expanded(configs: Sequence[Path], overrides: Sequence[str]) -> tuple[list[Expanded], list[Entry]]:
     """Every campaign among the files, and every run to do: a spec stands for itself. `overrides` come last."""
-    from mapmore_cli.spec.campaign import Entry, is_campaign, load_campaign
-
     campaigns: list[Expanded] = []
     entries: list[Entry] = []
     for config in configs:
@@ -36,8 +36,7 @@ def expanded(configs: Sequence[Path], overrides: Sequence[str]) -> tuple[list[Ex
             entries.append(Entry(config, tuple(overrides)))
             continue
         campaign, runs = load_campaign(config)
-        names = _names(campaign)
-        campaigns.append(Expanded(campaign, tuple(range(len(entries), len(entries) + len(runs))), names))
+        campaigns.append(Expanded(campaign, tuple(range(len(entries), len(entries) + len(runs))), _names(campaign)))
         entries += [Entry(entry.config, (*entry.overrides, *overrides)) for entry in runs]
     return campaigns, entries
 
@@ -49,22 +48,51 @@ def _names(campaign: Campaign) -> tuple[str, ...]:
     return tuple(name if short.count(name) == 1 else base for name, base in zip(short, bases, strict=True))
 
 
-def write_page(expanded: Expanded, results: Sequence[Finished | BaseException], runs: Path) -> View:
-    """Write `RUNS/CAMPAIGN/index.html` and its tables; a view of these, with the page's path."""
-    from mapmore_cli.cli.views.files import PAGE
+def run_names(entries: Sequence[Entry], campaigns: Sequence[Expanded]) -> list[str]:
+    """The name of every run; where its spec is wrong, what it is called in messages.
+
+    Raises
+    ------
+    UsageError
+        Where two runs have one name, which would write the same folder.
+    """
+    called = {number: name for campaign in campaigns for number, name in zip(campaign.jobs, campaign.names, strict=True)}
+    names: list[str] = []
+    places: dict[str, Path] = {}
+    for number, entry in enumerate(entries):
+        try:
+            name = load(entry.config, entry.overrides).spec.name
+        except SpecError:  # its own run will say so
+            names.append(called.get(number, str(entry.config)))
+            continue
+        if name in places:
+            raise UsageError(f"{places[name]} and {entry.config} have the same name, '{name}'", "give each spec a `name` of its own")
+        places[name] = entry.config
+        names.append(name)
+    return names
+
+
+@dataclass(frozen=True)
+class CampaignPage:
+    """The page that was written, and the tables on it."""
+
+    path: Path
+    tables: tuple[Table, ...]
+
+
+def write_page(campaign: Campaign, results: Mapping[str, Finished | BaseException], runs: Path) -> CampaignPage:
+    """Write `RUNS/CAMPAIGN/index.html` with its figures and tables; `results` are those of its runs by name, in their order."""
     from mapmore_cli.reporting.campaign import campaign_tables, render_campaign
     from mapmore_cli.reporting.figures.campaign import campaign_figures
     from mapmore_cli.reporting.figures.catalogue import rendered
     from mapmore_cli.reporting.tables import to_csv
     from mapmore_cli.storage.atomic import refusals_told, write_text
 
-    campaign = expanded.campaign
-    finished = [result for result in results if not isinstance(result, BaseException)]
     scores = scores_of(campaign, results)
     tables = campaign_tables(scores)
     figures = [rendered(drawing) for drawing in campaign_figures(scores)]
-    failed = {name: message(r) for name, r in zip(expanded.names, results, strict=True) if isinstance(r, BaseException)}
-    pages = {run.name: f"../{run.name}/{PAGE.as_posix()}" for run in finished}
+    failed = {name: told(result) for name, result in results.items() if isinstance(result, BaseException)}
+    pages = {name: f"../{result.name}/{RUN_PAGE}" for name, result in results.items() if not isinstance(result, BaseException)}
     folder = runs / campaign.campaign
     with refusals_told(folder):
         (folder / "tables").mkdir(parents=True, exist_ok=True)
@@ -73,21 +101,21 @@ def write_page(expanded: Expanded, results: Sequence[Finished | BaseException], 
         for figure in figures:
             write_text(folder / f"{figure.name}.svg", figure.svg)
         write_text(folder / "index.html", render_campaign(campaign.title or campaign.campaign, tables, figures, pages, failed))
-    return View({}, tables, (f"campaign page: {folder / 'index.html'}",))
+    return CampaignPage(folder / "index.html", tables)
 
 
-def scores_of(campaign: Campaign, results: Sequence[Finished | BaseException]) -> CampaignScores:
-    """What its tables are made of: the results of its runs, one for each."""
+def scores_of(campaign: Campaign, results: Mapping[str, Finished | BaseException]) -> CampaignScores:
+    """What its tables are made of: the results of its runs by name, one for each."""
     from mapmore_cli.reporting.campaign import CampaignScores
 
-    pairs = [(variant, run) for variant, run in zip(campaign.runs, results, strict=True) if not isinstance(run, BaseException)]
+    pairs = [(variant, run) for variant, run in zip(campaign.runs, results.values(), strict=True) if not isinstance(run, BaseException)]
     finished = [run for _, run in pairs]
-    printed = {run.name: run.published for run in finished if run.published is not None}
     return CampaignScores(
         {run.name: run.validation.scores for run in finished},
         units={run.name: unit for run in finished for unit in run.validation.units.values()},
-        published=printed,
+        published={run.name: run.published for run in finished if run.published is not None},
         relative_to=campaign.relative_to,
         best_of=campaign.best_of,
         groups={run.name: variant.group for variant, run in pairs if variant.group is not None},
+        failed=tuple(name for name, result in results.items() if isinstance(result, BaseException)),
     )
