@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import FormulaFit
@@ -14,6 +15,22 @@ OWN = "mapmore"
 
 REPEATABILITY = "repeatability"
 """Name of the rows that say how far repeated measurements lie apart: the floor of every model's error, and no model itself."""
+
+
+METRICS: Mapping[str, str] = MappingProxyType(
+    {
+        "n": "samples",
+        "rmse": "root of the mean squared error",
+        "nrmse": "rmse / normaliser, a fraction",
+        "normaliser": "what the error is divided by",
+        "max_abs_error": "greatest absolute error",
+        "max_abs_error_fs": "greatest absolute error as a fraction of the normaliser",
+        "r2": "coefficient of determination",
+        "rrse": "root relative squared error",
+        "rrse_one_step": "the same of predictions from the measured past; NaN without memory",
+    }
+)
+"""What the numbers of a score row mean."""
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from mapmore_cli.spec.fields import Name, RelativePath, Section, contradiction
+from mapmore_cli.spec.fields import Name, Section, SpecPath, contradiction
 from mapmore_cli.spec.layers import as_overrides
 from mapmore_cli.spec.loader import load_as
-
-SpecPath = Annotated[str, RelativePath()]
 
 
 class Variant(Section):

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
-from typing import get_type_hints
 
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.domain.scores import OWN, REPEATABILITY, Score
+from mapmore_cli.domain.scores import METRICS, OWN, REPEATABILITY
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean
 from mapmore_cli.spec.experiment import ExperimentSpec, TargetColumn
+from mapmore_cli.spec.sections.dictionary import entries_of, texts_in
 from mapmore_cli.spec.sections.logs import Logs
 from mapmore_cli.spec.sections.method import Cuts, Fuse
 from mapmore_cli.spec.sections.results import Competitor
@@ -29,6 +30,28 @@ def levels(spec: ExperimentSpec) -> Iterator[Finding]:
             yield Finding(("segment", name), f"`{name}` is constant within a curve and cannot be cut", remedy, on_key=True)
     if spec.data.split.leave_one_level_out and level is None:
         yield Finding(("data", "split", "leave_one_level_out"), "there are no levels to leave out", "add `levels` to `data`", on_key=True)
+
+
+def after_cycles(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Branches that are joined have no time any more: their samples stand in the order of `cycles.over`."""
+    cycles, hold_out = spec.data.cycles, spec.data.split.hold_out
+    if cycles is None:
+        return
+    uses: list[Loc] = [("segment", "time")] if "time" in spec.segment else []
+    uses += [("data", "split", "validate", "time")] if hold_out is not None and "time" in hold_out.quantities else []
+    for loc, _, family in entries_of(spec.dictionary):
+        uses += [at for at, text, _ in texts_in(loc, family) if re.search(r"\btime\b", text)]
+    for loc in uses:
+        what = f"`cycles` puts samples in the order of `{cycles.over}`: they have no `time` any more"
+        yield Finding(loc, what, f"name `{cycles.over}` or another quantity, or remove `cycles`", on_key=loc[-1] == "time")
+
+
+def boundaries_by_fits(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Boundaries that fits decide need fits of terms."""
+    for name, cut in spec.segment.items():
+        if isinstance(cut, Cuts) and cut.method == "optimal" and not (spec.model.type == "mapmore" and spec.dictionary):
+            what = f"`optimal` places boundaries by fits of terms, and model `{spec.model.type}` has none"
+            yield Finding(("segment", name), what, "use another `method`, or remove it", on_key=True)
 
 
 def joining(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -133,10 +156,9 @@ def formula_uses(spec: ExperimentSpec) -> Iterator[tuple[str, Loc]]:
 
 def metrics(spec: ExperimentSpec) -> Iterator[Finding]:
     """Limits are set on numbers of the score row."""
-    metrics = [name for name, kind in get_type_hints(Score).items() if kind in (int, float)]
     for name in spec.validation.require:
-        if name not in metrics:
-            yield Finding(("validate", "require", name), f"there is no metric `{name}`", did_you_mean(name, metrics), on_key=True)
+        if name not in METRICS:
+            yield Finding(("validate", "require", name), f"there is no metric `{name}`", did_you_mean(name, METRICS), on_key=True)
 
 
 def units(spec: ExperimentSpec) -> Iterator[Finding]:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, GetJsonSchemaHandler, Tag
+from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, GetJsonSchemaHandler, Tag
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError
 
@@ -111,6 +111,9 @@ class RelativePath:
     bare: bool = False
 
 
+LONGEST_NAME, LONGEST_PATH = 255, 4000
+
+
 @dataclass(frozen=True)
 class SettingsOf:
     """Marks a mapping with keys of a whole spec, as `data.files`; the spec's model is looked up late, since it holds the mapping."""
@@ -128,8 +131,12 @@ def _column_unit(around: Surroundings) -> str | None:
     return unit if isinstance(unit, str) else around.unit_of(around.key)
 
 
+OF_TARGET = ("rmse", "normaliser", "max_abs_error")
+"""Metrics in the unit of the target."""
+
+
 def _metric_unit(around: Surroundings) -> str | None:
-    return around.unit_of(around.target) if around.key in ("rmse", "normaliser", "max_abs_error") else "1"
+    return around.unit_of(around.target) if around.key in OF_TARGET else "1"
 
 
 Metres = Annotated[float, Field(gt=0), WithUnit(lambda _: "m")]
@@ -143,8 +150,22 @@ InColumnUnit = Annotated[float, WithUnit(_column_unit)]
 Metric = Annotated[float, WithUnit(_metric_unit)]
 Share = Annotated[float, WithUnit(lambda _: "1")]
 
-Quantity = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
+Quantity = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$", max_length=100)]
 """The name of a quantity, as expressions spell it."""
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=100)]
 """The name of a run, which is a folder's as well."""
 Positive = Annotated[float, Field(gt=0)]
+
+
+def possible_path(path: str) -> str:
+    """A path that a file system can take; ValueError for one with a name of more than 255 bytes, or a zero byte."""
+    longest = max(path.split("/"), key=len)
+    if len(path) > LONGEST_PATH or len(longest.encode()) > LONGEST_NAME:
+        raise ValueError(f"no path is as long as {longest[:40]!r}..., {len(path)} characters")
+    if "\0" in path:
+        raise ValueError(f"{path!r} holds a zero byte, which no path does")
+    return path
+
+
+SpecPath = Annotated[str, AfterValidator(possible_path), RelativePath()]
+"""The path of a file, or a glob; relative ones start at the folder of the file that they are written in."""

@@ -11,9 +11,13 @@ from typing import Any
 
 from mapmore_cli.domain.errors import SpecError, UsageError
 from mapmore_cli.spec.diagnostics import Mistake, fail
+from mapmore_cli.spec.fields import possible_path
 from mapmore_cli.spec.tree import Node, SourceText, merged, with_child, without
 from mapmore_cli.spec.yaml_core import escaped
 from mapmore_cli.spec.yaml_loader import parse, read_source
+
+DEEPEST = 20
+"""Files that may extend each other, one the next."""
 
 
 def read(path: Path, problems: list[Mistake]) -> Node:
@@ -45,7 +49,12 @@ def _read(path: Path, problems: list[Mistake], heirs: tuple[Path, ...]) -> Node:
 def _base(reference: Node, path: Path, problems: list[Mistake], heirs: tuple[Path, ...]) -> Node:
     if not isinstance(reference.value, str):
         fail(reference.at, "`extends` names no file", "write `extends: other.yaml`")
-    base = Path(os.path.normpath(path.parent / reference.value))
+    if len(heirs) >= DEEPEST:
+        fail(reference.at, f"more than {DEEPEST} files extend each other", "extend the file at their beginning itself")
+    try:
+        base = Path(os.path.normpath(path.parent / possible_path(reference.value)))
+    except ValueError as error:
+        fail(reference.at, str(error), "write `extends: other.yaml`")
     chain = (*heirs, path.resolve())
     if base.resolve() in chain:
         circle = " -> ".join([heir.name for heir in chain] + [base.name])

@@ -10,16 +10,52 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from mapmore_cli.domain.scores import METRICS
+from mapmore_cli.spec.experiment import ExperimentSpec
+from mapmore_cli.spec.fields import OF_TARGET
 from mapmore_cli.spec.schema import json_schema
 
 MARKER = "<!-- made by python -m mapmore_cli.spec.reference; everything below is overwritten -->"
 
 
 def reference() -> str:
-    """Every section with its keys, their values and defaults, as Markdown."""
-    schema = json_schema()
-    sections = {"Top level": schema, **{_heading(name): section for name, section in schema["$defs"].items()}}
-    return "\n".join(_section(title, section) for title, section in sections.items() if "properties" in section)
+    """Every section with its keys, their values and defaults, as Markdown, in the order of the pipeline; and the metrics of `require`."""
+    schema = ExperimentSpec.model_json_schema()
+    schema["properties"] = {"extends": json_schema()["properties"]["extends"], **schema["properties"]}
+    sections = {"Top level": schema, **{_heading(name): schema["$defs"][name] for name in _in_order(schema, schema["$defs"])}}
+    tables = [_section(title, section) for title, section in sections.items() if "properties" in section]
+    return "\n".join([*tables, _metrics()])
+
+
+def _in_order(schema: Any, sections: dict[str, Any]) -> list[str]:
+    """The names of the sections as one comes upon them from top to bottom, each followed by those inside it."""
+    if isinstance(schema, list):
+        return list(dict.fromkeys(name for item in schema for name in _in_order(item, sections)))
+    if not isinstance(schema, dict):
+        return []
+    name = str(schema.get("$ref", "")).removeprefix("#/$defs/")
+    inside = {key: value for key, value in sections.items() if key != name}  # families lie within products
+    found = [name, *_in_order(sections[name], inside)] if name in sections else []
+    below = [value for key, value in schema.items() if key not in ("$defs", "default")]
+    return list(dict.fromkeys([*found, *(one for value in below for one in _in_order(value, sections))]))
+
+
+def _metrics() -> str:
+    """The numbers of a score row, which `validate.require` may limit."""
+    rows = [f"| `{name}` | {meaning} | {'the target' if name in OF_TARGET else '1'} |" for name, meaning in METRICS.items()]
+    return "\n".join(
+        [
+            "### Metrics",
+            "",
+            "What `validate.require` may limit, as `{nrmse: 0.05, r2: 0.9}`: `r2` and `n` from below, all others from above. A limit holds",
+            "for the run's own model on the pooled validation rows, or on the training rows where nothing is held out.",
+            "",
+            "| metric | meaning | in units of |",
+            "|---|---|---|",
+            *rows,
+            "",
+        ]
+    )
 
 
 def page(text: str) -> str:
@@ -65,7 +101,7 @@ def _bounds(value: dict[str, Any]) -> str:
 
 def _default(value: dict[str, Any], required: bool) -> str:
     if required:
-        return "*required*"
+        return "**required**"
     default = value.get("default")
     return "" if default is None or isinstance(default, dict) else f"`{json.dumps(default, ensure_ascii=False)}`"
 

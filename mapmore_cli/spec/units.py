@@ -33,8 +33,7 @@ _COMMON = [
     *(f"{unit}/s" for unit in ("1", "%", "mm", "m", "N", "V", "Pa", "kPa", "bar", "psi")),
 ]
 
-_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-_QUANTITY = re.compile(rf"\s*({_NUMBER})\s*(\S.*?)?\s*", re.ASCII)
+_NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)  # one way to match: no backtracking
 _FACTOR = r"\(*(?:1|%|[^\W\d]\w*|°[CF])(?:(?:\^|\*\*)-?\d)?\)*"
 _UNIT = re.compile(rf"{_FACTOR}(?:\s*[*/]\s*{_FACTOR})*")
 _LONGEST_UNIT = 60
@@ -87,16 +86,23 @@ def convert(values: float | Array, source_unit: str, target_unit: str) -> float 
 
 def is_quantity(text: str) -> bool:
     """True for text that starts with a number and goes on with something else, as `250 kPa`."""
-    match = _QUANTITY.fullmatch(text)
-    return match is not None and match[2] is not None
+    found = _parted(text)
+    return found is not None and bool(found[1])
 
 
 def split_quantity(text: str) -> tuple[float, str | None]:
     """Number and unit of a quantity; the unit is None for a number alone. Raises SpecError for text that is neither."""
-    match = _QUANTITY.fullmatch(text)
-    if match is None:
-        raise SpecError(f"{text!r} is not a number with a unit", "write it as `250 kPa`")
-    return float(match[1]), match[2]
+    found = _parted(text)
+    if found is None:
+        raise SpecError(f"{text[:_LONGEST_UNIT]!r} is not a number with a unit", "write it as `250 kPa`")
+    return float(found[0]), found[1] or None
+
+
+def _parted(text: str) -> tuple[str, str] | None:
+    """The number that a text starts with, and what follows it; None where it starts with none."""
+    stripped = text.strip()
+    match = _NUMBER.match(stripped)
+    return None if match is None else (match[0], stripped[match.end() :].lstrip())
 
 
 def parse_quantity(text: str, unit: str) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import sys
 from pathlib import Path
 from typing import NoReturn
 
@@ -65,6 +67,8 @@ def parse(source: SourceText, problems: list[Mistake]) -> Node:
         root = CoreLoader(source.text).get_single_node()
     except (yaml.YAMLError, TooDeep) as error:
         _refuse(error, source)
+    except (ValueError, OverflowError):  # of PyYAML's `chr`
+        _refuse_escape(source)
     if root is None:
         return Node(None, Position(source, 1, 1))
     return _Builder(source, problems).node(root, depth=0)
@@ -117,7 +121,7 @@ class _Builder:
     def _scalar(self, node: yaml.ScalarNode, at: Position) -> str | int | float | bool | None:
         """A plain scalar is typed after its variables are expanded, so that `${N:-3}` is a number; a quoted one stays text."""
         try:
-            text = expand(node.value)
+            text = _encodable(expand(node.value))
             return scalar(tag_of(text) if text != node.value and node.style is None else node.tag, text)
         except ValueError as error:
             self.problems.append(Mistake(at, str(error), _scalar_remedy(node.value)))
@@ -125,6 +129,21 @@ class _Builder:
 
     def _position(self, mark: yaml.Mark) -> Position:
         return Position(self.source, mark.line + 1, mark.column + 1)
+
+
+def _encodable(text: str) -> str:
+    """The text; ValueError for one with half of a surrogate pair, which no file can hold."""
+    if any("\ud800" <= character <= "\udfff" for character in text):
+        raise ValueError(f"{text!r} holds half of a character")
+    return text
+
+
+def _refuse_escape(source: SourceText) -> NoReturn:
+    """Raise SpecError for an escape of a number beyond those that Unicode has."""
+    found = next((match for match in re.finditer(r"\\U([0-9A-Fa-f]{8})", source.text) if int(match[1], 16) > sys.maxunicode), None)
+    before = source.text[: found.start() if found else 0]
+    at = Position(source, before.count("\n") + 1, len(before) - before.rfind("\n"))
+    fail(at, f"{found[0] if found else 'an escape'} is no character", "write the character itself")
 
 
 def _scalar_remedy(text: str) -> str:

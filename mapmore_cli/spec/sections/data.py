@@ -7,7 +7,7 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
 from mapmore_cli.spec.fields import (
     Keyed,
@@ -25,6 +25,7 @@ from mapmore_cli.spec.fields import (
     by_shape_or_key,
     contradiction,
     of_sibling,
+    possible_path,
     with_key,
 )
 from mapmore_cli.spec.sections.logs import FileEntry, Join, Keep, Logs
@@ -57,7 +58,7 @@ class Cycles(Section):
     """Split load cycles into branches `over` one quantity, and resample both on `samples` common values."""
 
     over: str
-    samples: Annotated[int, Field(ge=2)] = 200
+    samples: Annotated[int, Field(ge=2, le=100_000)] = 200
 
 
 class Levels(Section):
@@ -120,13 +121,13 @@ class Holdout(Section):
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, HeldOut]
 
-    files: list[Annotated[str, RelativePath(bare=True)]] | None = None
+    files: list[Annotated[str, AfterValidator(possible_path), RelativePath(bare=True)]] | None = None
     recordings: list[str] | None = None
     last: Part | None = None
     last_cycles: Part | None = None
     of: str | None = None
     fraction: Part | None = None
-    seed: int | None = None
+    seed: Annotated[int, Field(ge=0, lt=2**63)] | None = None
 
     @property
     def quantities(self) -> dict[str, list[float] | Between]:

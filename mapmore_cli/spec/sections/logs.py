@@ -16,10 +16,10 @@ from mapmore_cli.spec.fields import (
     Number,
     OfKey,
     Quantity,
-    RelativePath,
     Seconds,
     Section,
     SignedSeconds,
+    SpecPath,
     Text,
     TrueFalse,
     by_shape,
@@ -61,7 +61,6 @@ class Keep(Section):
         return self
 
 
-FilePattern = Annotated[str, RelativePath()]
 if TYPE_CHECKING:
     ReaderName = str
 else:
@@ -80,7 +79,7 @@ class FileEntry(Section):
     `sheet` is that of these workbooks. `keep` chooses samples of these files, besides the `keep` of all.
     """
 
-    path: FilePattern
+    path: SpecPath
     set: dict[Quantity, OfKey] = {}
     id: str | None = None
     sheet: str | None = None
@@ -112,12 +111,12 @@ class Logs(Section):
     """
 
     files: Annotated[
-        list[Annotated[Annotated[FilePattern, Text] | Annotated[FileEntry, Keyed], by_shape]],
+        list[Annotated[Annotated[SpecPath, Text] | Annotated[FileEntry, Keyed], by_shape]],
         Field(min_length=1),
     ]
     reader: ReaderName = "csv"
-    header: Annotated[Annotated[bool, TrueFalse] | Annotated[int, Number, Field(ge=1)], by_shape] = True
-    skip_rows: Annotated[int, Field(ge=0)] = 0
+    header: Annotated[Annotated[bool, TrueFalse] | Annotated[int, Number, Field(ge=1, le=1000)], by_shape] = True
+    skip_rows: Annotated[int, Field(ge=0, le=1_000_000)] = 0
     delimiter: str = ","
     decimal: Literal[".", ","] = "."
     encoding: str = "utf-8"
@@ -125,7 +124,7 @@ class Logs(Section):
     root: str | None = None
     columns: Annotated[dict[Quantity, SourceColumn], Field(min_length=1)]
     sample_time: Seconds | None = None
-    every: Annotated[int, Field(ge=1)] = 1
+    every: Annotated[int, Field(ge=1, le=1_000_000_000)] = 1
 
     @model_validator(mode="after")
     def _reader_has_use(self) -> Logs:

@@ -7,7 +7,12 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from mapmore_cli.spec.fields import Keyed, Number, OfHeld, OfKey, RelativePath, Section, Text, WithUnit, by_shape, contradiction, of_sibling
+from mapmore_cli.spec.fields import Keyed, Number, OfHeld, OfKey, Section, SpecPath, Text, WithUnit, by_shape, contradiction, of_sibling
+
+USUAL_GRID = 20
+"""Cells of the grid of `optimal` where nothing is said."""
+LEAST_RIDGE = 1e-9
+"""Below which rounding decides."""
 
 
 class Cuts(Section):
@@ -19,7 +24,7 @@ class Cuts(Section):
     """
 
     method: Literal["even", "breakpoints", "gradient", "optimal"]
-    count: Annotated[int, Field(ge=1)] | None = None
+    count: Annotated[int, Field(ge=1, le=1000)] | None = None
     at: Annotated[list[OfKey], Field(min_length=1)] | None = None
     window: Annotated[OfKey, Field(gt=0)] | None = None
     separation: Annotated[OfKey, Field(gt=0)] | None = None
@@ -38,9 +43,9 @@ class Cuts(Section):
                 raise contradiction(f"method `{self.method}` has no use for `{other}`", f"remove `{other}`", other)
         if self.at is not None and any(after <= before for before, after in pairwise(self.at)):
             raise contradiction("the breakpoints do not increase", f"write `at: {sorted(set(self.at))}`", "at")
-        if self.method == "optimal" and self.count is not None and self.count > (self.grid or self.count):
+        if self.method == "optimal" and self.count is not None and self.count > (self.grid or USUAL_GRID):
             raise contradiction(
-                f"{self.count} segments do not fit on a grid of {self.grid} cells", "raise `grid`, or lower `count`", "grid"
+                f"{self.count} segments do not fit on a grid of {self.grid or USUAL_GRID} cells", "raise `grid`, or lower `count`", "grid"
             )
         return self
 
@@ -55,8 +60,8 @@ class CutByDirection(Section):
 class Needs(Section):
     """Specs of the runs that this one builds on: the `static` model that a damping force is left by, the `damping` model added to it."""
 
-    static: Annotated[str, RelativePath()] | None = None
-    damping: Annotated[str, RelativePath()] | None = None
+    static: SpecPath | None = None
+    damping: SpecPath | None = None
 
 
 class ModelChoice(Section):
@@ -107,6 +112,12 @@ class Fit(Section):
     stop: Literal["tolerance", "bic", "aicc", "press", "free_run"] = "tolerance"
     ridge: Annotated[Annotated[Literal["auto"], Text] | Annotated[Annotated[float, Field(ge=0)], Number], by_shape] = 0.0
     forward: Annotated[int, Field(ge=1)] | None = None
+
+    @model_validator(mode="after")
+    def _some_ridge(self) -> Fit:
+        if isinstance(self.ridge, float) and 0 < self.ridge < LEAST_RIDGE:
+            raise contradiction(f"a ridge of {self.ridge:g} is lost in rounding", f"write {LEAST_RIDGE:g} or more, 0 or `auto`", "ridge")
+        return self
 
 
 ExtrapolationWord = Literal["continue", "continue_linear", "saturate", "zero"]

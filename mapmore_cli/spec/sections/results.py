@@ -18,10 +18,10 @@ from mapmore_cli.spec.fields import (
     Name,
     OfTarget,
     Quantity,
-    RelativePath,
     Section,
     SettingsOf,
     Share,
+    SpecPath,
     Text,
     by_shape,
     contradiction,
@@ -44,7 +44,7 @@ class Competitor(Section):
     """
 
     model: str | None = None
-    run: Annotated[str, RelativePath()] | None = None
+    run: SpecPath | None = None
     set: Annotated[dict[str, Any], SettingsOf(_experiment)] | None = None
     static: str | None = None
     damping: str | None = None

@@ -24,6 +24,9 @@ from mapmore_cli.stages.ingestion.samples import Samples
 
 CONSPICUOUS = 10  # times the usual step: a gap that is worth a warning where the spec does not say what a gap is
 
+MOST_SAMPLES, MOST_TIMES = 10_000_000, 100
+"""Samples of a resampled recording, and how many times those that were measured: beyond both, a slip of the pen would fill the memory."""
+
 
 @dataclass(frozen=True)
 class Clocked:
@@ -117,6 +120,12 @@ def _described(samples: Samples, gaps: Gaps, limit: float, unit: str) -> str:
 def _resampled(samples: Samples, step: float) -> Samples:
     """Return the samples on even steps; the row of each is that of the sample which it follows."""
     time = samples.columns["time"]
+    wanted = np.ptp(time) / step
+    if wanted > max(MOST_SAMPLES, MOST_TIMES * samples.size):
+        raise DataError(
+            f"{samples.label}: `resample` would make {wanted:.3g} samples of {samples.size}",
+            f"write a longer time step; {np.ptp(time) / samples.size:.3g} would keep the number of samples",
+        )
     stamps, columns = resample(time, samples.columns, step)
     rows = samples.rows[(np.searchsorted(time, stamps, side="right") - 1).clip(0)]
     if len(stamps):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mapmore_cli.domain.scores import Score, Validation
+from mapmore_cli.domain.scores import METRICS, Score, Validation
 from mapmore_cli.storage.artefacts.codecs import named, numbered, pairs
 from mapmore_cli.storage.artefacts.label import NO_UNIT
 from mapmore_cli.storage.artefacts.layout.cells import COUNT, REAL, REALS, TEXT, TEXTS
@@ -17,16 +17,16 @@ SCORE = Schema(
         Field("target", TEXT, "the modelled quantity", NO_UNIT),
         Field("split", TEXT, "`train` or `validate`", NO_UNIT),
         Field("curve", TEXT, "`all`, or the identifier of a curve", NO_UNIT),
-        Field("n", COUNT, "samples"),
-        Field("rmse", REAL, "root of the mean squared error", "[target]"),
-        Field("nrmse", REAL, "rmse / normaliser, a fraction"),
-        Field("normaliser", REAL, "what the error is divided by", "[target]"),
+        Field("n", COUNT, METRICS["n"]),
+        Field("rmse", REAL, METRICS["rmse"], "[target]"),
+        Field("nrmse", REAL, METRICS["nrmse"]),
+        Field("normaliser", REAL, METRICS["normaliser"], "[target]"),
         Field("normaliser_name", TEXT, "what the normaliser is", NO_UNIT),
-        Field("max_abs_error", REAL, "greatest absolute error", "[target]"),
-        Field("max_abs_error_fs", REAL, "greatest absolute error as a fraction of the normaliser"),
-        Field("r2", REAL, "coefficient of determination"),
-        Field("rrse", REAL, "root relative squared error"),
-        Field("rrse_one_step", REAL, "the same of predictions from the measured past; NaN without memory"),
+        Field("max_abs_error", REAL, METRICS["max_abs_error"], "[target]"),
+        Field("max_abs_error_fs", REAL, METRICS["max_abs_error_fs"]),
+        Field("r2", REAL, METRICS["r2"]),
+        Field("rrse", REAL, METRICS["rrse"]),
+        Field("rrse_one_step", REAL, METRICS["rrse_one_step"]),
     ),
 )
 
