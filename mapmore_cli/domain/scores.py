@@ -28,6 +28,7 @@ METRICS: Mapping[str, str] = MappingProxyType(
         "r2": "coefficient of determination",
         "rrse": "root relative squared error",
         "rrse_one_step": "the same of predictions from the measured past; NaN without memory",
+        "r_uncentred": "correlation of measured and predicted about zero, W's index",
     }
 )
 """What the numbers of a score row mean."""
@@ -40,6 +41,7 @@ class Score:
     `nrmse = rmse / normaliser` is a fraction; `normaliser` is the number and `normaliser_name` says what it is, as
     `max|force| over validate`. `rmse`, `normaliser` and `max_abs_error` carry the target's unit. `rrse` is the root relative squared
     error, of a free run where the model has memory; `rrse_one_step` then that of predictions from the measured past, else NaN.
+    `r_uncentred` is the correlation about zero, `sum y yhat / sqrt(sum y^2 sum yhat^2)`, which W prints.
     """
 
     model: str
@@ -56,6 +58,7 @@ class Score:
     r2: float
     rrse: float = math.nan
     rrse_one_step: float = math.nan
+    r_uncentred: float = math.nan
 
 
 AT_LEAST = frozenset({"r2", "n"})

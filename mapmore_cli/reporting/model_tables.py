@@ -11,10 +11,13 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import FormulaFit, SegmentFit
 from mapmore_cli.domain.models import Equation, FoldError
 from mapmore_cli.domain.results import FitResult
+from mapmore_cli.modelling.literature.identifiability import half_width
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.table import Cell, Column, Table
 
 CONFIDENCE = 0.95
+SAME = 1e-9
+"""Relative difference between the sums of squares of two fits that are taken for one model."""
 INDEPENDENCE_CAVEAT = (
     "The intervals take the samples to be independent. Neighbouring samples of a smooth curve are not, so the true intervals are wider."
 )
@@ -134,6 +137,8 @@ def formulas_table(inputs: ReportInputs) -> Table:
         Column("parameter"),
         Column("value", "", "#.6g"),
         Column("standard error", "", ".3g"),
+        Column("95 %, from", "", ".4g"),
+        Column("to", "", ".4g"),
         Column("method"),
         Column("rank"),
         Column("condition", "", ".3g"),
@@ -141,15 +146,38 @@ def formulas_table(inputs: ReportInputs) -> Table:
     )
     rows = tuple(row for name, role, formula in fitted for row in _formula_rows(name, role, formula))
     notes = tuple(f"{name} ({role}): {note}" for name, role, formula in fitted for note in formula.notes)
+    caveat = (INDEPENDENCE_CAVEAT,) if rows else ()
+    notes = (*caveat, *same_models([(name, formula) for name, _, formula in fitted]), *notes)
     return Table("formulas", "Parameters of the fitted formulas", columns, rows, notes)
 
 
 def _formula_rows(name: str, role: str, formula: FormulaFit) -> list[tuple[Cell, ...]]:
     head: tuple[Cell, ...] = (name, role, formula.status.replace("_", " "))
     if formula.failed:
-        return [(*head, None, None, None, formula.method, None, None, formula.samples)]
+        return [(*head, None, None, None, None, None, formula.method, None, None, formula.samples)]
     tail: tuple[Cell, ...] = (formula.method, formula.rank, formula.condition, formula.samples)
-    return [(*head, key, value, formula.errors.get(key), *tail) for key, value in formula.parameters.items()]
+    return [(*head, key, value, formula.errors.get(key), *_interval(formula, key), *tail) for key, value in formula.parameters.items()]
+
+
+def _interval(formula: FormulaFit, parameter: str) -> tuple[float, float]:
+    """Ends of the confidence interval of a parameter; NaN where its error is unknown."""
+    reach = half_width(formula.errors.get(parameter, math.nan), formula.samples - formula.rank, CONFIDENCE)
+    return formula.parameters[parameter] - reach, formula.parameters[parameter] + reach
+
+
+def same_models(fitted: Sequence[tuple[str, FormulaFit]]) -> tuple[str, ...]:
+    """A sentence for every pair of different formulas that are one model here: what one of them can say, the other can.
+
+    That is so where the same samples are fitted with the same sum of squares (tondu_lopez with its area fitted is chou_hannaford in other
+    parameters wherever that describes a braid).
+    """
+    known = [(name, fit) for name, fit in fitted if not fit.failed and fit.sse > 0.0]
+    return tuple(
+        f"{first} and {second} are one model here, in other parameters: their sums of squares agree within {SAME:g}. Count them once."
+        for i, (first, one) in enumerate(known)
+        for second, other in known[i + 1 :]
+        if one.name != other.name and one.samples == other.samples and abs(one.sse - other.sse) <= SAME * one.sse
+    )
 
 
 def folds_table(choices: Sequence[FoldError], unit: str) -> Table:

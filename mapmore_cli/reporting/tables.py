@@ -9,6 +9,7 @@ import numpy as np
 
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.scores import REPEATABILITY, Published, Score
+from mapmore_cli.modelling.scores.bands import Band, bands
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.memory_tables import states_table, substitutes_table
 from mapmore_cli.reporting.model_tables import (
@@ -26,6 +27,7 @@ __all__ = [
     "Column",
     "Table",
     "all_tables",
+    "bands_table",
     "curve_scores_table",
     "levels_table",
     "recordings_table",
@@ -59,6 +61,7 @@ def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
         recordings_table(inputs.dataset),
         levels_table(inputs.dataset),
         curve_scores_table(scores, units),
+        bands_table(bands(inputs.dataset, inputs.validation.predictions), inputs.target.unit),
         segments_table(inputs),
         terms_table(inputs.fit),
         coefficients_table(inputs),
@@ -67,6 +70,17 @@ def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
         folds_table(inputs.model.pieces.cross_validation if inputs.model.pieces else (), inputs.target.unit),
         *((states_table(memory.model.states), substitutes_table(memory)) if memory is not None else ()),
     )
+
+
+def bands_table(found: Sequence[Band], unit: str) -> Table:
+    """A row for each band, a column for each model."""
+    models = list(found[0].rmse) if found else []
+    columns = (Column("from", unit), Column("to", unit), Column("samples"), *(Column(model, unit, ".3g") for model in models))
+    rows: tuple[tuple[Cell, ...], ...] = tuple(
+        (band.low, band.high, band.samples, *(band.rmse[model] for model in models)) for band in found
+    )
+    note = "RMSE of the samples whose absolute value lies in the band, of held-out data where there are any."
+    return Table("bands", "RMSE by the size of what was measured", columns, rows, (note,))
 
 
 def score_table(scores: Sequence[Score], units: Mapping[str, str], published: Published | None = None, failed: Sequence[str] = ()) -> Table:

@@ -74,6 +74,7 @@ def test_files(folder):
         "fit_training.svg",
         "error.svg",
         "nrmse.svg",
+        "bands.svg",
         "segments.svg",
         "segments_levels.svg",
         "terms.svg",

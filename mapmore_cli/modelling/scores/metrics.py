@@ -77,7 +77,14 @@ def score(
         r2=1 - float(np.sum(error**2)) / spread if spread > 0 else float("nan"),
         rrse=relative(error, measured),
         rrse_one_step=float("nan") if one_step is None else relative((one_step - measured)[known], measured),
+        r_uncentred=uncentred(y, predicted[known]),
     )
+
+
+def uncentred(measured: Array, predicted: Array) -> float:
+    """`sum y yhat / sqrt(sum y^2 sum yhat^2)`: W's correlation index, not Pearson's; NaN where either is zero throughout."""
+    size = float(np.linalg.norm(measured) * np.linalg.norm(predicted))
+    return float(measured @ predicted) / size if size > 0 else float("nan")
 
 
 def relative(error: Array, measured: Array) -> float:

@@ -27,6 +27,7 @@ SCORE = Schema(
         Field("r2", REAL, METRICS["r2"]),
         Field("rrse", REAL, METRICS["rrse"]),
         Field("rrse_one_step", REAL, METRICS["rrse_one_step"]),
+        Field("r_uncentred", REAL, METRICS["r_uncentred"]),
     ),
 )
 
