@@ -14,7 +14,7 @@ from mapmore_cli.domain.models import FoldError
 from mapmore_cli.domain.recording import Dataset, Quantity, Recording
 from mapmore_cli.domain.results import PiecesFit
 from mapmore_cli.domain.scores import Published
-from mapmore_cli.reporting.model_tables import interval_half_width
+from mapmore_cli.reporting.model_tables import interval_half_width, same_models
 from mapmore_cli.reporting.tables import Table, all_tables, levels_table, recordings_table, score_table, terms_table, to_csv
 
 
@@ -193,3 +193,14 @@ class TestFormulas:
         table = tables_of(replace(inputs, model=of_pieces(inputs.model, cross_validation=errors)))["cross_validation"]
         assert column(table, "least error") == ["no", "yes"]
         assert column(table, "RMSE of left-out samples [N]") == [5.0, 4.0]
+
+
+def test_formulas_that_are_one_model_are_named_once_each_pair() -> None:
+    def fit(name: str, sse: float, status: str = "converged") -> FormulaFit:
+        return FormulaFit(name, {"a": 1.0}, {"a": 0.1}, status, "-", 1, 1.0, sse, 50)
+
+    same = same_models([("tondu_lopez", fit("tondu_lopez", 2.0)), ("chou_hannaford", fit("chou_hannaford", 2.0 + 1e-10))])
+    assert len(same) == 1
+    assert "tondu_lopez and chou_hannaford are one model here" in same[0]
+    assert same_models([("a", fit("a", 2.0)), ("b", fit("b", 2.001))]) == ()
+    assert same_models([("a", fit("a", 2.0)), ("a again", fit("a", 2.0))]) == ()  # one formula, fitted in two ways

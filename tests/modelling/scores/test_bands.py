@@ -13,9 +13,8 @@ from mapmore_cli.modelling.scores.metrics import max_abs, score, uncentred
 
 
 def dataset(measured: np.ndarray, held_out: np.ndarray) -> Dataset:
-    curve = Curve("a", "a", None, {"force": measured, "strain": np.zeros(len(measured))}, held_out)
-    quantities = {"force": Quantity("force", "N"), "strain": Quantity("strain", "1")}
-    return Dataset(quantities, "force", None, (curve,), ())
+    curve = Curve("a", None, {"force": measured}, held_out, ("a",))
+    return Dataset("force", None, {"force": Quantity("force", "N")}, (), (curve,))
 
 
 def test_each_sample_is_in_the_band_of_its_size() -> None:
