@@ -26,7 +26,8 @@ class Recording:
     """One file as read, in the units of the model.
 
     `columns` holds the samples that were kept; `dropped` counts the others by reason, so that
-    `rows_read == kept + sum(dropped.values())` holds for a recording that was not resampled.
+    `rows_read == kept + sum(dropped.values())` holds for a recording that was not resampled. `log` is the id of the log that this is a
+    piece of, where that was cut at gaps; empty where it is the whole log.
     """
 
     id: str
@@ -34,6 +35,7 @@ class Recording:
     columns: Columns
     rows_read: int
     dropped: Mapping[str, int]
+    log: str = ""
 
     @property
     def rows_kept(self) -> int:
@@ -103,6 +105,11 @@ class Dataset:
     recordings: tuple[Recording, ...]
     curves: tuple[Curve, ...]
     notes: tuple[str, ...] = ()
+
+    @property
+    def logs(self) -> Mapping[str, str]:
+        """The log that each recording is a piece of, by the id of the recording."""
+        return {recording.id: recording.log or recording.id for recording in self.recordings}
 
     def unit(self, name: str) -> str:
         """Unit of a column."""

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from mapmore_cli.domain.recording import Dataset
     from mapmore_cli.domain.results import Forecast
     from mapmore_cli.domain.scores import Score
+    from mapmore_cli.modelling.scores.metrics import Normaliser
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ def run(part: Slice, workspace: Workspace) -> None:
     """Fit the competitors to the same training data, predict every sample, and score."""
     from mapmore_cli.domain.scores import Validation
     from mapmore_cli.modelling.forecast import forecast
-    from mapmore_cli.modelling.scores.rows import score_rows
+    from mapmore_cli.modelling.scores.rows import divisor, on_common_rows, score_rows
     from mapmore_cli.stages.competitors import Contest
     from mapmore_cli.storage.artefacts import read_dataset, read_model, write_scores, write_validation
 
@@ -77,8 +78,10 @@ def run(part: Slice, workspace: Workspace) -> None:
     for name, found in forecasts.items():
         _told_of_diverged(name, found, dataset, workspace.warn)
     scored = [name for name in forecasts if name not in failed]
-    scores = [row for name in scored for row in score_rows(name, part.target, forecasts[name], dataset, part.normaliser)]
-    scores += _floor(part, [quantity.name for quantity in model.inputs], dataset)
+    scale = divisor(dataset, part.normaliser)
+    compared = on_common_rows({name: forecasts[name] for name in scored})
+    scores = [row for name, found in compared.items() for row in score_rows(name, part.target, found, dataset, scale)]
+    scores += _floor(part, [quantity.name for quantity in model.inputs], dataset, scale)
     predictions = {name: tuple(one.values for one in found) for name, found in forecasts.items()}
     validation = Validation(predictions, formulas, tuple(scores), {part.target: dataset.unit(dataset.target)})
     write_validation(workspace.out / "validate.h5", validation)
@@ -95,7 +98,7 @@ def _told_of_diverged(name: str, forecasts: Sequence[Forecast], dataset: Dataset
             warn(f"{name}: its free run diverges on {curve.recordings[log]} at {at}{when}; it has no scores there")
 
 
-def _floor(part: Slice, inputs: Sequence[str], dataset: Dataset) -> Iterator[Score]:
+def _floor(part: Slice, inputs: Sequence[str], dataset: Dataset, scale: Normaliser) -> Iterator[Score]:
     """Rows of the repeatability: of held-out cycles, or where measurements at one level, coordinate and direction were repeated."""
     from mapmore_cli.domain.results import Forecast
     from mapmore_cli.domain.scores import REPEATABILITY
@@ -103,12 +106,12 @@ def _floor(part: Slice, inputs: Sequence[str], dataset: Dataset) -> Iterator[Sco
     from mapmore_cli.modelling.scores.rows import score_rows
 
     if part.cycles_of is not None:
-        others = repeated_cycles(dataset.curves, dataset.target, part.cycles_of)
+        others = repeated_cycles(dataset.curves, dataset.target, part.cycles_of, dataset.logs)
     else:
-        others = repeats(dataset.curves, dataset.target, [name for name in inputs if name != dataset.level])
+        others = repeats(dataset.curves, dataset.target, [name for name in inputs if name != dataset.level], dataset.logs)
     if others is not None:
         known = [Forecast(values, np.isfinite(values)) for values in others]
-        yield from score_rows(REPEATABILITY, part.target, known, dataset, part.normaliser, partial=True)
+        yield from score_rows(REPEATABILITY, part.target, known, dataset, scale, partial=True)
 
 
 def limits(require: Mapping[str, float], scores: Sequence[Score]) -> tuple[Limit, ...]:
@@ -129,4 +132,4 @@ def needs(spec: ExperimentSpec) -> list[str | Variation]:
     return [*dict.fromkeys([*runs, *([static] if static is not None else [])]), *variations]
 
 
-STAGE = Stage(name="validate", revision=3, outputs=("validate.h5", "scores.csv", "scores.json"), reads=reads, run=run, needs=needs)
+STAGE = Stage(name="validate", revision=4, outputs=("validate.h5", "scores.csv", "scores.json"), reads=reads, run=run, needs=needs)

@@ -12,7 +12,7 @@ from mapmore_cli.domain.scores import Validation
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.memory import MemoryRecipe, fit_with_memory, records_of
 from mapmore_cli.modelling.memory import model as memory
-from mapmore_cli.modelling.scores.rows import score_rows
+from mapmore_cli.modelling.scores.rows import divisor, score_rows
 from mapmore_cli.reporting.figures.catalogue import drawings
 from mapmore_cli.reporting.figures.drawing import compose
 from mapmore_cli.reporting.figures.style import figure_style
@@ -52,7 +52,7 @@ def report_of(dictionary, *, ridge=0.0, scale=False, held=0.5):
     limits = {name: (float(x.min()), float(x.max())) for name, x in columns.items()}
     model = memory.build("demo", fit.model, None, (SegmentedCurve("a", None, (), (), limits, ()),), QUANTITIES)
     forecasts = {"mapmore": (forecast(model, curve),), "flat": (Forecast.of(np.full(n, 12.0)),)}
-    scores = [row for name, found in forecasts.items() for row in score_rows(name, "motion", found, dataset, "range")]
+    scores = [row for name, found in forecasts.items() for row in score_rows(name, "motion", found, dataset, divisor(dataset, "range"))]
     predictions = {name: tuple(one.values for one in found) for name, found in forecasts.items()}
     validation = Validation(predictions, {}, tuple(scores), {"motion": "mm"})
     result = FitResult(fit)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,12 +25,12 @@ class _Branch:
     means: tuple[Array, Array]  # places along the varying input and mean targets there, (m,) each
 
 
-def repeats(curves: Sequence[Curve], target: str, inputs: Sequence[str]) -> tuple[Array, ...] | None:
+def repeats(curves: Sequence[Curve], target: str, inputs: Sequence[str], logs: Mapping[str, str]) -> tuple[Array, ...] | None:
     """The mean of the other recordings at the level, coordinate and direction of each sample, `(n_c,)` for every curve.
 
     Recordings of one curve repeat each other where they agree in every input that was held in them. Each is parted into its rising and its
     falling branch along the one input that varies; a branch is averaged in bins and interpolated between them, never beyond its ends. NaN
-    where no other recording has a value. Pieces of one log do not repeat each other.
+    where no other recording has a value. Pieces of one log do not repeat each other; `logs` names the log of each recording.
 
     None where nothing repeats: with no or several varying inputs, or where the recordings of the samples are unknown.
     """
@@ -38,7 +38,7 @@ def repeats(curves: Sequence[Curve], target: str, inputs: Sequence[str]) -> tupl
     if len(along) != 1:
         return None
     held = [name for name in inputs if name != along[0]]
-    found = tuple(_of_curve(curve, target, along[0], held) for curve in curves)
+    found = tuple(_of_curve(curve, target, along[0], held, logs) for curve in curves)
     return found if any(np.isfinite(values).any() for values in found) else None
 
 
@@ -64,10 +64,10 @@ def _varying(curves: Sequence[Curve], inputs: Sequence[str]) -> list[str]:
     return [name for name in inputs if any(span > 0 for span in spans[name])]
 
 
-def _of_curve(curve: Curve, target: str, along: str, held: Sequence[str]) -> Array:
+def _of_curve(curve: Curve, target: str, along: str, held: Sequence[str], logs: Mapping[str, str]) -> Array:
     x, y = curve.columns[along], curve.columns[target]
     edges = np.linspace(x.min(), x.max(), BINS + 1)
-    branches = list(_branches(curve, x, y, held, edges))
+    branches = list(_branches(curve, x, y, held, edges, logs))
     found = np.full(curve.size, np.nan)
     for branch in branches:
         others = [other for other in branches if other.kind == branch.kind and other.log != branch.log]
@@ -79,7 +79,7 @@ def _of_curve(curve: Curve, target: str, along: str, held: Sequence[str]) -> Arr
     return found
 
 
-def _branches(curve: Curve, x: Array, y: Array, held: Sequence[str], edges: Array) -> Iterator[_Branch]:
+def _branches(curve: Curve, x: Array, y: Array, held: Sequence[str], edges: Array, logs: Mapping[str, str]) -> Iterator[_Branch]:
     for name, rows in _recordings(curve):
         up = rising(x[rows])
         at = tuple(float(curve.columns[quantity][rows[0]]) for quantity in held)
@@ -87,14 +87,14 @@ def _branches(curve: Curve, x: Array, y: Array, held: Sequence[str], edges: Arra
             members = rows[up == direction]
             if len(members):
                 places, means = bin_means(x[members], {"y": y[members]}, edges)
-                yield _Branch(name.partition("#")[0], (direction, *at), members, (places, means["y"]))
+                yield _Branch(logs[name], (direction, *at), members, (places, means["y"]))
 
 
 SAME_COURSE = 0.05
 """Root mean square difference of two cycles' courses, as a part of the range, up to which one repeats the other in time."""
 
 
-def repeated_cycles(curves: Sequence[Curve], target: str, driven: str) -> tuple[Array, ...] | None:
+def repeated_cycles(curves: Sequence[Curve], target: str, driven: str, logs: Mapping[str, str]) -> tuple[Array, ...] | None:
     """The target of the last training cycle of `driven`, again from the beginning of every held-out cycle, `(n_c,)` for every curve.
 
     Where the quantity takes the same course in time again, as in a programme of steps, the same moment of that cycle stands beside each
@@ -105,9 +105,9 @@ def repeated_cycles(curves: Sequence[Curve], target: str, driven: str) -> tuple[
     if any(curve.level is not None for curve in curves):
         return None
     found = [np.full(curve.size, np.nan) for curve in curves]
-    logs = [curve.recordings[0].partition("#")[0] for curve in curves]
-    for log in dict.fromkeys(logs):
-        pieces = [number for number, name in enumerate(logs) if name == log]
+    names = [logs[curve.recordings[0]] for curve in curves]
+    for log in dict.fromkeys(names):
+        pieces = [number for number, name in enumerate(names) if name == log]
         x, y = (np.concatenate([curves[number].columns[name] for number in pieces]) for name in (driven, target))
         again = _again(x, y, np.concatenate([curves[number].held_out for number in pieces]))
         ends = np.cumsum([curves[number].size for number in pieces])[:-1]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,12 +33,28 @@ class _Part:
         return score(model, target, split, self.curve, self.measured, self.predicted, scale, ready=self.ready, one_step=self.one_step)
 
 
+def divisor(dataset: Dataset, normaliser: str) -> Normaliser:
+    """What all errors of a study are divided by: a measure of the validation rows, as in the papers; of the training rows without these.
+
+    `normaliser` is one of `metrics.NORMALISERS`.
+    """
+    held_out = any(curve.held_out.any() for curve in dataset.curves)
+    measured = np.concatenate([curve.columns[dataset.target][curve.held_out == held_out] for curve in dataset.curves])
+    return NORMALISERS[normaliser](measured, dataset.target, "validate" if held_out else "train")
+
+
+def on_common_rows(forecasts: Mapping[str, Sequence[Forecast]]) -> dict[str, tuple[Forecast, ...]]:
+    """The forecasts of every model on the rows that all of them predict: models that need a history would else be scored on fewer rows."""
+    common = [np.logical_and.reduce([found.ready for found in curve]) for curve in zip(*forecasts.values(), strict=True)]
+    return {name: tuple(replace(one, ready=ready) for one, ready in zip(found, common, strict=True)) for name, found in forecasts.items()}
+
+
 def score_rows(
-    model: str, target: str, forecasts: Sequence[Forecast], dataset: Dataset, normaliser: str = "max", *, partial: bool = False
+    model: str, target: str, forecasts: Sequence[Forecast], dataset: Dataset, scale: Normaliser, *, partial: bool = False
 ) -> Iterator[Score]:
     """Rows of one model, whose `forecasts` are those of the dataset's curves; with `partial`, of the samples that it predicts.
 
-    `normaliser` is one of `metrics.NORMALISERS`.
+    `scale` is the `divisor` of the study.
     """
     every = list(zip(dataset.curves, forecasts, strict=True))
     for split, held_out in SPLITS:
@@ -53,8 +69,6 @@ def score_rows(
                     ways += _parts(name, dataset.target, curve, found, mask & (curve.columns[DIRECTION] == sign))
         if not parts:
             continue
-        measured = np.concatenate([curve.columns[dataset.target][mask] for (curve, _), mask in zip(every, masks, strict=True)])
-        scale = NORMALISERS[normaliser](measured, dataset.target, split)
         yield _pooled(parts).score(model, target, split, scale)
         for part in (*parts, *ways):
             yield part.score(model, target, split, scale)

@@ -109,7 +109,7 @@ def _stepped(reading: ReadLog, slice_: IngestSlice, static: Model | None, warn: 
 def _warn_of_losses(recording: Recording, warn: Callable[[str], None]) -> None:
     kept, lost = recording.rows_kept, sum(recording.dropped.values())
     reasons = "; ".join(f"{count}: {reason}" for reason, count in recording.dropped.items())
-    name = f"{recording.source} ({recording.id})" if recording.id.rpartition("#")[2].isdigit() else recording.source
+    name = f"{recording.source} ({recording.id})" if recording.log else recording.source
     if kept < FEW:
         warn(f"{name}: only {kept} of {kept + lost} samples are left ({reasons})" if lost else f"{name}: holds only {kept} samples")
     elif kept < (1 - MUCH) * (kept + lost):

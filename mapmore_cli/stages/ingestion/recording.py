@@ -97,7 +97,8 @@ def _reading(samples: Samples, source: Source, data: Data, units: Mapping[str, s
         (finished or whole.pieces)[0].some()
     name = source.id if samples.element is None else f"{source.id}[{samples.element}]"
     names = [f"{name}#{number}" for number in range(1, len(left) + 1)] if len(whole.pieces) > 1 else [name]
-    recordings = tuple(_recording(name, source.name, piece) for name, piece in zip(names, left, strict=True))
+    log = name if len(names) > 1 or names != [name] else ""
+    recordings = tuple(_recording(name, source.name, piece, log) for name, piece in zip(names, left, strict=True))
     return ReadLog(recordings, whole.notes, (*whole.warnings, *_emptied(whole, left)))
 
 
@@ -107,9 +108,9 @@ def _emptied(whole: Clocked, left: list[Samples]) -> list[str]:
     return [f"{whole.pieces[0].label}: {lost} of {len(whole.pieces)} pieces between gaps have no sample left"] if lost else []
 
 
-def _recording(name: str, source: str, samples: Samples) -> Recording:
+def _recording(name: str, source: str, samples: Samples, log: str) -> Recording:
     dropped = {reason: len(rows) for reason, rows in samples.left_out.items()}
-    return Recording(name, source, samples.columns, samples.rows_read, dropped)
+    return Recording(name, source, samples.columns, samples.rows_read, dropped, log)
 
 
 def _finished(samples: Samples, data: Data, keep: Sequence[Keep], units: Mapping[str, str]) -> Samples:

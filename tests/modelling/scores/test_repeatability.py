@@ -25,9 +25,21 @@ def curve(offsets: dict[str, float], pressure: np.ndarray = UP_AND_DOWN, hystere
     return Curve(f"strain={level}", level, columns, np.zeros(n * len(names), bool), names, origin=origin)
 
 
+def repeated(curves: list[Curve], inputs: list[str]) -> tuple[np.ndarray, ...] | None:
+    """What repeats say, where recordings are logs but for the pieces of the log called `log`."""
+    logs = {name: "log" if name.startswith("log") else name for one in curves for name in one.recordings}
+    return repeats(curves, "force", inputs, logs)
+
+
+def test_a_number_in_a_name_makes_no_piece_of_a_log() -> None:
+    """Logs called `steps#1` and `steps#2` by their user are two, and repeat each other."""
+    one = curve({"steps#1": 0.0, "steps#2": 1.0})
+    assert repeats([one], "force", ["pressure"], {name: name for name in one.recordings}) is not None
+
+
 def errors(one: Curve) -> np.ndarray:
     """Others minus own, `(recordings, samples)`."""
-    found = repeats([one], "force", ["pressure"])
+    found = repeated([one], ["pressure"])
     assert found is not None
     return (found[0] - one.columns["force"]).reshape(len(one.recordings), -1)
 
@@ -49,7 +61,7 @@ def test_nothing_is_said_beyond_the_ends_of_the_others() -> None:
     columns = {name: np.concatenate([long.columns[name], short.columns[name]]) for name in long.columns}
     origin = np.concatenate([np.zeros(800, int), np.ones(600, int)])
     both = Curve("c", 0.1, columns, np.zeros(1400, bool), ("long", "short"), origin=origin)
-    found = repeats([both], "force", ["pressure"])
+    found = repeated([both], ["pressure"])
     assert found is not None
     low = short.columns["pressure"].min()
     assert np.isnan(found[0][:800][long.columns["pressure"] < low]).all()
@@ -70,7 +82,7 @@ def test_a_dwell_counts_no_more_than_a_passage() -> None:
     "changed",
     [
         lambda c: replace(c, origin=None),
-        lambda c: replace(c, recordings=("log#1", "log#2")),
+        lambda c: replace(c, recordings=("log#1", "log#2")),  # pieces of one log
         lambda c: replace(c, columns={**c.columns, "pressure": np.full(c.size, 300.0)}),
         lambda c: replace(c, columns={**c.columns, "temperature": np.where(c.origin == 0, 20.0, 60.0)}),
         lambda c: replace(c, columns={**c.columns, "temperature": np.linspace(20, 60, c.size)}),
@@ -80,14 +92,14 @@ def test_a_dwell_counts_no_more_than_a_passage() -> None:
 def test_what_does_not_repeat(changed) -> None:  # type: ignore[no-untyped-def]
     one = changed(curve({"a": 0.0, "b": 1.0}))
     inputs = ["pressure", *(["temperature"] if "temperature" in one.columns else [])]
-    assert repeats([one], "force", inputs) is None
+    assert repeated([one], inputs) is None
 
 
 def test_a_single_recording_has_no_repeat_and_other_levels_are_none() -> None:
     alone, pair = curve({"c": 0.0}, level=0.2), curve({"a": 0.0, "b": 1.0})
-    assert repeats([alone], "force", ["pressure"]) is None
-    assert repeats([alone, curve({"d": 5.0}, level=0.3)], "force", ["pressure"]) is None
-    found = repeats([alone, pair], "force", ["pressure"])
+    assert repeated([alone], ["pressure"]) is None
+    assert repeated([alone, curve({"d": 5.0}, level=0.3)], ["pressure"]) is None
+    found = repeated([alone, pair], ["pressure"])
     assert found is not None
     assert np.isnan(found[0]).all()
     assert np.isfinite(found[1]).any()
@@ -96,7 +108,7 @@ def test_a_single_recording_has_no_repeat_and_other_levels_are_none() -> None:
 def test_recordings_at_the_same_value_of_a_held_input_repeat_each_other() -> None:
     one = curve({"a": 0.0, "b": 1.0, "c": 40.0, "d": 41.0})
     length = np.where(one.origin < 2, 83.0, 281.0)  # type: ignore[operator]
-    found = repeats([replace(one, columns={**one.columns, "length": length})], "force", ["length", "pressure"])
+    found = repeated([replace(one, columns={**one.columns, "length": length})], ["length", "pressure"])
     assert found is not None
     assert np.nanmax(np.abs(found[0] - one.columns["force"])) == pytest.approx(1.0)
 

@@ -26,8 +26,14 @@ def record(cycles, drift=0.0, cuts=(), name="a"):
     return [Curve(n, None, {k: v[rows] for k, v in columns.items()}, held[rows], (n,)) for n, rows in zip(names, parts, strict=True)]
 
 
+def again_of(curves):
+    """The repeated cycles, where pieces are named `<log>#<number>`."""
+    logs = {curve.recordings[0]: curve.recordings[0].partition("#")[0] for curve in curves}
+    return repeated_cycles(curves, "displacement", "pressure", logs)
+
+
 def errors(curves):
-    found = repeated_cycles(curves, "displacement", "pressure")
+    found = again_of(curves)
     return np.concatenate([again - curve.columns["displacement"] for again, curve in zip(found, curves, strict=True)])
 
 
@@ -48,7 +54,7 @@ def test_each_log_is_compared_with_itself():
 def test_a_longer_cycle_is_unknown_at_its_end():
     pressure = np.concatenate([ONE, ONE, np.zeros(40)])
     curve = Curve("a", None, {"pressure": pressure, "displacement": pressure}, last_cycles(pressure, 0.5), ("a",))
-    (again,) = repeated_cycles([curve], "displacement", "pressure")
+    (again,) = again_of([curve])
     begin = len(ONE) + BEGIN
     np.testing.assert_array_equal(np.flatnonzero(np.isfinite(again)), np.arange(begin, begin + len(ONE)))
 
@@ -59,7 +65,7 @@ def test_cycles_of_another_course_are_compared_on_the_same_stroke():
     falling = np.concatenate([np.arange(80) > 40, np.arange(160) > 80])
     motion = 2 * pressure + 30 * falling + 4 * (np.arange(240) >= 80)
     held = last_cycles(pressure, 0.5)
-    (again,) = repeated_cycles([Curve("a", None, {"pressure": pressure, "displacement": motion}, held, ("a",))], "displacement", "pressure")
+    (again,) = again_of([Curve("a", None, {"pressure": pressure, "displacement": motion}, held, ("a",))])
     inside = np.isfinite(again) & (np.abs(pressure - 90) > 1)
     assert inside[held].mean() > 0.9
     np.testing.assert_allclose((again - motion)[inside & (pressure > 10)], -4.0)
@@ -68,16 +74,16 @@ def test_cycles_of_another_course_are_compared_on_the_same_stroke():
 def test_a_cycle_that_reaches_further_is_unknown_there():
     pressure = np.concatenate([ONE, 1.3 * ONE])
     curve = Curve("a", None, {"pressure": pressure, "displacement": pressure}, last_cycles(pressure, 0.5), ("a",))
-    (again,) = repeated_cycles([curve], "displacement", "pressure")
+    (again,) = again_of([curve])
     np.testing.assert_array_equal(np.isfinite(again), curve.held_out & (pressure <= 100))
 
 
 def test_nothing_repeats_without_cycles_of_both_kinds():
     curve = record(2)[0]
     for held in (np.zeros(160, bool), np.ones(160, bool)):
-        assert repeated_cycles([Curve("a", None, curve.columns, held, ("a",))], "displacement", "pressure") is None
+        assert again_of([Curve("a", None, curve.columns, held, ("a",))]) is None
     levelled = Curve("pressure=80", 80.0, curve.columns, curve.held_out, ("a",))
-    assert repeated_cycles([levelled], "displacement", "pressure") is None
+    assert again_of([levelled]) is None
 
 
 def test_a_held_out_cycle_between_training_ones_is_compared_with_the_one_before():
@@ -85,7 +91,7 @@ def test_a_held_out_cycle_between_training_ones_is_compared_with_the_one_before(
     starts = BEGIN + len(ONE) * np.arange(5)
     held = np.zeros(whole.size, bool)
     held[starts[2] : starts[3]] = True
-    (again,) = repeated_cycles([Curve("a", None, whole.columns, held, ("a",))], "displacement", "pressure")
+    (again,) = again_of([Curve("a", None, whole.columns, held, ("a",))])
     np.testing.assert_array_equal(np.isfinite(again), held)
     np.testing.assert_allclose((again - whole.columns["displacement"])[held][1:], -3.0)
 
@@ -93,4 +99,4 @@ def test_a_held_out_cycle_between_training_ones_is_compared_with_the_one_before(
 def test_what_trains_after_a_held_out_cycle_is_nothing_to_compare_with():
     curve = record(2)[0]
     held = ~curve.held_out
-    assert repeated_cycles([Curve("a", None, curve.columns, held, ("a",))], "displacement", "pressure") is None
+    assert again_of([Curve("a", None, curve.columns, held, ("a",))]) is None

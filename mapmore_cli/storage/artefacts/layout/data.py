@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
-from mapmore_cli.storage.artefacts.codecs import named, numbered, optional, pairs
+from mapmore_cli.storage.artefacts.codecs import added, named, numbered, optional, pairs
 from mapmore_cli.storage.artefacts.label import NO_UNIT
 from mapmore_cli.storage.artefacts.layout.cells import COUNT, FLAGS, INTEGERS, OPTIONAL_REAL, OPTIONAL_TEXT, REALS, TEXT, TEXTS
 from mapmore_cli.storage.artefacts.schema import Field, Schema, record
@@ -23,6 +23,7 @@ RECORDING = Schema(
         Field("columns", named(REALS), "samples that were kept", "[*]"),
         Field("rows_read", COUNT, "samples in the source file"),
         Field("dropped", pairs(INTEGERS), "samples left out, by reason"),
+        Field("log", added(TEXT, ""), "identifier of the log that this is a piece of; empty where it is the whole log", NO_UNIT),
     ),
 )
 
