@@ -48,7 +48,7 @@ def _expression(text: str, loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def _state(text: str, loc: Loc, spec: ExperimentSpec, name: str, family: Family) -> Iterator[Finding]:
-    from mapmore_cli.modelling.terms import ExpressionError, state
+    from mapmore_cli.modelling.terms import ExpressionError, Operated, state
 
     try:
         found = state(text)
@@ -61,8 +61,8 @@ def _state(text: str, loc: Loc, spec: ExperimentSpec, name: str, family: Family)
         yield from _delayed_target(found, text, loc, spec)
     elif isinstance(family, (Polynomial, Products)):
         yield from _target(found, text, loc, spec)
-    elif found.quantity == spec.target_quantity:
-        yield _inside(name, text, loc, spec)
+    else:
+        yield from _target(Operated(name, found), text, loc, spec)
 
 
 def _quantity(found: State, text: str, loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
@@ -74,32 +74,36 @@ def _quantity(found: State, text: str, loc: Loc, spec: ExperimentSpec) -> Iterat
 
 
 def _target(found: State, text: str, loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
-    """A state of the target is the target some samples ago, and nothing else."""
-    from mapmore_cli.modelling.terms.states import Lagged, Measured, Operated
+    """A state of the target is made of the target some samples ago."""
+    from mapmore_cli.modelling.memory.feedback import looks_back
+    from mapmore_cli.modelling.terms.states import Measured
 
-    if found.quantity != spec.target_quantity:
+    target = spec.target_quantity
+    if found.quantity != target or (looks_back(found) and spec.target not in DERIVED):
         return
-    if isinstance(found, Operated):
-        yield _inside(found.operator, text, loc, spec)
-    elif isinstance(found, Lagged) and not isinstance(found.source, Measured):
-        yield _inside(found.source.name.partition("(")[0], text, loc, spec)
-    elif isinstance(found, Measured) or spec.target in DERIVED:
+    if isinstance(found, Measured) or spec.target in DERIVED:
         yield _is_target(text, loc, spec)
+        return
+    remedy = f"let the operator look back: write `{target}[k-1]` in place of `{target}`"
+    what = f"`{found.name.partition('(')[0]}` works on `{target}` as it is now, which is the target"
+    yield Finding(loc, what, remedy, offset=word(target, text))
 
 
 def _delayed_target(found: State, text: str, loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
     """What `lags` and `delays` delay is the target itself, where it is of the target."""
-    from mapmore_cli.modelling.terms.states import Measured
+    from mapmore_cli.modelling.terms.states import Lagged, Measured
 
     if found.quantity != spec.target_quantity:
         return
     if spec.target in DERIVED:
         yield _is_target(text, loc, spec)
-    elif not isinstance(found, Measured):
+    elif isinstance(found, Lagged):
         target = spec.target_quantity
         yield Finding(
             loc, f"`{text}` is of the target, and no quantity", f"name `{target}` itself: here it is delayed", offset=word(target, text)
         )
+    elif not isinstance(found, Measured):
+        yield from _target(found, text, loc, spec)
 
 
 def _lags_of_now(loc: Loc, family: Family, target: str) -> Iterator[Finding]:
@@ -136,14 +140,6 @@ def _is_target(text: str, loc: Loc, spec: ExperimentSpec) -> Finding:
     return Finding(
         loc, f"`{target}` is the target", f"a model cannot explain its target by itself: take it out{back}", offset=word(target, text)
     )
-
-
-def _inside(operator: str, text: str, loc: Loc, spec: ExperimentSpec) -> Finding:
-    target = spec.target_quantity
-    if spec.target in DERIVED:
-        return _is_target(text, loc, spec)
-    remedy = f"a free run feeds back delayed outputs alone, as `{target}[k-1]`: let operators work on inputs"
-    return Finding(loc, f"`{operator}` works on `{target}`, which is the target", remedy, offset=word(target, text))
 
 
 def word(name: str, text: str) -> int:

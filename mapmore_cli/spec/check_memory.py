@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from mapmore_cli.spec.check_names import NO_TIME
 from mapmore_cli.spec.diagnostics import Finding
 from mapmore_cli.spec.experiment import ExperimentSpec
-from mapmore_cli.spec.sections.dictionary import remembers
+from mapmore_cli.spec.sections.dictionary import feeds_back, remembers
 from mapmore_cli.spec.sections.method import Fit, Fuse
 from mapmore_cli.spec.tree import Loc
 from mapmore_cli.spec.units import default_unit
@@ -56,12 +56,13 @@ def settings(spec: ExperimentSpec) -> Iterator[Finding]:
     fit, defaults = spec.fit, Fit()
     if spec.has_memory:
         yield from _with_memory(fit)
+        yield from _in_free_run(spec)
     elif spec.model.type == "mapmore" and not remembers(spec.dictionary):
         remedy = "remove it, or add a family with memory to the `dictionary`, as `lags`, `slow` or `play`"
         for key in ("margin", "ridge", "forward"):
             if getattr(fit, key) != getattr(defaults, key):
                 yield Finding(("fit", key), f"`{key}` belongs to terms with memory, and there are none", remedy, on_key=True)
-        for key, word in (("scaling", "range"), ("stop", "free_run")):
+        for key, word in (("scaling", "range"), ("stop", "free_run"), ("criterion", "free_run"), ("select", "free_run")):
             if getattr(fit, key) == word:
                 yield Finding(("fit", key), f"`{key}: {word}` belongs to terms with memory, and there are none", remedy)
 
@@ -83,6 +84,20 @@ def _with_memory(fit: Fit) -> Iterator[Finding]:
     elif fit.forward < fit.max_terms:
         remedy = f"write {fit.max_terms} or more, or remove it: three times `max_terms` are chosen then"
         yield Finding(("fit", "forward"), f"{fit.forward} terms cannot be pruned to `max_terms: {fit.max_terms}`", remedy)
+
+
+def _in_free_run(spec: ExperimentSpec) -> Iterator[Finding]:
+    """A free run differs from one step ahead only where the output is fed back; what chooses by it has to be of one mind."""
+    fit, target = spec.fit, spec.target_quantity
+    for key in ("criterion", "select"):
+        if getattr(fit, key) == "free_run" and not feeds_back(spec.dictionary, target):
+            what = f"nothing of the output {target} is fed back: its free run is its prediction one step ahead"
+            yield Finding(("fit", key), what, f"remove `{key}`, or add delays, as `lags: {{of: [{target}], steps: [1, 2]}}`", on_key=True)
+            return
+    for key in ("criterion", "stop"):
+        if fit.select == "free_run" and getattr(fit, key) != "free_run":
+            what = f"terms that are chosen in free run need `{key}: free_run`"
+            yield Finding(("fit", "select"), what, f"add `{key}: free_run`, or remove `select`", on_key=True)
 
 
 def _first(spec: ExperimentSpec) -> Loc:

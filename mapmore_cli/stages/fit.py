@@ -25,4 +25,4 @@ def run(part: FitChoices, workspace: Workspace) -> None:
     write_fit(workspace.out / "fit.h5", result, units_of(dataset))
 
 
-STAGE = Stage(name="fit", revision=5, outputs=("fit.h5",), reads=reads, run=run)
+STAGE = Stage(name="fit", revision=6, outputs=("fit.h5",), reads=reads, run=run)

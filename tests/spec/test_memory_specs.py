@@ -42,6 +42,12 @@ dictionary:
       order: 2
 fit: {max_terms: 12, stop: bic, ridge: auto}
 """
+NO_DELAYS = RECORD.replace("max_terms: 12, stop: bic", "max_terms: 4")
+FED_BACK = MOTION.replace(
+    "{slow: {of: [pressure]", '{play: {of: ["displacement[k-1]"], count: 2}}, {slow: {of: ["stop(displacement[k-2], 0.1)"]'
+)
+FED_BACK = FED_BACK.replace("exp(-play(pressure, 0.2)", "exp(-slow(displacement[k-1], 0.2)")
+IN_FREE_RUN = MOTION.replace("max_terms: 4", "max_terms: 4, criterion: free_run, stop: free_run, select: free_run")
 FORCE = """\
 name: force
 data: {files: [a.csv], columns: {time: {column: 0}, pressure: {column: 1}, strain: {column: 2}, force: {column: 3}}}
@@ -50,7 +56,7 @@ dictionary: [{polynomial: {of: [pressure, strain], order: 2}}]
 """
 
 
-@pytest.mark.parametrize("text", [MOTION, RECORD, FORCE, FORCE.replace("of: [pressure, strain]", 'of: [pressure, "force[k-1]"]')])
+@pytest.mark.parametrize("text", [MOTION, RECORD, FED_BACK, IN_FREE_RUN, FORCE, PAST_FORCE])
 def test_what_is_right_loads_and_resolves_to_itself(text: str, tmp_path: Path) -> None:
     loaded = load_text(tmp_path, text)
     assert load_text(tmp_path, loaded.resolved).spec == loaded.spec
@@ -77,11 +83,10 @@ SLIPS = [
     # the target, by its past alone
     (MOTION, "steps: [1, 2]", "steps: [1, ▸0]", ["step 0 of the target `displacement`", "begin at 1"]),
     (MOTION, "of: [pressure, ", "of: [▸displacement, ", ["`displacement` is the target", "`displacement[k-1]`"]),
-    (MOTION, "slow: {of: [pressure]", "slow: {of: [▸displacement]", ["`slow` works on `displacement`", "inputs"]),
-    (MOTION, "slow: {of: [pressure]", 'play: {of: [▸"displacement[k-1]"], count: 2}}, {slow: {of: [load]', ["`play` works on"]),
+    (MOTION, "slow: {of: [pressure]", "slow: {of: [▸displacement]", ["`slow` works on `displacement` as it is now", "`displacement[k-1]`"]),
     (MOTION, '"play(pressure, 0.16)"', '"play(▸displacement, 0.16)"', ["`play` works on `displacement`"]),
-    (MOTION, '"play(pressure, 0.16)"', '"play(▸displacement, 0.16)[k-1]"', ["`play` works on `displacement`"]),
-    (MOTION, "exp(-play(pressure, 0.2)", "exp(-slow(▸displacement[k-1], 0.2)", ["`slow` works on `displacement`"]),
+    (MOTION, '"play(pressure, 0.16)"', '"play(▸displacement, 0.16)[k-1]"', ["`play` works on `displacement` as it is now"]),
+    (MOTION, "lags: {of: [displacement,", 'lags: {of: ["stop(▸displacement, 0.1)",', ["`stop` works on `displacement` as it is now"]),
     (MOTION, '"pressure*displacement[k-1]"', "pressure*▸displacement", ["`displacement` is the target", "take it out"]),
     (MOTION, '"pressure*displacement[k-1]"', '▸"exp(pressure*displacement[k-1])"', ["in one factor", "as a product"]),
     (MOTION, "delays: {of: [displacement]", 'delays: {of: [▸"displacement[k-1]"]', ["no quantity", "name `displacement` itself"]),
@@ -96,6 +101,9 @@ SLIPS = [
     (MOTION, "ridge: auto", "ridge: auto, ▸margin: 0.2", ["`margin` clips", "add `scaling: range`"]),
     (MOTION, "ridge: auto, ", "▸", ["pruned only where there is a ridge", "add `ridge: auto`"]),
     (MOTION, "forward: 12", "forward: ▸3", ["3 terms cannot be pruned to `max_terms: 4`", "4 or more"]),
+    # free run
+    (NO_DELAYS, "max_terms: 4", "max_terms: 4, ▸criterion: free_run", ["nothing of the output displacement is fed back", "add delays"]),
+    (MOTION, "max_terms: 4", "max_terms: 4, ▸select: free_run, criterion: free_run", ["need `stop: free_run`", "remove `select`"]),
     # what is of memory alone
     (FORCE, "order: 2}}]", "order: 2}}]\nfit: {▸ridge: 0.1}", ["`ridge` belongs to terms with memory", "remove it"]),
     (FORCE, "order: 2}}]", "order: 2}}]\nfit: {▸forward: 9}", ["`forward` belongs to terms with memory"]),

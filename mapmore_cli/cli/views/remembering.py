@@ -53,9 +53,9 @@ def model_tables(memory: MemoryModel) -> tuple[Table, ...]:
 
 def running_lines(memory: MemoryModel) -> tuple[str, ...]:
     """How the model is run."""
-    from mapmore_cli.modelling.memory.resolution import output_lags
+    from mapmore_cli.modelling.memory.feedback import fed_back_states
 
-    steps = sorted(output_lags(memory.states, memory.output).values())
+    steps = sorted(fed_back_states(memory.states, memory.output).values())
     first = f"the first {steps[-1]} measured samples" if steps and steps[-1] > 1 else "the first measured sample"
     start = f"from {first} of {memory.output}" if steps else f"without measured {memory.output}"
     return (f"Runs free {start}, at steps of {memory.states.step:.6g} s.",)

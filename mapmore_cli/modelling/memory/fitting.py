@@ -2,109 +2,92 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import BoolArray
+from mapmore_cli.domain.arrays import BoolArray, IntArray
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.memory import MemoryFit, MemoryModel, StateSet
-from mapmore_cli.modelling.memory.feedback import parted
-from mapmore_cli.modelling.memory.free_run import free_run
+from mapmore_cli.domain.memory import MemoryFit
+from mapmore_cli.modelling.memory.beam import Member, Tick, beam, trials
 from mapmore_cli.modelling.memory.recipe import MemoryRecipe
 from mapmore_cli.modelling.memory.records import Record
-from mapmore_cli.modelling.memory.regressors import regressors
-from mapmore_cli.modelling.memory.resolution import output_lags, resolve
-from mapmore_cli.modelling.memory.selectors import Choice, selector
-from mapmore_cli.modelling.terms import parse
+from mapmore_cli.modelling.memory.refinement import THOROUGH, Coefficients, refine
+from mapmore_cli.modelling.memory.selectors import Choice
+from mapmore_cli.modelling.memory.training import Training
 
 LATE = 0.25
 """Share of each piece's training samples on which free runs compete, where they decide on the number of terms."""
 
+DIVERGES = "use another `fit.stop`, fewer delayed outputs, or a ridge"
 
-def fit_with_memory(records: Sequence[Record], recipe: MemoryRecipe) -> MemoryFit:
+Progress = Callable[[int, int], None]
+"""Called with how many models were tried in free run, and of how many at most."""
+
+
+def fit_with_memory(records: Sequence[Record], recipe: MemoryRecipe, progress: Progress = lambda _done, _total: None) -> MemoryFit:
     """Choose and fit the terms of one model to the training samples of all pieces.
 
     Raises
     ------
     DataError
-        Where a quantity is missing, no sample has enough history, a state cannot be fed back, or the dictionary needs more memory than
-        there is.
+        Where a quantity is missing, no sample has enough history, a state cannot be fed back, the dictionary needs more memory than there
+        is, or no model's free run stays finite.
     """
+    tick = _counted(recipe, progress)
     if recipe.stop != "free_run":
-        return _Training(records, recipe).fit(None)
-    fit = _Training(records, replace(recipe, stop="tolerance")).fit(_terms_by_free_run(records, recipe))
-    return replace(fit, selection=replace(fit.selection, stop="free_run"))
+        training = Training(records, recipe)
+        choice = training.selector.best(recipe.stop, recipe.tolerance)
+    else:
+        chosen = _chosen_by_free_run(records, recipe, tick)
+        training = Training(records, recipe)
+        choice = training.selector.among(chosen)
+        choice = replace(choice, selection=replace(choice.selection, stop="free_run"))
+    if recipe.criterion == "one_step":
+        return training.fit(choice)
+    point = refine(training.problem(choice.selection.chosen), _ahead(choice), THOROUGH)
+    tick()
+    if not np.isfinite(point.error):
+        raise DataError("the free run of the chosen terms diverges on the training samples", DIVERGES)
+    return training.refined(choice, point)
 
 
-class _Training:
-    """Regressors of one set of training samples, and the models of any size that they give."""
-
-    def __init__(self, records: Sequence[Record], recipe: MemoryRecipe) -> None:
-        terms = [parse(text) for text in recipe.dictionary]
-        names = sorted(frozenset[str]().union(*(term.names for term in terms)))
-        self.recipe = recipe
-        self.states = resolve(names, records, recipe.target, recipe.step, scale=recipe.scale, margin=recipe.margin)
-        fed_back = output_lags(self.states, recipe.target)
-        for term in terms:
-            parted(term, fed_back)  # refuses what no free run could feed back
-        data = regressors(records, self.states, terms, recipe.target)
-        if data.samples <= recipe.max_terms:
-            raise DataError(
-                f"{data.samples} training sample(s) with a history, too few for {recipe.max_terms} term(s)",
-                "keep more samples, or lower fit.max_terms",
-            )
-        self.limits = (float(data.y.min()), float(data.y.max()))
-        self.selector = selector(data, recipe)
-
-    def fit(self, terms: int | None) -> MemoryFit:
-        """The model of so many terms, or of as many as the recipe's rule prefers."""
-        recipe = self.recipe
-        choice = self.selector.best(recipe.stop, recipe.tolerance) if terms is None else self.selector.of_size(terms)
-        return MemoryFit(
-            self._model(choice), recipe.dictionary, choice.selection, choice.ridge, choice.forward, choice.substitutes, choice.shares
-        )
-
-    def _model(self, choice: Choice) -> MemoryModel:
-        terms = tuple(self.recipe.dictionary[i] for i in choice.selection.chosen)
-        used = frozenset[str]().union(*(parse(term).names for term in terms))
-        states = _restricted(self.states, used)
-        selection = choice.selection
-        return MemoryModel(self.recipe.target, states, terms, selection.theta, selection.theta_error, choice.constant, self.limits)
+def _counted(recipe: MemoryRecipe, progress: Progress) -> Tick:
+    """What counts the models that are tried."""
+    sizes = trials(recipe.max_terms) if recipe.select == "free_run" else recipe.max_terms
+    total = (sizes if recipe.stop == "free_run" else 0) + (recipe.criterion == "free_run")
+    numbers = iter(range(1, total + 1))
+    return lambda: progress(next(numbers), total)
 
 
-def _restricted(states: StateSet, used: frozenset[str]) -> StateSet:
-    """The states that a model needs, with their numbers."""
-    places = [place for place, name in enumerate(states.names) if name in used]
-    scales = (states.low[places], states.high[places]) if states.scaled else (states.low, states.high)
-    return replace(states, names=tuple(states.names[place] for place in places), low=scales[0], high=scales[1])
+def _ahead(choice: Choice) -> Coefficients:
+    """Coefficients of one step ahead."""
+    return Coefficients(choice.selection.theta, choice.constant)
 
 
-def _terms_by_free_run(records: Sequence[Record], recipe: MemoryRecipe) -> int:
-    """The number of terms whose free run over the late training samples errs least, the smaller of equals; runs that diverge lose."""
+def _chosen_by_free_run(records: Sequence[Record], recipe: MemoryRecipe, tick: Tick) -> IntArray:
+    """The terms of the model, of those fitted to the early training samples, whose free run errs least over the late ones."""
     late = [_late(record) for record in records]
-    early = [Record(record.columns, record.training & ~held) for record, held in zip(records, late, strict=True)]
-    training = _Training(early, replace(recipe, stop="tolerance"))
-    models = (training.fit(terms).model for terms in range(1, recipe.max_terms + 1))
-    errors = [_error_of_runs(model, records, late) for model in models]
+    early = Training([Record(record.columns, record.training & ~held) for record, held in zip(records, late, strict=True)], recipe)
+    members = beam(early, recipe.max_terms, tick) if recipe.select == "free_run" else _one_step(early, recipe, tick)
+    errors = [early.problem(np.array(one.chosen), late).at(one.point).sse for one in members]
     if not np.isfinite(errors).any():
-        raise DataError(
-            "the free run of every model diverges, or has no history, on the last quarter of the training samples",
-            "use another `fit.stop`, fewer delayed outputs, or a ridge",
-        )
-    return int(np.argmin(errors)) + 1
+        raise DataError("the free run of every model diverges, or has no history, on the last quarter of the training samples", DIVERGES)
+    return np.array(members[int(np.argmin(errors))].chosen)
 
 
-def _error_of_runs(model: MemoryModel, records: Sequence[Record], rows: Sequence[BoolArray]) -> float:
-    """Mean squared error over those of some rows of every piece that have a prediction; infinite where a run diverges, or none has one."""
-    runs = [free_run(model, record.columns) for record in records]
-    misses = np.concatenate(
-        [(run.values - record.columns[model.output])[held] for run, record, held in zip(runs, records, rows, strict=True)]
-    )
-    if any(run.diverged for run in runs) or np.isnan(misses).all():
-        return np.inf
-    return float(np.nanmean(misses**2))
+def _one_step(training: Training, recipe: MemoryRecipe, tick: Tick) -> list[Member]:
+    """Models of 1, 2, ... terms that were chosen one step ahead."""
+    choices = [training.selector.of_size(terms) for terms in range(1, recipe.max_terms + 1)]
+    members = []
+    for choice in choices:
+        point = _ahead(choice)
+        if recipe.criterion == "free_run":
+            point = refine(training.problem(choice.selection.chosen), point, THOROUGH)
+        members.append(Member(tuple(choice.selection.chosen.tolist()), point))
+        tick()
+    return members
 
 
 def _late(record: Record) -> BoolArray:

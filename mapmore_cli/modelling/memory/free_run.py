@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -11,13 +10,11 @@ from mapmore_cli.domain.arrays import Array, Columns, IntArray
 from mapmore_cli.domain.memory import MemoryModel
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.memory.evaluation import evaluate_states
-from mapmore_cli.modelling.memory.feedback import Feedback, fed_back
+from mapmore_cli.modelling.memory.feedback import Feedback, feedback_of
 from mapmore_cli.modelling.memory.records import UNEVEN, AtSample, numbered, uninterrupted
-from mapmore_cli.modelling.memory.resolution import memory_inputs, output_lags
+from mapmore_cli.modelling.memory.resolution import memory_inputs
+from mapmore_cli.modelling.memory.simulation import bounds_of, course_of, piece_of, refuse_unknown_beginning
 from mapmore_cli.modelling.terms import Expression, dictionary_matrix, parse
-
-DIVERGED = 100.0
-"""Training ranges by which a free run may leave the training range before it counts as diverged."""
 
 FEW = 2
 """Samples up to which a longer step is taken for a gap."""
@@ -48,12 +45,13 @@ def free_run(model: MemoryModel, columns: Columns) -> Run:
     DataError
         Where an input is missing; as `AtSample` where a first output is, or samples are not at the model's time steps.
     """
-    if not output_lags(model.states, model.output):
+    feedback = feedback_of(model.terms, model.states, model.output)
+    if not feedback.names:
         return Run(one_step_ahead(model, columns))
     values, diverged = _nothing(columns), list[int]()
     for rows in _pieces(model, columns):
         with numbered(rows):
-            run = _free_run(model, _rows_of(model, columns, rows))
+            run = _free_run(model, feedback, _rows_of(model, columns, rows))
         values[rows] = run.values
         diverged += [int(rows[row]) for row in run.diverged]
     return Run(values, tuple(diverged))
@@ -101,55 +99,11 @@ def _one_step_ahead(model: MemoryModel, terms: Sequence[Expression], piece: Colu
     return values
 
 
-def _free_run(model: MemoryModel, piece: Columns) -> Run:
-    lags = output_lags(model.states, model.output)
-    longest = max(lags.values())
-    n = len(next(iter(piece.values())))
-    nothing = {**piece, model.output: np.full(n, np.nan)}  # what is fed back comes from the run itself
-    driven = {name: values for name, values in evaluate_states(model.states, nothing).items() if name not in lags}
-    ready = np.logical_and.reduce([np.ones(n, dtype=np.bool_), *(np.isfinite(values) for values in driven.values())])
-    start = min(n, max(longest, int(np.argmax(ready)) if ready.any() else n))
-    values = np.full(n, np.nan)
-    if start == n:
-        return Run(values)
-    feedback = fed_back(model, lags, {name: values[start:] for name, values in driven.items()}, n - start)
-    simulated = _simulated(feedback, _history(model, piece, start, longest), _bounds(model))
-    end = start + len(simulated)
-    values[start:end] = simulated
-    return Run(values, (end,) if end < n else ())
-
-
-def _history(model: MemoryModel, piece: Columns, start: int, longest: int) -> list[float]:
-    """The measured outputs before `start`."""
-    if model.output not in piece:
-        history = np.full(longest, np.nan)
-    else:
-        history = np.asarray(piece[model.output][start - longest : start], dtype=np.float64)
-    known = np.isfinite(history)
-    if not known.all():
-        raise AtSample(
-            start - longest + int(np.argmin(known)),
-            f"{model.output} is missing where a free run begins: the model goes on from measured outputs",
-            f"give the column {model.output} with values in the first {start} samples of every recording, and after every gap",
-        )
-    return history.tolist()
-
-
-def _bounds(model: MemoryModel) -> tuple[float, float]:
-    low, high = model.limits
-    reach = DIVERGED * (high - low if high > low else max(abs(high), 1.0))
-    return max(low - reach, -sys.float_info.max), min(high + reach, sys.float_info.max)
-
-
-def _simulated(feedback: Feedback, history: list[float], bounds: tuple[float, float]) -> list[float]:
-    """The outputs up to the first that leaves the bounds, which is left out with all after it."""
-    low, high = bounds
-    past = list(history)
-    for k, y in enumerate(feedback.base):
-        delayed = feedback.delayed(past)
-        for own, weights in zip(feedback.own, feedback.weights, strict=True):
-            y += weights[k] * own(delayed)
-        if not low <= y <= high:
-            break
-        past.append(y)
-    return past[len(history) :]
+def _free_run(model: MemoryModel, feedback: Feedback, piece: Columns) -> Run:
+    course = course_of(feedback, piece_of(model.states, model.output, piece))
+    refuse_unknown_beginning(course)
+    simulated = course.run(model.theta, model.constant, bounds_of(model.limits)).output
+    values = np.full(course.start + course.size, np.nan)
+    end = course.start + len(simulated)
+    values[course.start : end] = simulated
+    return Run(values, (end,) if end < len(values) else ())

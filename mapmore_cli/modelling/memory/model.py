@@ -15,7 +15,8 @@ from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature.model import backbone_values, by_blocks, formula_equations, printed
 from mapmore_cli.modelling.memory.free_run import free_run, one_step_ahead
-from mapmore_cli.modelling.memory.resolution import memory_inputs, output_lags
+from mapmore_cli.modelling.memory.feedback import fed_back_states
+from mapmore_cli.modelling.memory.resolution import memory_inputs
 from mapmore_cli.modelling.ranges import outside
 from mapmore_cli.modelling.terms import Expression, Name, Number, add, affine, multiply, parse, state, substitute
 
@@ -61,7 +62,7 @@ def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
 def fed_back(model: Model) -> tuple[str, ...]:
     """The output, where the model goes on from it."""
     memory = _body(model).model
-    return (memory.output,) if output_lags(memory.states, memory.output) else ()
+    return (memory.output,) if fed_back_states(memory.states, memory.output) else ()
 
 
 def memory_equation(model: MemoryModel, units: Mapping[str, float]) -> Expression:

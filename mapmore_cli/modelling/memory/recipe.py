@@ -8,6 +8,9 @@ from typing import Literal
 Stop = Literal["tolerance", "bic", "aicc", "press", "free_run"]
 """When fewer terms than `max_terms` are enough."""
 
+Criterion = Literal["one_step", "free_run"]
+"""Which error coefficients minimise, or terms are chosen by."""
+
 FORWARD = 3
 """Terms chosen forward for each that is kept, where pruning follows and nothing else is said."""
 
@@ -37,6 +40,10 @@ class MemoryRecipe:
         When fewer terms are enough: `tolerance` at that unexplained fraction of the output's square (of its variance with a ridge); `bic`,
         `aicc`, `press` at the least of the criterion; `free_run` at the least error of a free run over the last quarter of each piece's
         training samples, of models fitted to the others.
+    criterion
+        Which error the coefficients minimise: that of one step ahead, or of a free run, which starts from them.
+    select
+        Which error decides between the candidates of each step; that of free runs with `criterion` and `stop` of the same word only.
     """
 
     target: str
@@ -49,6 +56,8 @@ class MemoryRecipe:
     forward: int | None
     tolerance: float
     stop: Stop
+    criterion: Criterion
+    select: Criterion
 
     @property
     def forward_terms(self) -> int:

@@ -14,7 +14,7 @@ from mapmore_cli.modelling.memory.evaluation import Known, value_of
 from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.memory.resonances import find_resonance
 from mapmore_cli.modelling.terms.operators import OPERATORS
-from mapmore_cli.modelling.terms.states import Lagged, Measured, Operated, State, state
+from mapmore_cli.modelling.terms.states import Measured, Operated, State, state
 
 
 def resolve(names: Sequence[str], records: Sequence[Record], target: str, step: float, *, scale: bool, margin: float) -> StateSet:
@@ -81,24 +81,3 @@ def _range(values: Array, name: str) -> tuple[float, float]:
 def memory_inputs(memory: MemoryModel) -> tuple[str, ...]:
     """Every quantity that the states are made of, besides the output."""
     return tuple(sorted({state(name).quantity for name in memory.states.names} - {memory.output}))
-
-
-def output_lags(states: StateSet, output: str) -> dict[str, int]:
-    """Delays of the output among the states, by name.
-
-    Raises
-    ------
-    DataError
-        Where another state depends on the output: a free run feeds back delayed outputs only.
-    """
-    lags: dict[str, int] = {}
-    for name in states.names:
-        match state(name):
-            case Lagged(Measured(quantity), steps) if quantity == output:
-                lags[name] = steps
-            case found if found.quantity == output:
-                raise DataError(
-                    f"the state `{name}` depends on the output {output} itself",
-                    f"only delays of the output can be fed back in a free run, as {output}[k-1]; let operators work on inputs",
-                )
-    return lags

@@ -15,7 +15,7 @@ from mapmore_cli.domain.fits import Selection
 from mapmore_cli.modelling.frols import frols, frols_streamed
 from mapmore_cli.modelling.frols.criteria import fewest, information_criterion
 from mapmore_cli.modelling.frols.moments import Moments, Standard, moments, standard, standardised
-from mapmore_cli.modelling.frols.ridge import Regularised, prune, select, substitutes
+from mapmore_cli.modelling.frols.ridge import LEAST_RIDGE, Regularised, prune, select, substitutes
 from mapmore_cli.modelling.frols.ridge_choice import choose_ridge, ridge_press
 from mapmore_cli.modelling.memory.capacity import fits_whole, refuse_beyond_memory
 from mapmore_cli.modelling.memory.recipe import MemoryRecipe
@@ -48,6 +48,19 @@ class Selector(Protocol):
         """The model of so many terms, or of as many as there can be."""
         ...
 
+    def among(self, chosen: IntArray) -> Choice:
+        """The model of these candidates, in the order of their error reduction."""
+        ...
+
+    def penalty(self, chosen: IntArray) -> Array:
+        """(k,) what the ridge adds to the sum of squared errors for each squared coefficient of these candidates."""
+        ...
+
+    @property
+    def ranking(self) -> Regularised:
+        """The covariance of all candidates by which they are ranked beside chosen ones."""
+        ...
+
 
 def selector(data: Regressors, recipe: MemoryRecipe) -> Selector:
     """Plain where the recipe has no ridge."""
@@ -68,20 +81,41 @@ class Plain:
         refuse_beyond_memory(len(self.data.terms))
         return None
 
+    @cached_property
+    def _largest(self) -> Selection:
+        return self._selection(np.arange(len(self.data.terms)), self.recipe.max_terms)
+
+    @cached_property
+    def ranking(self) -> Regularised:
+        """See `Selector`: of candidates divided by their root mean squares."""
+        M = len(self.data.terms)
+        squares = sum(np.append(np.einsum("ij,ij->j", P, P), y @ y) for P, y in self.data.blocks())
+        size = np.sqrt(squares / self.data.samples)
+        total = moments(standardised(self.data.blocks, Standard(np.zeros(M + 1), np.where(size > 0, size, np.inf))))
+        return Regularised(total.products / total.samples, total.samples, LEAST_RIDGE)
+
     def best(self, stop: str, tolerance: float) -> Choice:
         """See `Selector`."""
-        return self._choice(self.recipe.max_terms, tolerance, stop)
+        return _plain(self._selection(np.arange(len(self.data.terms)), self.recipe.max_terms, tolerance, stop))
 
     def of_size(self, terms: int) -> Choice:
         """See `Selector`."""
-        return self._choice(terms, 0.0, "tolerance")
+        return self.among(self._largest.chosen[:terms])
 
-    def _choice(self, terms: int, tolerance: float, stop: str) -> Choice:
+    def among(self, chosen: IntArray) -> Choice:
+        """See `Selector`."""
+        return _plain(self._selection(chosen, len(chosen)))
+
+    def penalty(self, chosen: IntArray) -> Array:
+        """See `Selector`: there is none."""
+        return np.zeros(len(chosen))
+
+    def _selection(self, among: IntArray, terms: int, tolerance: float = 0.0, stop: str = "tolerance") -> Selection:
         if self._whole is None:
-            found = frols_streamed(self.data.blocks, terms, tolerance, stop=stop)
+            found = frols_streamed(lambda: ((P[:, among], y) for P, y in self.data.blocks()), terms, tolerance, stop=stop)
         else:
-            found = frols(self._whole, self.data.y, terms, tolerance, stop=stop)
-        return Choice(found, 0.0, 0.0, found.chosen, np.empty(0, dtype=np.int64), np.empty(0))
+            found = frols(self._whole[:, among], self.data.y, terms, tolerance, stop=stop)
+        return found if len(among) == len(self.data.terms) else _widened(found, among, len(self.data.terms))
 
 
 class Ridged:
@@ -120,12 +154,40 @@ class Ridged:
         """See `Selector`."""
         return self._choice(min(terms, len(self.subsets)), "pruned")
 
+    def among(self, chosen: IntArray) -> Choice:
+        """See `Selector`."""
+        return self._of(chosen, "pruned")
+
+    def penalty(self, chosen: IntArray) -> Array:
+        """See `Selector`: the ridge is a part of each candidate's variance."""
+        return self.problem.ridge * self.problem.samples * self.standard.spread[chosen] ** 2
+
+    @property
+    def ranking(self) -> Regularised:
+        """See `Selector`."""
+        return self.problem
+
     def _choice(self, terms: int, stop: str) -> Choice:
-        found = replace(select(self.problem, terms, self.subsets[terms - 1]), stop=stop)
+        return self._of(self.subsets[terms - 1], stop)
+
+    def _of(self, chosen: IntArray, stop: str) -> Choice:
+        found = replace(select(self.problem, len(chosen), chosen), stop=stop)
         best, shares = substitutes(self.problem, found.chosen)
         selection = _in_units(found, self.standard)
         constant = float(self.standard.centre[-1] - selection.theta @ self.standard.centre[selection.chosen])
         return Choice(selection, constant, self.problem.ridge, self.forward, best, shares)
+
+
+def _plain(found: Selection) -> Choice:
+    return Choice(found, 0.0, 0.0, found.chosen, np.empty(0, dtype=np.int64), np.empty(0))
+
+
+def _widened(found: Selection, among: IntArray, candidates: int) -> Selection:
+    """A selection among some candidates as one among all; the tables are empty (NaN) for all others."""
+    tables = np.full((2, len(found.chosen), candidates), np.nan)
+    tables[:, :, among] = found.g_all, found.err_all
+    runner_up = np.where(found.runner_up >= 0, among[found.runner_up], -1)
+    return replace(found, chosen=among[found.chosen], g_all=tables[0], err_all=tables[1], runner_up=runner_up)
 
 
 def _folds(data: Regressors, by: Standard) -> list[Moments]:

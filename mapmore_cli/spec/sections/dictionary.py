@@ -136,6 +136,22 @@ def remembers(dictionary: Sequence[DictionaryEntry]) -> bool:
     return False
 
 
+def feeds_back(dictionary: Sequence[DictionaryEntry], target: str) -> bool:
+    """Whether any term is made of the target."""
+    texts = [text for loc, _, family in entries_of(dictionary) for _, text, _ in texts_in(loc, family)]
+    return any(quantity == target for text in texts for quantity in _quantities(text))
+
+
+def _quantities(text: str) -> list[str]:
+    """Quantities that an expression or a state is made of; text that is neither is reported elsewhere."""
+    from mapmore_cli.modelling.terms import ExpressionError, parse, state
+
+    try:
+        return [state(name).quantity for name in parse(text).names]
+    except ExpressionError:
+        return []
+
+
 def _has_memory(text: str) -> bool:
     """Whether an expression or the name of a state has memory; text that is neither is reported elsewhere."""
     from mapmore_cli.modelling.terms import ExpressionError, parse

@@ -100,8 +100,12 @@ class Fit(Section):
     the pieces to one training level, as M2 does (`highest`); formulas are fitted to all of them.
 
     With memory: `scaling: range` brings every state to [0, 1] on the training samples and clips it `margin` beyond; a `ridge`, as a
-    fraction of a candidate's variance, or `auto`, selects `forward` terms (three times `max_terms`) and prunes them; `stop: free_run`
-    keeps as many terms as run best over the last quarter of the training samples.
+    fraction of a candidate's variance, or `auto`, selects `forward` terms (three times `max_terms`) and prunes them.
+
+    With delays of the output among the terms, a model may be judged in free run, as it is scored. `criterion: free_run` refines the
+    coefficients of the chosen terms by least squares on the simulation error. `stop: free_run` fits models of every size to the first three
+    quarters of each recording's training samples, keeps the terms of the one that runs best over the last quarter, and fits them to all.
+    `select: free_run` also tries the best few candidates of every step in free run, and carries the best three models of each size on.
     """
 
     scaling: Literal["unit_square", "max_abs", "none", "range"] = "unit_square"
@@ -110,6 +114,8 @@ class Fit(Section):
     max_terms: Annotated[int, Field(ge=1)] = 1
     tolerance: Annotated[float, Field(ge=0, lt=1)] = 1e-4
     stop: Literal["tolerance", "bic", "aicc", "press", "free_run"] = "tolerance"
+    criterion: Literal["one_step", "free_run"] = "one_step"
+    select: Literal["one_step", "free_run"] = "one_step"
     ridge: Annotated[Annotated[Literal["auto"], Text] | Annotated[Annotated[float, Field(ge=0)], Number], by_shape] = 0.0
     forward: Annotated[int, Field(ge=1)] | None = None
 

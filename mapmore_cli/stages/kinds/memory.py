@@ -25,7 +25,6 @@ def fit(part: FitChoices, dataset: Dataset, workspace: Workspace) -> FitResult:
     FitError
         Where the fit of the backbone failed.
     """
-    del workspace
     backbone = None if part.model.backbone is None else fitted(part.model.backbone, part, dataset)
     curves = [residual_of(curve, dataset.target, backbone) for curve in dataset.curves]
     step = time_step(curves)
@@ -42,8 +41,10 @@ def fit(part: FitChoices, dataset: Dataset, workspace: Workspace) -> FitResult:
         forward=part.fit.forward,
         tolerance=part.fit.tolerance,
         stop=part.fit.stop,
+        criterion=part.fit.criterion,
+        select=part.fit.select,
     )
-    return FitResult(fit_with_memory(records, recipe), backbone)
+    return FitResult(fit_with_memory(records, recipe, lambda done, total: workspace.progress("models", done, total)), backbone)
 
 
 def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:

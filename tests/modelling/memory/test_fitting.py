@@ -163,7 +163,7 @@ def test_what_cannot_be_fitted_is_refused_with_what_to_do():
         fit_with_memory([record(x=x, y=np.full(100, 3.0))], OPERATED)
     with pytest.raises(DataError, match="no column `z`"):
         fit_with_memory([record(x=x, y=y)], replace(LAGGED, target="z"))
-    with pytest.raises(DataError, match="depends on the output y itself"):
+    with pytest.raises(DataError, match="depends on the output y as it is now"):
         fit_with_memory([record(x=x, y=y)], replace(LAGGED, dictionary=("slow(y, 1)",), max_terms=1))
     with pytest.raises(DataError, match="delayed outputs and inputs in one factor"):
         fit_with_memory([record(x=x, y=y)], replace(LAGGED, dictionary=("x[k-1]", "exp(x*y[k-1])"), max_terms=1))

@@ -11,8 +11,9 @@ from memory_samples import STEP, record, state_set, wandering
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.memory.evaluation import evaluate_states
+from mapmore_cli.modelling.memory.feedback import fed_back_states
 from mapmore_cli.modelling.memory.records import records_of, time_step, uninterrupted
-from mapmore_cli.modelling.memory.resolution import output_lags, resolve
+from mapmore_cli.modelling.memory.resolution import resolve
 from mapmore_cli.modelling.terms.operators.play import play
 from mapmore_cli.modelling.terms.operators.resonance import resonance
 from mapmore_cli.modelling.terms.operators.slow import slow
@@ -90,11 +91,12 @@ def test_delays_beyond_the_record_are_refused():
         resolve(["x[k-9]"], [record(x=np.arange(5.0), y=np.zeros(5))], "y", STEP, scale=True, margin=0.15)
 
 
-def test_only_delays_of_the_output_can_be_fed_back():
-    assert output_lags(state_set("x", "y[k-2]", "y[k-1]", "x[k-3]"), "y") == {"y[k-2]": 2, "y[k-1]": 1}
-    for name in ("y", "slow(y, 1)", "play(y, 0.1)[k-1]", "slow(y[k-1], 1)"):
-        with pytest.raises(DataError, match="depends on the output y itself"):
-            output_lags(state_set("x", name), "y")
+def test_only_what_looks_back_can_be_fed_back():
+    assert fed_back_states(state_set("x", "y[k-2]", "y[k-1]", "x[k-3]"), "y") == {"y[k-2]": 2, "y[k-1]": 1}
+    assert fed_back_states(state_set("slow(stop(y[k-1], 0.1)[k-2], 1)"), "y") == {"slow(stop(y[k-1], 0.1)[k-2], 1)": 3}
+    for name in ("y", "slow(y, 1)", "play(y, 0.1)[k-1]"):
+        with pytest.raises(DataError, match="depends on the output y as it is now"):
+            fed_back_states(state_set("x", name), "y")
 
 
 def test_a_record_is_cut_at_gaps_and_where_the_clock_was_set_back():

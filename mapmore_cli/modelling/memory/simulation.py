@@ -1,0 +1,227 @@
+"""One uninterrupted piece of a recording, made ready to be simulated many times with other coefficients."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
+from mapmore_cli.domain.memory import StateSet
+from mapmore_cli.modelling.memory.evaluation import Known, evaluate_states, value_of
+from mapmore_cli.modelling.memory.feedback import OUTPUT, Feedback, Node, fed_back_states
+from mapmore_cli.modelling.memory.records import AtSample
+from mapmore_cli.modelling.terms import evaluate
+
+DIVERGED = 100.0
+"""Training ranges by which a free run may leave the training range before it counts as diverged."""
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """A run from row `start` of a piece on, and where in it the run began anew.
+
+    Attributes
+    ----------
+    output
+        (n,) simulated outputs; fewer than the rest of the piece where the run left all bounds.
+    nodes
+        (nodes, n) unscaled values of the fed-back states and of what they are made of.
+    begins
+        (n,) the row, counted from `start`, at which the stretch of each sample began.
+    """
+
+    output: Array
+    nodes: Array
+    begins: IntArray
+
+
+@dataclass(frozen=True)
+class Course:
+    """A piece of n rows, of which the rows from `start` on can be simulated.
+
+    Attributes
+    ----------
+    feedback
+        The model's terms taken apart.
+    inputs
+        (n - start, k) input parts of the terms.
+    measured
+        (n,) output; NaN where it is not known.
+    history
+        (nodes, n) the fed-back states and what they are made of along the measured output, at rest before.
+    """
+
+    feedback: Feedback
+    start: int
+    inputs: Array
+    measured: Array
+    history: Array
+
+    @property
+    def size(self) -> int:
+        """Samples that can be simulated."""
+        return len(self.inputs)
+
+    @cached_property
+    def restarts(self) -> BoolArray:
+        """(n - start,) whether a run may begin anew at a sample: everything before it is known."""
+        depth, feedback = self.feedback.depth, self.feedback
+        known = np.isfinite(self.measured) & np.isfinite(self.history).all(axis=0)
+        back = np.concatenate([[0], np.cumsum(~known)])
+        rows = np.arange(self.start, self.start + self.size)
+        return np.asarray(back[rows] == back[np.maximum(rows - max(depth, feedback.longest), 0)])
+
+    def begins(self, horizon: int | None) -> IntArray:
+        """(n - start,) the row, counted from `start`, at which the stretch of each sample begins; a single one without a `horizon`."""
+        rows = np.arange(self.size)
+        if horizon is None:
+            return np.zeros_like(rows)
+        return np.asarray(np.maximum.accumulate(np.where((rows % horizon == 0) & self.restarts, rows, 0)))
+
+    def run(self, theta: Array, constant: float, bounds: tuple[float, float], horizon: int | None = None) -> Trajectory:
+        """Simulate with the coefficients `theta` (k,), beginning anew from measured outputs after every `horizon` samples.
+
+        It ends at the first sample that leaves the `bounds`, which is left out.
+        """
+        groups = np.asarray(self.feedback.groups)
+        weighted = self.inputs * theta
+        base = (constant + weighted[:, groups < 0].sum(axis=1)).tolist()
+        weights = [weighted[:, groups == group].sum(axis=1).tolist() for group in range(len(self.feedback.owns))]
+        begins = self.begins(horizon)
+        output, nodes = np.empty(self.size), np.empty((len(self.feedback.nodes), self.size))
+        done = 0
+        for begin, end in pairwise([*np.unique(begins).tolist(), self.size]):
+            y, states = self._stretch(begin, end, base, weights, bounds)
+            done = begin + len(y)
+            output[begin:done], nodes[:, begin:done] = y, states
+            if done < end:
+                break
+        return Trajectory(output[:done], nodes[:, :done], begins[:done])
+
+    def _stretch(
+        self, begin: int, end: int, base: list[float], weights: list[list[float]], bounds: tuple[float, float]
+    ) -> tuple[Array, Array]:
+        """Outputs and nodes of the samples from `begin` up to `end`, or up to the first that leaves the bounds."""
+        feedback, row = self.feedback, self.start + begin
+        past = max(row - max(feedback.longest, 1), 0)
+        y = self.measured[past:row].tolist()
+        known = len(y)
+        nodes = [values.tolist() for values in self.history[:, np.maximum(np.arange(row - feedback.depth, row), 0)]]  # at rest before row 0
+        advance = [_advanced(node, place, nodes, y) for place, node in enumerate(feedback.nodes)]
+        fed, owns = [nodes[place] for place in feedback.places], feedback.functions
+        limits, least, greatest = feedback.limits, -feedback.states.margin, 1 + feedback.states.margin
+        low, high = bounds
+        with np.errstate(all="ignore"):
+            for k in range(begin, end):
+                for step in advance:
+                    step()
+                now = [values[-1] for values in fed]
+                if limits:
+                    now = [min(max((x - foot) / width, least), greatest) for x, (foot, width) in zip(now, limits, strict=True)]
+                value = base[k]
+                for own, weight in zip(owns, weights, strict=True):
+                    value += weight[k] * own(now)
+                if not low <= value <= high:
+                    break
+                y.append(value)
+        count = len(y) - known
+        states = np.array([values[feedback.depth : feedback.depth + count] for values in nodes]).reshape(len(nodes), count)
+        return np.array(y[known:]), states
+
+
+def _advanced(node: Node, place: int, nodes: list[list[float]], y: list[float]) -> Callable[[], None]:
+    """What appends the next value of a node; the outputs `y` end at the sample before, nodes with a smaller place at this one."""
+    own, source, rule = nodes[place], y if node.source == OUTPUT else nodes[node.source], node.rule
+    if rule is None:
+        back = node.steps + (node.source != OUTPUT)
+        return lambda: own.append(source[-back])
+    if (rule.own, rule.source) == (1, 0):
+        return lambda: own.append(rule.next(own[-1], source[-1]))
+    return lambda: own.append(rule.next(*[own[-i - 1] for i in range(rule.own)], *[source[-i - 1] for i in range(rule.source + 1)]))
+
+
+@dataclass(frozen=True)
+class Piece:
+    """One piece of n rows with what does not depend on the choice of terms.
+
+    Attributes
+    ----------
+    measured
+        (n,) output; NaN where it is not known.
+    driven
+        (n,) each, the states of inputs alone, scaled as the model's are.
+    known
+        Fed-back states along the measured output that were computed already.
+    """
+
+    measured: Array
+    driven: Columns
+    known: Known
+
+
+def piece_of(states: StateSet, output: str, columns: Columns) -> Piece:
+    """Prepare one piece; `columns` hold the inputs, and the output where it is known.
+
+    Raises
+    ------
+    DataError
+        Where an input is missing.
+    """
+    n = len(next(iter(columns.values())))
+    measured = np.asarray(columns.get(output, np.full(n, np.nan)), dtype=np.float64)
+    fed_back = fed_back_states(states, output)
+    values = evaluate_states(states, {**columns, output: np.full(n, np.nan)})
+    return Piece(measured, {name: column for name, column in values.items() if name not in fed_back}, {})
+
+
+def course_of(feedback: Feedback, piece: Piece, end: int | None = None) -> Course:
+    """Make a piece ready for one set of terms, up to the row `end`.
+
+    Its run starts where every state of inputs has a value, after the longest delay.
+    """
+    measured = piece.measured[:end]
+    n = len(measured)
+    driven = {name: piece.driven[name][:end] for name in feedback.states.names if name not in feedback.names}
+    ready = np.logical_and.reduce([np.ones(n, dtype=np.bool_), *(np.isfinite(values) for values in driven.values())])
+    start = min(n, max(feedback.longest, int(np.argmax(ready)) if ready.any() else n))
+    rows = {name: values[start:] for name, values in driven.items()}
+    inputs = np.empty((n - start, len(feedback.inputs)), order="F")
+    for column, part in zip(inputs.T, feedback.inputs, strict=True):
+        column[:] = evaluate(part, rows, n - start)
+    return Course(feedback, start, inputs, measured, _history(feedback, piece)[:, :end])
+
+
+def _history(feedback: Feedback, piece: Piece) -> Array:
+    """(nodes, n) every node along the measured output, with its first value before that: each begins at rest."""
+    history = np.empty((len(feedback.nodes), len(piece.measured)))
+    for place, node in enumerate(feedback.nodes):
+        values = value_of(node.state, {feedback.output: piece.measured}, feedback.states, piece.known)
+        first = int(np.argmax(np.isfinite(values))) if len(values) else 0
+        history[place] = values
+        history[place, :first] = values[first : first + 1]
+    return history
+
+
+def refuse_unknown_beginning(course: Course) -> None:
+    """Raise AtSample where a measured output that the run begins with is missing."""
+    first = course.start - course.feedback.longest
+    known = np.isfinite(course.measured[first : course.start])
+    if course.size and not known.all():
+        output = course.feedback.output
+        raise AtSample(
+            first + int(np.argmin(known)),
+            f"{output} is missing where a free run begins: the model goes on from measured outputs",
+            f"give the column {output} with values in the first {course.start} samples of every recording, and after every gap",
+        )
+
+
+def bounds_of(limits: tuple[float, float]) -> tuple[float, float]:
+    """Least and greatest output that a run may have, from the training range."""
+    low, high = limits
+    reach = DIVERGED * (high - low if high > low else max(abs(high), 1.0))
+    return max(low - reach, -sys.float_info.max), min(high + reach, sys.float_info.max)
