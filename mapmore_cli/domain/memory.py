@@ -97,6 +97,9 @@ class MemoryFit:
     substitutes, shares
         (k,) the candidate that would serve best in place of each term beside the others, -1 for none, and its gain over the term's own;
         both empty without a ridge.
+    held_out
+        Where free runs decided on the number of terms: RMSE of the models of 1, 2, ... terms over the last training samples, which they
+        were not fitted to; infinite where a run diverged.
     """
 
     model: MemoryModel
@@ -106,6 +109,7 @@ class MemoryFit:
     forward: IntArray
     substitutes: IntArray
     shares: Array
+    held_out: Array | None = None
 
     @property
     def piece(self) -> SegmentFit:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from mapmore_cli.domain.memory import MemoryFit, StateSet
 from mapmore_cli.reporting.table import Cell, Column, Table
 
@@ -33,3 +35,15 @@ def substitutes_table(fit: MemoryFit) -> Table:
         f"{len(fit.forward)} terms were chosen forward, and pruned to {len(fit.model.terms)}.",
     )
     return Table("substitutes", "What else would have served", columns, tuple(rows), notes)
+
+
+def sizes_table(fit: MemoryFit) -> Table:
+    """The error in free run of models of 1, 2, ... terms over training samples held out for that; no rows where none were."""
+    columns = (Column("terms"), Column("RMSE over the held-out end", "", "#.4g"))
+    errors = [] if fit.held_out is None else fit.held_out.tolist()
+    rows: tuple[tuple[Cell, ...], ...] = tuple((number + 1, error if math.isfinite(error) else None) for number, error in enumerate(errors))
+    notes = (
+        "Free runs of models fitted to the first three quarters of each recording's training samples. The model has the terms of the best "
+        f"one, {len(fit.model.terms)}, fitted to all of them. A dash: the run diverges.",
+    )
+    return Table("sizes", "How many terms: error over the last quarter of the training samples", columns, rows, notes)

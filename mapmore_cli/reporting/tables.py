@@ -11,7 +11,7 @@ from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.scores import REPEATABILITY, Published, Score
 from mapmore_cli.modelling.scores.bands import Band, bands
 from mapmore_cli.reporting.inputs import ReportInputs
-from mapmore_cli.reporting.memory_tables import states_table, substitutes_table
+from mapmore_cli.reporting.memory_tables import sizes_table, states_table, substitutes_table
 from mapmore_cli.reporting.model_tables import (
     coefficients_table,
     equations_table,
@@ -68,7 +68,7 @@ def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
         equations_table(inputs.equations, inputs.other_equations),
         formulas_table(inputs),
         folds_table(inputs.model.pieces.cross_validation if inputs.model.pieces else (), inputs.target.unit),
-        *((states_table(memory.model.states), substitutes_table(memory)) if memory is not None else ()),
+        *((states_table(memory.model.states), substitutes_table(memory), sizes_table(memory)) if memory is not None else ()),
     )
 
 

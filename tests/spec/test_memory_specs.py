@@ -56,6 +56,9 @@ dictionary: [{polynomial: {of: [pressure, strain], order: 2}}]
 """
 
 
+PAST_FORCE = FORCE.replace("of: [pressure, strain]", 'of: [pressure, "force[k-1]"]')
+
+
 @pytest.mark.parametrize("text", [MOTION, RECORD, FED_BACK, IN_FREE_RUN, FORCE, PAST_FORCE])
 def test_what_is_right_loads_and_resolves_to_itself(text: str, tmp_path: Path) -> None:
     loaded = load_text(tmp_path, text)

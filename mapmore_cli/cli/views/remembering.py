@@ -24,16 +24,18 @@ def fit_document(fit: MemoryFit | None) -> dict[str, Any] | None:
         "forward": [fit.candidates[place] for place in fit.forward],
         "substitutes": [fit.candidates[place] if place >= 0 else None for place in fit.substitutes],
         "shares": fit.shares,
+        "held_out": fit.held_out,
     }
     return {**asdict(fit.model), **found}
 
 
 def fit_tables(fit: MemoryFit) -> tuple[Table, ...]:
     """What else would have served, where a ridge tells; then the tables of the model."""
-    from mapmore_cli.reporting.memory_tables import substitutes_table
+    from mapmore_cli.reporting.memory_tables import sizes_table, substitutes_table
 
     others = (substitutes_table(fit),) if len(fit.substitutes) else ()
-    return (*others, *model_tables(fit.model))
+    sizes = (sizes_table(fit),) if fit.held_out is not None else ()
+    return (*others, *sizes, *model_tables(fit.model))
 
 
 def model_tables(memory: MemoryModel) -> tuple[Table, ...]:

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import BoolArray, IntArray
+from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.memory import MemoryFit
 from mapmore_cli.modelling.memory.beam import Member, Tick, beam, trials
 from mapmore_cli.modelling.memory.recipe import MemoryRecipe
 from mapmore_cli.modelling.memory.records import Record
-from mapmore_cli.modelling.memory.refinement import THOROUGH, Coefficients, refine
+from mapmore_cli.modelling.memory.refinement import THOROUGH, Coefficients, minimise, refine
 from mapmore_cli.modelling.memory.selectors import Choice
 from mapmore_cli.modelling.memory.training import Training
 
@@ -36,21 +36,25 @@ def fit_with_memory(records: Sequence[Record], recipe: MemoryRecipe, progress: P
         is, or no model's free run stays finite.
     """
     tick = _counted(recipe, progress)
-    if recipe.stop != "free_run":
-        training = Training(records, recipe)
+    best = _best_in_free_run(records, recipe, tick) if recipe.stop == "free_run" else None
+    training = Training(records, recipe)
+    if best is None:
         choice = training.selector.best(recipe.stop, recipe.tolerance)
     else:
-        chosen = _chosen_by_free_run(records, recipe, tick)
-        training = Training(records, recipe)
-        choice = training.selector.among(chosen)
+        choice = training.selector.among(np.array(best.member.chosen))
         choice = replace(choice, selection=replace(choice.selection, stop="free_run"))
+    held_out = None if best is None else best.errors
     if recipe.criterion == "one_step":
-        return training.fit(choice)
-    point = refine(training.problem(choice.selection.chosen), _ahead(choice), THOROUGH)
+        return replace(training.fit(choice), held_out=held_out)
+    problem = training.problem(choice.selection.chosen)
+    points = [refine(problem, _ahead(choice), THOROUGH)]
+    if best is not None:
+        points.append(minimise(problem, _ordered(best.member, choice), None, THOROUGH))
     tick()
+    point = min(points, key=lambda point: point.error)
     if not np.isfinite(point.error):
         raise DataError("the free run of the chosen terms diverges on the training samples", DIVERGES)
-    return training.refined(choice, point)
+    return replace(training.refined(choice, point), held_out=held_out)
 
 
 def _counted(recipe: MemoryRecipe, progress: Progress) -> Tick:
@@ -66,15 +70,30 @@ def _ahead(choice: Choice) -> Coefficients:
     return Coefficients(choice.selection.theta, choice.constant)
 
 
-def _chosen_by_free_run(records: Sequence[Record], recipe: MemoryRecipe, tick: Tick) -> IntArray:
-    """The terms of the model, of those fitted to the early training samples, whose free run errs least over the late ones."""
+def _ordered(member: Member, choice: Choice) -> Coefficients:
+    """Coefficients of a member in the order of the same terms of a choice."""
+    places = [member.chosen.index(int(term)) for term in choice.selection.chosen]
+    return Coefficients(member.point.theta[places], member.point.constant)
+
+
+@dataclass(frozen=True)
+class _Best:
+    """The model of the least error over the late training samples, and the RMSE there of the models of 1, 2, ... terms."""
+
+    member: Member
+    errors: Array
+
+
+def _best_in_free_run(records: Sequence[Record], recipe: MemoryRecipe, tick: Tick) -> _Best:
+    """Fit models of every size to the early training samples, and run them over the late ones."""
     late = [_late(record) for record in records]
     early = Training([Record(record.columns, record.training & ~held) for record, held in zip(records, late, strict=True)], recipe)
     members = beam(early, recipe.max_terms, tick) if recipe.select == "free_run" else _one_step(early, recipe, tick)
-    errors = [early.problem(np.array(one.chosen), late).at(one.point).sse for one in members]
+    problems = [early.problem(np.array(member.chosen), late) for member in members]
+    errors = np.array([np.sqrt(one.at(member.point).sse / one.samples) for one, member in zip(problems, members, strict=True)])
     if not np.isfinite(errors).any():
         raise DataError("the free run of every model diverges, or has no history, on the last quarter of the training samples", DIVERGES)
-    return np.array(members[int(np.argmin(errors))].chosen)
+    return _Best(members[int(np.argmin(errors))], errors)
 
 
 def _one_step(training: Training, recipe: MemoryRecipe, tick: Tick) -> list[Member]:

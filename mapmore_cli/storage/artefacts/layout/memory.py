@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from mapmore_cli.domain.memory import MemoryFit, MemoryModel, StateSet
+from mapmore_cli.storage.artefacts.codecs import optional
 from mapmore_cli.storage.artefacts.label import NO_UNIT
 from mapmore_cli.storage.artefacts.layout.cells import INTEGERS, LIMITS, REAL, REALS, SPAN, TEXT, TEXTS
 from mapmore_cli.storage.artefacts.layout.fits import SELECTION
@@ -47,5 +48,11 @@ MEMORY_FIT = Schema(
         Field("forward", INTEGERS, "candidates chosen before pruning, in their order, from 0", NO_UNIT),
         Field("substitutes", INTEGERS, "(k) candidate that would best replace each term, -1 for none; empty without a ridge", NO_UNIT),
         Field("shares", REALS, "(k) its gain over the term's own; empty without a ridge"),
+        Field(
+            "held_out",
+            optional(REALS),
+            "free-run RMSE of the models of 1, 2, ... terms over the last training samples, fitted to the others; inf where diverged",
+            "[target]",
+        ),
     ),
 )

@@ -1,0 +1,218 @@
+"""Free run as the criterion: derivatives of runs, coefficients of least simulation error, terms chosen by their runs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from memory_samples import memory_model, narx_truth, recipe_of, record, state_set, wandering
+
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.modelling.memory import beam as beams
+from mapmore_cli.modelling.memory import fit_with_memory, free_run, one_step_ahead
+from mapmore_cli.modelling.memory.feedback import feedback_of
+from mapmore_cli.modelling.memory.linearisation import Linearised, run_at_once
+from mapmore_cli.modelling.memory.refinement import THOROUGH, Coefficients, Problem, minimise, refine
+from mapmore_cli.modelling.memory.simulation import course_of, piece_of
+
+TERMS = {
+    "x": 0.5,
+    "y[k-1]": 0.3,
+    "x*y[k-2]": 0.2,
+    "stop(y[k-1], 0.2)": -0.4,
+    "slow(play(y[k-1], 0.1), 0.05)^2": 0.3,
+    "resonance(y[k-1], 6, 0.2)[k-1]": 0.2,
+    "x*resonance_velocity(y[k-2], 6, 0.2)": 0.1,
+    "exp(-saturate(y[k-1]))": 0.1,
+    "1": 0.05,
+}
+NAMES = ("x", "y[k-1]", "y[k-2]", "stop(y[k-1], 0.2)", "slow(play(y[k-1], 0.1), 0.05)", "resonance(y[k-1], 6, 0.2)[k-1]",
+         "resonance_velocity(y[k-2], 6, 0.2)", "saturate(y[k-1])")  # fmt: skip
+WIDE = (-1e9, 1e9)
+
+
+def course(terms, names, x, y, scaled=False):
+    scales = {"low": [-0.7] * len(names), "high": [0.9] * len(names)} if scaled else {}
+    states = state_set(*names, ranges={"y[k-1]": (-1.0, 1.0)}, **scales)
+    return course_of(feedback_of(list(terms), states, "y"), piece_of(states, "y", {"x": x, "y": y}))
+
+
+@pytest.mark.parametrize("scaled", [False, True])
+@pytest.mark.parametrize("horizon", [None, 8, 50])
+def test_derivatives_of_a_run_are_those_of_central_differences(scaled, horizon):
+    rng = np.random.default_rng(0)
+    ready = course(TERMS, NAMES, rng.uniform(-1, 1, 200), rng.uniform(-1, 1, 200), scaled)
+    theta, h = np.array(list(TERMS.values())), 1e-6
+    found = Linearised(ready, ready.run(theta, 0.1, WIDE, horizon), theta).sensitivities()
+    for place in range(len(theta) + 1):
+        move = h * np.eye(len(theta) + 1)[place]
+        above, below = (ready.run(theta + sign * move[:-1], 0.1 + sign * move[-1], WIDE, horizon).output for sign in (1, -1))
+        difference = (above - below) / (2 * h)
+        np.testing.assert_allclose(found[:, place], difference, atol=1e-5 * np.abs(difference).max())
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.integers(0, 10_000), st.sampled_from([None, 7, 30]), st.booleans())
+def test_a_run_at_once_is_the_run_sample_by_sample(seed, horizon, scaled):
+    rng = np.random.default_rng(seed)
+    terms = ["x", "y[k-1]", "x*y[k-2]", "y[k-1]^2", "sin(y[k-2])"]
+    ready = course(terms, ("x", "y[k-1]", "y[k-2]"), rng.uniform(-1, 1, 120), rng.uniform(-1, 1, 120), scaled)
+    theta = rng.uniform(-0.6, 0.6, len(terms))
+    at_once = run_at_once(ready, theta, 0.1, WIDE, horizon, None)
+    stepped = ready.run(theta, 0.1, WIDE, horizon)
+    if at_once is not None:  # it may not settle, and then the other is taken
+        np.testing.assert_allclose(at_once.output, stepped.output, rtol=1e-8, atol=1e-8)
+        np.testing.assert_allclose(at_once.nodes, stepped.nodes, rtol=1e-8, atol=1e-8)
+
+
+def test_runs_that_begin_anew_follow_the_measured_output():
+    rng = np.random.default_rng(1)
+    x, y = rng.uniform(-1, 1, (2, 60))
+    states = state_set(*NAMES, ranges={"y[k-1]": (-1.0, 1.0)})
+    model = memory_model(list(TERMS), list(TERMS.values()), states, constant=0.1, limits=WIDE)
+    ahead = course(TERMS, NAMES, x, y)
+    run = ahead.run(model.theta, 0.1, WIDE, horizon=1)
+    np.testing.assert_allclose(run.output, one_step_ahead(model, {"x": x, "y": y})[ahead.start :], rtol=1e-12, atol=1e-12)
+    free = ahead.run(model.theta, 0.1, WIDE)
+    np.testing.assert_allclose(free.output, free_run(model, {"x": x, "y": y}).values[ahead.start :], rtol=1e-12, atol=1e-12)
+
+
+NARX = ("x[k-2]", "y[k-2]", "x[k-1]*y[k-1]", "y[k-1]^2")
+TRUTH = np.array([0.6, -0.5, 0.7, 0.2])
+
+
+def noisy_narx(n=1500, noise=0.5):
+    rng = np.random.default_rng(5)
+    x = rng.uniform(-1, 1, n)
+    y = narx_truth(x)
+    return record(x=x, y=y + noise * np.std(y) * rng.normal(size=n))
+
+
+def in_order(fit):
+    return np.array([fit.model.theta[fit.model.terms.index(term)] for term in NARX])
+
+
+def test_noise_of_the_output_biases_one_step_ahead_and_not_the_free_run():
+    """Against the true coefficients of the system; the standard errors of the free run tell how far it may be off."""
+    given = [noisy_narx()]
+    ahead = in_order(fit_with_memory(given, recipe_of("y", NARX, max_terms=4)))
+    fit = fit_with_memory(given, recipe_of("y", NARX, max_terms=4, criterion="free_run"))
+    free = in_order(fit)
+    errors = np.array([fit.model.theta_error[fit.model.terms.index(term)] for term in NARX])
+    assert np.abs(ahead - TRUTH).max() > 0.08
+    assert np.abs(free - TRUTH).max() < 0.03
+    assert (np.abs(free - TRUTH) < 3.5 * errors).all()
+    assert np.abs(free - TRUTH).max() < np.abs(ahead - TRUTH).max() / 3
+
+
+def test_a_system_with_friction_in_its_output_is_found_again():
+    """An oscillator whose friction is a stop of its own position, without noise."""
+    x = wandering(1200, seed=3)
+    x = (x - x.mean()) / x.std()
+    names = ["x[k-1]", "y[k-1]", "y[k-2]", "stop(y[k-1], 0.05)"]
+    states = state_set(*names, ranges={"y[k-1]": (0.0, 1.0)})
+    theta = [0.05, 1.6, -0.65, -0.2]
+    y = free_run(memory_model(names, theta, states, limits=(-20.0, 20.0)), {"x": x, "y": np.zeros(1200)}).values
+    y[:2] = 0.0
+    given = record(np.arange(1200) < 800, x=x, y=y)
+    width = float(0.05 / np.ptp(y[:799]))  # the same friction as a part of the training range
+    dictionary = [*names[:3], f"stop(y[k-1], {width!r})", "stop(x[k-1], 0.1)"]
+    fit = fit_with_memory([given], recipe_of("y", dictionary, max_terms=4, criterion="free_run"))
+    run = free_run(fit.model, {"x": x, "y": y}).values
+    assert set(fit.model.terms) == set(dictionary[:4])
+    np.testing.assert_allclose(run[800:], y[800:], atol=1e-6 * np.ptp(y))
+
+
+def logistic(n=400):
+    """An input through a slow lag; the dictionary below also has terms that explode."""
+    rng = np.random.default_rng(2)
+    x = wandering(n, seed=2)
+    y = np.zeros(n)
+    for k in range(1, n):
+        y[k] = 0.95 * y[k - 1] + 0.05 * x[k - 1]
+    return record(x=x, y=y + 0.05 * rng.normal(size=n))
+
+
+def problem(terms, names, x, y):
+    ready = course(terms, names, x, y)
+    return Problem((ready,), (np.ones(ready.size, dtype=bool),), (-100.0, 100.0), np.zeros(len(terms)), free_constant=False)
+
+
+def test_a_start_that_explodes_is_tamed_by_short_horizons():
+    given = logistic()
+    one = problem(["y[k-1]", "x[k-1]"], ("y[k-1]", "x[k-1]"), given.columns["x"], given.columns["y"])
+    start = Coefficients(np.array([1.1, 0.05]), 0.0)
+    assert np.isinf(minimise(one, start, None, THOROUGH).error)
+    found = refine(one, start, THOROUGH)
+    np.testing.assert_allclose(found.theta, [0.95, 0.05], atol=0.01)
+
+
+def test_what_explodes_at_once_has_an_infinite_error():
+    given = logistic()
+    one = problem(["y[k-1]", "x[k-1]"], ("y[k-1]", "x[k-1]"), given.columns["x"], given.columns["y"])
+    assert np.isinf(refine(one, Coefficients(np.array([1e6, 0.0]), 0.0), THOROUGH).error)
+
+
+DICTIONARY = ("y[k-1]", "x[k-1]", "y[k-1]^2", "y[k-1]^3", "x[k-1]*y[k-1]", "x[k-1]^2")
+
+
+def test_a_divergent_candidate_is_refused_and_not_followed(monkeypatch):
+    tried = []
+    original = beams._grown
+
+    def grown(training, member, chosen):
+        assert np.isfinite(member.point.error) or not member.chosen  # nothing is built on a model that diverges
+        found = original(training, member, chosen)
+        if 3 in chosen:  # every model with the cube is said to diverge
+            found = beams.Member(found.chosen, Coefficients(found.point.theta, found.point.constant))
+        tried.append(chosen)
+        return found
+
+    monkeypatch.setattr(beams, "_grown", grown)
+    recipe = recipe_of("y", DICTIONARY, max_terms=3, criterion="free_run", stop="free_run", select="free_run")
+    fit = fit_with_memory([logistic()], recipe)
+    assert any(3 in chosen for chosen in tried)
+    assert "y[k-1]^3" not in fit.model.terms
+    assert {"y[k-1]", "x[k-1]"} <= set(fit.model.terms)
+
+
+def test_no_model_that_stays_finite_is_an_error(monkeypatch):
+    monkeypatch.setattr(beams, "_grown", lambda _training, _member, chosen: beams.Member(chosen, Coefficients(np.zeros(len(chosen)), 0.0)))
+    recipe = recipe_of("y", DICTIONARY, max_terms=3, criterion="free_run", stop="free_run", select="free_run")
+    with pytest.raises(DataError, match="free run of every model diverges"):
+        fit_with_memory([logistic()], recipe)
+
+
+@pytest.mark.parametrize("select", ["one_step", "free_run"])
+@pytest.mark.parametrize("ridge", [0.0, 1e-5])
+def test_the_held_out_end_decides_on_the_number_of_terms(select, ridge):
+    """The error there of every size is told, and is that of the models fitted to the beginning alone."""
+    given = logistic()
+    recipe = recipe_of("y", DICTIONARY, max_terms=4, ridge=ridge, criterion="free_run", stop="free_run", select=select)
+    fit = fit_with_memory([given], recipe)
+    assert fit.held_out is not None
+    assert len(fit.model.terms) == int(np.argmin(fit.held_out)) + 1
+    assert fit.selection.stop == "free_run"
+    beginning = record(np.arange(400) < 300, **given.columns)
+    alone = fit_with_memory([beginning], recipe_of("y", fit.model.terms, max_terms=len(fit.model.terms), ridge=ridge, criterion="free_run"))
+    run = free_run(alone.model, given.columns).values
+    assert fit.held_out.min() == pytest.approx(np.sqrt(np.mean((run - given.columns["y"])[300:] ** 2)), rel=0.02)
+
+
+def test_progress_is_told_and_an_interrupted_search_can_begin_again():
+    recipe = recipe_of("y", DICTIONARY, max_terms=3, criterion="free_run", stop="free_run", select="free_run")
+    told = []
+    whole = fit_with_memory([logistic()], recipe, lambda done, total: told.append((done, total)))
+    assert [done for done, _ in told] == list(range(1, len(told) + 1))
+    assert all(done <= total for done, total in told)
+
+    def interrupt(done, _total):
+        if done == 5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fit_with_memory([logistic()], recipe, interrupt)
+    again = fit_with_memory([logistic()], recipe)
+    assert again.model.terms == whole.model.terms
+    np.testing.assert_array_equal(again.model.theta, whole.model.theta)
