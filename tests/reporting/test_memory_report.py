@@ -24,7 +24,7 @@ STEP = 0.01
 QUANTITIES = {q.name: q for q in (Quantity("time", "s"), Quantity("load", "N"), Quantity("pressure", "kPa"), Quantity("motion", "mm"))}
 
 
-def report_of(dictionary, *, ridge=0.0, scale=False, held=0.5):
+def report_of(dictionary, *, ridge=0.0, scale=False, held=0.5, free_run=False):
     """A muscle that lags behind its pressure; the later part of the record is held out."""
     n = 590
     time = np.arange(n) * STEP
@@ -46,7 +46,9 @@ def report_of(dictionary, *, ridge=0.0, scale=False, held=0.5):
         max_terms=2,
         forward=None,
         tolerance=0.0,
-        stop="tolerance",
+        stop="free_run" if free_run else "tolerance",
+        criterion="free_run" if free_run else "one_step",
+        select="one_step",
     )
     fit = fit_with_memory(records_of([curve], STEP), recipe)
     limits = {name: (float(x.min()), float(x.max())) for name, x in columns.items()}
@@ -125,3 +127,13 @@ def test_the_page_has_it_all(driven, fed_back):
     for words in ("its terms have memory", "What else would have served", "States with memory"):
         assert words in page
     assert "What else would have served" not in render_page(fed_back, all_tables(fed_back), {})
+
+
+def test_the_error_of_every_number_of_terms_is_told():
+    inputs = report_of(["motion[k-1]", "pressure[k-1]", "1"], free_run=True)
+    fit = inputs.fit.memory
+    table = next(table for table in all_tables(inputs) if table.name == "sizes")
+    assert [row[0] for row in table.rows] == [1, 2]
+    assert [row[1] for row in table.rows] == fit.held_out.tolist()
+    assert len(fit.model.terms) == int(np.argmin(fit.held_out)) + 1
+    assert [table for table in all_tables(report_of(["pressure"])) if table.name == "sizes" and table.rows] == []

@@ -14,8 +14,8 @@ from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature.model import backbone_values, by_blocks, formula_equations, printed
-from mapmore_cli.modelling.memory.free_run import free_run, one_step_ahead
 from mapmore_cli.modelling.memory.feedback import fed_back_states
+from mapmore_cli.modelling.memory.free_run import free_run, one_step_ahead
 from mapmore_cli.modelling.memory.resolution import memory_inputs
 from mapmore_cli.modelling.ranges import outside
 from mapmore_cli.modelling.terms import Expression, Name, Number, add, affine, multiply, parse, state, substitute
