@@ -53,7 +53,7 @@ def batch(
 
     campaigns, entries = expanded(configs, overrides)
     names = run_names(entries, campaigns)
-    todo = [Job(entry.config, runs, entry.overrides, force, rehash) for entry in entries]
+    todo = [Job(entry.config, runs, entry.overrides, force, rehash, entry.campaign) for entry in entries]
     results: dict[int, Result] = {}
     with Reporter(quiet) as reporter:
         for number, result in run_all(todo, jobs):

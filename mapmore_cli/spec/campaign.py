@@ -55,10 +55,11 @@ class Campaign(Section):
 
 @dataclass(frozen=True)
 class Entry:
-    """A spec to run, with overrides as on the command line."""
+    """A spec to run, with overrides as on the command line; `campaign` is the file that asks for it, where one does."""
 
     config: Path
     overrides: tuple[str, ...]
+    campaign: Path | None = None
 
 
 def is_campaign(path: Path) -> bool:

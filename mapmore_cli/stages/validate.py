@@ -12,7 +12,7 @@ from mapmore_cli.domain.scores import OWN, Limit, deciding
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.layers import as_overrides
 from mapmore_cli.spec.sections.results import Competitor
-from mapmore_cli.stages.pipeline.stage import Stage, Variation, Workspace
+from mapmore_cli.stages.pipeline.stage import Compared, Need, Stage, Variation, Workspace
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.fits import FormulaFit
@@ -123,13 +123,14 @@ def limits(require: Mapping[str, float], scores: Sequence[Score]) -> tuple[Limit
     return tuple(Limit(metric, row.model, row.split, float(getattr(row, metric)), limit) for metric, limit in require.items())
 
 
-def needs(spec: ExperimentSpec) -> list[str | Variation]:
+def needs(spec: ExperimentSpec) -> list[Need]:
     """The other runs that this one is compared with, its own variations among them, and the static run that composites are fitted to."""
     static = reads(spec).static
     competitors = [c for c in spec.validation.against if isinstance(c, Competitor)]
     runs = [c.run for c in competitors if c.run is not None]
     variations = [Variation(c.label, as_overrides(c.set)) for c in competitors if c.set is not None]
-    return [*dict.fromkeys([*runs, *([static] if static is not None else [])]), *variations]
+    compared = [Compared(path) for path in dict.fromkeys(runs) if path != static]
+    return [*([static] if static is not None else []), *compared, *variations]
 
 
 STAGE = Stage(name="validate", revision=4, outputs=("validate.h5", "scores.csv", "scores.json"), reads=reads, run=run, needs=needs)

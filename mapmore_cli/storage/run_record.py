@@ -3,6 +3,7 @@
 Sizes, times and hashes tell whether files are still the ones that were read or written. No absolute paths, users, hosts or environment.
 
 1.0  first version.
+1.1  `origin`: the spec that the run was made from.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +19,9 @@ from mapmore_cli.storage.atomic import write_text
 from mapmore_cli.storage.provenance import Stamp, refuse_newer
 
 RUN_RECORD = "run.json"
-FORMAT_VERSION = "1.0"
+STAGES = ("ingest", "segment", "fit", "fuse", "validate", "report")
+"""The stages in their order."""
+FORMAT_VERSION = "1.1"
 
 
 @dataclass(frozen=True)
@@ -57,6 +61,41 @@ class StageRecord:
     why: str
 
 
+@dataclass(frozen=True)
+class Origin:
+    """Where a run comes from: its spec and its campaign (POSIX paths from the run's folder, or empty), and the campaign's settings."""
+
+    spec: str
+    campaign: str = ""
+    settings: tuple[str, ...] = ()
+
+    def rival_of(self, other: Origin, run_dir: Path) -> str | None:
+        """The file that claims the run's name beside this origin: another spec, or another campaign with other settings; None for none."""
+        if other.spec != self.spec:
+            return other.spec if (run_dir / other.spec).is_file() else None
+        campaigns = self.campaign and other.campaign and self.campaign != other.campaign
+        return other.campaign if campaigns and self.settings != other.settings and (run_dir / other.campaign).is_file() else None
+
+
+def stale_stages(records: Mapping[str, StageRecord]) -> dict[str, str]:
+    """Committed stages whose results are of other results than those that lie before them now, by the stage before that was done since."""
+    found: dict[str, str] = {}
+    done = [name for name in STAGES if name in records]
+    for before, name in pairwise(done):
+        if records[name].before != records[before].fingerprint or before in found:
+            found[name] = found.get(before, before)
+    return found
+
+
+def load_origin(run_dir: Path) -> Origin | None:
+    """Where a run comes from; None where that is not known."""
+    try:
+        entry = json.loads((run_dir / RUN_RECORD).read_text(encoding="utf-8"))["origin"]
+        return Origin(str(entry["spec"]), str(entry["campaign"]), tuple(map(str, entry["settings"])))
+    except (OSError, ValueError, TypeError, KeyError, RecursionError):
+        return None
+
+
 def load_records(run_dir: Path, warn: Callable[[str], None]) -> dict[str, StageRecord]:
     """The committed stages of a run, by name; none, with a warning, where `run.json` is damaged.
 
@@ -76,12 +115,13 @@ def load_records(run_dir: Path, warn: Callable[[str], None]) -> dict[str, StageR
     return stages
 
 
-def save_records(run_dir: Path, name: str, records: Mapping[str, StageRecord]) -> None:
+def save_records(run_dir: Path, name: str, origin: Origin, records: Mapping[str, StageRecord]) -> None:
     """Write `run.json` whole."""
     document = {
         "format_version": FORMAT_VERSION,
         "creator": "mapmore",
         "name": name,
+        "origin": asdict(origin),
         "stages": {stage: asdict(record) for stage, record in records.items()},
     }
     write_text(run_dir / RUN_RECORD, json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n")

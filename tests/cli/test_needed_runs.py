@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -36,14 +37,64 @@ def test_the_other_run_is_made_first_and_scored_beside(pair: tuple[Path, Path], 
     assert set(scored_run(mapmore, bench, tmp_path / "runs")[1].values()) == {"up-to-date"}
 
 
-def test_a_change_of_the_other_run_makes_the_scores_stale(pair: tuple[Path, Path], tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+def test_a_comparison_leaves_the_other_run_as_it_is(pair: tuple[Path, Path], tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    """Whose settings have changed since is told, and scored anew once its own run has been done."""
     bench, rival = pair
-    before, _ = scored_run(mapmore, bench, tmp_path / "runs")
-    rival.write_text(rival.read_text().replace("order: 1", "order: 2"))
-    assert "rival_base.yaml" in mapmore("run", bench, "--runs", tmp_path / "runs", "--explain").stdout
-    after, stages = scored_run(mapmore, bench, tmp_path / "runs")
+    runs = tmp_path / "runs"
+    before, _ = scored_run(mapmore, bench, runs)
+    model = (runs / "rival" / "model.h5").read_bytes()
+    rival.write_text(rival.read_text().replace("order: 1", "order: 3"))
+    result = mapmore("run", bench, "--runs", runs)
+    assert result.exit_code == 0
+    assert "rival: its data or settings have changed since its model was made" in result.stderr
+    assert "`mapmore run rival_base.yaml`" in result.stderr
+    assert (runs / "rival" / "model.h5").read_bytes() == model
+    assert scored_run(mapmore, bench, runs)[0] == before
+    assert mapmore("run", rival, "--runs", runs, "-q").exit_code == 0
+    after, stages = scored_run(mapmore, bench, runs)
     assert [name for name, status in stages.items() if status == "done"] == ["validate", "report"]
     assert after["mapmore"] == before["mapmore"]
+    assert after["line"] == after["mapmore"] != before["line"]
+
+
+def test_show_says_what_is_older_than_its_sources(pair: tuple[Path, Path], tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    bench, _ = pair
+    runs = tmp_path / "runs"
+    assert mapmore("run", bench, "--runs", runs, "-q").exit_code == 0
+    assert "out of date" not in mapmore("show", runs / "bench").stdout
+    assert mapmore("fit", bench, "--runs", runs, "-q", "--set", "fit.max_terms=2").exit_code == 0
+    assert "fuse is out of date: fit was done again since" in mapmore("show", runs / "bench").stdout
+    assert "fuse is out of date" in mapmore("show", runs / "bench" / "model.h5").stdout
+    assert json.loads(mapmore("show", runs / "bench", "--json").stdout)["stale"] == ["fuse", "validate", "report"]
+
+
+def test_another_spec_of_the_same_name_is_refused(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    """Two specs, or two campaigns, that give a run one name would overwrite each other; a spec that was moved does not."""
+    runs = tmp_path / "runs"
+    for folder in ("spring", "autumn"):
+        (tmp_path / folder).mkdir()
+        write_study(tmp_path / folder)
+    assert mapmore("ingest", tmp_path / "spring" / "bench.yaml", "--runs", runs, "-q").exit_code == 0
+    result = mapmore("ingest", tmp_path / "autumn" / "bench.yaml", "--runs", runs, "-q")
+    assert result.exit_code == 7
+    assert "holds the run 'bench' of ../../spring/bench.yaml; this is a run of ../../autumn/bench.yaml" in result.stderr
+    (tmp_path / "spring" / "bench.yaml").unlink()
+    assert mapmore("ingest", tmp_path / "autumn" / "bench.yaml", "--runs", runs, "-q").exit_code == 0
+
+
+def test_campaigns_do_not_share_a_name_for_different_runs(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    write_study(tmp_path)
+    for name, terms in (("few", 1), ("many", 2), ("few_again", 1)):
+        runs = f"[{{name: one, set: {{fit.max_terms: {terms}}}}}]"
+        (tmp_path / f"{name}.yaml").write_text(f"campaign: {name}\nbase: bench.yaml\nruns: {runs}\n")
+    batch = ("--runs", tmp_path / "runs", "-q", "--jobs", 1)
+    assert mapmore("batch", tmp_path / "few.yaml", *batch).exit_code == 0
+    assert mapmore("batch", tmp_path / "few_again.yaml", *batch).exit_code == 0
+    (tmp_path / "few_again.yaml").write_text((tmp_path / "few_again.yaml").read_text().replace("terms: 1", "terms: 3"))
+    assert mapmore("batch", tmp_path / "few_again.yaml", *batch).exit_code == 0
+    result = mapmore("batch", tmp_path / "many.yaml", *batch)
+    assert result.exit_code == 7
+    assert "holds the run 'one' of ../../few_again.yaml; this is a run of ../../many.yaml" in result.stderr
 
 
 def test_two_runs_may_be_compared_with_each_other(pair: tuple[Path, Path], tmp_path: Path, mapmore: Callable[..., Any]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +26,9 @@ def of_file(path: Path) -> View:
         return of_run(path)
     if path.suffix == ".json":
         return _of_json(path)
-    return _of_hdf5(path)
+    view = _of_hdf5(path)
+    stage = next((stage for stage, name in RESULTS.items() if name == path.name), "")
+    return replace(view, lines=(*view.lines, *(line for name, line in _stale(path.parent).items() if name == stage)))
 
 
 def of_stage(stage: str, run_dir: Path) -> View:
@@ -43,10 +46,20 @@ def of_run(run_dir: Path) -> View:
     if not record.is_file():
         raise DataError(f"{run_dir}: is not a run folder (no run.json)", "name a folder that `mapmore run` wrote, as runs/NAME")
     run = _of_json(record)
+    stale = _stale(run_dir)
+    document = {**run.document, "stale": list(stale)}
     if not (run_dir / RESULTS["validate"]).is_file():
-        return run
+        return replace(run, document=document, lines=(*run.lines, *stale.values()))
     scores = of_stage("validate", run_dir)
-    return View({**run.document, **scores.document}, (*run.tables, *scores.tables[:1]), page_lines(run_dir))
+    return View({**document, **scores.document}, (*run.tables, *scores.tables[:1]), (*stale.values(), *page_lines(run_dir)))
+
+
+def _stale(run_dir: Path) -> dict[str, str]:
+    """Stages of a run whose results are older than what they were made from, each with a line that says so."""
+    from mapmore_cli.storage.run_record import load_records, stale_stages
+
+    found = stale_stages(load_records(run_dir, lambda _message: None))
+    return {name: f"{name} is out of date: {before} was done again since; run the spec to renew it" for name, before in found.items()}
 
 
 def page_lines(run_dir: Path) -> tuple[str, ...]:

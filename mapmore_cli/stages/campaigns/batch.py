@@ -25,6 +25,7 @@ class Job:
     overrides: tuple[str, ...] = ()
     force: bool = False
     rehash: bool = False
+    campaign: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -100,7 +101,7 @@ def run_one(job: Job) -> Finished:
     started = time.perf_counter()
     loaded = load(job.config, job.overrides)
     warnings: list[str] = []
-    outcome = bring_up_to_date(loaded, job.runs, force=job.force, rehash=job.rehash, warn=warnings.append)
+    outcome = bring_up_to_date(loaded, job.runs, force=job.force, rehash=job.rehash, warn=warnings.append, campaign=job.campaign)
     validation = read_validation(outcome.run_dir / "validate.h5")
     held_to = limits(loaded.spec.validation.require, validation.scores)
     published = loaded.spec.report.published

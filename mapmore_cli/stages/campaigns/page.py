@@ -37,7 +37,7 @@ def expanded(configs: Sequence[Path], overrides: Sequence[str]) -> tuple[list[Ex
             continue
         campaign, runs = load_campaign(config)
         campaigns.append(Expanded(campaign, tuple(range(len(entries), len(entries) + len(runs))), _names(campaign)))
-        entries += [Entry(entry.config, (*entry.overrides, *overrides)) for entry in runs]
+        entries += [Entry(entry.config, (*entry.overrides, *overrides), config) for entry in runs]
     return campaigns, entries
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.stages.pipeline.stage import Stage, Variation
+from mapmore_cli.stages.pipeline.stage import Compared, Need, Stage, Variation
 
 if TYPE_CHECKING:
     from mapmore_cli.spec.loader import LoadedSpec
@@ -19,11 +19,16 @@ MODEL_STAGE = "fuse"
 
 @dataclass(frozen=True)
 class Needed:
-    """Another run: its path in the spec or its name there, its own spec, and the specs that led to it, outermost first."""
+    """Another run: its path in the spec or its name there, its own spec, and the specs that led to it, outermost first.
+
+    A run that is only `compared` with is never made anew by this one; one that is `built_on` is brought up to date as a whole, with its
+    page; a `variation` has no page.
+    """
 
     key: str
     loaded: LoadedSpec
     heirs: tuple[Path, ...]
+    role: Literal["built_on", "compared", "variation"] = "built_on"
 
 
 def needed_runs(stage: Stage, loaded: LoadedSpec, heirs: tuple[Path, ...]) -> list[Needed]:
@@ -37,7 +42,7 @@ def runs_built_on(loaded: LoadedSpec, heirs: tuple[Path, ...]) -> list[Needed]:
     return runs_at([path for path in (needs.static, needs.damping) if path is not None], loaded, heirs)
 
 
-def runs_at(needs: Sequence[str | Variation], loaded: LoadedSpec, heirs: tuple[Path, ...]) -> list[Needed]:
+def runs_at(needs: Sequence[Need], loaded: LoadedSpec, heirs: tuple[Path, ...]) -> list[Needed]:
     """The runs of the specs at some paths from a spec's folder, and of variations of the spec itself.
 
     Raises
@@ -51,13 +56,14 @@ def runs_at(needs: Sequence[str | Variation], loaded: LoadedSpec, heirs: tuple[P
     chain = (*heirs, loaded.path.resolve())
     for need in needs:
         if isinstance(need, Variation):
-            found.append(Needed(need.name, _varied(loaded, need), chain))
+            found.append(Needed(need.name, _varied(loaded, need), chain, "variation"))
             continue
-        other = loaded.folder / need
+        path = need.path if isinstance(need, Compared) else need
+        other = loaded.folder / path
         if other.resolve() in chain:
             circle = " -> ".join(spec.name for spec in (*chain, other))
             raise SpecError(f"{loaded.path}: runs need each other in a circle: {circle}", "remove one of them")
-        found.append(Needed(need, load(other), chain))
+        found.append(Needed(path, load(other), chain, "compared" if isinstance(need, Compared) else "built_on"))
     return found
 
 

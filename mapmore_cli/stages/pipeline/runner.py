@@ -6,6 +6,7 @@ in `run.json`, written last, commits them. Whatever is not committed runs again.
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -13,14 +14,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mapmore_cli.domain.errors import MapmoreError, RunWarning
+from mapmore_cli.domain.errors import MapmoreError, RunWarning, WriteError
 from mapmore_cli.stages.pipeline.needs import MODEL_STAGE, Needed, needed_runs, runs_built_on
 from mapmore_cli.stages.pipeline.stage import Progress, Stage, Workspace
 from mapmore_cli.stages.pipeline.staleness import Plan, plan_stages
 from mapmore_cli.storage.atomic import refusals_told, write_text
 from mapmore_cli.storage.provenance import stamps_of, tool_versions
 from mapmore_cli.storage.run_folder import open_run_folder, recover, run_lock, stage_folder, swap_in
-from mapmore_cli.storage.run_record import StageRecord, load_records, save_records
+from mapmore_cli.storage.run_record import Origin, StageRecord, load_origin, load_records, save_records
 
 if TYPE_CHECKING:
     from mapmore_cli.spec.loader import LoadedSpec
@@ -78,16 +79,18 @@ def bring_up_to_date(
     on_stage: OnStage = lambda _stage, _reason: None,
     stages: Sequence[Stage] | None = None,
     heirs: tuple[Path, ...] = (),
+    campaign: Path | None = None,
 ) -> RunOutcome:
     """Run the stages up to `until` that are not up to date (all of them with `force`), in the folder `runs/NAME`.
 
     `rehash` reads sources and outputs again even where size and time are as they were. `stages` are those of `pipeline()` by default.
-    Runs whose models a stage needs come first, in the same folder of runs; `heirs` are the specs that need this one.
+    Runs whose models a stage needs come first, in the same folder of runs; `heirs` are the specs that need this one. `campaign` is the file
+    that the run belongs to.
 
     Raises
     ------
     WriteError
-        Where the folder cannot be written, the disk is full, or another process is writing the run.
+        Where the folder cannot be written or holds the run of another spec, the disk is full, or another process is writing the run.
     MapmoreError
         Whatever a stage found wrong; its outputs, and those of the stages after it, are then as they were.
     """
@@ -96,14 +99,16 @@ def bring_up_to_date(
     open_run_folder(run_dir)
     with run_lock(run_dir):
         recover(run_dir)
+        origin = _origin(loaded, run_dir, campaign)
         records = load_records(run_dir, warn)
         plans = list(plan_stages(every, until, loaded, run_dir, records, rehash, force, heirs))
         kept = _refreshed(records, plans)
-        if kept != records:
-            save_records(run_dir, loaded.spec.name, kept)
-        run = _Run(loaded, run_dir, every, progress, warn, on_stage)
+        if kept != records or (records and load_origin(run_dir) != origin):
+            save_records(run_dir, loaded.spec.name, origin, kept)
+        run = _Run(loaded, run_dir, origin, every, progress, warn, on_stage)
         for other in runs_built_on(loaded, heirs) if until == every[-1].name else ():
-            run.bring(other, until)
+            run.bring(other)
+        run.tell_outdated(plans)
         for plan in plans:
             on_stage(plan.stage.name, plan.reason)
             if plan.reason is not None:
@@ -118,19 +123,40 @@ def bring_up_to_date(
     )
 
 
+def _origin(loaded: LoadedSpec, run_dir: Path, campaign: Path | None) -> Origin:
+    """Where the run comes from now; WriteError where its folder holds a run of the same name from elsewhere, which still exists."""
+    here = Origin(_from(run_dir, loaded.path), _from(run_dir, campaign) if campaign else "", tuple(loaded.overrides) if campaign else ())
+    before = load_origin(run_dir)
+    rival = here.rival_of(before, run_dir) if before is not None else None
+    if rival is not None:
+        raise WriteError(
+            f"{run_dir}: holds the run '{loaded.spec.name}' of {rival}; this is a run of {here.campaign or here.spec} (seen from there)",
+            "give one of them another `name`, or choose another folder with --runs",
+        )
+    return here
+
+
+def _from(run_dir: Path, path: Path) -> str:
+    """The path from the run's folder; the name alone where the way leads over the root, since files of a run name nobody's folders."""
+    path, run_dir = path.resolve(), run_dir.resolve()
+    if os.path.commonpath([path, run_dir]) == path.anchor:
+        return path.name
+    return Path(os.path.relpath(path, run_dir)).as_posix()
+
+
 def prepare(loaded: LoadedSpec, runs: Path) -> None:
     """Bring the runs of other specs up to date that a whole run needs, so that runs which share one can go on side by side.
 
     What goes wrong is told by the run that needs it.
     """
     every = pipeline()
-    run = _Run(loaded, runs / loaded.spec.name, every, lambda *_: None, lambda _: None, lambda *_: None)
-    wanted = [(other, every[-1].name) for other in runs_built_on(loaded, ())]
-    wanted += [(other, MODEL_STAGE) for stage in every for other in needed_runs(stage, loaded, ())]
-    for other, until in wanted:
-        if other.loaded.path != loaded.path:  # else a variation, which no other run shares
+    run_dir = runs / loaded.spec.name
+    run = _Run(loaded, run_dir, _origin(loaded, run_dir, None), every, lambda *_: None, lambda _: None, lambda *_: None)
+    wanted = [*runs_built_on(loaded, ()), *(other for stage in every for other in needed_runs(stage, loaded, ()))]
+    for other in wanted:
+        if other.role != "variation":  # which no other run shares
             with suppress(Exception):
-                run.bring(other, until)
+                run.bring(other)
 
 
 @dataclass(frozen=True)
@@ -139,19 +165,25 @@ class _Run:
 
     loaded: LoadedSpec
     run_dir: Path
+    origin: Origin
     every: Sequence[Stage]
     progress: Progress
     warn: Warn
     on_stage: OnStage
 
     def needed(self, plan: Plan) -> dict[str, Path]:
-        """Bring the models up to date that a stage needs; the folders of their runs by path or name in the spec."""
-        return {other.key: self.bring(other, MODEL_STAGE) for other in plan.needed}
+        """See to the models that a stage needs; the folders of their runs by path or name in the spec."""
+        return {other.key: self.bring(other) for other in plan.needed}
 
-    def bring(self, other: Needed, until: str) -> Path:
-        """Bring another run up to date in the same folder of runs; its folder. Nothing is locked where it is: others may be reading it."""
+    def bring(self, other: Needed) -> Path:
+        """Bring another run up to date in the same folder of runs; its folder. Nothing is locked where it is: others may be reading it.
+
+        A run that this one is built on is brought up to date as a whole, so that its page tells of the model beside it. The model of a
+        compared run stays as it is: a comparison must not change what it compares with.
+        """
         name, runs = other.loaded.spec.name, self.run_dir.parent
-        if self._is_current(other, until):
+        until = self.every[-1].name if other.role == "built_on" else MODEL_STAGE
+        if self._is_current(other, until) or self._kept(other):
             return runs / name
         with _told_of(name):
             return bring_up_to_date(
@@ -164,6 +196,18 @@ class _Run:
                 stages=self.every,
                 heirs=other.heirs,
             ).run_dir
+
+    def tell_outdated(self, plans: Sequence[Plan]) -> None:
+        """Warn of compared runs whose models are kept though they would come out otherwise now."""
+        for other in (other for plan in plans for other in plan.needed if self._kept(other)):
+            if not self._is_current(other, MODEL_STAGE):
+                changed = "its data or settings have changed since its model was made, which is compared as it is"
+                self.warn(f"{other.loaded.spec.name}: {changed}; `mapmore run {other.key}` brings it up to date")
+
+    def _kept(self, other: Needed) -> bool:
+        """True for a compared run that has a model."""
+        run_dir = self.run_dir.parent / other.loaded.spec.name
+        return other.role == "compared" and MODEL_STAGE in load_records(run_dir, lambda _message: None)
 
     def _is_current(self, other: Needed, until: str) -> bool:
         run_dir = self.run_dir.parent / other.loaded.spec.name
@@ -186,7 +230,7 @@ class _Run:
                 plan.fingerprint, stage.revision, plan.before, plan.slice, plan.inputs, outputs, tool_versions(), seconds, why
             )
             committed = {**records, stage.name: entry}
-            save_records(self.run_dir, self.loaded.spec.name, committed)
+            save_records(self.run_dir, self.loaded.spec.name, self.origin, committed)
         return committed
 
     def _workspace(self, out: Path, needed: Mapping[str, Path]) -> Workspace:

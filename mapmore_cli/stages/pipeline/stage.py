@@ -22,6 +22,13 @@ class Variation:
 
 
 @dataclass(frozen=True)
+class Compared:
+    """The run of another spec that this one is compared with: its model is read as it is, and made only where there is none."""
+
+    path: str
+
+
+@dataclass(frozen=True)
 class Workspace:
     """Where a stage works.
 
@@ -38,6 +45,10 @@ class Workspace:
     warn: Callable[[str], None]
     needed: Mapping[str, Path] = field(default_factory=dict)
     spec_text: str = ""
+
+
+Need = str | Compared | Variation
+"""A run that a stage needs: the path of its spec, where the stage is built on it."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +70,8 @@ class Stage:
     sources
         Files outside of the run folder that it reads (recordings), given the spec and its folder.
     needs
-        Runs whose models it reads: paths of specs from the folder of the spec, and variations of the spec itself.
+        Runs whose models it reads: those of the specs at some paths, which it is built on; those that it is compared with; and variations
+        of the spec itself.
     """
 
     name: str
@@ -68,4 +80,4 @@ class Stage:
     reads: Callable[[ExperimentSpec], Any]
     run: Callable[[Any, Workspace], None]
     sources: Callable[[ExperimentSpec, Path], Sequence[Path]] = lambda _spec, _folder: ()
-    needs: Callable[[ExperimentSpec], Sequence[str | Variation]] = lambda _spec: ()
+    needs: Callable[[ExperimentSpec], Sequence[Need]] = lambda _spec: ()

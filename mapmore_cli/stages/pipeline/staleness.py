@@ -80,9 +80,11 @@ def plan_stages(
 
 
 def _mark_of(run: Needed, stages: Sequence[Stage], runs: Path, rehash: bool) -> str:
-    """Fingerprint of the model of another run, whether it exists yet or not."""
+    """Fingerprint of the model of another run, whether it exists yet or not; of a compared run, of the model that it has."""
     run_dir = runs / run.loaded.spec.name
     records = load_records(run_dir, lambda _message: None)
+    if run.role == "compared" and MODEL_STAGE in records:
+        return records[MODEL_STAGE].fingerprint[:SHORT_MARK]
     *_, last = plan_stages(stages, MODEL_STAGE, run.loaded, run_dir, records, rehash, False, run.heirs)
     return last.fingerprint[:SHORT_MARK]
 
