@@ -20,7 +20,7 @@ def needed_runs(spec: ExperimentSpec) -> Iterator[Finding]:
     if spec.target == "damping" and spec.data.plateau is None:
         remedy = "add `plateau: auto` to `data`, or `plateau: [2 s, 3 s]`"
         yield Finding(("target",), "target `damping` needs the plateau of each step response", remedy)
-    if spec.model.type == "sum":
+    if spec.model.type == "sum" and spec.model.sum is None:
         missing = [name for name in ("static", "damping") if getattr(spec.needs, name) is None]
         if missing:
             remedy = "add `needs: {static: my-static.yaml, damping: my-damping.yaml}`"

@@ -122,10 +122,11 @@ def expressions(spec: ExperimentSpec) -> Iterator[Finding]:
     """Expressions of derived quantities must parse, and use quantities of the study as they are at the same moment."""
     for name, rule in spec.data.derive.items():
         if isinstance(rule, str):
-            yield from _expression(rule, ("data", "derive", name), spec.quantities)
+            yield from expression_findings(rule, ("data", "derive", name), spec.quantities)
 
 
-def _expression(text: str, loc: Loc, have: Sequence[str]) -> Iterator[Finding]:
+def expression_findings(text: str, loc: Loc, have: Sequence[str]) -> Iterator[Finding]:
+    """What is wrong with an expression of the quantities of a study."""
     from mapmore_cli.modelling.terms import ExpressionError, parse, state
 
     try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mapmore_cli.spec import check_dictionary, check_memory, check_motion, check_names, check_study
+from mapmore_cli.spec import check_dictionary, check_memory, check_motion, check_names, check_study, check_sums
 from mapmore_cli.spec.diagnostics import Finding
 from mapmore_cli.spec.experiment import ExperimentSpec
 
@@ -23,6 +23,7 @@ CHECKS = (
     check_study.formulas,
     check_study.metrics,
     check_study.units,
+    check_sums.sums,
     check_motion.needed_runs,
     check_motion.plateaus,
     check_motion.directions,

@@ -21,8 +21,11 @@ from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.literature.backbone import fit_formula, pooled_training
 from mapmore_cli.modelling.literature.hysteresis_loss import HysteresisLoss
 from mapmore_cli.modelling.signals.plateau import damping_component
+from mapmore_cli.modelling.sums import joint
+from mapmore_cli.modelling.sums.joint import fit_jointly
 from mapmore_cli.spec.sections.results import Competitor
 from mapmore_cli.stages.ingestion.steps import DAMPING, STATIC_FORCE
+from mapmore_cli.stages.kinds.sums import summands_of
 from mapmore_cli.storage.artefacts import read_dataset, read_model
 
 Forecasts = tuple[Forecast, ...]
@@ -70,6 +73,8 @@ class Contest:
             return Rival(competitor.label, self._of_run(self.needed[competitor.run or competitor.label]))
         if competitor.static is not None:
             return self._composite(competitor)
+        if competitor.sum is not None:
+            return self._sum(competitor)
         assert competitor.model is not None
         fit = self._fitted(competitor.model, self.dataset.curves, self.dataset.target, competitor.method, competitor.starts)
         return Rival(competitor.label, _forecasts(_predicted(fit, self.dataset.curves)), {competitor.label: fit})
@@ -84,6 +89,14 @@ class Contest:
                 "compare runs of the same quantities in the same units",
             )
         return tuple(forecast(other, curve) for curve in self.dataset.curves)
+
+    def _sum(self, competitor: Competitor) -> Rival:
+        """Formulas with signs and inputs of their own, fitted together to the training data."""
+        summands = summands_of(competitor.sum or [])
+        training = pooled_training(self.dataset.curves)
+        fit = fit_jointly(summands, training, training[self.dataset.target], competitor.method)
+        values = [joint.predict(fit, summands, curve.columns) for curve in self.dataset.curves]
+        return Rival(competitor.label, _forecasts(values), {competitor.label: fit})
 
     def _composite(self, competitor: Competitor) -> Rival:
         """A static formula fitted to the static run's training data, and a damping formula fitted to what it leaves here.

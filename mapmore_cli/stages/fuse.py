@@ -30,6 +30,8 @@ def reads(spec: ExperimentSpec) -> ModelChoices:
 
 def needs(spec: ExperimentSpec) -> list[str]:
     """The specs of the models that are added up."""
+    if spec.model.sum is not None:
+        return list(dict.fromkeys(part.model for part in spec.model.sum if part.model is not None))
     return [str(spec.needs.static), str(spec.needs.damping)] if spec.model.type == "sum" else []
 
 

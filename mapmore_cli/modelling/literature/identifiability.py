@@ -58,7 +58,7 @@ def hints(parameters: Mapping[str, float], errors: Mapping[str, float], jacobian
     for i in weak:
         best = min(found, key=lambda where: found[where][i], default=None)
         if best is None or np.isinf(found[best][i]):
-            best = "several inputs beyond their ranges; one at a time does not show more"
+            best = "something else (no further value of one input tells it from the others)"
         helped.setdefault(best, []).append(list(parameters)[i])
     for where, names in helped.items():
         verb, width = ("is", "its value") if len(names) == 1 else ("are", "their values")

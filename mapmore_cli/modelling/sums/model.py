@@ -13,7 +13,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.models import Equation, Model, Part, Sum
 from mapmore_cli.domain.results import Run
-from mapmore_cli.modelling.terms import evaluate, parse
+from mapmore_cli.modelling.terms import Name, evaluate, parse, to_latex, to_text
 
 
 def simulate(model: Model, columns: Columns, of: Callable[[Model, Columns], Run]) -> Run:
@@ -38,13 +38,26 @@ def outside_range(model: Model, columns: Columns, of: Callable[[Model, Columns],
 def equations(
     model: Model, units: Mapping[str, float], of: Callable[[Model, Mapping[str, float]], tuple[Equation, ...]]
 ) -> tuple[Equation, ...]:
-    """The equations of each part, named after it."""
-    return tuple(replace(one, id=f"{part.model.name}: {one.id}") for part in _body(model).parts for one in of(part.model, units))
+    """The sum of the parts by their names, with what their inputs are here; then the equations of each part, named after it."""
+    whole = () if all(part.sign == 1.0 and not part.inputs for part in _body(model).parts) else (_whole(model),)
+    return whole + tuple(replace(one, id=f"{part.model.name}: {one.id}") for part in _body(model).parts for one in of(part.model, units))
 
 
 def fed_back(model: Model, of: Callable[[Model], tuple[str, ...]]) -> tuple[str, ...]:
     """The measured outputs that any part begins from."""
     return tuple(dict.fromkeys(name for part in _body(model).parts for name in of(part.model)))
+
+
+def _whole(model: Model) -> Equation:
+    terms, printed = [], []
+    for part in _body(model).parts:
+        sign = "-" if part.sign < 0 else "+"
+        given = {q.name: parse(part.inputs.get(q.name, q.name)) for q in part.model.inputs}
+        terms.append(f"{sign} {part.model.name}({', '.join(f'{name} = {to_text(source)}' for name, source in given.items())})")
+        arguments = ", ".join(f"{to_latex(Name(name))} = {to_latex(source)}" for name, source in given.items())
+        words = part.model.name.replace("_", r"\_")
+        printed.append(rf"{sign} \text{{{words}}}\left({arguments}\right)")
+    return Equation("sum", " ".join(terms).removeprefix("+ "), " ".join(printed).removeprefix("+ "))
 
 
 def _parts(model: Model, columns: Columns) -> Iterator[tuple[Part, Columns]]:

@@ -3,11 +3,24 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
-from mapmore_cli.spec.fields import Keyed, Number, OfHeld, OfKey, Section, SpecPath, Text, WithUnit, by_shape, contradiction, of_sibling
+from mapmore_cli.spec.fields import (
+    Keyed,
+    Number,
+    OfHeld,
+    OfKey,
+    Quantity,
+    Section,
+    SpecPath,
+    Text,
+    WithUnit,
+    by_shape,
+    contradiction,
+    of_sibling,
+)
 
 USUAL_GRID = 20
 """Cells of the grid of `optimal` where nothing is said."""
@@ -64,12 +77,42 @@ class Needs(Section):
     damping: SpecPath | None = None
 
 
+class Summand(Section):
+    """A part of a sum: the model of another run (the path of its spec), or a `formula`; `sign` is 1 or -1.
+
+    `inputs` says what the part's inputs are called in this study, as expressions: `{pressure: p1, strain: "-s"}`. An input that two parts
+    share by name must be said for both.
+    """
+
+    model: SpecPath | None = None
+    formula: str | None = None
+    sign: Literal[1, -1] = 1
+    inputs: dict[Quantity, str] = {}  # noqa: RUF012 (pydantic copies it)
+
+    @model_validator(mode="after")
+    def _one(self) -> Summand:
+        if (self.model is None) == (self.formula is None):
+            raise contradiction("a part of a sum is a `model` or a `formula`", "give one, as `{model: flexor.yaml}`", "model", "formula")
+        return self
+
+
+def one_kind(summands: list[Summand]) -> list[Summand]:
+    """The parts, refused where some are fitted by runs of their own and others here."""
+    if len({summand.formula is None for summand in summands}) > 1:
+        raise contradiction("a sum is of models or of formulas", "make a run of each formula, and name its spec as `model`")
+    return summands
+
+
+Summands = Annotated[list[Summand], Field(min_length=2), AfterValidator(one_kind)]
+"""At least two parts; formulas are fitted together."""
+
+
 class ModelChoice(Section):
     """What kind of model the run builds.
 
     `mapmore` with a `backbone` explains by pieces what that formula leaves; `literature` fits the formula `name` alone, by the `method`
     and from the `starts` that a competitor may have; `sum` adds the static and the damping model that the spec needs, and is the default
-    for the target `dynamic`.
+    for the target `dynamic`; with `sum: [...]` it adds these parts, with signs and renamed inputs.
     """
 
     type: Literal["mapmore", "literature", "sum"] = "mapmore"
@@ -77,6 +120,13 @@ class ModelChoice(Section):
     name: str | None = None
     method: Literal["variable_projection", "levenberg_marquardt", "simplex"] | None = None
     starts: str | None = None
+    sum: Summands | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _type_of_sum(cls, given: Any) -> Any:
+        """A list of parts makes it a sum."""
+        return {"type": "sum", **given} if isinstance(given, dict) and given.get("sum") is not None else given
 
     @model_validator(mode="after")
     def _fits_type(self) -> ModelChoice:
@@ -88,6 +138,8 @@ class ModelChoice(Section):
             raise contradiction(f"type `{self.type}` has no `name`", "use `backbone`, or `type: literature`", "name")
         if self.type != "literature" and (self.method or self.starts):
             raise contradiction(f"type `{self.type}` has no `method` and no `starts`", "use `type: literature`", "method", "starts")
+        if self.type != "sum" and self.sum is not None:
+            raise contradiction(f"type `{self.type}` adds nothing up", "remove `type`, or `sum`", "sum")
         if self.type == "sum" and self.backbone is not None:
             raise contradiction("type `sum` has no `backbone`", "remove it: both models have their own", "backbone")
         return self

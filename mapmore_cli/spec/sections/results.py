@@ -26,6 +26,7 @@ from mapmore_cli.spec.fields import (
     by_shape,
     contradiction,
 )
+from mapmore_cli.spec.sections.method import Summands
 
 
 def _experiment() -> type[BaseModel]:
@@ -39,7 +40,8 @@ class Competitor(Section):
 
     `set` has keys of this spec with other values, as `--set` takes them; the run is called `<name>.<as>`. A composite of a `static` and a
     `damping` formula stands against damping and dynamic models; `static: mapmore` is the static model that the spec needs. `method` says
-    how a literature model is fitted, `starts` which published values `levenberg_marquardt` starts from (`published`, `printed`), `as` is
+    how a literature model is fitted, `sum` adds formulas with signs and renamed
+    inputs, fitted together; `starts` says which published values `levenberg_marquardt` starts from (`published`, `printed`), `as` is
     the name of the scores; a run's is else the name of its file.
     """
 
@@ -50,15 +52,18 @@ class Competitor(Section):
     damping: str | None = None
     method: Literal["variable_projection", "levenberg_marquardt", "simplex"] | None = None
     starts: str | None = None
+    sum: Summands | None = None
     as_: Name | None = Field(default=None, alias="as")
 
     @model_validator(mode="after")
     def _one_model(self) -> Competitor:
-        kinds = (self.model, self.run, self.set, self.static if self.static is not None else self.damping)
-        if sum(kind is not None for kind in kinds) != 1:
-            remedy = "give one of the four, as `{model: sarosi}`"
-            found = "a competitor is a `model`, a `run`, this spec with keys `set`, or `static` with `damping`"
-            raise contradiction(found, remedy, "model", "run", "set", "static")
+        kinds = (self.model, self.run, self.set, self.sum, self.static if self.static is not None else self.damping)
+        if len([kind for kind in kinds if kind is not None]) != 1:
+            remedy = "give one of the five, as `{model: sarosi}`"
+            found = "a competitor is a `model`, a `run`, this spec with keys `set`, a `sum`, or `static` with `damping`"
+            raise contradiction(found, remedy, "model", "run", "set", "sum", "static")
+        if self.sum is not None and (self.as_ is None or self.sum[0].formula is None):
+            raise contradiction("a sum as competitor is of formulas, and has a name", "add it, as `as: pair`", "sum")
         if self.set is not None and self.as_ is None:
             raise contradiction("changed settings need a name", "add it, as `{set: {fit.max_terms: 1}, as: one_term}`", "set")
         if (self.static is None) != (self.damping is None):

@@ -1,0 +1,117 @@
+"""Formulas that are added up and fitted together: the muscles of a pair pull against each other, and only their difference is measured."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.domain.fits import FormulaFit
+from mapmore_cli.modelling import literature
+from mapmore_cli.modelling.literature.formula import Formula, LinearForm
+from mapmore_cli.modelling.terms import Expression, Name, Number, add, evaluate, multiply, parse, substitute, to_text
+
+
+@dataclass(frozen=True)
+class Summand:
+    """A formula in a sum: its `sign`, and expressions of the sum's inputs for inputs that have other names there."""
+
+    formula: str
+    sign: float = 1.0
+    inputs: Mapping[str, str] = field(default_factory=dict)
+
+    def own_inputs(self, columns: Columns) -> Columns:
+        """The formula's inputs by its own names, `(n,)` each."""
+        n = len(next(iter(columns.values())))
+        names = literature.get(self.formula).inputs
+        return {name: evaluate(parse(self.inputs.get(name, name)), columns, n) for name in names}
+
+
+def fit_jointly(summands: Sequence[Summand], columns: Columns, y: Array, method: str | None = None) -> FormulaFit:
+    """Least squares of `y`, `(n,)`, by `sum_i sign_i f_i`, all parameters at once.
+
+    A parameter `F` of the second summand is called `F_2`. Where the sum alone does not tell parameters apart, as the constants of both, the
+    rank is deficient and the notes name them.
+
+    Raises
+    ------
+    SpecError
+        For a formula that is fitted in a way of its own, or needs a dimension of the muscle.
+    DataError
+        As `Formula.fit`.
+    """
+    formula = joint_formula(summands)
+    inputs = {_numbered(name, i): x for i, one in enumerate(summands, 1) for name, x in one.own_inputs(columns).items()}
+    return formula.fit(inputs, y, method)
+
+
+def joint_formula(summands: Sequence[Summand]) -> Formula:
+    """The sum as one formula, of the summands' inputs and parameters with their numbers behind their names."""
+    parts = [_part(one) for one in summands]
+    signs = [one.sign for one in summands]
+    numbered = list(enumerate(parts, 1))
+    form = None
+    if any(part.form is not None for part in parts):
+        linear = tuple(_numbered(name, i) for i, part in numbered for name in part.linear)
+        printed = {_numbered(name, i): text for i, part in numbered for name, text in _printed(part, i).items()}
+        expressions = [part.expression if part.form is None else part.form.expression for part in parts]
+        form = LinearForm(_sum(expressions, signs), linear, printed)
+    return Formula(
+        name=" ".join(f"{'-' if sign < 0 else '+'} {part.name}" for sign, part in zip(signs, parts, strict=True)).removeprefix("+ "),
+        reference="; ".join(dict.fromkeys(part.reference for part in parts)),
+        inputs=tuple(_numbered(name, i) for i, part in numbered for name in part.inputs),
+        parameters=tuple(_numbered(name, i) for i, part in numbered for name in part.parameters),
+        text=_sum([part.expression for part in parts], signs),
+        nonlinear=tuple(
+            replace(one, name=_numbered(one.name, i), per=one.per and _numbered(one.per, i), of=one.of and _numbered(one.of, i))
+            for i, part in numbered
+            for one in part.nonlinear
+        ),
+        form=form,
+    )
+
+
+def split(fit: FormulaFit, summands: Sequence[Summand]) -> list[FormulaFit]:
+    """The fit of each summand out of the joint one, with its parameters by their own names."""
+    parts = []
+    for i, one in enumerate(summands, 1):
+        names = literature.get(one.formula).parameters
+        values, errors = ({name: found[_numbered(name, i)] for name in names} for found in (fit.parameters, fit.errors))
+        parts.append(replace(fit, name=one.formula, parameters=values, errors=errors))
+    return parts
+
+
+def predict(fit: FormulaFit, summands: Sequence[Summand], columns: Columns) -> Array:
+    """The sum at every row, `(n,)`; NaN with the parameters of a failed fit."""
+    values = np.zeros(len(next(iter(columns.values()))))
+    for one, part in zip(summands, split(fit, summands), strict=True):
+        values += one.sign * literature.get(one.formula).predict(part.parameters, one.own_inputs(columns))
+    return values
+
+
+def _part(summand: Summand) -> Formula:
+    found = literature.get(summand.formula)
+    if type(found) is not Formula or found.dimensions:
+        raise SpecError(f"{summand.formula} cannot be fitted within a sum", "take another formula, or add up models of other runs")
+    return found
+
+
+def _printed(part: Formula, number: int) -> dict[str, str]:
+    texts = part.form.printed if part.form is not None else {name: name for name in part.parameters}
+    return {name: to_text(_renamed(parse(text), number)) for name, text in texts.items()}
+
+
+def _sum(expressions: Sequence[Expression], signs: Sequence[float]) -> str:
+    terms = [_renamed(expression, i) for i, expression in enumerate(expressions, 1)]
+    return to_text(add(*(multiply(Number(sign), term) for sign, term in zip(signs, terms, strict=True))))
+
+
+def _renamed(expression: Expression, number: int) -> Expression:
+    return substitute(expression, {name: Name(_numbered(name, number)) for name in expression.names})
+
+
+def _numbered(name: str, number: int) -> str:
+    return f"{name}_{number}"

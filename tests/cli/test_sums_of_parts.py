@@ -1,0 +1,106 @@
+"""A joint of two muscles from YAML: models of other runs added up, formulas fitted together, and what is refused."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cli_samples import scored_run
+
+SINGLE = """\
+name: {name}
+data: {{files: [{name}.csv], columns: {{pressure: {{column: P, unit: kPa}}, strain: {{column: e}}, force: {{column: F, unit: N}}}}}}
+target: {{column: force}}
+model: {{type: literature, name: chou_hannaford}}
+"""
+JOINT = """\
+name: joint
+data:
+  files: [joint.csv]
+  columns: {{p1: {{column: P1, unit: kPa}}, p2: {{column: P2, unit: kPa}}, s: {{column: s}}, force: {{column: F, unit: N}}}}
+  split: {{validate: {{last: 0.5}}}}
+units: {{p1: kPa, p2: kPa}}
+target: {{column: force}}
+model: {{sum: [{summands}]}}
+validate: {{against: [{against}]}}
+"""
+RUNS = (
+    "{model: flexor.yaml, inputs: {pressure: p1, strain: s}}, {model: extensor.yaml, sign: -1, inputs: {pressure: p2, strain: '0.1 - s'}}"
+)
+FORMULAS = RUNS.replace("model: flexor.yaml", "formula: chou_hannaford").replace("model: extensor.yaml", "formula: chou_hannaford")
+TRUTH = {"flexor": (2.0, 0.8), "extensor": (1.5, 0.6)}
+
+
+def pull(muscle: str, pressure: np.ndarray, strain: np.ndarray) -> np.ndarray:
+    c1, c2 = TRUTH[muscle]
+    return pressure * (c1 * (1 - strain) ** 2 - c2)
+
+
+def write(path: Path, **columns: np.ndarray) -> None:
+    rows = [",".join(f"{value:.9g}" for value in row) for row in zip(*columns.values(), strict=True)]
+    path.write_text("\n".join([",".join(columns), *rows]) + "\n")
+
+
+def joint(folder: Path, summands: str, against: str = "") -> Path:
+    rng = np.random.default_rng(0)
+    for name in TRUTH:
+        pressure, strain = rng.uniform(100, 500, 60), rng.uniform(0, 0.2, 60)
+        write(folder / f"{name}.csv", P=pressure, e=strain, F=pull(name, pressure, strain))
+        (folder / f"{name}.yaml").write_text(SINGLE.format(name=name))
+    p1, p2, s = rng.uniform(100, 500, 80), rng.uniform(100, 500, 80), rng.uniform(-0.05, 0.15, 80)
+    write(folder / "joint.csv", P1=p1, P2=p2, s=s, F=pull("flexor", p1, s) - pull("extensor", p2, 0.1 - s))
+    spec = folder / "joint.yaml"
+    spec.write_text(JOINT.format(summands=summands, against=against))
+    return spec
+
+
+@pytest.mark.parametrize("summands", [RUNS, FORMULAS], ids=["runs", "formulas"])
+def test_a_joint_is_the_difference_of_its_muscles(summands: str, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    spec = joint(tmp_path, summands, f"{{sum: [{FORMULAS}], as: pair}}")
+    rmse, _ = scored_run(mapmore, spec, tmp_path / "runs")
+    assert max(rmse["mapmore"], rmse["pair"]) < 1e-5
+    model = tmp_path / "runs" / "joint" / "model.h5"
+    shown = json.loads(mapmore("show", model, "--json").stdout)
+    assert "pressure = p1" in json.dumps(shown)
+    table = tmp_path / "table.csv"
+    table.write_text("p1,p2,s\n300,200,0.05\n")
+    result = mapmore("predict", model, table, "-o", "-")
+    assert result.exit_code == 0, result.stderr
+    predicted = float(result.stdout.splitlines()[1].split(",")[3])
+    flexor, extensor = (float(pull(name, np.array(p), np.array(0.05))) for name, p in (("flexor", 300.0), ("extensor", 200.0)))
+    assert predicted == pytest.approx(flexor - extensor)
+
+
+@pytest.mark.parametrize(
+    ("summands", "words"),
+    [
+        (
+            FORMULAS.replace("pressure: p1, ", "").replace("pressure: p2, ", ""),
+            ["needs the quantity `pressure`", "both have an input `pressure`"],
+        ),
+        (FORMULAS.replace("pressure: p1", "pressur: p1"), ["has no input `pressur`", "did you mean `pressure`?"]),
+        (FORMULAS.replace("pressure: p1", "pressure: p3"), ["no quantity `p3`"]),
+        (FORMULAS.replace("'0.1 - s'", "'0.1 -'"), ["not an expression"]),
+        (FORMULAS.replace("chou_hannaford", "chou_hanaford", 1), ["did you mean `chou_hannaford`?"]),
+        (RUNS.replace("model: flexor.yaml", "formula: chou_hannaford"), ["of models or of formulas"]),
+        ("{formula: sarosi}", ["at least 2"]),
+        (FORMULAS.replace("sign: -1", "sign: 2"), ["sign"]),
+    ],
+)
+def test_wrong_sums(summands: str, words: list[str], tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    result = mapmore("check", joint(tmp_path, summands))
+    assert result.exit_code == 3
+    for word in words:
+        assert word in result.stderr
+
+
+def test_two_runs_whose_pressures_have_one_name_are_refused(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    spec = joint(tmp_path, RUNS.replace("pressure: p1, ", "").replace("pressure: p2, ", ""))
+    result = mapmore("run", spec, "--runs", tmp_path / "runs")
+    assert result.exit_code == 3
+    assert "flexor and extensor both have an input `pressure`" in result.stderr
+    assert "inputs: {pressure: pressure_1}" in result.stderr
