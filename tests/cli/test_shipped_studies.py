@@ -24,7 +24,9 @@ STUDIES = sorted(path for path in CONFIGS.rglob("*.yaml") if not path.name.start
 MEASURED = [path for path in STUDIES if "/datasets/" not in load(path).resolved]
 CHAINED = [path for path in STUDIES if any(word in path.stem for word in ("-damping", "-dynamic", "-from-zero"))]
 """Studies that one run of a dynamic study makes: see test_motion_studies.py."""
-SIMULATED = [path for path in STUDIES if path not in MEASURED and path not in CHAINED]
+WITH_PAGE = [path for path in STUDIES if path.parent.name in ("wrist", "muscle-like")]
+"""Studies that a page of their own is about: see test_muscle_pages.py."""
+SIMULATED = [path for path in STUDIES if path not in MEASURED and path not in CHAINED and path not in WITH_PAGE]
 
 NRMSE = {
     "dmsp-20-88-static": {"mapmore": 0.0170, "sarosi": 0.0092, "polynomial_2": 0.0346},
