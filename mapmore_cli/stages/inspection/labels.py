@@ -58,6 +58,12 @@ def read_label(name: str) -> ColumnTitle | None:
     return ColumnTitle(quantity, unit or None, plain=len(words) == 1 + bool(found))
 
 
+def unit_in(quantity: str, text: str) -> str | None:
+    """The unit of a quantity that a text holds, as `[kN]` under a column's name; None for none."""
+    words = [word.casefold() for word in re.findall(r"%|[^\W\d_]+|\d+", text)]
+    return next((_UNITS[quantity][word] or None for word in words if word in _UNITS.get(quantity, {})), None)
+
+
 def _apart(name: str) -> str:
     """The name with its camel-case words apart; units as kPa and MPa stay whole."""
     return re.sub(r"(?<=[a-z]{3})(?=[A-Z])", " ", name)

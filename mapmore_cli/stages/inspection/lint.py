@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from typing import Any
 
 from mapmore_cli.domain.errors import DataError, MapmoreError, SpecError
@@ -46,8 +46,7 @@ def inspect(loaded: LoadedSpec, progress: Progress = lambda *_: None, warn: Call
     SpecError, DataError
         What is wrong with a spec that this one builds on; what made the curves impossible, where no rule has anything to add.
     """
-    for stage in pipeline():
-        needed_runs(stage, loaded, ())
+    needed = {run.key: run.loaded for stage in pipeline() for run in needed_runs(stage, loaded, ())}
     part = slice_of(loaded.spec)
     try:
         dataset = build_dataset(part, loaded.folder, progress=progress, warn=warn)
@@ -56,8 +55,24 @@ def inspect(loaded: LoadedSpec, progress: Progress = lambda *_: None, warn: Call
         if not found:
             raise
         return Inspection(None, _sorted((*found, _issue_of(fault, loaded))))
-    subject = Subject(loaded.spec, loaded.where, dataset.recordings, part.units, dataset)
-    return Inspection(dataset, _sorted(tuple(issue for rule in (*OF_RECORDINGS, *OF_CURVES) for issue in rule(subject))))
+    issues = _issues(loaded, dataset)
+    same = {key: dataset if slice_of(other.spec) == part else None for key, other in needed.items()}
+    others = [issue for key, other in needed.items() for issue in _of_another(key, other, same[key])]
+    return Inspection(dataset, _sorted((*issues, *others)))
+
+
+def _issues(loaded: LoadedSpec, dataset: Dataset) -> tuple[Issue, ...]:
+    subject = Subject(loaded.spec, loaded.where, dataset.recordings, slice_of(loaded.spec).units, loaded.folder, dataset)
+    return tuple(issue for rule in (*OF_RECORDINGS, *OF_CURVES) for issue in rule(subject))
+
+
+def _of_another(key: str, loaded: LoadedSpec, dataset: Dataset | None) -> Iterator[Issue]:
+    """The errors of a run that this one needs or is compared with, which would end both; `dataset` where it is of the same recordings."""
+    try:
+        found = _issues(loaded, dataset or build_dataset(slice_of(loaded.spec), loaded.folder))
+    except (SpecError, DataError) as fault:
+        found = (_issue_of(fault, loaded),)
+    yield from (replace(issue, message=f"in `{key}`: {issue.message}") for issue in found if issue.severity == "error")
 
 
 def _of_recordings_alone(loaded: LoadedSpec) -> tuple[Issue, ...]:
@@ -69,7 +84,7 @@ def _of_recordings_alone(loaded: LoadedSpec) -> tuple[Issue, ...]:
         plain = build_dataset(part.model_copy(update={"data": part.data.model_copy(update=bare)}), loaded.folder)
     except (SpecError, DataError):
         return ()
-    subject = Subject(loaded.spec, loaded.where, plain.recordings, part.units)
+    subject = Subject(loaded.spec, loaded.where, plain.recordings, part.units, loaded.folder)
     return tuple(issue for rule in OF_RECORDINGS for issue in rule(subject))
 
 

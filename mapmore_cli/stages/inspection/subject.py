@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -55,13 +56,15 @@ Rule = Callable[["Subject"], Iterator[Issue]]
 class Subject:
     """A spec with its recordings, and with its curves where they could be made.
 
-    `where(*loc)` is the `file:line:column` of a part of the spec; `units` gives the unit of every quantity of the recordings.
+    `where(*loc)` is the `file:line:column` of a part of the spec; `units` gives the unit of every quantity of the recordings, `folder`
+    is where their sources start.
     """
 
     spec: ExperimentSpec
     where: Callable[..., str]
     recordings: tuple[Recording, ...]
     units: dict[str, str]
+    folder: Path
     dataset: Dataset | None = None
 
     def has(self, *names: str) -> bool:

@@ -7,9 +7,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from lint_studies import LEVELS, Spoil, Table, found, inspected, only, table
+from hypothesis import given
+from hypothesis import strategies as st
+from lint_studies import LEVELS, SPEC, Spoil, Table, found, inspected, merged, only, table
 
 from mapmore_cli.domain.errors import DataError, SpecError
+from mapmore_cli.spec.loader import load
+from mapmore_cli.spec.yaml_core import dump
+from mapmore_cli.stages.inspection.evidence import monotone_floor
+from mapmore_cli.stages.inspection.lint import inspect
 
 
 def scaled(**factors: float) -> Spoil:
@@ -174,3 +180,93 @@ def test_unsettled_samples_ask_for_keep(tmp_path: Path) -> None:
     }
     kept = {**BY_STRAIN, "data": {**BY_STRAIN["data"], **settled}}
     assert "unsettled" not in found(inspected(tmp_path, staircase(slack=False), **kept))
+
+
+# What the eye would see in a plot -----------------------------------------------------------------------------------------------------
+
+
+def at_most(name: str, limit: float) -> Spoil:
+    return lambda _, columns: {**columns, name: np.minimum(columns[name], limit)}
+
+
+def test_a_clipped_force_is_seen(tmp_path: Path) -> None:
+    issue = only(inspected(tmp_path, at_most("F", 900.0)), "clipped")
+    assert "level_400.csv: 28 of 60 samples have force at exactly 900 N" in issue.message
+    assert "below: 900" in issue.remedy
+
+
+def with_unit_line(folder: Path, units: str) -> Any:
+    """The clean study with a line of units under the names, and a header of two lines."""
+    inspected(folder)
+    for path in folder.glob("level_*.csv"):
+        names, *rows = path.read_text().splitlines()
+        path.write_text("\n".join([names, units, *rows]) + "\n")
+    spec = merged(SPEC, {"data": {"header": 2}})
+    (folder / "clean.yaml").write_text(dump(spec))
+    return inspect(load(folder / "clean.yaml"))
+
+
+def test_a_line_of_units_is_read(tmp_path: Path) -> None:
+    issue = only(with_unit_line(tmp_path, "s,kPa,-,[kN]"), "unit-line")
+    assert "column 'F' is read in N, but the line under its name says kN" in issue.message
+    assert found(with_unit_line(tmp_path, "s,kPa,-,N")) == set()
+
+
+def wandering(level: float, columns: Table) -> Table:
+    return {**columns, "P": level + np.sin(np.arange(60.0)), "eps": 0.1 * (1 - np.cos(np.linspace(0, 2 * np.pi, 60)))}
+
+
+def test_cycles_of_a_held_pressure_are_cycles_of_its_noise(tmp_path: Path) -> None:
+    issue = only(inspected(tmp_path, wandering, data={"cycles": {"over": "pressure", "samples": 20}}), "cycles-of-noise")
+    assert "say `cycles: {over: strain}`, and `levels` of pressure" in issue.remedy
+    assert "cycles-of-noise" not in found(inspected(tmp_path, wandering, data={"cycles": {"over": "strain", "samples": 20}}))
+
+
+def looped(level: float, columns: Table) -> Table:
+    """Loading and unloading, 10 % of the largest force apart at every level."""
+    strain = np.concatenate([columns["eps"][::2], columns["eps"][::-2]])
+    force = level * (2 - 8 * strain) + level**2 / 400 + np.repeat([60.0, -60.0], 30)
+    return {**columns, "eps": strain, "F": force}
+
+
+def test_the_floor_of_a_loop_is_told(tmp_path: Path) -> None:
+    issue = only(inspected(tmp_path, looped), "not-single-valued")
+    assert "does better than 4.6 % at pressure=100, 4.5 % at" in issue.message
+    assert "cycles: {over: strain}" in issue.remedy
+    assert "not-single-valued" not in found(inspected(tmp_path, looped, data={"cycles": {"over": "strain", "samples": 20}}))
+
+
+def set_force(level: float, columns: Table) -> Table:
+    """The force in steps of 5 N, the strain as it was then."""
+    force = 5.0 * np.arange(60, 0, -1)
+    return {**columns, "F": force, "eps": 0.2 * (1 - force / 300) ** 1.5 + level / 4000}
+
+
+def test_who_set_what_is_seen(tmp_path: Path) -> None:
+    issue = only(inspected(tmp_path, set_force), "wrong-way-round")
+    assert "force goes in even steps of 5 N and strain does not" in issue.message
+    assert "target: {column: strain}" in issue.remedy
+
+
+def test_extrapolation_along_an_input_is_seen(tmp_path: Path) -> None:
+    """The held-out pressure lies between others, but its strains go on where theirs end."""
+    issue = only(inspected(tmp_path, longer(200.0, 1.3)), "validation-outside")
+    assert "of the validation samples have strain 0.2" in issue.message
+
+
+def test_the_competitors_are_checked(tmp_path: Path) -> None:
+    against = [{"set": {"segment.strain.count": 30}, "as": "fine"}]
+    issues = [issue for issue in inspected(tmp_path, validate={"against": against}).issues if issue.id == "short-segment"]
+    assert issues
+    assert all(issue.message.startswith("in `fine`: ") for issue in issues)
+
+
+@given(st.lists(st.tuples(st.integers(0, 9), st.floats(-1, 1)), min_size=2, max_size=40))
+def test_the_floor_is_below_every_monotone_curve(samples: list[tuple[int, float]]) -> None:
+    """Any line is such a curve, and a monotone one through all points has none."""
+    x, y = (np.array(values, dtype=float) for values in zip(*samples, strict=True))
+    floor = monotone_floor(x, y)
+    for slope in (-1.0, 0.0, 0.5):
+        line = slope * (x - x.mean()) + y.mean()
+        assert floor <= np.sqrt(np.mean((y - line) ** 2)) + 1e-12
+    assert monotone_floor(x, 3 * x - 1) < 1e-12

@@ -5,7 +5,7 @@ What the readers and the spec refuse by themselves is no business of a rule.
 
 from __future__ import annotations
 
-from mapmore_cli.stages.inspection.rules import levels, memory, samples, units
+from mapmore_cli.stages.inspection.rules import curves, levels, memory, samples, units
 from mapmore_cli.stages.inspection.subject import Rule
 
 OF_RECORDINGS: tuple[Rule, ...] = (
@@ -15,8 +15,12 @@ OF_RECORDINGS: tuple[Rule, ...] = (
     units.pull_of_the_bore,
     units.time_in_milliseconds,
     units.unit_in_the_name,
+    units.unit_line,
     samples.constant,
+    samples.clipped,
+    samples.cycles_of_noise,
     samples.force_never_pulls,
+    curves.wrong_way_round,
     samples.recorded_twice,
 )
 """Rules that need the recordings alone, so that they can say why no curves could be made of them."""
@@ -28,6 +32,7 @@ OF_CURVES: tuple[Rule, ...] = (
     samples.many_dropped,
     samples.unsettled,
     samples.slack_foot,
+    curves.single_valued,
     memory.even_steps,
 )
 """Rules that need the curves."""

@@ -16,6 +16,8 @@ from mapmore_cli.stages.inspection.subject import Issue, Subject
 MUCH = 0.5  # of the samples, lost for a reason that the spec does not ask for
 MOST = 0.95  # of the samples, left out on purpose
 UNSETTLED = 0.2  # of the samples
+CLIPPED, LONGEST, FAR_MORE = 0.01, 20, 10  # share, number, and times any other number, of samples at one end
+HELD, MOVED = 0.05, 0.2  # movement within a recording, relative to the largest value: at most of what is held, at least of what is not
 
 
 def constant(subject: Subject) -> Iterator[Issue]:
@@ -27,6 +29,44 @@ def constant(subject: Subject) -> Iterator[Issue]:
             message = f"{name} is {values[0]:g} in every sample"
             remedy = "name another column" if target else "name another column, or leave it out"
             yield Issue("error" if target else "warning", "constant", subject.source(name), message, remedy, "data")
+
+
+def clipped(subject: Subject) -> Iterator[Issue]:
+    """A sensor at its end reads one number for a long time, where it otherwise hardly reads any number twice."""
+    levels = subject.spec.data.levels
+    for name in (name for name in subject.spec.data.columns if name != "time" and (levels is None or name != levels.of)):
+        for recording in (one for one in subject.recordings if name in one.columns and one.rows_kept):
+            values = recording.columns[name]
+            numbers, counts = np.unique(values, return_counts=True)
+            for end, side in ((0, "above"), (-1, "below")):
+                usual = int(np.delete(counts, end).max(initial=0))
+                if not usual or not numbers[end] or counts[end] <= max(LONGEST, FAR_MORE * usual, CLIPPED * len(values)):
+                    continue
+                at = f"{numbers[end]:.6g} {subject.units[name]}"
+                message = f"{recording.source}: {counts[end]} of {len(values)} samples have {name} at exactly {at}: clipped"
+                remedy = f"leave them out, as `keep: [{{quantity: {name}, {side}: {numbers[end]:.6g}}}]`"
+                yield Issue("warning", "clipped", subject.source(name), message, remedy, "data")
+
+
+def cycles_of_noise(subject: Subject) -> Iterator[Issue]:
+    """Cycles of a quantity that was held are cycles of its noise."""
+    cycles = subject.spec.data.cycles
+    others = [name for name in ("pressure", "strain", "displacement", "length") if cycles and name != cycles.over and subject.has(name)]
+    if cycles is None or not others or not subject.has(cycles.over):
+        return
+    moves = {name: _movement(subject, name) for name in (cycles.over, *others)}
+    most = max(others, key=moves.__getitem__)
+    if moves[cycles.over] < HELD and moves[most] > MOVED:
+        held = f"{cycles.over} moves by {moves[cycles.over]:.1%} of its largest value within a recording, and {most} by {moves[most]:.0%}"
+        message, remedy = f"{held}: `cycles` cuts noise", f"say `cycles: {{over: {most}}}`, and `levels` of {cycles.over}"
+        yield Issue("warning", "cycles-of-noise", subject.where("data", "cycles"), message, remedy)
+
+
+def _movement(subject: Subject, name: str) -> float:
+    """How far a quantity moves within the recordings, in the middle, relative to the largest value; the ends may be glitches."""
+    largest = float(np.abs(subject.pooled(name)).max()) or 1.0
+    spans = [np.ptp(np.quantile(one.columns[name], (0.05, 0.95))) for one in subject.recordings if one.rows_kept]
+    return float(np.median(spans)) / largest
 
 
 def force_never_pulls(subject: Subject) -> Iterator[Issue]:

@@ -9,8 +9,9 @@ import numpy as np
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.spec.units import convert, default_unit
-from mapmore_cli.stages.inspection.labels import read_label
+from mapmore_cli.stages.inspection.labels import read_label, unit_in
 from mapmore_cli.stages.inspection.subject import Issue, Subject
+from mapmore_cli.storage.readers import READERS
 
 LARGEST_STRAIN = 1.5
 LARGEST_PRESSURE = 5000.0  # kPa
@@ -91,6 +92,31 @@ def unit_in_the_name(subject: Subject) -> Iterator[Issue]:
         if not math.isclose(factor, 1.0):
             message = f"column '{column.column}' is read in {declared}, but its name says {label.unit}"
             yield Issue("warning", "unit-in-name", subject.source(name), message, f'say `unit: "{label.unit}"`, or rename the column')
+
+
+def unit_line(subject: Subject) -> Iterator[Issue]:
+    """A line of units under the names says kN, and the column is read in N."""
+    data = subject.spec.data
+    peek = READERS[data.reader].peek
+    if peek is None or int(data.header) < 2 or not subject.recordings:
+        return
+    path = subject.folder / subject.recordings[0].source
+    for top in peek(path, data.skip_rows + int(data.header)):
+        if all(getattr(data, key) == value for key, value in top.settings.items() if key in type(data).model_fields):
+            names, *below = [list(map(str, row)) for row in top.rows[data.skip_rows :]] or [[]]
+            yield from _units_below(subject, [name.strip() for name in names], below)
+            return
+
+
+def _units_below(subject: Subject, names: list[str], below: list[list[str]]) -> Iterator[Issue]:
+    for name, column in subject.spec.data.columns.items():
+        place = column.column if isinstance(column.column, int) else names.index(column.column) if column.column in names else None
+        texts = [row[place] for row in below if place is not None and place < len(row)]
+        unit = next((found for text in texts if (found := unit_in(name, text)) is not None), None)
+        declared = column.unit or default_unit(name, subject.spec.units)
+        if unit is not None and column.scale == 1.0 and not math.isclose(convert(1.0, unit, declared), 1.0):
+            message = f"column '{column.column}' is read in {declared}, but the line under its name says {unit}"
+            yield Issue("warning", "unit-line", subject.source(name), message, f'say `unit: "{unit}"`, or `scale` if the line is wrong')
 
 
 def _declared(subject: Subject, name: str) -> str:

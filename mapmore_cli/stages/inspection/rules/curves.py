@@ -1,0 +1,48 @@
+"""Rules about the shape of curves: whether a static model can follow them, and which quantity was set and which measured."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from mapmore_cli.stages.inspection.evidence import monotone_floor, set_in_steps
+from mapmore_cli.stages.inspection.subject import Issue, Subject
+
+WORTH = 0.02  # of the largest target, from which a floor is worth a word
+POSITIONS = ("strain", "displacement", "length")
+
+
+def single_valued(subject: Subject) -> Iterator[Issue]:
+    """A loop has two values at one place, of which a static model has one: its error has a floor."""
+    spec, dataset = subject.spec, subject.dataset
+    if spec.target != "static" or spec.data.cycles is not None or dataset is None or dataset.level is None:
+        return
+    swept = [name for name in ("pressure", *POSITIONS) if name in dataset.quantities and name not in (dataset.level, dataset.target)]
+    swept = [name for name in swept if any(np.ptp(curve.columns[name]) for curve in dataset.curves)][:1]
+    largest = max(float(np.abs(curve.columns[dataset.target]).max()) for curve in dataset.curves)
+    if not swept or not largest:
+        return
+    floors = {curve.id: monotone_floor(curve.columns[swept[0]], curve.columns[dataset.target]) / largest for curve in dataset.curves}
+    told = [f"{100 * floor:.2g} % at {curve}" for curve, floor in floors.items() if floor > WORTH]
+    if told:
+        best = f"no static model does better than {', '.join(told)} of the largest {dataset.target}"
+        message = f"curves over {swept[0]} are not single-valued: {best}"
+        remedy = f"where the muscle was loaded and unloaded, split the branches by `cycles: {{over: {swept[0]}}}`, or accept this floor"
+        yield Issue("hint", "not-single-valued", subject.where("target"), message, remedy)
+
+
+def wrong_way_round(subject: Subject) -> Iterator[Issue]:
+    """Where the force was set and the length measured, the noise lies in the length, and force over strain may be a wall."""
+    if subject.spec.target != "static" or not subject.has("force"):
+        return
+    position = next((name for name in POSITIONS if subject.has(name)), None)
+    if position is None:
+        return
+    series = {name: [one.columns[name] for one in subject.recordings if one.rows_kept > 1] for name in ("force", position)}
+    step = set_in_steps(series["force"])
+    if step is not None and set_in_steps(series[position]) is None:
+        steps = f"force goes in even steps of {step:.4g} {subject.units['force']} and {position} does not"
+        message = f"{steps}: the force was set, and {position} measured"
+        remedy = f"try `target: {{column: {position}}}` with force among the inputs: the noise lies in the {position}"
+        yield Issue("hint", "wrong-way-round", subject.where("target"), message, remedy)
