@@ -30,6 +30,8 @@ Explain = Annotated[bool, typer.Option("--explain", help="Say which stages would
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document instead of tables.")]
 
+Unverified = Annotated[bool, typer.Option("--unverified", help="Read a file although its values are not those that were written.")]
+
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no warnings on stderr.")]
 
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Also say how long each step took.")]

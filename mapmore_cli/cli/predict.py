@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
-from mapmore_cli.cli.options import Quiet
+from mapmore_cli.cli.options import Quiet, Unverified
 from mapmore_cli.domain.errors import UsageError
 
 if TYPE_CHECKING:
@@ -44,6 +44,7 @@ def predict(
             "--grid", metavar="AXES", help="Make a lookup table instead: pressure=0:600:25,strain=0:0.25:0.01.", show_default=False
         ),
     ] = None,
+    unverified: Unverified = False,
     quiet: Quiet = False,
 ) -> None:
     """Evaluate a model on a table.
@@ -61,8 +62,8 @@ def predict(
 
     if (table is None) == (grid is None):
         raise UsageError("give either a TABLE or --grid", "as in: mapmore predict model.h5 measured.csv -o predicted.csv")
-    model = read_model(model_file)
     with Reporter(quiet) as reporter:
+        model = read_model(model_file, reporter.warn, unverified)
         lines, label = _input(model, table, grid, reporter)
         _write(predicted_lines(model, lines, label, warn=reporter.warn), output)
 

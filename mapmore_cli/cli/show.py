@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from mapmore_cli.cli.options import AsJson
+from mapmore_cli.cli.options import AsJson, Quiet, Unverified
 
 
 def add_to(app: typer.Typer) -> None:
@@ -18,9 +18,14 @@ def add_to(app: typer.Typer) -> None:
 def show(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A file of a run folder, or the folder itself.", show_default=False)],
     as_json: AsJson = False,
+    unverified: Unverified = False,
+    quiet: Quiet = False,
 ) -> None:
     """Print what a result file holds."""
     from mapmore_cli.cli.console import print_view
+    from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.cli.views.files import of_file
 
-    print_view(of_file(file), as_json)
+    with Reporter(quiet) as reporter:
+        view = of_file(file, reporter.warn, unverified)
+    print_view(view, as_json)

@@ -19,9 +19,24 @@ _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG}
 _REFUSED = {errno.EACCES, errno.EPERM, errno.EISDIR, errno.ENOTDIR, errno.EEXIST, errno.ENAMETOOLONG}
 
 
+def is_special(path: Path) -> bool:
+    """Whether something other than a file stands at `path`, which is written into and never replaced: a pipe, a terminal, `/dev/null`.
+
+    So is what goes by a name in `/dev` or `/proc`, as `/dev/stdout`, even where it is a file: another program holds it open.
+    """
+    place = Path(os.path.abspath(path))  # noqa: PTH100 - links stay as they are named
+    return (place.exists() and not place.is_file() and not place.is_dir()) or place.parts[1:2] in (("dev",), ("proc",))
+
+
+def replaced_place(path: Path) -> Path:
+    """What is replaced when a file of that name is written: where it is a link, the file that the link leads to."""
+    return path.resolve() if path.is_symlink() else path
+
+
 @contextmanager
 def replacing(path: Path) -> Iterator[BufferedRandom]:
     """A file that takes the place of `path` when the block ends without an error: written beside it, flushed to the disk, moved over it."""
+    path = replaced_place(path)
     unfinished = path.with_name(f"{TEMPORARY}{token_hex(6)}-{path.name}")
     with refusals_told(path.parent):
         try:
@@ -37,7 +52,11 @@ def replacing(path: Path) -> Iterator[BufferedRandom]:
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file whole."""
+    """Write a file whole; into what stands there, where that is no file."""
+    if is_special(path):
+        with refusals_told(path.parent), path.open("wb") as stream:
+            stream.write(data)
+        return
     with replacing(path) as file:
         file.write(data)
 

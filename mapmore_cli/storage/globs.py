@@ -5,8 +5,8 @@ from __future__ import annotations
 import difflib
 import glob
 import os
-from collections.abc import Sequence
-from pathlib import Path, PurePosixPath
+from collections.abc import Iterator, Sequence
+from pathlib import Path, PurePath, PurePosixPath
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import READERS
@@ -24,11 +24,44 @@ def expand(pattern: str, folder: Path) -> list[Path]:
         raise DataError(f"{pattern}: is a folder", f"Name the files in it, as `{pattern.rstrip('/')}/*.csv`.")
     if literal.is_file():
         return [literal]
-    found = [folder / name for name in glob.glob(pattern, root_dir=folder, recursive=True)]  # noqa: PTH207 - Path.glob refuses ".."
+    found = set(_matches(pattern, folder))
     files = sorted((path for path in found if path.is_file()), key=lambda path: relative_name(path, folder))
+    for path in sorted(found.difference(files)):
+        if not path.exists():
+            raise DataError(f"{relative_name(path, folder)}: is a link that leads nowhere", "mend the link, or leave it out of `files`")
+        if not path.is_dir():
+            raise DataError(f"{relative_name(path, folder)}: is no regular file", "name files that hold recordings")
     if not files:
         raise DataError(f"{pattern}: no such file", _what_exists(literal))
     return files
+
+
+def _matches(pattern: str, folder: Path) -> Iterator[Path]:
+    """Everything that a glob names. `**` enters each folder once, by whatever links it is reached: links may lead back up."""
+    parts = PurePath(pattern).parts
+    if "**" not in parts:
+        yield from (folder / name for name in glob.glob(pattern, root_dir=folder))  # noqa: PTH207 - Path.glob refuses ".."
+        return
+    head, rest = parts[: parts.index("**")], parts[parts.index("**") + 1 :]
+    seen: set[tuple[int, int]] = set()
+    for top in sorted(_matches(str(PurePath(*head)), folder)) if head else [folder]:
+        for inner in _folders(top, seen) if top.is_dir() else ():
+            yield from _matches(str(PurePath(*rest or "*")), inner)
+
+
+def _folders(top: Path, seen: set[tuple[int, int]]) -> Iterator[Path]:
+    """A folder and all that lie in it, those that are hidden left out."""
+    try:
+        state = top.stat()
+        if (state.st_dev, state.st_ino) in seen:
+            return
+        seen.add((state.st_dev, state.st_ino))
+        inner = sorted(entry.name for entry in os.scandir(top) if entry.is_dir() and not entry.name.startswith("."))
+    except OSError as fault:
+        raise DataError(f"{top}: cannot be read ({fault.strerror})", "change its permissions, or name the files without `**`") from fault
+    yield top
+    for name in inner:
+        yield from _folders(top / name, seen)
 
 
 def relative_name(path: Path, folder: Path) -> str:

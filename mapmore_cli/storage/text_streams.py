@@ -16,7 +16,8 @@ from secrets import token_hex
 from typing import IO, TextIO, cast
 
 from mapmore_cli.domain.errors import DataError, WriteError
-from mapmore_cli.storage.atomic import TEMPORARY, sync_folder
+from mapmore_cli.storage.atomic import TEMPORARY, is_special, replaced_place, sync_folder
+from mapmore_cli.storage.tables.lines import bounded_lines
 
 TEXT_ERRORS = "surrogateescape"
 
@@ -36,10 +37,10 @@ def lines_of(path: Path, told: Callable[[int, int], None] = lambda _read, _size:
     try:
         with path.open("rb") as raw:
             unzipped: IO[bytes] = cast(IO[bytes], gzip.GzipFile(fileobj=raw)) if path.suffix == ".gz" else raw
-            size = os.fstat(raw.fileno()).st_size
+            size = os.fstat(raw.fileno()).st_size if raw.seekable() else 0  # a pipe has no size and no place
             with as_text(unzipped) as text:
-                for number, line in enumerate(text):
-                    if number % TOLD_EVERY == 0:
+                for number, line in enumerate(bounded_lines(text, str(path))):
+                    if number % TOLD_EVERY == 0 and size:
                         told(raw.tell(), size)
                     yield line
     except (EOFError, zlib.error, gzip.BadGzipFile) as fault:
@@ -52,8 +53,15 @@ def lines_of(path: Path, told: Callable[[int, int], None] = lambda _read, _size:
 def replaced(path: Path) -> Iterator[TextIO]:
     """A text stream that takes the place of `path` when the block ends without an error; WriteError where that cannot be.
 
+    What is no file, as a pipe or `/dev/null`, is written into.
+
     Errors of the file system inside the block count as errors of this file.
     """
+    if is_special(path):
+        with _into(path) as text:
+            yield text
+        return
+    path = replaced_place(path)
     unfinished = path.with_name(f"{TEMPORARY}{token_hex(6)}-{path.name}")
     try:
         try:
@@ -68,6 +76,18 @@ def replaced(path: Path) -> Iterator[TextIO]:
         sync_folder(path.parent)
     except OSError as fault:
         raise WriteError(f"{path}: cannot be written ({fault.strerror})", "choose another place with -o, or make room") from fault
+
+
+@contextmanager
+def _into(path: Path) -> Iterator[TextIO]:
+    """A text stream into something that is no file; BrokenPipeError where nobody reads any more."""
+    try:
+        with path.open("wb") as raw, _encoded(raw, path.suffix == ".gz") as text:
+            yield text
+    except BrokenPipeError:
+        raise
+    except OSError as fault:
+        raise WriteError(f"{path}: cannot be written ({fault.strerror})", "choose another place with -o") from fault
 
 
 @contextmanager

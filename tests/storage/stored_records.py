@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -28,61 +29,89 @@ from mapmore_cli.domain.models import (
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
 from mapmore_cli.domain.results import FitResult, PiecesFit
 from mapmore_cli.domain.scores import Score, Validation
+from mapmore_cli.modelling import literature
 
 NAMES = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=8) | st.sampled_from(
     ["strain", "pressure=150/strain:2", ".", "..", "a/b", "%2F", "ü μ", "order"]
 )
+IDENTIFIERS = st.sampled_from(["strain", "pressure", "force", "_x1"])
 UNITS = st.sampled_from(["kPa", "1", "N", "kPa/s", "m"])
+FINITE = st.floats(allow_nan=False, allow_infinity=False)
 REAL = st.floats(width=64)
+POSITIVE = st.floats(1e-3, 1e3)
 COUNT = st.integers(0, 2**40)
 NOTES = st.lists(NAMES, max_size=2).map(tuple)
 
 
 def reals(*shape: int) -> st.SearchStrategy[Any]:
+    return arrays(np.float64, shape, elements=FINITE)
+
+
+def any_reals(*shape: int) -> st.SearchStrategy[Any]:
     return arrays(np.float64, shape, elements=REAL)
 
 
-def whole(*shape: int) -> st.SearchStrategy[Any]:
-    return arrays(np.int64, shape, elements=st.integers(-1, 2**40))
+def whole(n: int, below: int = 2**40, least: int = 0) -> st.SearchStrategy[Any]:
+    return arrays(np.int64, n, elements=st.integers(least, below - 1)) if below > least else st.just(np.zeros(0, dtype=np.int64))
+
+
+def ascending(n: int) -> st.SearchStrategy[Any]:
+    return st.lists(st.integers(-1000, 1000), min_size=n, max_size=n, unique=True).map(lambda values: np.array(sorted(values)) / 8)
 
 
 def some(strategy: st.SearchStrategy[Any], most: int = 2) -> st.SearchStrategy[Any]:
     return st.lists(strategy, max_size=most).map(tuple)
 
 
-def table(values: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
-    return st.dictionaries(NAMES, values, max_size=3)
+def table(values: st.SearchStrategy[Any], keys: st.SearchStrategy[str] = NAMES) -> st.SearchStrategy[Any]:
+    return st.dictionaries(keys, values, max_size=3)
 
 
-def columns(size: int) -> st.SearchStrategy[Any]:
-    return table(reals(size))
+SPANS = st.tuples(FINITE, FINITE).map(lambda pair: (min(pair), max(pair)))
+LIMITS = table(SPANS)
+QUANTITIES = st.builds(Quantity, IDENTIFIERS, UNITS)
+RECORDINGS = st.integers(0, 5).flatmap(lambda n: st.builds(Recording, NAMES, NAMES, table(any_reals(n)), COUNT, table(COUNT)))
 
 
-QUANTITIES = st.builds(Quantity, NAMES, UNITS)
-RECORDINGS = st.integers(0, 5).flatmap(lambda n: st.builds(Recording, NAMES, NAMES, columns(n), COUNT, table(COUNT)))
-CURVES = st.integers(0, 5).flatmap(
-    lambda n: st.builds(
-        Curve, NAMES, st.none() | REAL, columns(n), arrays(np.bool_, n), NOTES, st.none() | arrays(np.bool_, n), st.none() | whole(n)
-    )
-)
+@st.composite
+def curves(draw: st.DrawFn, names: list[str]) -> Curve:
+    n, recordings = draw(st.integers(0, 5)), draw(NOTES)
+    flags = arrays(np.bool_, n)
+    origin = whole(n, len(recordings)) if recordings or not n else st.none()
+    columns = {name: draw(any_reals(n)) for name in names}
+    return Curve(draw(NAMES), draw(st.none() | FINITE), columns, draw(flags), recordings, draw(st.none() | flags), draw(st.none() | origin))
 
 
 @st.composite
 def datasets(draw: st.DrawFn) -> Dataset:
-    quantities = draw(table(QUANTITIES))
-    level = draw(st.none() | st.sampled_from([*quantities])) if quantities else None
-    return Dataset(draw(NAMES), level, quantities, draw(some(RECORDINGS)), draw(some(CURVES)), draw(NOTES))
+    quantities = draw(st.dictionaries(NAMES, QUANTITIES, min_size=1, max_size=3))
+    names = [*quantities]
+    level = draw(st.none() | st.sampled_from(names))
+    return Dataset(names[0], level, quantities, draw(some(RECORDINGS)), draw(some(curves(names))), draw(NOTES))
 
 
 DATASETS = datasets()
 
 CELLS = some(st.integers(1, 9))
-LIMITS = table(st.tuples(REAL, REAL))
 SEGMENTS = st.builds(Segment, NAMES, NAMES, CELLS, st.integers(0, 4).flatmap(whole))
-BOUNDARIES = some(st.integers(0, 4).flatmap(reals))
-SEGMENTATIONS = some(st.builds(SegmentedCurve, NAMES, st.none() | REAL, NOTES, BOUNDARIES, LIMITS, some(SEGMENTS)))
 
-SCALINGS = st.integers(0, 3).flatmap(lambda n: st.builds(Scaling, NAMES, NAMES, NOTES, reals(n), reals(n), REAL, REAL))
+
+@st.composite
+def segmented_curves(draw: st.DrawFn) -> SegmentedCurve:
+    variables = draw(NOTES)
+    boundaries = tuple(draw(st.integers(2, 4).flatmap(ascending)) for _ in variables)
+    return SegmentedCurve(draw(NAMES), draw(st.none() | FINITE), variables, boundaries, draw(LIMITS), draw(some(SEGMENTS)))
+
+
+SEGMENTATIONS = some(segmented_curves())
+
+STOPS = st.sampled_from(["tolerance", "max_terms", "no_gain", "rank", "bic", "free_run", "pruned"])
+RULES = st.sampled_from(["unit_square", "max_abs", "none", "range"])
+
+
+def scalings(names: tuple[str, ...]) -> st.SearchStrategy[Scaling]:
+    n = len(names)
+    return st.builds(Scaling, RULES, NAMES, st.just(names), reals(n), reals(n), FINITE, FINITE)
 
 
 @st.composite
@@ -94,59 +123,102 @@ def segment_fits(draw: st.DrawFn) -> SegmentFit:
         g=draw(reals(k)),
         err=draw(arrays(np.float64, k, elements=st.floats(0, 1) | st.just(np.nan))),
         theta=draw(reals(k)),
-        theta_error=draw(reals(k)),
+        theta_error=draw(any_reals(k)),
         a=draw(reals(k, k)),
-        g_all=draw(reals(k, m)),
-        err_all=draw(reals(k, m)),
-        runner_up=draw(whole(k)),
+        g_all=draw(any_reals(k, m)),
+        err_all=draw(any_reals(k, m)),
+        runner_up=draw(whole(k, m, -1)),
         tied=draw(whole(k)),
         condition=draw(REAL),
-        sse=draw(REAL),
-        yy=draw(REAL),
+        sse=draw(FINITE),
+        yy=draw(FINITE),
         samples=draw(COUNT),
-        stop=draw(NAMES),
+        stop=draw(STOPS),
     )
     candidates = tuple(draw(st.lists(NAMES, min_size=m, max_size=m)))
-    return SegmentFit(draw(NAMES), draw(NAMES), draw(CELLS), candidates, draw(SCALINGS), selection)
+    return SegmentFit(draw(NAMES), draw(NAMES), draw(CELLS), candidates, draw(NOTES.flatmap(scalings)), selection)
 
 
-FORMULAS = st.builds(FormulaFit, NAMES, table(REAL), table(REAL), NAMES, NAMES, COUNT, REAL, REAL, COUNT, NOTES)
+STATUSES = st.sampled_from(["converged", "at_bound", "rank_deficient", "stopped_by_limit"])
+
+
+def formulas(parameters: st.SearchStrategy[Any], name: st.SearchStrategy[str]) -> st.SearchStrategy[FormulaFit]:
+    return st.builds(FormulaFit, name, parameters, table(REAL), STATUSES, NAMES, COUNT, REAL, REAL, COUNT, NOTES)
+
+
+FORMULAS = formulas(table(FINITE), NAMES)
+BACKBONES = formulas(st.fixed_dictionaries(dict.fromkeys(literature.get("sarosi").parameters, FINITE)), st.just("sarosi"))
 FITS = st.builds(FitResult, st.none() | FORMULAS | st.builds(PiecesFit, some(segment_fits())), st.none() | FORMULAS, NOTES)
 
-SIDE = st.sampled_from(["continue", "continue_linear", "saturate", "zero"]) | st.floats(allow_nan=False)
+INPUTS = ("pressure", "strain")
+SIDE = st.sampled_from(["continue", "continue_linear", "saturate", "zero"]) | FINITE
+TERMS = ["1", "strain", "strain^2", "pressure*strain", "exp(-strain/0.02)"]
 FUSIONS = st.builds(
     Fusion,
     st.sampled_from(["linear", "cubic"]),
-    REAL,
-    table(st.tuples(SIDE, SIDE)),
+    st.floats(0, 0.5),
+    st.fixed_dictionaries({name: st.tuples(SIDE, SIDE) for name in INPUTS}),
     st.sampled_from(["linear", "pchip"]),
-    st.none() | NAMES,
+    st.none(),
     st.floats(0, 1),
 )
-FUNCTIONS = st.integers(0, 3).flatmap(
-    lambda k: st.builds(SegmentFunction, NAMES, CELLS, NOTES, reals(k), reals(k), reals(k), reals(k), SCALINGS, COUNT, REAL, NAMES, LIMITS)
-)
-CURVE_FUNCTIONS = st.builds(CurveFunction, NAMES, st.none() | REAL, BOUNDARIES, LIMITS, some(FUNCTIONS), st.none() | REAL)
-RANGES = some(st.builds(CurveRange, NAMES, st.none() | REAL, LIMITS))
+ALL_LIMITS = st.fixed_dictionaries(dict.fromkeys(INPUTS, SPANS))
+
+
+@st.composite
+def functions(draw: st.DrawFn, cell: tuple[int, ...]) -> SegmentFunction:
+    terms = tuple(draw(st.lists(st.sampled_from(TERMS), max_size=3)))
+    k = len(terms)
+    numbers = [draw(reals(k)), draw(any_reals(k)), draw(reals(k)), draw(any_reals(k))]
+    scaling = draw(scalings(INPUTS))
+    return SegmentFunction(draw(NAMES), cell, terms, *numbers, scaling, draw(COUNT), draw(REAL), draw(STOPS), draw(LIMITS))
+
+
+@st.composite
+def pieces(draw: st.DrawFn) -> Pieces:
+    variables = draw(st.sampled_from([(), ("strain",)]))
+    level = draw(st.none() | st.just("pressure"))
+    levels = [None] if level is None else draw(st.integers(1, 2).flatmap(ascending)).tolist()
+
+    def curve(value: float | None) -> CurveFunction:
+        boundaries = tuple(draw(st.integers(2, 3).flatmap(ascending)) for _ in variables)
+        cells = list(product(*(range(1, len(locations)) for locations in boundaries)))
+        segments = tuple(draw(functions(cell)) for cell in cells) if draw(st.booleans()) else ()
+        return CurveFunction(draw(NAMES), value, boundaries, draw(ALL_LIMITS), segments, draw(st.none() | FINITE))
+
+    made = tuple(map(curve, levels))
+    return Pieces(level, variables, made, draw(FUSIONS), draw(st.none() | BACKBONES), draw(FOLDS))
+
+
+RANGES = st.builds(CurveRange, NAMES, st.none(), LIMITS).map(lambda curve: (curve,))
 FOLDS = some(st.builds(FoldError, NAMES, REAL, COUNT))
-PIECES = st.builds(Pieces, st.none() | NAMES, NOTES, some(CURVE_FUNCTIONS), FUSIONS, st.none() | FORMULAS, FOLDS)
-STATES = st.integers(0, 3).flatmap(
-    lambda s: st.builds(StateSet, st.tuples(*[NAMES] * s), REAL, LIMITS, LIMITS, reals(s) | reals(0), reals(s) | reals(0), REAL)
-)
-MEMORIES = st.builds(MemoryModel, NAMES, STATES, NOTES, reals(2), reals(2), REAL, st.tuples(REAL, REAL))
+STATES = st.builds(
+    StateSet,
+    st.just(("pressure", "force[k-1]", "slow(pressure, 0.5)")),
+    POSITIVE,
+    LIMITS,
+    table(st.tuples(FINITE, FINITE)),
+    st.just(np.zeros(0)) | st.just(np.zeros(3)),
+    st.just(np.zeros(0)) | st.just(np.ones(3)),
+    POSITIVE,
+).filter(lambda states: len(states.low) == len(states.high))
+MEMORY_TERMS = st.just(("pressure", "force[k-1]*slow(pressure, 0.5)"))
+MEMORIES = st.builds(MemoryModel, IDENTIFIERS, STATES, MEMORY_TERMS, reals(2), any_reals(2), FINITE, SPANS)
 
 
 def models(bodies: st.SearchStrategy[Any]) -> st.SearchStrategy[Model]:
     """Models with some bodies."""
-    return st.builds(Model, name=NAMES, output=QUANTITIES, inputs=some(QUANTITIES), body=bodies, notes=NOTES)
+    inputs = st.permutations([Quantity("pressure", "kPa"), Quantity("strain", "1")]).map(tuple)
+    return st.builds(Model, name=NAMES, output=QUANTITIES, inputs=inputs, body=bodies, notes=NOTES)
 
 
-ALONE = PIECES | st.builds(Formula, FORMULAS, st.none() | NAMES, RANGES) | st.builds(Memory, MEMORIES, RANGES, st.none() | FORMULAS)
-SUMS = st.builds(Sum, some(st.builds(Part, models(ALONE), st.sampled_from([1.0, -1.0]), table(NAMES))))
+ALONE = pieces() | st.builds(Formula, BACKBONES, st.none(), RANGES) | st.builds(Memory, MEMORIES, RANGES, st.none() | BACKBONES)
+RENAMED = table(st.sampled_from(["pressure", "-strain", "2*pressure"]))
+SUMS = st.builds(Sum, some(st.builds(Part, models(ALONE), st.sampled_from([1.0, -1.0]), RENAMED)))
 MODELS = models(ALONE | SUMS)
 
-SCORES = st.builds(Score, NAMES, NAMES, NAMES, NAMES, COUNT, REAL, REAL, REAL, NAMES, REAL, REAL, REAL)
-VALIDATIONS = st.builds(Validation, table(some(st.integers(0, 4).flatmap(reals))), table(FORMULAS), some(SCORES), table(UNITS))
+SCORES = st.builds(Score, NAMES, NAMES, st.sampled_from(["train", "validate"]), NAMES, COUNT, REAL, REAL, REAL, NAMES, REAL, REAL, REAL)
+VALIDATIONS = st.builds(Validation, table(some(st.integers(0, 4).flatmap(any_reals))), table(FORMULAS), some(SCORES), table(UNITS))
 
 
 def same(left: Any, right: Any) -> bool:

@@ -78,13 +78,21 @@ def examples() -> dict[str, Any]:
         stop="max_terms",
     )
     formula = FormulaFit(
-        "sarosi", {"a1": 1.5, "a3": -30.0}, {"a1": 0.1, "a3": np.nan}, "converged", "variable projection", 4, 81.0, 3.5, 80
+        "sarosi",
+        {"a1": 1.5, "a2": 2.5, "a3": -30.0, "a4": 0.5, "a5": 0.1, "a6": 0.2},
+        {"a1": 0.1, "a3": np.nan},
+        "converged",
+        "variable projection",
+        4,
+        81.0,
+        3.5,
+        80,
     )
     pressure, strain, force = Quantity("pressure", "kPa"), Quantity("strain", "1"), Quantity("force", "N")
     x = np.linspace(0, 0.2, 5)
     columns = {"strain": x, "force": 700 - 3000 * x, "pressure": np.full(5, 250.0)}
     segment_id = "pressure=250/strain:1"
-    boundaries, limits = (np.array([0.0, 0.1, 0.2]),), {"strain": (0.0, 0.2), "pressure": (250.0, 250.0)}
+    boundaries, limits = (np.array([0.0, 0.2]),), {"strain": (0.0, 0.2), "pressure": (250.0, 250.0)}
     function = SegmentFunction(
         segment_id,
         (1,),
@@ -306,7 +314,7 @@ def test_other_files_are_refused(tmp_path: Path, written: dict[str, Path]) -> No
         artefacts.read_model(written["fit"])
     with pytest.raises(DataError, match="no such file"):
         artefacts.read_model(tmp_path / "nowhere.h5")
-    with pytest.raises(DataError, match="no such file"):
+    with pytest.raises(DataError, match="is a folder"):
         artefacts.kind_of(tmp_path)
     csv = tmp_path / "data.h5"
     csv.write_text("strain,force\n0,1\n")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,13 +20,16 @@ RESULTS = {"ingest": "ingest.h5", "segment": "segment.h5", "fit": "fit.h5", "fus
 """The file that shows what a stage found; `report` has a page instead."""
 
 
-def of_file(path: Path) -> View:
-    """What a result file or a run folder holds; DataError where it is neither."""
+def of_file(path: Path, warn: Callable[[str], None], unverified: bool) -> View:
+    """What a result file or a run folder holds; DataError where it is neither.
+
+    `warn` is told where nothing shows that a file is as it was written; one that is not is only read where it may be `unverified`.
+    """
     if path.is_dir():
         return of_run(path)
     if path.suffix == ".json":
         return _of_json(path)
-    view = _of_hdf5(path)
+    view = _of_hdf5(path, warn, unverified)
     stage = next((stage for stage, name in RESULTS.items() if name == path.name), "")
     return replace(view, lines=(*view.lines, *(line for name, line in _stale(path.parent).items() if name == stage)))
 
@@ -68,21 +71,21 @@ def page_lines(run_dir: Path) -> tuple[str, ...]:
     return (f"page: {page}",) if page.is_file() else ()
 
 
-def _of_hdf5(path: Path) -> View:
+def _of_hdf5(path: Path, warn: Callable[[str], None] = lambda _message: None, unverified: bool = False) -> View:
     from mapmore_cli.cli.views import fitted, measured, models, scored
     from mapmore_cli.storage import artefacts
 
     match artefacts.kind_of(path):
         case "dataset":
-            return measured.of_dataset(artefacts.read_dataset(path))
+            return measured.of_dataset(artefacts.read_dataset(path, warn, unverified))
         case "segmentation":
-            return measured.of_segmentation(artefacts.read_segmentation(path))
+            return measured.of_segmentation(artefacts.read_segmentation(path, warn, unverified))
         case "fit":
-            return fitted.of_fit(artefacts.read_fit(path))
+            return fitted.of_fit(artefacts.read_fit(path, warn, unverified))
         case "model":
-            return models.of_model(artefacts.read_model(path))
+            return models.of_model(artefacts.read_model(path, warn, unverified))
         case _:
-            return scored.of_validation(artefacts.read_validation(path))
+            return scored.of_validation(artefacts.read_validation(path, warn, unverified))
 
 
 def _of_json(path: Path) -> View:

@@ -1,7 +1,9 @@
 """The result files of a run: one pair of functions for each kind of HDF5 file, and the score table.
 
 Every `write_*` makes a whole file or none (WriteError), with bytes that depend on the arguments only. Every `read_*` raises DataError,
-naming the file, for one that is missing, damaged, of another kind or of a newer format. h5py is imported at the first use.
+naming the file, for one that is missing, damaged, of another kind or of a newer format, that holds what the format does not know or values
+that cannot be, or whose values are not those that were written; `unverified` accepts the last, and `warn` is told of it, and of files
+without a checksum. h5py is imported at the first use.
 
 `units` of `write_segmentation` and `write_fit` are those of `units_of(dataset)`: the types written there do not know them.
 """
@@ -16,7 +18,16 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.domain.scores import Validation
-from mapmore_cli.storage.artefacts.files import DATASET_FILE, FIT_FILE, MODEL_FILE, SEGMENTATION_FILE, VALIDATION_FILE, kind_of
+from mapmore_cli.storage.artefacts.files import (
+    DATASET_FILE,
+    FIT_FILE,
+    MODEL_FILE,
+    SEGMENTATION_FILE,
+    VALIDATION_FILE,
+    Warn,
+    kind_of,
+    silent,
+)
 from mapmore_cli.storage.artefacts.layout import SegmentationFile
 from mapmore_cli.storage.artefacts.score_table import score_row, write_scores
 
@@ -52,9 +63,9 @@ def write_dataset(path: Path, dataset: Dataset) -> None:
     DATASET_FILE.write(path, dataset, _NO_UNITS)
 
 
-def read_dataset(path: Path) -> Dataset:
+def read_dataset(path: Path, warn: Warn = silent, unverified: bool = False) -> Dataset:
     """Read a dataset file, as ingest.h5."""
-    dataset: Dataset = DATASET_FILE.read(path)
+    dataset: Dataset = DATASET_FILE.read(path, warn, unverified)
     return dataset
 
 
@@ -63,9 +74,9 @@ def write_segmentation(path: Path, curves: tuple[SegmentedCurve, ...], units: Ma
     SEGMENTATION_FILE.write(path, SegmentationFile(tuple(curves)), units)
 
 
-def read_segmentation(path: Path) -> tuple[SegmentedCurve, ...]:
+def read_segmentation(path: Path, warn: Warn = silent, unverified: bool = False) -> tuple[SegmentedCurve, ...]:
     """Read a segmentation file, as segment.h5."""
-    content: SegmentationFile = SEGMENTATION_FILE.read(path)
+    content: SegmentationFile = SEGMENTATION_FILE.read(path, warn, unverified)
     return content.curves
 
 
@@ -74,9 +85,9 @@ def write_fit(path: Path, result: FitResult, units: Mapping[str, str] = _NO_UNIT
     FIT_FILE.write(path, result, units)
 
 
-def read_fit(path: Path) -> FitResult:
+def read_fit(path: Path, warn: Warn = silent, unverified: bool = False) -> FitResult:
     """Read a fit file, as fit.h5."""
-    result: FitResult = FIT_FILE.read(path)
+    result: FitResult = FIT_FILE.read(path, warn, unverified)
     return result
 
 
@@ -85,9 +96,9 @@ def write_model(path: Path, model: Model, provenance: Mapping[str, str] = _NO_UN
     MODEL_FILE.write(path, model, _NO_UNITS, provenance)
 
 
-def read_model(path: Path) -> Model:
+def read_model(path: Path, warn: Warn = silent, unverified: bool = False) -> Model:
     """Read a model file, as model.h5."""
-    model: Model = MODEL_FILE.read(path)
+    model: Model = MODEL_FILE.read(path, warn, unverified)
     return model
 
 
@@ -96,7 +107,7 @@ def write_validation(path: Path, validation: Validation) -> None:
     VALIDATION_FILE.write(path, validation, _NO_UNITS)
 
 
-def read_validation(path: Path) -> Validation:
+def read_validation(path: Path, warn: Warn = silent, unverified: bool = False) -> Validation:
     """Read a validation file, as validate.h5."""
-    validation: Validation = VALIDATION_FILE.read(path)
+    validation: Validation = VALIDATION_FILE.read(path, warn, unverified)
     return validation

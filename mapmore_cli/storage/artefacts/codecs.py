@@ -1,19 +1,22 @@
 """How values lie in an HDF5 group: one codec for each form, made to be put together.
 
-A codec writes one value under a name and reads it back. Scalars are attributes of their group; arrays are datasets with the attributes
-`unit` and `description`; whatever has parts is a group. Names chosen by users never become a path by accident: parts of a sequence are
-numbered (`000`), and parts of a mapping are named after their keys with `/`, `%` and a leading dot escaped.
+A codec writes one value under a name, reads it back, checks that it is what the form promises, and feeds it to a checksum. Scalars are
+attributes of their group; arrays are datasets with the attributes `unit` and `description`; whatever has parts is a group. Names chosen by
+users never become a path by accident: parts of a sequence are numbered (`000`), and parts of a mapping are named after their keys with
+`/`, `%` and a leading dot escaped.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.storage.artefacts.integrity import MOST_KEYS, Digest, Invalid, stored_at, texts_of
 from mapmore_cli.storage.artefacts.label import Label
 
 if TYPE_CHECKING:
@@ -22,22 +25,80 @@ if TYPE_CHECKING:
 LONG = 4096
 """Elements from which on an array is compressed; shorter ones stay contiguous, so that any reader finds them at once."""
 
+Sizes = dict[str, tuple[int, str]]
+"""Lengths of the dimensions seen so far in an object, by their letters, and where each was seen first."""
+
+
+def _anything(_value: Any, _where: str, _sizes: Sizes) -> None:
+    """Any value will do."""
+
 
 @dataclass(frozen=True)
 class Codec:
     """Writes a value under a name into a group, and reads it back.
 
-    `form` is what the documentation calls it; `column` stores a list of such values, where they can be the cells of a table.
+    Attributes
+    ----------
+    form
+        What the documentation calls it.
+    write, read
+        Of a group and a name in it; `read` raises Invalid for what is not of the form.
+    feed
+        Adds a value to a checksum, under the path that it stands at.
+    check
+        Raises Invalid for a value that is of the form and yet cannot be.
+    column
+        Stores a list of such values, where they can be the cells of a table.
     """
 
     form: str
     write: Callable[[h5py.Group, str, Any, Label], None]
     read: Callable[[h5py.Group, str], Any]
+    feed: Callable[[Digest, str, Any], None]
+    check: Callable[[Any, str, Sizes], None] = _anything
     column: Codec | None = None
 
 
-def numbers(dtype: str, ndim: int = 1, load_dtype: str | None = None) -> Codec:
-    """An array of `ndim` dimensions, stored as `dtype` (little-endian) and read as `load_dtype`."""
+def place_of(group: h5py.Group, name: str) -> str:
+    """The path of something in a group, without the slash of the root."""
+    return f"{group.name}/{name}".lstrip("/")
+
+
+def stored(group: h5py.Group, name: str, kind: str) -> Any:
+    """What stands under a name: the `kind` is `Group` or `Dataset`."""
+    import h5py
+
+    with stored_at(place_of(group, name)):
+        found = group.get(name)
+    if found is None:
+        raise Invalid(place_of(group, name), "is missing")
+    if not isinstance(found, getattr(h5py, kind)):
+        raise Invalid(place_of(group, name), f"is no {kind.lower()}")
+    return found
+
+
+def _attribute(group: h5py.Group, name: str) -> Any:
+    where = place_of(group, name)
+    with stored_at(where):
+        if name not in group.attrs:
+            raise Invalid(where, "is missing")
+        if group.attrs.get_id(name).shape != ():
+            raise Invalid(where, "is not a single value")
+        return group.attrs[name]
+
+
+def _present(group: h5py.Group, name: str) -> bool:
+    with stored_at(place_of(group, name)):
+        return name in group or name in group.attrs
+
+
+def numbers(
+    dtype: str, ndim: int = 1, load_dtype: str | None = None, *, may_be_nan: bool = False, ascending: bool = False, least: int | None = None
+) -> Codec:
+    """An array of `ndim` dimensions, stored as `dtype` (little-endian) and read as `load_dtype`.
+
+    Real numbers are finite unless they `may_be_nan`; they may have to be strictly `ascending`; whole ones may have a `least` value.
+    """
     form = f"{np.dtype(dtype).name} dataset, {ndim}-D"
 
     def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
@@ -46,12 +107,27 @@ def numbers(dtype: str, ndim: int = 1, load_dtype: str | None = None) -> Codec:
         label.put_on(group.create_dataset(name, data=array, track_times=False, **filters))
 
     def read(group: h5py.Group, name: str) -> Any:
-        array = np.asarray(group[name][()])
-        if array.ndim != ndim or not np.can_cast(array.dtype, dtype, casting="same_kind"):
-            raise TypeError(f"{group.name}/{name} is a {array.ndim}-D array of {array.dtype}, not a {form}")
-        return array.astype(load_dtype or np.dtype(dtype).newbyteorder("="))
+        dataset, where = stored(group, name, "Dataset"), place_of(group, name)
+        with stored_at(where):
+            shape, found = dataset.shape, dataset.dtype
+        if len(shape) != ndim or not np.can_cast(found, dtype, casting="same_kind"):
+            raise Invalid(where, f"is a {len(shape)}-D array of {found}, not a {form}")
+        with stored_at(where):
+            return dataset[()].astype(load_dtype or np.dtype(dtype).newbyteorder("="))
 
-    return Codec(form, write, read)
+    def check(value: Any, where: str, _sizes: Sizes) -> None:
+        array = np.asarray(value)
+        if array.dtype.kind == "f" and not may_be_nan and not np.isfinite(array).all():
+            raise Invalid(where, f"holds {array[~np.isfinite(array)][0]}")
+        if ascending and (array[1:] <= array[:-1]).any():
+            raise Invalid(where, f"does not ascend at place {int(np.argmax(array[1:] <= array[:-1])) + 1}")
+        if least is not None and array.size and array.min() < least:
+            raise Invalid(where, f"holds {array.min()}, where {least} is the least")
+
+    def feed(digest: Digest, where: str, value: Any) -> None:
+        digest.add(where, value, dtype)
+
+    return Codec(form, write, read, feed, check)
 
 
 def texts() -> Codec:
@@ -64,16 +140,16 @@ def texts() -> Codec:
         label.without_unit().put_on(group.create_dataset(name, data=array, dtype=h5py.string_dtype(), track_times=False))
 
     def read(group: h5py.Group, name: str) -> tuple[str, ...]:
-        array = group[name].asstr()[()]
-        if array.ndim != 1:
-            raise TypeError(f"{group.name}/{name} is no list of texts")
-        return tuple(str(text) for text in array)
+        return texts_of(stored(group, name, "Dataset"), place_of(group, name))
 
-    return Codec("string dataset, 1-D", write, read)
+    def feed(digest: Digest, where: str, value: Any) -> None:
+        digest.add(where, list(value), None)
+
+    return Codec("string dataset, 1-D", write, read, feed)
 
 
-def number(kind: type[float] | type[int]) -> Codec:
-    """A real number or an integer, as attribute of the group."""
+def number(kind: type[float] | type[int], *, may_be_nan: bool = False, least: float | None = None, most: float | None = None) -> Codec:
+    """A real number or an integer, as attribute of the group; finite unless it `may_be_nan`, from `least` to `most`."""
     dtype = "<f8" if kind is float else "<i8"
 
     def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
@@ -81,28 +157,47 @@ def number(kind: type[float] | type[int]) -> Codec:
         group.attrs[name] = np.asarray(value, dtype)
 
     def read(group: h5py.Group, name: str) -> Any:
-        value = np.asarray(group.attrs[name])
-        if value.ndim or not np.can_cast(value.dtype, dtype, casting="same_kind"):
-            raise TypeError(f"attribute {name!r} of {group.name} is no {np.dtype(dtype).name}")
+        value = np.asarray(_attribute(group, name))
+        if not np.can_cast(value.dtype, dtype, casting="same_kind"):
+            raise Invalid(place_of(group, name), f"is no {np.dtype(dtype).name}")
         return kind(value)
 
-    return Codec(f"{np.dtype(dtype).name} attribute", write, read, numbers(dtype))
+    def check(value: Any, where: str, _sizes: Sizes) -> None:
+        if not may_be_nan and not np.isfinite(value):
+            raise Invalid(where, f"is {value}")
+        if (least is not None and value < least) or (most is not None and value > most):
+            limits = f"{least:g} to {most:g}" if least is not None and most is not None else f"{least:g} or more"
+            raise Invalid(where, f"is {value:g}, where {limits} can be")
+
+    def feed(digest: Digest, where: str, value: Any) -> None:
+        digest.add(where, value, dtype)
+
+    return Codec(f"{np.dtype(dtype).name} attribute", write, read, feed, check, numbers(dtype))
 
 
-def text() -> Codec:
-    """A short text, as attribute of the group."""
+def text(pattern: str | None = None, words: tuple[str, ...] = ()) -> Codec:
+    """A short text, as attribute of the group; of a `pattern`, or one of some `words`, where these are given."""
 
     def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
         del label
         group.attrs[name] = checked_text(value)
 
     def read(group: h5py.Group, name: str) -> str:
-        value = group.attrs[name]
+        value = _attribute(group, name)
         if not isinstance(value, str):
-            raise TypeError(f"attribute {name!r} of {group.name} is no text")
+            raise Invalid(place_of(group, name), "is no text")
         return value
 
-    return Codec("string attribute", write, read, texts())
+    def check(value: Any, where: str, _sizes: Sizes) -> None:
+        if words and value not in words:
+            raise Invalid(where, f"is {shown(value)}, which is none of {', '.join(words)}")
+        if pattern and not re.fullmatch(pattern, value):
+            raise Invalid(where, f"is {shown(value)}, which is no name")
+
+    def feed(digest: Digest, where: str, value: Any) -> None:
+        digest.add(where, value, None)
+
+    return Codec("string attribute", write, read, feed, check, texts())
 
 
 def optional(codec: Codec) -> Codec:
@@ -112,27 +207,49 @@ def optional(codec: Codec) -> Codec:
         if value is not None:
             codec.write(group, name, value, label)
 
-    def read(group: h5py.Group, name: str) -> Any:
-        return codec.read(group, name) if name in group or name in group.attrs else None
+    def feed(digest: Digest, where: str, value: Any) -> None:
+        if value is not None:
+            codec.feed(digest, where, value)
 
-    return Codec(f"{codec.form} (MAY be absent)", write, read)
+    def check(value: Any, where: str, sizes: Sizes) -> None:
+        if value is not None:
+            codec.check(value, where, sizes)
+
+    def read(group: h5py.Group, name: str) -> Any:
+        return codec.read(group, name) if _present(group, name) else None
+
+    return Codec(f"{codec.form} (MAY be absent)", write, read, feed, check)
 
 
 def added(codec: Codec, default: Any) -> Codec:
-    """The same for a field that files of earlier versions lack: they are read as if it held the default."""
+    """The same for a field that files of earlier versions lack: they are read as if it held the default, which no checksum counts."""
 
     def read(group: h5py.Group, name: str) -> Any:
-        return codec.read(group, name) if name in group or name in group.attrs else default
+        return codec.read(group, name) if _present(group, name) else default
 
-    return replace(codec, read=read)
+    def feed(digest: Digest, where: str, value: Any) -> None:
+        if value != default:
+            codec.feed(digest, where, value)
+
+    return replace(codec, read=read, feed=feed)
 
 
-def adapted(codec: Codec, store: Callable[[Any], Any], load: Callable[[Any], Any]) -> Codec:
-    """The same for a value that is changed to what `codec` stores, and back."""
+def adapted(
+    codec: Codec, store: Callable[[Any], Any], load: Callable[[Any], Any], check: Callable[[Any, str], None] | None = None
+) -> Codec:
+    """The same for a value that is changed to what `codec` stores, and back; `check` raises Invalid for one that cannot be."""
+
+    def checked(value: Any, where: str, sizes: Sizes) -> None:
+        codec.check(store(value), where, sizes)
+        if check is not None:
+            check(value, where)
+
     return replace(
         codec,
         write=lambda group, name, value, label: codec.write(group, name, store(value), label),
         read=lambda group, name: load(codec.read(group, name)),
+        feed=lambda digest, where, value: codec.feed(digest, where, store(value)),
+        check=checked,
         column=None,
     )
 
@@ -146,10 +263,19 @@ def numbered(codec: Codec) -> Codec:
             codec.write(parts, f"{place:03d}", part, label.of_part(str(place)))
 
     def read(group: h5py.Group, name: str) -> tuple[Any, ...]:
-        parts = group[name]
+        parts = stored(group, name, "Group")
         return tuple(codec.read(parts, f"{place:03d}") for place in range(len(parts)))
 
-    return Codec(f"numbered group of: {codec.form}", write, read)
+    def feed(digest: Digest, where: str, value: Any) -> None:
+        digest.add(where, len(value), "<i8")
+        for place, part in enumerate(value):
+            codec.feed(digest, f"{where}/{place:03d}", part)
+
+    def check(value: Any, where: str, sizes: Sizes) -> None:
+        for place, part in enumerate(value):
+            codec.check(part, f"{where}/{place:03d}", dict(sizes))
+
+    return Codec(f"numbered group of: {codec.form}", write, read, feed, check)
 
 
 def named(codec: Codec) -> Codec:
@@ -165,10 +291,26 @@ def named(codec: Codec) -> Codec:
             codec.write(parts, escaped(key), part, label.of_part(key))
 
     def read(group: h5py.Group, name: str) -> dict[str, Any]:
-        parts = group[name]
-        return {str(key): codec.read(parts, escaped(str(key))) for key in parts.attrs["order"]}
+        parts, where = stored(group, name, "Group"), place_of(group, name)
+        with stored_at(where):
+            count = parts.attrs.get_id("order").shape
+            if count != (len(parts),) or len(parts) > MOST_KEYS:
+                raise Invalid(where, "has not as many members as its `order` names")
+            keys = [str(key) for key in parts.attrs["order"]]
+        if len(set(keys)) < len(keys):
+            raise Invalid(where, "names a member twice in its `order`")
+        return {key: codec.read(parts, escaped(key)) for key in keys}
 
-    return Codec(f"named group of: {codec.form}", write, read)
+    def feed(digest: Digest, where: str, value: Mapping[str, Any]) -> None:
+        digest.add(where, list(value), None)
+        for key, part in value.items():
+            codec.feed(digest, f"{where}/{escaped(key)}", part)
+
+    def check(value: Mapping[str, Any], where: str, sizes: Sizes) -> None:
+        for key, part in value.items():
+            codec.check(part, f"{where}/{escaped(key)}", dict(sizes))
+
+    return Codec(f"named group of: {codec.form}", write, read, feed, check)
 
 
 def pairs(codec: Codec) -> Codec:
@@ -180,12 +322,25 @@ def pairs(codec: Codec) -> Codec:
         codec.write(parts, "values", list(value.values()), label)
 
     def read(group: h5py.Group, name: str) -> dict[str, Any]:
-        parts = group[name]
-        values = codec.read(parts, "values")
-        plain = values.tolist() if isinstance(values, np.ndarray) else values
-        return dict(zip(texts().read(parts, "names"), plain, strict=True))
+        parts = stored(group, name, "Group")
+        values, names = codec.read(parts, "values"), texts().read(parts, "names")
+        if len(values) != len(names) or len(set(names)) < len(names):
+            raise Invalid(place_of(group, name), f"has {len(values)} values for {len(set(names))} names")
+        return dict(zip(names, values.tolist() if isinstance(values, np.ndarray) else values, strict=True))
 
-    return Codec(f"`names` and `values`; values: {codec.form}", write, read)
+    def feed(digest: Digest, where: str, value: Mapping[str, Any]) -> None:
+        digest.add(f"{where}/names", list(value), None)
+        codec.feed(digest, f"{where}/values", list(value.values()))
+
+    def check(value: Mapping[str, Any], where: str, sizes: Sizes) -> None:
+        codec.check(list(value.values()), f"{where}/values", sizes)
+
+    return Codec(f"`names` and `values`; values: {codec.form}", write, read, feed, check)
+
+
+def shown(value: str, most: int = 60) -> str:
+    """A text from a file as a message may show it."""
+    return repr(value if len(value) <= most else f"{value[:most]}...")
 
 
 def checked_text(value: str) -> str:

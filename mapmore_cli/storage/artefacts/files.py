@@ -10,7 +10,7 @@ Format versions are read like semantic versions: a new major is refused by older
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from io import RawIOBase
@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.artefacts.codecs import checked_text
+from mapmore_cli.storage.artefacts.integrity import CHECKSUM, Digest, Invalid, look_over, stored_at
 from mapmore_cli.storage.artefacts.label import Label
 from mapmore_cli.storage.artefacts.layout import DATASET, FIT_RESULT, MODEL, SEGMENTATION, VALIDATION
 from mapmore_cli.storage.artefacts.layout.legacy import FIT_RESULT_1, MODEL_1
@@ -30,6 +31,15 @@ if TYPE_CHECKING:
     import h5py
 
 FORMAT_VERSION = "2.0"
+
+_ALTERED = "its values are not those that were written: the checksum does not match"
+_GET_ANOTHER = "get a fresh copy, or make it again with `mapmore run CONFIG`"
+
+Warn = Callable[[str], None]
+
+
+def silent(_message: str) -> None:
+    """Tell nobody."""
 
 
 @dataclass(frozen=True)
@@ -60,20 +70,54 @@ class FileKind:
                     file.attrs["format_version"] = FORMAT_VERSION
                     file.attrs["creator"] = "mapmore"
                     self.schema.write_into(file, record, Label(scope=units))
+                    digest = Digest()
+                    self.schema.feed(digest, "", record)
+                    file.attrs[CHECKSUM] = digest.text
                     if provenance is not None:
                         _write_provenance(file, provenance)
             finally:
                 steady.tell_fault()
 
-    def read(self, path: Path) -> Any:
-        """The record in a file; DataError where it is missing, damaged, of another kind or of a newer format."""
+    def read(self, path: Path, warn: Warn = silent, unverified: bool = False) -> Any:
+        """The record in a file, checked against its declaration; `warn` is told where nothing says that it is as it was written.
+
+        Raises
+        ------
+        DataError
+            The file is missing, no regular file, damaged, of another kind or of a newer format; it holds more than the format knows, or
+            values that cannot be; its checksum does not match (but not where it may be `unverified`).
+        """
         with _opened(path) as file:
-            found = _checked_kind(path, file)
+            found, version = _kind_and_version(path, file)
             if found != self.name:
                 raise DataError(f"{path}: is a {found} file, not a {self.name} file", f"give a file that `mapmore {self.stage}` wrote")
-            if self.before_2 is not None and str(file.attrs["format_version"]).startswith("1."):
-                return self.before_2.read_from(file).upgraded()
-            return self.schema.read_from(file)
+            try:
+                look_over(file, path.stat().st_size)
+                if self.before_2 is not None and _as_numbers(version) < (2,):
+                    record = self.before_2.read_from(file).upgraded()
+                else:
+                    record = self.schema.read_from(file)
+                self.schema.check(record, "", {})
+                doubt = self._doubt(file, version, record)
+            except Invalid as fault:
+                raise DataError(f"{path}: is not a valid {self.name}: {fault}", _GET_ANOTHER) from fault
+        if doubt == _ALTERED and not unverified:
+            raise DataError(f"{path}: {_ALTERED}", f"{_GET_ANOTHER}; `--unverified` reads it all the same")
+        if doubt:
+            warn(f"{path}: {doubt}")
+        return record
+
+    def _doubt(self, file: h5py.File, version: str, record: Any) -> str | None:
+        """Why the values may not be those that were written; None where the checksum says that they are."""
+        with stored_at(CHECKSUM):
+            stored = file.attrs.get(CHECKSUM)
+        if stored is None:
+            return "has no checksum: nothing shows whether its values are those that were written"
+        if _as_numbers(version) > _as_numbers(FORMAT_VERSION):
+            return f"is of the newer format {version}: its checksum cannot be verified here"
+        digest = Digest()
+        self.schema.feed(digest, "", record)
+        return None if stored == digest.text else _ALTERED
 
 
 KINDS = (
@@ -89,7 +133,7 @@ DATASET_FILE, SEGMENTATION_FILE, FIT_FILE, MODEL_FILE, VALIDATION_FILE = KINDS
 def kind_of(path: Path) -> str:
     """`dataset`, `segmentation`, `fit`, `model` or `validation`; DataError for anything else."""
     with _opened(path) as file:
-        return _checked_kind(path, file)
+        return _kind_and_version(path, file)[0]
 
 
 def _write_provenance(file: h5py.File, provenance: Mapping[str, str]) -> None:
@@ -102,28 +146,38 @@ def _write_provenance(file: h5py.File, provenance: Mapping[str, str]) -> None:
         Label("where the file comes from").without_unit().put_on(dataset)
 
 
-def _checked_kind(path: Path, file: h5py.File) -> str:
-    kind, version = file.attrs.get("kind"), file.attrs.get("format_version")
+def _kind_and_version(path: Path, file: h5py.File) -> tuple[str, str]:
+    try:
+        with stored_at(""):
+            kind, version = file.attrs.get("kind"), file.attrs.get("format_version")
+    except Invalid as fault:
+        raise DataError(f"{path}: {fault}", _GET_ANOTHER) from fault
     if kind not in {known.name for known in KINDS} or not isinstance(version, str):
         raise DataError(f"{path}: is an HDF5 file, but not one of mapmore's", "give a file out of a run folder, as runs/NAME/model.h5")
     refuse_newer(path, version, FORMAT_VERSION)
-    return str(kind)
+    return str(kind), version
+
+
+def _as_numbers(version: str) -> tuple[int, ...]:
+    return tuple(int(part) if part.isdigit() else 0 for part in version.split("."))
 
 
 @contextmanager
 def _opened(path: Path) -> Iterator[h5py.File]:
-    """The file, open for reading; whatever h5py finds wrong with it becomes a DataError that names it."""
+    """The file, open for reading; DataError where HDF5 cannot open it. What goes wrong in the block is not this one's to explain."""
     import h5py
 
-    if not path.is_file():
+    if not path.exists():
         raise DataError(f"{path}: no such file", "`mapmore run CONFIG` makes it")
+    if not path.is_file():
+        raise DataError(f"{path}: is a folder or a special file, not a file", "give a file out of a run folder, as runs/NAME/model.h5")
     try:
-        with h5py.File(path, "r") as file:
-            yield file
-    except (OSError, KeyError, ValueError, TypeError, RuntimeError, AttributeError, IndexError) as fault:
-        why = str(fault).strip("'\"").splitlines()[0] if str(fault) else type(fault).__name__
-        remedy = "it is damaged or of another program: delete it and run `mapmore run CONFIG`, or get a fresh copy"
-        raise DataError(f"{path}: cannot be read ({why})", remedy) from fault
+        file = h5py.File(path, "r")
+    except OSError as fault:
+        why = str(fault).splitlines()[0] if str(fault) else type(fault).__name__
+        raise DataError(f"{path}: cannot be read ({why})", f"give a file that mapmore wrote; {_GET_ANOTHER}") from fault
+    with file:
+        yield file
 
 
 class SteadyFile:

@@ -46,7 +46,7 @@ def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
     """
     label = request.label
     try:
-        with open_lines(path, request.encoding) as lines:
+        with open_lines(path, request.encoding, label) as lines:
             return [_parse(lines, request)]
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise DataError(f"{label}: the file is damaged: {error}", "It may have been cut off while copying; get it again.") from error

@@ -10,12 +10,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
-from typing import IO, TypeVar, cast
+from typing import IO, TextIO, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapmore_cli.domain.arrays import Array, IntArray
+from mapmore_cli.domain.errors import DataError
 
 T = TypeVar("T", np.int64, np.float64)
 
@@ -89,8 +90,36 @@ def encoding_of(head: bytes) -> str:
     return "utf-8"
 
 
+LONGEST = 10_000_000
+"""Characters of a line; a file of megabytes without a line end is no table."""
+
+BOMB_SIZE, BOMB_RATIO = 100_000_000, 200
+"""Bytes unpacked from which on it matters how many times larger they are than packed: logs shrink to a tenth, at most to a fiftieth."""
+
+_AT_ONCE = 1 << 20
+
+
+def bounded_lines(text: TextIO, label: str, packed: int | None = None) -> Iterator[str]:
+    """The lines of a text, with their ends (LF, CR LF or CR); `packed` is the size of the file where it is a packed one.
+
+    Raises DataError for a line that is too long for a table, and for text that is hundreds of times larger than its file.
+    """
+    rest, number, size = "", 0, 0
+    while chunk := text.read(_AT_ONCE):
+        size += len(chunk)
+        if packed is not None and size > max(BOMB_SIZE, BOMB_RATIO * packed):
+            raise DataError(f"{label}: unpacks from {packed / 1e6:.2g} MB to more than {size / 1e6:.0f} MB", "unpack it, if it is right so")
+        lines = list(io.StringIO(rest + chunk, newline=""))
+        rest = "" if lines[-1].endswith("\n") else lines.pop()  # one that ends in CR may go on with LF
+        if len(rest) > LONGEST:
+            raise DataError(f"{label}:row {number + len(lines) + 1}: is longer than {LONGEST // 10**6} million characters", "give a table")
+        number += len(lines)
+        yield from lines
+    yield from io.StringIO(rest, newline="")
+
+
 @contextmanager
-def open_lines(path: Path, encoding: str) -> Iterator[Lines]:
+def open_lines(path: Path, encoding: str, label: str) -> Iterator[Lines]:
     """The lines of a file, plain or gzipped (recognised by content), which end in LF, CR LF or CR."""
     # utf-8-sig swallows a byte order mark; newline="" leaves CR, LF and CRLF to the parser
     encoding = "utf-8-sig" if codecs.lookup(encoding).name == "utf-8" else encoding
@@ -99,7 +128,7 @@ def open_lines(path: Path, encoding: str) -> Iterator[Lines]:
         raw.seek(0)
         binary = cast(IO[bytes], gzip.GzipFile(fileobj=raw)) if zipped else raw
         with io.TextIOWrapper(binary, encoding=encoding, newline="") as text:
-            yield Lines(text, raw)
+            yield Lines(bounded_lines(text, label, os.fstat(raw.fileno()).st_size if zipped else None), raw)
 
 
 SPARE = 1.02

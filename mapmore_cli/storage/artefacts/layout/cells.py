@@ -1,15 +1,55 @@
-"""Codecs that the stored types have in common."""
+"""Codecs that the stored types have in common. Numbers are finite, except where the name says that they may be NaN or infinite."""
 
 from __future__ import annotations
 
-from mapmore_cli.storage.artefacts.codecs import adapted, named, number, numbers, optional, text, texts
+from collections.abc import Iterable, Iterator
 
-TEXT, REAL, COUNT = text(), number(float), number(int)
+from mapmore_cli.modelling.terms import ExpressionError, parse
+from mapmore_cli.storage.artefacts.codecs import adapted, named, number, numbers, optional, shown, text, texts
+from mapmore_cli.storage.artefacts.integrity import Invalid
+from mapmore_cli.storage.artefacts.schema import Fault
+
+TEXT, REAL, COUNT = text(), number(float), number(int, least=0)
+NAME = text(pattern=r"[A-Za-z_][A-Za-z0-9_]*")
+ANY_REAL = number(float, may_be_nan=True)
+SHARE = number(float, least=0, most=1)
 OPTIONAL_TEXT, OPTIONAL_REAL = optional(TEXT), optional(REAL)
 TEXTS = texts()
-REALS, TABLE = numbers("<f8"), numbers("<f8", ndim=2)
-INTEGERS = numbers("<i8")
+REALS, ANY_REALS, ANY_TABLE, TABLE = (
+    numbers("<f8"),
+    numbers("<f8", may_be_nan=True),
+    numbers("<f8", ndim=2, may_be_nan=True),
+    numbers("<f8", ndim=2),
+)
+ASCENDING = numbers("<f8", ascending=True)
+INTEGERS, INDICES = numbers("<i8"), numbers("<i8", least=0)
 FLAGS = numbers("|u1", load_dtype="bool")  # not HDF5's enumeration, which MATLAB reads as text
-CELL = adapted(INTEGERS, store=list, load=lambda array: tuple(array.tolist()))
-SPAN = adapted(REALS, store=list, load=lambda array: tuple(array.tolist()))
+CELL = adapted(numbers("<i8", least=1), store=list, load=lambda array: tuple(array.tolist()))
+
+
+def _is_pair(pair: tuple[float, ...], where: str) -> None:
+    if len(pair) != 2:
+        raise Invalid(where, f"has {len(pair)} values, where two belong")
+
+
+def _is_span(span: tuple[float, ...], where: str) -> None:
+    if len(span) != 2 or span[0] > span[1]:
+        raise Invalid(where, "is not a least and a greatest value")
+
+
+SPAN = adapted(REALS, store=list, load=lambda array: tuple(array.tolist()), check=_is_span)
+PAIR = adapted(REALS, store=list, load=lambda array: tuple(array.tolist()), check=_is_pair)
 LIMITS = named(SPAN)
+
+
+def expression_faults(field: str, expressions: Iterable[str], known: Iterable[str]) -> Iterator[Fault]:
+    """What is wrong with texts that are to be expressions of `known` names."""
+    names = frozenset(known)
+    for expression in expressions:
+        try:
+            strange = sorted(parse(expression).names - names)
+        except ExpressionError as error:
+            yield field, f"has {shown(expression)}, which is no term: {error}"
+        else:
+            if strange:
+                yield field, f"has {shown(expression)}, but nothing is known of {shown(strange[0])}"

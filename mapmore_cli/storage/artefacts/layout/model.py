@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from itertools import pairwise, product
+from math import isfinite
+
+from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import (
     CurveFunction,
     CurveRange,
@@ -17,13 +22,31 @@ from mapmore_cli.domain.models import (
     Signal,
     Sum,
 )
-from mapmore_cli.storage.artefacts.codecs import adapted, named, numbered, optional, pairs
+from mapmore_cli.modelling import literature
+from mapmore_cli.storage.artefacts.codecs import adapted, named, number, numbered, optional, pairs, shown, text
+from mapmore_cli.storage.artefacts.integrity import Invalid
 from mapmore_cli.storage.artefacts.label import NO_UNIT
-from mapmore_cli.storage.artefacts.layout.cells import CELL, COUNT, LIMITS, OPTIONAL_REAL, OPTIONAL_TEXT, REAL, REALS, TEXT, TEXTS
+from mapmore_cli.storage.artefacts.layout.cells import (
+    ANY_REAL,
+    ANY_REALS,
+    ASCENDING,
+    CELL,
+    COUNT,
+    LIMITS,
+    NAME,
+    OPTIONAL_REAL,
+    OPTIONAL_TEXT,
+    REAL,
+    REALS,
+    SHARE,
+    TEXT,
+    TEXTS,
+    expression_faults,
+)
 from mapmore_cli.storage.artefacts.layout.data import QUANTITY
-from mapmore_cli.storage.artefacts.layout.fits import FORMULA_FIT, SCALING
+from mapmore_cli.storage.artefacts.layout.fits import FORMULA_FIT, SCALING, STOP
 from mapmore_cli.storage.artefacts.layout.memory import MEMORY_MODEL
-from mapmore_cli.storage.artefacts.schema import Field, Schema, nested, record, rows, variant
+from mapmore_cli.storage.artefacts.schema import Fault, Field, Schema, nested, record, rows, variant
 
 
 def _side_text(side: Side) -> str:
@@ -37,7 +60,23 @@ def _side(stored: str) -> Side:
         return stored
 
 
-SIDES = named(adapted(TEXTS, store=lambda sides: [_side_text(side) for side in sides], load=lambda stored: tuple(map(_side, stored))))
+def _are_sides(sides: tuple[Side, ...], where: str) -> None:
+    if len(sides) != 2:
+        raise Invalid(where, f"has {len(sides)} sides, where two belong")
+    for side in sides:
+        if side not in BEYOND if isinstance(side, str) else not isfinite(side):
+            raise Invalid(where, f"is {shown(str(side))}, which is none of {', '.join(BEYOND)}, and no number")
+
+
+BEYOND = ("continue", "continue_linear", "saturate", "zero")
+SIDES = named(
+    adapted(
+        TEXTS,
+        store=lambda sides: [_side_text(side) for side in sides],
+        load=lambda stored: tuple(map(_side, stored)),
+        check=_are_sides,
+    )
+)
 
 
 FOLD_ERROR = Schema(
@@ -45,10 +84,15 @@ FOLD_ERROR = Schema(
     "Cross-validation error of one choice.",
     (
         Field("choice", TEXT, "what was cross-validated", NO_UNIT),
-        Field("rmse", REAL, "pooled error of all left-out samples", "[target]"),
+        Field("rmse", ANY_REAL, "pooled error of all left-out samples", "[target]"),
         Field("folds", COUNT, "number of folds"),
     ),
 )
+
+
+def _segment_faults(segment: SegmentFunction) -> Iterator[Fault]:
+    return expression_faults("terms", segment.terms, segment.scaling.variables)
+
 
 SEGMENT_FUNCTION = Schema(
     SegmentFunction,
@@ -58,16 +102,27 @@ SEGMENT_FUNCTION = Schema(
         Field("cell", CELL, "place along each segmented variable, from 1", NO_UNIT),
         Field("terms", TEXTS, "(k) names of the terms D_k, in the order of selection", NO_UNIT),
         Field("theta", REALS, "(k) coefficients of the terms, in scaled coordinates"),
-        Field("theta_error", REALS, "(k) standard errors of theta; NaN without a degree of freedom"),
+        Field("theta_error", ANY_REALS, "(k) standard errors of theta; NaN without a degree of freedom"),
         Field("g", REALS, "(k) coefficients of the orthogonalised regressors"),
-        Field("err", REALS, "(k) error reduction ratios"),
+        Field("err", ANY_REALS, "(k) error reduction ratios"),
         Field("scaling", record(SCALING), "scaling of the segment", NO_UNIT),
         Field("samples", COUNT, "samples fitted to"),
-        Field("condition", REAL, "2-norm condition number of the chosen regressors"),
-        Field("stop", TEXT, "why selection stopped", NO_UNIT),
+        Field("condition", ANY_REAL, "2-norm condition number of the chosen regressors"),
+        Field("stop", STOP, "why selection stopped", NO_UNIT),
         Field("limits", LIMITS, "least and greatest training value of each segmented variable in the segment", "[*]"),
     ),
+    rule=_segment_faults,
 )
+
+
+def _curve_faults(curve: CurveFunction) -> Iterator[Fault]:
+    counts = [len(locations) - 1 for locations in curve.boundaries]
+    if any(count < 1 for count in counts):
+        yield "boundaries", "has fewer than two locations along a variable"
+    cells = [segment.cell for segment in curve.segments]
+    if cells and sorted(cells) != sorted(product(*(range(1, count + 1) for count in counts))):
+        yield "segments", f"are not one for each of {' x '.join(map(str, counts)) or '1'} cells"
+
 
 CURVE_FUNCTION = Schema(
     CurveFunction,
@@ -75,23 +130,24 @@ CURVE_FUNCTION = Schema(
     (
         Field("curve", TEXT, "identifier of the curve", NO_UNIT),
         Field("level", OPTIONAL_REAL, "value of the level quantity", "[level]"),
-        Field("boundaries", numbered(REALS), "segment locations of each segmented variable, both ends included", "[variables.*]"),
+        Field("boundaries", numbered(ASCENDING), "(p) segment locations of each segmented variable, both ends included", "[variables.*]"),
         Field("limits", LIMITS, "least and greatest training value of each input", "[*]"),
         Field("segments", numbered(record(SEGMENT_FUNCTION)), "segment functions", NO_UNIT),
         Field("threshold", OPTIONAL_REAL, "threshold along the aligned variable, where there is one", "[aligned]"),
     ),
+    rule=_curve_faults,
 )
 
 FUSION = Schema(
     Fusion,
     "How the pieces are joined (M2 eq 9-12).",
     (
-        Field("transition", TEXT, "`linear`, `quadratic` or `cubic`", NO_UNIT),
-        Field("z_s", REAL, "half-width of a transition zone, as a fraction of the segment"),
+        Field("transition", text(words=("linear", "quadratic", "cubic")), "`linear`, `quadratic` or `cubic`", NO_UNIT),
+        Field("z_s", number(float, least=0, most=0.5), "half-width of a transition zone, as a fraction of the segment"),
         Field("extrapolation", SIDES, "behaviour below and above the limits of each input: a word, or the value it takes", NO_UNIT),
-        Field("levels", TEXT, "interpolation between curves, `linear` or `pchip`", NO_UNIT),
+        Field("levels", text(words=("linear", "pchip")), "interpolation between curves, `linear` or `pchip`", NO_UNIT),
         Field("aligned", OPTIONAL_TEXT, "variable along which curves are aligned at their thresholds", NO_UNIT),
-        Field("shrink", REAL, "share of the pieces on a backbone that is carried to the middle between two levels"),
+        Field("shrink", SHARE, "share of the pieces on a backbone that is carried to the middle between two levels"),
     ),
 )
 
@@ -99,10 +155,10 @@ SIGNAL = Schema(
     Signal,
     "An input that follows from another one over time.",
     (
-        Field("name", TEXT, "name of the input", NO_UNIT),
-        Field("kind", TEXT, "`rate` or `direction`", NO_UNIT),
+        Field("name", NAME, "name of the input", NO_UNIT),
+        Field("kind", text(words=("rate", "direction")), "`rate` or `direction`", NO_UNIT),
         Field("of", TEXT, "the quantity that it follows from", NO_UNIT),
-        Field("window", REAL, "width of the window of a rate; 0 for a direction", "s"),
+        Field("window", number(float, least=0), "width of the window of a rate; 0 for a direction", "s"),
         Field("order", COUNT, "order of the polynomials of a rate; 0 for a direction"),
         Field("factor", REAL, "unit of the quantity per second, in the unit of the rate"),
         Field("seconds", REAL, "seconds in one unit of the time", "s"),
@@ -121,12 +177,32 @@ CURVE_RANGE = Schema(
     ),
 )
 
+
+def _level_faults(level: str | None, ranges: Sequence[CurveRange], field: str) -> Iterator[Fault]:
+    values = [curve.level for curve in ranges]
+    if not values:
+        yield field, "holds no curve"
+    elif level is None:
+        if values != [None]:
+            yield field, f"holds {len(values)} curves, where there are no levels"
+    elif any(value is None for value in values):
+        yield field, "holds a curve without a level"
+    elif any(second <= first for first, second in pairwise(value for value in values if value is not None)):
+        yield field, "does not ascend from level to level"
+
+
+def _pieces_faults(pieces: Pieces) -> Iterator[Fault]:
+    yield from _level_faults(pieces.level, pieces.ranges, "curves")
+    if pieces.fusion.aligned is not None and any(curve.threshold is None for curve in pieces.curves):
+        yield "curves", "holds a curve without a threshold, although curves are aligned"
+
+
 PIECES = Schema(
     Pieces,
     "MAPMORE: `output = backbone + sum_i f_i prod_j w_ij` (M2 eq 9).",
     (
         Field("level", OPTIONAL_TEXT, "the input that is constant within a curve", NO_UNIT),
-        Field("variables", TEXTS, "segmented variables", NO_UNIT),
+        Field("variables", TEXTS, "(p) segmented variables", NO_UNIT),
         Field("curves", numbered(record(CURVE_FUNCTION)), "training curves", NO_UNIT),
         Field("fusion", record(FUSION), "how the pieces are joined", NO_UNIT),
         Field("backbone", optional(record(FORMULA_FIT)), "formula that the pieces are added to", NO_UNIT),
@@ -137,6 +213,7 @@ PIECES = Schema(
         "level": f"[{pieces.level}]" if pieces.level else NO_UNIT,
         "aligned": f"[{pieces.fusion.aligned}]" if pieces.fusion.aligned else NO_UNIT,
     },
+    rule=_pieces_faults,
 )
 
 FORMULA = Schema(
@@ -148,6 +225,7 @@ FORMULA = Schema(
         Field("ranges", numbered(record(CURVE_RANGE)), "training range of each curve", NO_UNIT),
     ),
     units=lambda formula: {"level": f"[{formula.level}]" if formula.level else NO_UNIT},
+    rule=lambda formula: _level_faults(formula.level, formula.ranges, "ranges"),
 )
 
 MEMORY = Schema(
@@ -170,7 +248,7 @@ PART = Schema(
     "A model in a sum.",
     (
         Field("model", nested(Model, _model), "the model", NO_UNIT),
-        Field("sign", REAL, "+1 or -1: how its output counts"),
+        Field("sign", number(float, least=-1, most=1), "+1 or -1: how its output counts"),
         Field("inputs", pairs(TEXTS), "its inputs that have another name in the sum, as expressions of the sum's inputs", NO_UNIT),
     ),
 )
@@ -181,6 +259,48 @@ SUM = Schema(
 
 BODIES = {"pieces": PIECES, "formula": FORMULA, "memory": MEMORY, "sum": SUM}
 """What a model consists of, by the name of its kind. Whoever adds a kind adds its body here."""
+
+
+def _model_faults(model: Model) -> Iterator[Fault]:
+    known = [quantity.name for quantity in model.inputs]
+    if len(set(known)) < len(known):
+        yield "inputs", "name a quantity twice"
+    backbone = model.backbone
+    if backbone is not None:
+        yield from _formula_faults(backbone, known)
+    if isinstance(model.body, Pieces):
+        yield from _input_faults(model.body, known)
+    if isinstance(model.body, Sum):
+        for place, part in enumerate(model.body.parts):
+            yield from expression_faults(f"body/parts/{place:03d}/inputs", part.inputs.values(), known)
+
+
+def _formula_faults(fit: FormulaFit, known: Sequence[str]) -> Iterator[Fault]:
+    if fit.name not in literature.names():
+        yield "body", f"has the formula {shown(fit.name)}, which nobody knows"
+        return
+    formula = literature.get(fit.name)
+    for what, needed, given in (("parameter", formula.parameters, fit.parameters), ("input", formula.inputs, known)):
+        if missing := [name for name in needed if name not in given]:
+            yield "body", f"lacks the {what} {shown(missing[0])} of the formula {fit.name}"
+
+
+def _input_faults(pieces: Pieces, known: Sequence[str]) -> Iterator[Fault]:
+    """Names in the pieces that are none of the model's inputs, and inputs of which the pieces do not say enough."""
+    used = {
+        "body/level": [pieces.level] if pieces.level else [],
+        "body/variables": pieces.variables,
+        "body/fusion/aligned": [pieces.fusion.aligned] if pieces.fusion.aligned else [],
+        "body/curves": [name for segment in pieces.segments for name in segment.scaling.variables],
+    }
+    for field, names in used.items():
+        if strange := [name for name in names if name not in known]:
+            yield field, f"has {shown(strange[0])}, which is none of the inputs"
+    free = [name for name in known if name != pieces.level]
+    for field, given in [("body/fusion/extrapolation", pieces.fusion.extrapolation), *(("body/curves", c.limits) for c in pieces.curves)]:
+        if missing := [name for name in free if name not in given]:
+            yield field, f"says nothing of {shown(missing[0])}"
+
 
 MODEL: Schema = Schema(
     Model,
@@ -197,4 +317,5 @@ MODEL: Schema = Schema(
         **{quantity.name: quantity.unit for quantity in (*model.inputs, model.output)},
         "target": model.output.unit,
     },
+    rule=_model_faults,
 )

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from mapmore_cli.domain.scores import METRICS, Score, Validation
-from mapmore_cli.storage.artefacts.codecs import named, numbered, pairs
+from mapmore_cli.storage.artefacts.codecs import named, numbered, pairs, text
 from mapmore_cli.storage.artefacts.label import NO_UNIT
-from mapmore_cli.storage.artefacts.layout.cells import COUNT, REAL, REALS, TEXT, TEXTS
+from mapmore_cli.storage.artefacts.layout.cells import ANY_REAL, ANY_REALS, COUNT, TEXT, TEXTS
 from mapmore_cli.storage.artefacts.layout.fits import FORMULA_FIT
 from mapmore_cli.storage.artefacts.schema import Field, Schema, record, rows
 
@@ -15,19 +15,19 @@ SCORE = Schema(
     (
         Field("model", TEXT, "`mapmore`, or the name of a literature model", NO_UNIT),
         Field("target", TEXT, "the modelled quantity", NO_UNIT),
-        Field("split", TEXT, "`train` or `validate`", NO_UNIT),
+        Field("split", text(words=("train", "validate")), "`train` or `validate`", NO_UNIT),
         Field("curve", TEXT, "`all`, or the identifier of a curve", NO_UNIT),
         Field("n", COUNT, METRICS["n"]),
-        Field("rmse", REAL, METRICS["rmse"], "[target]"),
-        Field("nrmse", REAL, METRICS["nrmse"]),
-        Field("normaliser", REAL, METRICS["normaliser"], "[target]"),
+        Field("rmse", ANY_REAL, METRICS["rmse"], "[target]"),
+        Field("nrmse", ANY_REAL, METRICS["nrmse"]),
+        Field("normaliser", ANY_REAL, METRICS["normaliser"], "[target]"),
         Field("normaliser_name", TEXT, "what the normaliser is", NO_UNIT),
-        Field("max_abs_error", REAL, METRICS["max_abs_error"], "[target]"),
-        Field("max_abs_error_fs", REAL, METRICS["max_abs_error_fs"]),
-        Field("r2", REAL, METRICS["r2"]),
-        Field("rrse", REAL, METRICS["rrse"]),
-        Field("rrse_one_step", REAL, METRICS["rrse_one_step"]),
-        Field("r_uncentred", REAL, METRICS["r_uncentred"]),
+        Field("max_abs_error", ANY_REAL, METRICS["max_abs_error"], "[target]"),
+        Field("max_abs_error_fs", ANY_REAL, METRICS["max_abs_error_fs"]),
+        Field("r2", ANY_REAL, METRICS["r2"]),
+        Field("rrse", ANY_REAL, METRICS["rrse"]),
+        Field("rrse_one_step", ANY_REAL, METRICS["rrse_one_step"]),
+        Field("r_uncentred", ANY_REAL, METRICS["r_uncentred"]),
     ),
 )
 
@@ -35,7 +35,7 @@ VALIDATION = Schema(
     Validation,
     "Predictions of the run's own model and of its competitors, and their scores.",
     (
-        Field("predictions", named(numbered(REALS)), "by model, then by curve of the dataset, row for row", "[target]"),
+        Field("predictions", named(numbered(ANY_REALS)), "by model, then by curve of the dataset, row for row", "[target]"),
         Field("formulas", named(record(FORMULA_FIT)), "literature models that were fitted", NO_UNIT),
         Field("scores", rows(SCORE), "score table", NO_UNIT),
         Field("units", pairs(TEXTS), "unit of every target", NO_UNIT),

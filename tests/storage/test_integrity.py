@@ -1,0 +1,269 @@
+"""Files from strangers: what may be read, what is refused before any value is read, and whether values are those that were written."""
+
+from __future__ import annotations
+
+import os
+import random
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from stored_records import same
+from test_artefacts import KINDS, examples
+
+import mapmore_cli
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.storage import artefacts
+from mapmore_cli.storage.artefacts import files
+
+CURVE = "body/curves/000"
+SEGMENT = f"{CURVE}/segments/000"
+
+
+@pytest.fixture
+def model(tmp_path: Path) -> Path:
+    path = tmp_path / "model.h5"
+    artefacts.write_model(path, examples()["model"])
+    return path
+
+
+def changed(path: Path, change: Callable[[h5py.File], Any]) -> Path:
+    with h5py.File(path, "r+") as file:
+        change(file)
+    return path
+
+
+def put(place: str, value: Any) -> Callable[[h5py.File], None]:
+    """Stores a value at a place, in the form that it has there."""
+
+    def change(file: h5py.File) -> None:
+        group, name = f"/{place}".rsplit("/", 1)
+        group = group or "/"
+        if name in file[group].attrs:
+            file[group].attrs[name] = value
+        else:
+            del file[place]
+            file[place] = value
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (put(f"{CURVE}/boundaries/000", [0.2, 0.1]), "boundaries/000, does not ascend at place 1"),
+        (put(f"{CURVE}/boundaries/000", [0.0]), "fewer than two locations"),
+        (put(f"{CURVE}/boundaries/000", [0.0, 0.1, 0.2]), "not one for each of 2 cells"),
+        (put(f"{SEGMENT}/theta", [1.0]), "theta, has 1 values, where body/curves/000/segments/000/terms has 2"),
+        (put(f"{SEGMENT}/theta", [1.0, np.nan]), "theta, holds nan"),
+        (put(f"{SEGMENT}/terms", ["1", "import(os)"]), "which is no term"),
+        (put(f"{SEGMENT}/terms", ["1", "velocity"]), "nothing is known of 'velocity'"),
+        (put(f"{SEGMENT}/scaling/rule", "somehow"), "is 'somehow', which is none of unit_square"),
+        (put(f"{SEGMENT}/scaling/y_slope", np.inf), "y_slope, is inf"),
+        (put(f"{SEGMENT}/stop", "\x1b[31m"), r"is '\x1b[31m', which is none of"),
+        (put("body/fusion/z_s", -3.0), "z_s, is -3, where 0 to 0.5 can be"),
+        (put("body/fusion/shrink", 2.0), "shrink, is 2, where 0 to 1"),
+        (put("body/fusion/transition", "sudden"), "none of linear, quadratic, cubic"),
+        (put("body/fusion/extrapolation/strain", ["saturate", "guess"]), "is 'guess', which is none of"),
+        (put("body/fusion/extrapolation/strain", ["saturate"]), "has 1 sides"),
+        (put(f"{CURVE}/limits/strain", [0.2, 0.0]), "is not a least and a greatest value"),
+        (put("output/name", "force,\nN"), "which is no name"),
+        (put("body/backbone/name", "nobody"), "has the formula 'nobody', which nobody knows"),
+        (put("body/backbone/status", "fine"), "is 'fine', which is none of converged"),
+        (lambda file: file["body"].attrs.__setitem__("kind", "oracle"), "of the kind 'oracle'"),
+        (lambda file: file["body"].attrs.__delitem__("level"), "where there are no levels"),
+        (lambda file: file["body"].attrs.__setitem__("level", "height"), "'height', which is none of the inputs"),
+        (lambda file: file.__delitem__(f"{CURVE}/limits/strain"), "not as many members"),
+    ],
+)
+def test_values_that_cannot_be_are_named(change: Callable[[h5py.File], Any], words: str, model: Path) -> None:
+    with pytest.raises(DataError, match="is not a valid model: ") as caught:
+        artefacts.read_model(changed(model, change))
+    assert words in caught.value.message
+    assert "delete" not in str(caught.value)
+
+
+def test_levels_have_to_ascend(tmp_path: Path) -> None:
+    from dataclasses import replace
+
+    model = examples()["model"]
+    twice = replace(model.body, curves=model.body.curves * 2)
+    artefacts.write_model(tmp_path / "m.h5", replace(model, body=twice))
+    with pytest.raises(DataError, match="curves, does not ascend from level to level"):
+        artefacts.read_model(tmp_path / "m.h5")
+
+
+SECRET = b"a secret of the user" * 10
+
+
+def _external_storage(file: h5py.File) -> None:
+    secret = Path(file.filename).with_name("secret")
+    secret.write_bytes(SECRET)
+    del file[f"{SEGMENT}/theta"]
+    file[SEGMENT].create_dataset("theta", (2,), "<f8", external=[(str(secret), 0, 16)])
+
+
+def _virtual_dataset(file: h5py.File) -> None:
+    del file[f"{SEGMENT}/theta"]
+    layout = h5py.VirtualLayout((2,), "<f8")
+    layout[:] = h5py.VirtualSource("other.h5", "x", (2,))
+    file[SEGMENT].create_virtual_dataset("theta", layout)
+
+
+def _external_link(file: h5py.File) -> None:
+    del file["body"]
+    file["body"] = h5py.ExternalLink("other.h5", "body")
+
+
+def _soft_loop(file: h5py.File) -> None:
+    file["body/again"] = h5py.SoftLink("/body")
+
+
+def _hard_loop(file: h5py.File) -> None:
+    file["body/again"] = file["body"]
+
+
+def _million_links(file: h5py.File) -> None:
+    curve = file[CURVE]
+    for place in range(1, 50):
+        file[f"body/curves/{place:03d}"] = curve
+
+
+def _strange_filter(file: h5py.File) -> None:
+    del file[f"{SEGMENT}/theta"]
+    file[SEGMENT].create_dataset("theta", data=np.zeros(2), compression="lzf")
+
+
+def _gigabytes(file: h5py.File) -> None:
+    del file[f"{SEGMENT}/theta"]
+    file[SEGMENT].create_dataset("theta", (10**9,), "<f8", chunks=(1000,), compression="gzip")
+
+
+def _huge_chunks(file: h5py.File) -> None:
+    del file[f"{SEGMENT}/theta"]
+    file[SEGMENT].create_dataset("theta", (2,), "<f8", chunks=(10**8,), maxshape=(None,), compression="gzip")
+
+
+def _references(file: h5py.File) -> None:
+    file["notes_too"] = np.array([file["notes"].ref], dtype=h5py.ref_dtype)
+
+
+def _deep(file: h5py.File) -> None:
+    group = file["body"]
+    for _ in range(80):
+        group = group.create_group("inner")
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (_external_storage, "takes its values from other files"),
+        (_virtual_dataset, "takes its values from other files"),
+        (_external_link, "body, is a link to somewhere else"),
+        (_soft_loop, "again, is a link to somewhere else"),
+        (_hard_loop, "is linked more than once"),
+        (_million_links, "is linked more than once"),
+        (_strange_filter, "a filter other than gzip"),
+        (_gigabytes, "MB of values"),
+        (_huge_chunks, "chunks of more than"),
+        (_references, "holds neither numbers nor texts"),
+        (_deep, "groups deep"),
+    ],
+)
+def test_what_the_format_does_not_know_is_refused_before_it_is_read(
+    change: Callable[[h5py.File], None], words: str, model: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    changed(model, change)
+
+    def read(*_: Any) -> Any:
+        raise AssertionError("a value was read")
+
+    monkeypatch.setattr(files.Schema, "read_from", read)
+    with pytest.raises(DataError, match="is not a valid model: ") as caught:
+        artefacts.read_model(model)
+    assert words in caught.value.message
+
+
+def test_many_texts_that_are_one_text_in_the_file_do_not_fill_the_memory(model: Path) -> None:
+    def change(file: h5py.File) -> None:
+        del file["notes"]
+        long = "x" * 2_000_000
+        dataset = file.create_dataset("notes", (400,), h5py.string_dtype(), fillvalue=long)
+        del dataset
+
+    with pytest.raises(DataError, match="holds more text than the file can"):
+        artefacts.read_model(changed(model, change))
+
+
+def test_special_files_are_not_opened(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "model.h5")
+    with pytest.raises(DataError, match="special file"):
+        artefacts.read_model(tmp_path / "model.h5")
+    with pytest.raises(DataError, match="special file"):
+        artefacts.kind_of(tmp_path / "model.h5")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_changed_value_is_found_by_the_checksum(kind: str, tmp_path: Path) -> None:
+    path = tmp_path / "file.h5"
+    write, read, _ = KINDS[kind]
+    write(path, examples()[kind])
+    places = {"dataset": "notes", "segmentation": "curves/000/variables", "fit": "notes", "model": "notes", "validation": "units/names"}
+    changed(path, put(places[kind], ["other"]))
+    with pytest.raises(DataError, match="the checksum does not match") as caught:
+        read(path)
+    assert "--unverified" in str(caught.value)
+    told: list[str] = []
+    read(path, told.append, True)
+    assert "checksum does not match" in told[0]
+
+
+def test_a_file_without_a_checksum_is_told(model: Path) -> None:
+    told: list[str] = []
+    read = artefacts.read_model(changed(model, lambda file: file.attrs.__delitem__("checksum")), told.append)
+    assert same(read, examples()["model"])
+    assert ["has no checksum" in message for message in told] == [True]
+    with pytest.warns(UserWarning, match="has no checksum"):
+        mapmore_cli.load_model(model)
+
+
+def test_a_file_of_a_newer_minor_version_cannot_be_verified(model: Path) -> None:
+    major, minor = files.FORMAT_VERSION.split(".")
+
+    def newer(file: h5py.File) -> None:
+        file.attrs["format_version"] = f"{major}.{int(minor) + 1}"
+        file["body"].attrs["colour"] = "red"
+
+    told: list[str] = []
+    artefacts.read_model(changed(model, newer), told.append)
+    assert "cannot be verified" in told[0]
+
+
+def test_a_fault_of_the_program_is_not_blamed_on_the_file(model: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def faulty(*_: Any) -> Any:
+        raise TypeError("a slip of ours")
+
+    monkeypatch.setattr(files.Schema, "check", faulty)
+    with pytest.raises(TypeError, match="a slip of ours"):
+        artefacts.read_model(model)
+
+
+def test_flipped_bits_are_found_or_change_nothing(tmp_path: Path) -> None:
+    chance = random.Random(16)
+    for kind, record in examples().items():
+        write, read, _ = KINDS[kind]
+        path = tmp_path / "file.h5"
+        write(path, record)
+        whole = path.read_bytes()
+        for _ in range(60):
+            place, bit = chance.randrange(len(whole)), chance.randrange(8)
+            path.write_bytes(whole[:place] + bytes([whole[place] ^ 1 << bit]) + whole[place + 1 :])
+            told: list[str] = []
+            try:
+                found = read(path, told.append)
+            except DataError:
+                continue
+            assert same(found, record) or told, (kind, place, bit)
