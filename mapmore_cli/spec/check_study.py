@@ -16,6 +16,8 @@ from mapmore_cli.spec.sections.results import Competitor
 from mapmore_cli.spec.tree import Loc
 from mapmore_cli.spec.units import CANONICAL, check_unit, convert, default_unit, is_canonical
 
+LEFT_OUT = ("data", "split", "leave_one_level_out")
+
 
 def levels(spec: ExperimentSpec) -> Iterator[Finding]:
     """Only the level quantity is segmented by its levels, and by nothing else."""
@@ -29,7 +31,10 @@ def levels(spec: ExperimentSpec) -> Iterator[Finding]:
             remedy = f"remove it: `levels` segments `{name}` already; or write `{name}: none` to pool all levels"
             yield Finding(("segment", name), f"`{name}` is constant within a curve and cannot be cut", remedy, on_key=True)
     if spec.data.split.leave_one_level_out and level is None:
-        yield Finding(("data", "split", "leave_one_level_out"), "there are no levels to leave out", "add `levels` to `data`", on_key=True)
+        yield Finding(LEFT_OUT, "there are no levels to leave out", "add `levels` to `data`", on_key=True)
+    elif spec.data.split.leave_one_level_out and (spec.has_memory or spec.model.type == "sum"):
+        remedy = "hold out recordings, as `validate: {last: 0.5}`"
+        yield Finding(LEFT_OUT, "neither a model with memory nor a sum can be fitted without one of the levels", remedy, on_key=True)
 
 
 def after_cycles(spec: ExperimentSpec) -> Iterator[Finding]:

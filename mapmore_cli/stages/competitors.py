@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -50,7 +50,8 @@ class Rival:
 class Contest:
     """The data and the other runs of a comparison: `model` is the run's own, `static_run` the needed run of the static force.
 
-    `lengths` are the muscle's `length` and `diameter` (m).
+    `lengths` are the muscle's `length` and `diameter` (m). Where the dataset is a fold of a cross-validation, `refit` makes the model of
+    another run anew on its training samples.
     """
 
     dataset: Dataset
@@ -58,6 +59,7 @@ class Contest:
     needed: Mapping[str, Path]
     static_run: Path | None
     lengths: Mapping[str, float | None]
+    refit: Callable[[Path, Dataset], Model] | None = None
 
     def rival(self, competitor: str | Competitor) -> Rival:
         """Fit a competitor to the same training data and predict every sample.
@@ -80,7 +82,8 @@ class Contest:
         return Rival(competitor.label, _forecasts(_predicted(fit, self.dataset.curves)), {competitor.label: fit})
 
     def _of_run(self, run_dir: Path) -> Forecasts:
-        other, quantities = read_model(run_dir / "model.h5"), self.dataset.quantities
+        quantities = self.dataset.quantities
+        other = read_model(run_dir / "model.h5") if self.refit is None else self.refit(run_dir, self.dataset)
         differing = [q.name for q in (other.output, *other.inputs) if quantities.get(q.name) != q]
         if other.output != self.model.output or differing:
             what = ", ".join(differing) or other.output.name

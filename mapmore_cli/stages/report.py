@@ -20,6 +20,12 @@ if TYPE_CHECKING:
 METRES_PER_INCH = 0.0254
 
 
+LEFT_OUT = (
+    "Every level is left out in turn: the validation scores are those of models of the other levels at the one left out. The saved model, and "
+    "the training scores, are of all data."
+)
+
+
 @dataclass(frozen=True)
 class Slice:
     """What the report shows beyond the results: everything else in the resolved spec makes an earlier stage stale."""
@@ -28,11 +34,12 @@ class Slice:
     muscle: Muscle
     validate: Validate
     report: Report
+    left_out: bool  # whether every level is left out in turn
 
 
 def reads(spec: ExperimentSpec) -> Slice:
     """The stage's slice of the spec."""
-    return Slice(spec.name, spec.muscle, spec.validation, spec.report)
+    return Slice(spec.name, spec.muscle, spec.validation, spec.report, spec.data.split.leave_one_level_out)
 
 
 def run(part: Slice, workspace: Workspace) -> None:
@@ -69,7 +76,7 @@ def collected(part: Slice, run_dir: Path, spec_text: str = "") -> ReportInputs:
         published=published.numbers if published else None,
         spec_text=spec_text,
         provenance=tool_versions(),
-        notes=(*dataset.notes, *model.notes),
+        notes=(*([LEFT_OUT] if part.left_out else []), *dataset.notes, *model.notes),
         style=_style(part.report.style),
     )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,21 +12,24 @@ from mapmore_cli.domain.scores import OWN, Limit, deciding
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.layers import as_overrides
 from mapmore_cli.spec.sections.results import Competitor
+from mapmore_cli.stages import fuse
+from mapmore_cli.stages.kinds.choices import ModelChoices
 from mapmore_cli.stages.pipeline.stage import Compared, Need, Stage, Variation, Workspace
 
 if TYPE_CHECKING:
-    from mapmore_cli.domain.fits import FormulaFit
     from mapmore_cli.domain.recording import Dataset
     from mapmore_cli.domain.results import Forecast
     from mapmore_cli.domain.scores import Score
     from mapmore_cli.modelling.scores.metrics import Normaliser
+    from mapmore_cli.stages.competitors import Contest, Forecasts, Rival
 
 
 @dataclass(frozen=True)
 class Slice:
     """What the scores depend on beyond the model.
 
-    `static` is the spec of the needed static run, `lengths` are the muscle's in m, `cycles_of` the quantity whose cycles are held out.
+    `static` is the spec of the needed static run, `lengths` are the muscle's in m, `cycles_of` is the quantity whose cycles are held out,
+    and `folds` has the choices that models are made by where every level is left out in turn.
     """
 
     target: str
@@ -35,6 +38,7 @@ class Slice:
     lengths: dict[str, float | None]
     normaliser: str
     cycles_of: str | None
+    folds: ModelChoices | None
 
 
 def reads(spec: ExperimentSpec) -> Slice:
@@ -48,6 +52,7 @@ def reads(spec: ExperimentSpec) -> Slice:
         lengths=spec.muscle.lengths,
         normaliser=spec.validation.normaliser,
         cycles_of=spec.data.split.hold_out.of if spec.data.split.hold_out is not None else None,
+        folds=fuse.reads(spec) if spec.data.split.leave_one_level_out else None,
     )
 
 
@@ -55,7 +60,7 @@ def run(part: Slice, workspace: Workspace) -> None:
     """Fit the competitors to the same training data, predict every sample, and score."""
     from mapmore_cli.domain.scores import Validation
     from mapmore_cli.modelling.forecast import forecast
-    from mapmore_cli.modelling.scores.rows import divisor, on_common_rows, score_rows
+    from mapmore_cli.modelling.scores.rows import divisor
     from mapmore_cli.stages.competitors import Contest
     from mapmore_cli.storage.artefacts import read_dataset, read_model, write_scores, write_validation
 
@@ -63,29 +68,53 @@ def run(part: Slice, workspace: Workspace) -> None:
     model = read_model(workspace.run_dir / "model.h5")
     static_run = workspace.needed[part.static] if part.static is not None else None
     contest = Contest(dataset, model, workspace.needed, static_run, part.lengths)
-    forecasts = {OWN: tuple(forecast(model, curve) for curve in dataset.curves)}
-    formulas: dict[str, FormulaFit] = {}
-    failed = []
-    for number, competitor in enumerate(part.against):
-        rival = contest.rival(competitor)
-        forecasts[rival.name] = rival.forecasts
-        formulas |= rival.formulas
-        if rival.failed:
-            failed.append(rival.name)
-            reasons = "; ".join(note for fit in rival.formulas.values() for note in fit.notes)
-            workspace.warn(f"{rival.name}: the fit failed, its rows are left out: {reasons}")
-        workspace.progress("competitors", number + 1, len(part.against))
+    rivals = _rivals(contest, part, workspace)
+    forecasts = {OWN: tuple(forecast(model, curve) for curve in dataset.curves), **{one.name: one.forecasts for one in rivals}}
     for name, found in forecasts.items():
         _told_of_diverged(name, found, dataset, workspace.warn)
-    scored = [name for name in forecasts if name not in failed]
-    scale = divisor(dataset, part.normaliser)
-    compared = on_common_rows({name: forecasts[name] for name in scored})
-    scores = [row for name, found in compared.items() for row in score_rows(name, part.target, found, dataset, scale)]
+    judged = [(dataset, {name: found for name, found in forecasts.items() if name not in {one.name for one in rivals if one.failed}})]
+    if part.folds is not None:
+        judged.append(_left_out(part.folds, contest, part, workspace))
+    scale = divisor(judged[-1][0], part.normaliser)
+    scores = [row for rows_of, said in judged for row in _scores(part, said, rows_of, scale)]
     scores += _floor(part, [quantity.name for quantity in model.inputs], dataset, scale)
+    formulas = {name: fit for one in rivals for name, fit in one.formulas.items()}
     predictions = {name: tuple(one.values for one in found) for name, found in forecasts.items()}
     validation = Validation(predictions, formulas, tuple(scores), {part.target: dataset.unit(dataset.target)})
     write_validation(workspace.out / "validate.h5", validation)
     write_scores(workspace.out, validation, model.name)
+
+
+def _rivals(contest: Contest, part: Slice, workspace: Workspace) -> list[Rival]:
+    """Every competitor, fitted to the training samples of the contest."""
+    rivals = []
+    for number, competitor in enumerate(part.against):
+        rivals.append(contest.rival(competitor))
+        if rivals[-1].failed:
+            reasons = "; ".join(note for fit in rivals[-1].formulas.values() for note in fit.notes)
+            workspace.warn(f"{rivals[-1].name}: the fit failed, its rows are left out: {reasons}")
+        workspace.progress("competitors", number + 1, len(part.against))
+    return rivals
+
+
+def _left_out(choices: ModelChoices, contest: Contest, part: Slice, workspace: Workspace) -> tuple[Dataset, dict[str, Forecasts]]:
+    """The dataset with all samples held out, and what models of the other levels say of them."""
+    from mapmore_cli.stages.left_out import left_out
+
+    quiet = replace(workspace, progress=lambda _what, _done, _total: None)
+
+    def compare(fold: Contest) -> dict[str, Forecasts]:
+        return {one.name: one.forecasts for one in _rivals(fold, part, quiet) if not one.failed}
+
+    whole, said = left_out(choices, contest, compare, workspace.progress)
+    return whole, said
+
+
+def _scores(part: Slice, said: Mapping[str, Forecasts], dataset: Dataset, scale: Normaliser) -> Iterator[Score]:
+    from mapmore_cli.modelling.scores.rows import on_common_rows, score_rows
+
+    for name, found in on_common_rows(said).items():
+        yield from score_rows(name, part.target, found, dataset, scale)
 
 
 def _told_of_diverged(name: str, forecasts: Sequence[Forecast], dataset: Dataset, warn: Callable[[str], None]) -> None:

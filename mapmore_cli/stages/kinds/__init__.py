@@ -16,10 +16,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Maker:
-    """How a kind is fitted (the fit stage), and how the model is made of the fits (the fuse stage)."""
+    """How a kind is fitted (the fit stage), and how the model is made of the fits (the fuse stage).
+
+    `refit` does all of it in one go on the training samples of another dataset, as cross-validation does, every choice included; None for
+    kinds that know no levels.
+    """
 
     fit: Callable[[FitChoices, Dataset, Workspace], FitResult]
     build: Callable[[ModelChoices, Dataset, Workspace], Model]
+    refit: Callable[[ModelChoices, Dataset], Model] | None = None
 
 
 def maker_of(part: FitChoices) -> Maker:
@@ -27,9 +32,9 @@ def maker_of(part: FitChoices) -> Maker:
     from mapmore_cli.stages.kinds import formula, memory, pieces, sums
 
     makers = {
-        "pieces": Maker(pieces.fit, pieces.build),
+        "pieces": Maker(pieces.fit, pieces.build, pieces.refit),
         "memory": Maker(memory.fit, memory.build),
-        "formula": Maker(formula.fit, formula.build),
+        "formula": Maker(formula.fit, formula.build, formula.refit),
         "sum": Maker(sums.fit, sums.build),
     }
     return makers[part.kind]

@@ -9,6 +9,7 @@ from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.modelling.literature import model as formula
 from mapmore_cli.modelling.literature.backbone import fit_formula
+from mapmore_cli.modelling.pieces.segmentation import segment_curve, trained_at, training_curves
 from mapmore_cli.stages.kinds.choices import FitChoices, ModelChoices
 from mapmore_cli.stages.kinds.pieces import level_of
 from mapmore_cli.stages.pipeline.stage import Workspace
@@ -28,6 +29,16 @@ def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:
     assert found is not None
     training = read_segmentation(workspace.run_dir / "segment.h5")
     level = level_of(part.levels, part.segment)
+    return formula.build(part.name, dataset.quantities[dataset.target], found, level, training, dataset.quantities)
+
+
+def refit(part: ModelChoices, dataset: Dataset) -> Model:
+    """The formula fitted to the training samples of a dataset, as a model; raises as `fitted`."""
+    assert part.model.name is not None
+    level = level_of(part.levels, part.segment)
+    curves = training_curves(trained_at(dataset.curves, part.fit.train_level), level is not None)
+    training = [segment_curve(curve, {}, dataset.target, lambda _curve, _rows: 0.0) for curve in curves]
+    found = fitted(part.model.name, part, dataset)
     return formula.build(part.name, dataset.quantities[dataset.target], found, level, training, dataset.quantities)
 
 

@@ -121,3 +121,19 @@ def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:
     if result.backbone is None or recipe.shrink is not None:
         return model
     return with_trusted_residual(model, curves, recipe, dataset.quantities, lambda done, total: workspace.progress("folds", done, total))
+
+
+def refit(part: ModelChoices, dataset: Dataset) -> Model:
+    """Everything in one go on the training samples of a dataset: cuts, backbone, terms, and the share of the residual that is trusted."""
+    from mapmore_cli.modelling.pieces import build as method
+    from mapmore_cli.modelling.pieces.segmentation import trained_at
+    from mapmore_cli.modelling.pieces.shrinkage import with_trusted_residual
+    from mapmore_cli.stages.kinds.formula import fitted
+
+    curves = trained_at(dataset.curves, part.fit.train_level)
+    backbone = None if part.model.backbone is None else fitted(part.model.backbone, part, dataset)
+    recipe = recipe_of(dataset.target, part.levels, part.segment, part.dictionary, part.fit, part.fuse)
+    model = method.build(part.name, curves, recipe, dataset.quantities, backbone)
+    if backbone is None or recipe.shrink is not None:
+        return model
+    return with_trusted_residual(model, curves, recipe, dataset.quantities)

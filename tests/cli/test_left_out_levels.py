@@ -1,0 +1,67 @@
+"""Cross-validation over the levels: every level is predicted as a run that holds it out predicts it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cli_samples import write_study
+
+from mapmore_cli.storage.artefacts import read_model
+
+HELD = "{validate: {pressure: [200]}}"
+AGAINST = "against: [polynomial_2, {set: {fit.max_terms: 2}, as: two_terms}]"
+
+
+def rows(mapmore: Callable[..., Any], spec: Path, runs: Path) -> dict[tuple[str, str, str], dict[str, Any]]:
+    result = mapmore("run", spec, "--runs", runs, "--json", "-q")
+    assert result.exit_code == 0, result.stderr
+    return {(row["model"], row["split"], row["curve"]): row for row in json.loads(result.stdout)["scores"]}
+
+
+@pytest.mark.parametrize("model", ["", "model: {backbone: polynomial_2}\n", "model: {type: literature, name: sarosi}\n"])
+def test_every_level_is_predicted_as_by_a_run_without_it(model: str, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    spec = write_study(tmp_path)
+    text = spec.read_text().replace("against: [polynomial_2]", AGAINST) + model
+    assert HELD in text
+    spec.write_text(text.replace(HELD, "{leave_one_level_out: true}"))
+    found = rows(mapmore, spec, tmp_path / "runs")
+    squares, samples = 0.0, 0
+    for level in (100, 200, 300):
+        single = tmp_path / f"without_{level}.yaml"
+        single.write_text(text.replace("name: bench", f"name: without_{level}").replace("[200]", f"[{level}]"))
+        alone = rows(mapmore, single, tmp_path / "runs")
+        for name in ("mapmore", "polynomial_2", "two_terms"):
+            left_out, held = found[name, "validate", f"pressure={level}"], alone[name, "validate", f"pressure={level}"]
+            assert left_out["rmse"] == pytest.approx(held["rmse"], rel=1e-9)
+        own = found["mapmore", "validate", f"pressure={level}"]
+        squares, samples = squares + own["n"] * own["rmse"] ** 2, samples + own["n"]
+    assert found["mapmore", "validate", "all"]["rmse"] == pytest.approx(np.sqrt(squares / samples), rel=1e-9)
+
+
+def test_the_saved_model_and_the_training_rows_are_of_all_data(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    spec = write_study(tmp_path)
+    plain = spec.read_text()
+    spec.write_text(plain.replace(HELD, "{leave_one_level_out: true}"))
+    found = rows(mapmore, spec, tmp_path / "runs")
+    whole = tmp_path / "whole.yaml"
+    whole.write_text(plain.replace("name: bench", "name: whole").replace(f"split: {HELD}", ""))
+    alone = rows(mapmore, whole, tmp_path / "runs")
+    assert [curve.level for curve in read_model(tmp_path / "runs" / "bench" / "model.h5").body.curves] == [100.0, 200.0, 300.0]
+    assert found["mapmore", "train", "all"]["rmse"] == alone["mapmore", "train", "all"]["rmse"]
+    assert found["mapmore", "train", "all"]["normaliser"] == found["mapmore", "validate", "all"]["normaliser"]
+    page = (tmp_path / "runs" / "bench" / "report" / "index.html").read_text()
+    assert "Every level is left out in turn" in page
+
+
+def test_models_over_time_have_no_levels_to_leave_out(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    spec = write_study(tmp_path)
+    text = spec.read_text().replace(HELD, "{leave_one_level_out: true}")
+    spec.write_text(text.split("dictionary:")[0] + "dictionary: [{lags: {of: [strain], steps: [1]}}]\n")
+    result = mapmore("run", spec, "--runs", tmp_path / "runs")
+    assert result.exit_code == 3
+    assert "neither a model with memory nor a sum" in result.stderr
