@@ -21,8 +21,8 @@ METRES_PER_INCH = 0.0254
 
 
 LEFT_OUT = (
-    "Every level is left out in turn: the validation scores are those of models of the other levels at the one left out. The saved model, and "
-    "the training scores, are of all data."
+    "Every level is left out in turn: the validation scores are those of models of the other levels at the one left out. The saved model, "
+    "and the training scores, are of all data."
 )
 
 
