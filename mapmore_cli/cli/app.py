@@ -12,7 +12,7 @@ from typing import Annotated, Any, cast
 import typer
 from typer.core import TyperGroup
 
-from mapmore_cli.cli import batch, check, exits, figure, init, pipeline, predict, schema, show, simulate
+from mapmore_cli.cli import batch, check, example, exits, figure, init, pipeline, predict, schema, show, simulate
 
 AS_JSON = "mapmore.json"
 """Key of the context: whether the line asks for JSON, in which errors are then told too."""
@@ -67,6 +67,7 @@ simulate.add_to(app)
 show.add_to(app)
 figure.add_to(app)
 init.add_to(app)
+example.add_to(app)
 check.add_to(app)
 schema.add_to(app)
 

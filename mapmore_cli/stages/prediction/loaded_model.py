@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass
+from math import prod
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,8 +19,11 @@ from mapmore_cli.modelling.kinds import outside_range, predict
 from mapmore_cli.modelling.signals.rates import with_signals
 from mapmore_cli.stages.prediction.reading import reading_of
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class LoadedModel:
     """Callable with one keyword for every input, in the model's units; with `time`, rates and directions may be left out.
 
@@ -30,6 +37,17 @@ class LoadedModel:
     """
 
     model: Model
+    scores: tuple[Mapping[str, Any], ...] = ()  # rows of scores.json beside the file
+
+    def __repr__(self) -> str:
+        """A line: what the model predicts, from what."""
+        inputs = ", ".join(f"{quantity.name} [{quantity.unit}]" for quantity in self.inputs) or "its own past"
+        return f"<model {self.model.name}: {self.output.name} [{self.output.unit}] of {inputs}>"
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The units of the inputs and of the output."""
+        return {quantity.name: quantity.unit for quantity in (*self.inputs, self.output)}
 
     @property
     def inputs(self) -> tuple[Quantity, ...]:
@@ -50,10 +68,28 @@ class LoadedModel:
         """Output at the inputs, which are broadcast against each other; NaN where an input is not finite.
 
         With `time`, the inputs are samples of one recording, from which the model's rates and directions follow, and along which a model
-        with memory runs (NaN before there is history). Raises `TypeError` for an input that is missing or that the model does not have.
+        with memory runs (NaN before there is history). Warns (UserWarning) where points lie outside of the training range. Raises
+        `TypeError` for an input that is missing or that the model does not have.
         """
         flat, shape = self._flattened(columns)
+        outside = int(outside_range(self.model, flat).sum())
+        if outside:
+            warnings.warn(f"{outside} of {prod(shape)} point(s) lie outside of the training range of {self.model.name}", stacklevel=2)
         return predict(self.model, flat).reshape(shape)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the model over its training range, a line for every training curve; on `ax`, or on a new figure.
+
+        Raises `TypeError` for a model that runs along recordings: call it with one, and draw that.
+        """
+        from mapmore_cli.reporting.figures.lines import draw_model
+
+        if ax is None:
+            import matplotlib.pyplot as plt
+
+            ax = plt.figure(layout="constrained").subplots()
+        draw_model(ax, self.model)
+        return ax
 
     def outside_range(self, **columns: ArrayLike) -> BoolArray:
         """True where an input lies beyond the training range, in the shape of the output."""

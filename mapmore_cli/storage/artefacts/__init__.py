@@ -29,7 +29,7 @@ from mapmore_cli.storage.artefacts.files import (
     silent,
 )
 from mapmore_cli.storage.artefacts.layout import SegmentationFile
-from mapmore_cli.storage.artefacts.score_table import score_row, write_scores
+from mapmore_cli.storage.artefacts.score_table import score_row, scores_beside, write_scores
 
 __all__ = [
     "kind_of",
@@ -39,6 +39,7 @@ __all__ = [
     "read_segmentation",
     "read_validation",
     "score_row",
+    "scores_beside",
     "units_of",
     "write_dataset",
     "write_fit",

@@ -9,6 +9,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 from mapmore_cli.domain.scores import Score, Validation
 from mapmore_cli.storage.atomic import write_text
@@ -43,3 +44,12 @@ def _rounded(value: str | int | float) -> str | int | float | None:
     if not isinstance(value, float):
         return value
     return float(f"{value:.{DIGITS}g}") + 0.0 if math.isfinite(value) else None
+
+
+def scores_beside(model: Path) -> tuple[Mapping[str, Any], ...]:
+    """The rows of the scores.json in the folder of a model; none where it was sent alone, or they cannot be read."""
+    try:
+        rows = json.loads((model.parent / "scores.json").read_text(encoding="utf-8"))["scores"]
+        return tuple(dict(row) for row in rows)
+    except (OSError, ValueError, TypeError, KeyError, RecursionError):
+        return ()

@@ -1,0 +1,49 @@
+"""A model by itself, over its training range: for notebooks, where there are no recordings."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from mapmore_cli.domain.models import CurveRange, Formula, Model, Pieces
+from mapmore_cli.modelling.kinds import predict
+from mapmore_cli.reporting.figures.style import level_colours
+
+POINTS = 201
+
+
+def draw_model(ax: Axes, model: Model) -> None:
+    """A line for every training curve, over the input that varies most within it; other inputs are held in the middle of their ranges.
+
+    Raises
+    ------
+    TypeError
+        For a model that has no training curves: it runs along recordings, or is a sum.
+    """
+    if not isinstance(model.body, Pieces | Formula):
+        raise TypeError(f"{model.name} has no curves to draw; call it with a recording, and draw what it says")
+    ranges = model.body.ranges
+    along = _varying(model, ranges)
+    unit = {quantity.name: quantity.unit for quantity in model.inputs}
+    for colour, one in zip(level_colours(len(ranges)), ranges, strict=True):
+        x = np.linspace(*one.limits[along], POINTS)
+        held = {name: np.full(POINTS, sum(ends) / 2) for name, ends in one.limits.items()}
+        if model.level is not None and one.level is not None:
+            held[model.level] = np.full(POINTS, one.level)
+        ax.plot(x, predict(model, {**held, along: x}), color=colour, label=one.curve)
+    ax.set_xlabel(f"{along} [{unit[along]}]")
+    ax.set_ylabel(f"{model.output.name} [{model.output.unit}]")
+    ax.legend()
+
+
+def _varying(model: Model, ranges: tuple[CurveRange, ...]) -> str:
+    """The first segmented variable, else the input that varies most within a curve beside its range over all curves."""
+    if isinstance(model.body, Pieces) and model.body.variables:
+        return model.body.variables[0]
+
+    def share(name: str) -> float:
+        ends = np.array([one.limits[name] for one in ranges])
+        whole = float(np.ptp(ends))
+        return float(np.mean(np.ptp(ends, axis=1))) / whole if whole > 0 else 0.0
+
+    return max((quantity.name for quantity in model.inputs if quantity.name != model.level), key=share)
