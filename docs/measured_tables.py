@@ -9,11 +9,15 @@ import math
 import re
 import sys
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from mapmore_cli.domain.models import Hold
 from mapmore_cli.domain.scores import REPEATABILITY
+from mapmore_cli.modelling.kinds import predict
+from mapmore_cli.modelling.literature.backbone import pooled
 from mapmore_cli.reporting.campaign import CampaignScores, hindsight_table, nrmse_table, published_table
 from mapmore_cli.reporting.tables import Column, Table, score_table, to_markdown
 from mapmore_cli.spec.campaign import Entry, load_campaign
@@ -79,6 +83,27 @@ def has_foot(run: Path) -> bool:
     return slack_foot(pressure, strain, force) is not None
 
 
+def hold(scores: CampaignScores, papers: CampaignScores, runs: Path) -> Table:
+    """Held-out errors with segment functions held beyond their samples, and with M2 eq 9-11 to the letter: the same fits, fused anew."""
+    rows = []
+    for name in [f"{run}{variation}" for run in scores.pooled for variation in ("", ".m2_default")] + list(papers.pooled):
+        held, literal = (held_out_error(runs, name, how) for how in ("samples", "none"))
+        rows.append((name, held, literal, literal / held))
+    columns = (Column("run"), Column("held", "%", ".3g"), Column("literal", "%", ".3g"), Column("ratio", "", ".3f"))
+    return Table("hold", "Segment functions held beyond their samples, or not", columns, tuple(rows))
+
+
+def held_out_error(runs: Path, name: str, how: Hold) -> float:
+    """NRMSE of a run's model on the held-out samples, in per cent, with its pieces joined in a given way."""
+    model, dataset = read_model(runs / name / "model.h5"), read_dataset(runs / name.split(".")[0] / "ingest.h5")
+    assert model.pieces is not None
+    joined = replace(model, body=replace(model.pieces, fusion=replace(model.pieces.fusion, hold=how)))
+    held_out = pooled([(curve, curve.held_out) for curve in dataset.curves])
+    measured = held_out[dataset.target]
+    error = predict(joined, held_out) - measured
+    return 100 * float(np.sqrt(np.mean(error**2)) / np.abs(measured).max())
+
+
 def terms(scores: CampaignScores) -> Table:
     """NRMSE of the own model by study (rows) and variant (columns)."""
     by_study: dict[str, dict[str, float]] = {}
@@ -104,6 +129,7 @@ def tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
         "measured": lambda: nrmse_table(measured),
         "hindsight": lambda: hindsight_table(measured),
         "backbones": lambda: backbones(measured, runs),
+        "hold": lambda: hold(measured, m1, runs),
         "family": lambda: family(runs),
         "m1": lambda: nrmse_table(m1),
         "m1-published": lambda: published_table(m1),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -115,11 +116,24 @@ class SegmentFit:
 
 
 @dataclass(frozen=True)
+class Optimum:
+    """Another minimum of a formula's error that explains the training data nearly as well as the one taken.
+
+    `sse` is its training sum of squares, `held_out_rmse` its error on the validation data; NaN where nobody has asked.
+    """
+
+    parameters: Mapping[str, float]
+    sse: float
+    held_out_rmse: float = math.nan
+
+
+@dataclass(frozen=True)
 class FormulaFit:
     """A literature model fitted to training data.
 
     `status` is `converged`, `at_bound`, `rank_deficient`, `stopped_by_limit` or `failed`; numbers of a failed fit are NaN.
-    `method` names how it was fitted (`linear least squares`, `variable projection`, `levenberg_marquardt`).
+    `method` names how it was fitted (`linear least squares`, `variable projection`, `levenberg_marquardt`). `rivals` are other minima with
+    nearly its training error, the least first: which of them is right, training data hardly tell.
     """
 
     name: str
@@ -132,6 +146,7 @@ class FormulaFit:
     sse: float
     samples: int
     notes: tuple[str, ...] = ()
+    rivals: tuple[Optimum, ...] = ()
 
     @property
     def failed(self) -> bool:

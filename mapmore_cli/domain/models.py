@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Literal
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import FormulaFit, Scaling
@@ -12,6 +13,15 @@ from mapmore_cli.domain.recording import Quantity
 
 Side = str | float
 """Behaviour beyond one limit: `continue`, `continue_linear`, `saturate`, `zero`, or a value (M2 eq 12)."""
+
+Transition = Literal["linear", "quadratic", "cubic"]
+"""Course of a weight over a transition zone (M2 figure 5)."""
+
+Between = Literal["linear", "pchip"]
+"""Interpolation between the curves of neighbouring levels."""
+
+Hold = Literal["samples", "none"]
+"""Whether a segment function is held where a transition zone reaches far beyond its samples."""
 
 
 @dataclass(frozen=True)
@@ -52,16 +62,22 @@ class CurveFunction:
 class Fusion:
     """How the pieces are joined (M2 eq 9-12).
 
+    `hold: samples` holds a segment function beyond its samples by more than `z_s` of their width, as far as transition zones reach there;
+    `none` leaves it as it is (M2 eq 9-11 to the letter). `domain` are the limits of the whole training domain for every input that
+    extrapolation acts on there (M2 eq 12 as printed); an input that it lacks has each curve's own limits.
+
     `shrink` is the share g of the pieces on a backbone that is carried to the middle between two levels: `g + (1 - g)(1 - 2t)^2` at the
     place t between them.
     """
 
-    transition: str  # linear | quadratic | cubic
+    transition: Transition
     z_s: float
     extrapolation: Mapping[str, tuple[Side, Side]]  # below and above, for every input
-    levels: str = "linear"  # linear | pchip
+    levels: Between = "linear"
     aligned: str | None = None  # variable along which curves are aligned at their thresholds before they are interpolated
     shrink: float = 1.0
+    hold: Hold = "samples"
+    domain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -63,6 +63,8 @@ class Curve:
         `(n,)`; True on the plateau of a step response, which is scored but not trained on. None where nothing is said of plateaus.
     origin
         `(n,)` number of each sample's recording among `recordings`, the samples of one in order of time; None where it is not known.
+    measured
+        Range of each quantity over the training recordings, where the samples are not those that were measured but branches resampled.
     """
 
     id: str
@@ -72,6 +74,7 @@ class Curve:
     recordings: tuple[str, ...]
     at_rest: BoolArray | None = None
     origin: IntArray | None = None
+    measured: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def size(self) -> int:
@@ -83,12 +86,28 @@ class Curve:
         """`(n,)`; True where a sample trains."""
         return ~self.held_out if self.at_rest is None else ~(self.held_out | self.at_rest)
 
+    def limits(self, name: str) -> tuple[float, float]:
+        """Range of a quantity over the training samples, and over what was measured for them."""
+        x = self.columns[name][self.training]
+        low, high = self.measured.get(name, (x.min(), x.max()))
+        return min(float(x.min()), low), max(float(x.max()), high)
+
     @property
     def logs(self) -> tuple[IntArray, ...]:
         """Row numbers of the samples of each recording, in order of time."""
         if self.origin is None:
             return (np.arange(self.size),)
         return tuple(np.flatnonzero(self.origin == number) for number in np.unique(self.origin))
+
+
+def united(ranges: Iterable[Mapping[str, tuple[float, float]]]) -> dict[str, tuple[float, float]]:
+    """The least range of each quantity that holds all given ones."""
+    whole: dict[str, tuple[float, float]] = {}
+    for one in ranges:
+        for name, (low, high) in one.items():
+            least, greatest = whole.get(name, (low, high))
+            whole[name] = min(least, low), max(greatest, high)
+    return whole
 
 
 @dataclass(frozen=True)

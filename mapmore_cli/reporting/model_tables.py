@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.domain.fits import FormulaFit, SegmentFit
+from mapmore_cli.domain.fits import FormulaFit, Optimum, SegmentFit
 from mapmore_cli.domain.models import Equation, FoldError
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.modelling.literature.identifiability import half_width
@@ -148,6 +148,7 @@ def formulas_table(inputs: ReportInputs) -> Table:
     notes = tuple(f"{name} ({role}): {note}" for name, role, formula in fitted for note in formula.notes)
     caveat = (INDEPENDENCE_CAVEAT,) if rows else ()
     notes = (*caveat, *same_models([(name, formula) for name, _, formula in fitted]), *notes)
+    notes += tuple(told for name, _, formula in fitted for told in rival_minima(name, formula, inputs.target.unit))
     return Table("formulas", "Parameters of the fitted formulas", columns, rows, notes)
 
 
@@ -178,6 +179,21 @@ def same_models(fitted: Sequence[tuple[str, FormulaFit]]) -> tuple[str, ...]:
         for second, other in known[i + 1 :]
         if one.name != other.name and one.samples == other.samples and abs(one.sse - other.sse) <= SAME * one.sse
     )
+
+
+def rival_minima(name: str, formula: FormulaFit, unit: str = "") -> tuple[str, ...]:
+    """Other minima of a formula's error that training data hardly tell from the one taken, each as a sentence.
+
+    `unit` is that of held-out errors, which only a validation knows.
+    """
+    return tuple(_minimum(name, formula, rival, unit) for rival in formula.rivals)
+
+
+def _minimum(name: str, formula: FormulaFit, rival: Optimum, unit: str) -> str:
+    ratio = math.sqrt(rival.sse / formula.sse)
+    held_out = "" if math.isnan(rival.held_out_rmse) else f" and an error of {rival.held_out_rmse:.4g} {unit} on the validation data"
+    parameters = ", ".join(f"{key} = {value:.4g}" for key, value in rival.parameters.items())
+    return f"{name}: another minimum, {parameters}, has {ratio:.3g} times its training error{held_out}"
 
 
 def folds_table(choices: Sequence[FoldError], unit: str) -> Table:

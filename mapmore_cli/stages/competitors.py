@@ -11,14 +11,14 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.domain.fits import FormulaFit
+from mapmore_cli.domain.fits import FormulaFit, Optimum
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.results import Forecast
 from mapmore_cli.domain.scores import OWN
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.forecast import forecast
-from mapmore_cli.modelling.literature.backbone import fit_formula, pooled_training
+from mapmore_cli.modelling.literature.backbone import fit_formula, pooled, pooled_training
 from mapmore_cli.modelling.literature.hysteresis_loss import HysteresisLoss
 from mapmore_cli.modelling.signals.plateau import damping_component
 from mapmore_cli.modelling.sums import joint
@@ -78,8 +78,22 @@ class Contest:
         if competitor.sum is not None:
             return self._sum(competitor)
         assert competitor.model is not None
-        fit = self._fitted(competitor.model, self.dataset.curves, self.dataset.target, competitor.method, competitor.starts)
+        found = self._fitted(competitor.model, self.dataset.curves, self.dataset.target, competitor.method, competitor.starts)
+        fit = self._with_held_out(found)
         return Rival(competitor.label, _forecasts(_predicted(fit, self.dataset.curves)), {competitor.label: fit})
+
+    def _with_held_out(self, fit: FormulaFit) -> FormulaFit:
+        """The fit with the held-out error of each of its rivals."""
+        formula, held_out = literature.get(fit.name), pooled([(curve, curve.held_out) for curve in self.dataset.curves])
+        measured = held_out[self.dataset.target]
+        if not len(measured):
+            return fit
+
+        def scored(rival: Optimum) -> Optimum:
+            error = formula.predict(rival.parameters, held_out) - measured
+            return replace(rival, held_out_rmse=float(np.sqrt(np.mean(error**2))))
+
+        return replace(fit, rivals=tuple(scored(rival) for rival in fit.rivals))
 
     def _of_run(self, run_dir: Path) -> Forecasts:
         quantities = self.dataset.quantities

@@ -57,4 +57,4 @@ def _provenance(part: ModelChoices) -> dict[str, str]:
     return {**tool_versions(), "spec": json.dumps(plain(part), indent=1)}
 
 
-STAGE = Stage(name="fuse", revision=5, outputs=("model.h5",), reads=reads, run=run, needs=needs)
+STAGE = Stage(name="fuse", revision=6, outputs=("model.h5",), reads=reads, run=run, needs=needs)

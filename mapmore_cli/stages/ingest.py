@@ -31,4 +31,4 @@ def needs(spec: ExperimentSpec) -> list[str]:
     return [spec.needs.static] if spec.target == "damping" and spec.needs.static is not None else []
 
 
-STAGE = Stage(name="ingest", revision=3, outputs=("ingest.h5",), reads=slice_of, run=run, sources=sources, needs=needs)
+STAGE = Stage(name="ingest", revision=4, outputs=("ingest.h5",), reads=slice_of, run=run, sources=sources, needs=needs)

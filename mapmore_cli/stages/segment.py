@@ -42,6 +42,7 @@ def run(part: Slice, workspace: Workspace) -> None:
     """Segment every curve over its own range; what is fitted there is what the backbone leaves."""
     from mapmore_cli.modelling.literature.backbone import fit_formula
     from mapmore_cli.modelling.pieces.build import segment
+    from mapmore_cli.modelling.pieces.recipe import Even
     from mapmore_cli.modelling.pieces.segmentation import trained_at
     from mapmore_cli.storage.artefacts import read_dataset, units_of, write_segmentation
 
@@ -53,10 +54,11 @@ def run(part: Slice, workspace: Workspace) -> None:
     segmentation = segment(trained_at(dataset.curves, part.train_level), recipe, formula)
     for curve in segmentation:
         for name, boundaries in zip(curve.variables, curve.boundaries, strict=True):
-            wanted = getattr(recipe.cuts[name], "count", None)
+            wanted = getattr(recipe.cutting.cuts[name], "count", None)
             if wanted is not None and len(boundaries) <= wanted:
-                workspace.warn(f"curve {curve.curve}: {len(boundaries) - 1} segment(s) along {name} instead of {wanted}")
+                why = ": neighbours with too few samples are joined" if isinstance(recipe.cutting.cuts[name], Even) else ""
+                workspace.warn(f"curve {curve.curve}: {len(boundaries) - 1} segment(s) along {name} instead of {wanted}{why}")
     write_segmentation(workspace.out / "segment.h5", segmentation, units_of(dataset))
 
 
-STAGE = Stage(name="segment", revision=3, outputs=("segment.h5",), reads=reads, run=run)
+STAGE = Stage(name="segment", revision=4, outputs=("segment.h5",), reads=reads, run=run)

@@ -61,6 +61,7 @@ def run(part: Slice, workspace: Workspace) -> None:
     from mapmore_cli.domain.scores import Validation
     from mapmore_cli.modelling.forecast import forecast
     from mapmore_cli.modelling.scores.rows import divisor
+    from mapmore_cli.reporting.model_tables import rival_minima
     from mapmore_cli.stages.competitors import Contest
     from mapmore_cli.storage.artefacts import read_dataset, read_model, write_scores, write_validation
 
@@ -70,6 +71,9 @@ def run(part: Slice, workspace: Workspace) -> None:
     contest = Contest(dataset, model, workspace.needed, static_run, part.lengths)
     rivals = _rivals(contest, part, workspace)
     forecasts = {OWN: tuple(forecast(model, curve) for curve in dataset.curves), **{one.name: one.forecasts for one in rivals}}
+    for one in rivals:
+        for told in (told for name, fit in one.formulas.items() for told in rival_minima(name, fit, dataset.unit(dataset.target))):
+            workspace.warn(told)
     for name, found in forecasts.items():
         _told_of_diverged(name, found, dataset, workspace.warn)
     judged = [(dataset, {name: found for name, found in forecasts.items() if name not in {one.name for one in rivals if one.failed}})]
@@ -162,4 +166,4 @@ def needs(spec: ExperimentSpec) -> list[Need]:
     return [*([static] if static is not None else []), *compared, *variations]
 
 
-STAGE = Stage(name="validate", revision=4, outputs=("validate.h5", "scores.csv", "scores.json"), reads=reads, run=run, needs=needs)
+STAGE = Stage(name="validate", revision=5, outputs=("validate.h5", "scores.csv", "scores.json"), reads=reads, run=run, needs=needs)

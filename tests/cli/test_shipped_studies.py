@@ -31,12 +31,12 @@ SIMULATED = [path for path in STUDIES if path not in MEASURED and path not in CH
 NRMSE = {
     "dmsp-20-88-static": {"mapmore": 0.0170, "sarosi": 0.0092, "polynomial_2": 0.0346},
     "peano-static": {"mapmore": 0.0091, "sarosi": 0.0144, "polynomial_2": 0.0410},
-    "dmsp-20-88-m1-static": {"mapmore": 0.0279, "sarosi": 0.0139, "polynomial_5": 0.4083},
-    "peano-m1-static": {"mapmore": 0.0102, "sarosi": 0.0144, "polynomial_5": 0.1995},
-    "dmsp-20-88-m1-hysteresis": {"mapmore": 0.1509, "sarosi": 0.1306},
+    "dmsp-20-88-m1-static": {"mapmore": 0.0275, "sarosi": 0.0139, "polynomial_5": 2.0798},
+    "peano-m1-static": {"mapmore": 0.0101, "sarosi": 0.0144, "polynomial_5": 1.1660},
+    "dmsp-20-88-m1-hysteresis": {"mapmore": 0.1590, "sarosi": 0.1306},
     "dmsp-20-88-perturbation": {"mapmore": 0.1186, "none": 0.2358},
     "peano-perturbation": {"mapmore": 0.2714, "none": 0.4244},
-    "peano-m1-hysteresis": {"mapmore": 0.0876, "sarosi": 0.7104},
+    "peano-m1-hysteresis": {"mapmore": 0.1010, "sarosi": 0.7104},
     "dmsp-20-88-inner-reversals": {"mapmore": 0.0055, "static": 0.0176, "rise_and_fall": 0.0082, "prandtl_ishlinskii": 0.0242},
     "peano-inner-reversals": {"mapmore": 0.0032, "static": 0.0164, "rise_and_fall": 0.0062, "prandtl_ishlinskii": 0.0280},
 }

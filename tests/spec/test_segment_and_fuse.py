@@ -72,7 +72,7 @@ def test_the_way_between_levels_reaches_the_recipe(tmp_path: Path) -> None:
     )
     spec = load_text(tmp_path, text).spec
     recipe = recipe_of("force", spec.data.levels, spec.segment, spec.dictionary, spec.fit, spec.fuse)
-    assert (recipe.levels, recipe.align, recipe.shrink) == ("pchip", "threshold", 1.0)
+    assert (recipe.fusing.joints.levels, recipe.fusing.align, recipe.fusing.shrink) == ("pchip", "threshold", 1.0)
 
 
 def test_segments_depend_on_the_fit_only_where_boundaries_try_it(tmp_path: Path) -> None:

@@ -51,8 +51,11 @@ def formula_document(formula: FormulaFit | None) -> dict[str, Any] | None:
 
 
 def formula_lines(formula: FormulaFit | None) -> tuple[str, ...]:
-    """Its parameters in a line."""
+    """Its parameters in a line, and other minima that fit nearly as well."""
+    from mapmore_cli.reporting.model_tables import rival_minima
+
     if formula is None:
         return ()
     parameters = ", ".join(f"{name} = {value:.6g}" for name, value in formula.parameters.items())
-    return (f"{formula.name} ({formula.status.replace('_', ' ')}, {formula.method}): {parameters}",)
+    own = f"{formula.name} ({formula.status.replace('_', ' ')}, {formula.method}): {parameters}"
+    return (own, *rival_minima(formula.name, formula))

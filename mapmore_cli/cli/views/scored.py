@@ -22,11 +22,15 @@ def of_scores(validation: Validation, published: Published | None = None) -> Vie
 
 def of_validation(validation: Validation) -> View:
     """The scores pooled and by curve, and the formulas that were fitted as competitors."""
+    from mapmore_cli.reporting.model_tables import rival_minima
     from mapmore_cli.reporting.tables import curve_scores_table
 
     pooled = of_scores(validation)
     formulas = {name: asdict(formula) for name, formula in validation.formulas.items()}
-    return View({**pooled.document, "formulas": formulas}, (*pooled.tables, curve_scores_table(validation.scores, validation.units)))
+    unit = next(iter(validation.units.values()), "")
+    lines = tuple(told for name, formula in validation.formulas.items() for told in rival_minima(name, formula, unit))
+    tables = (*pooled.tables, curve_scores_table(validation.scores, validation.units))
+    return View({**pooled.document, "formulas": formulas}, tables, lines)
 
 
 def pooled_table(validation: Validation, published: Published | None = None) -> Table:

@@ -11,14 +11,20 @@ from types import MappingProxyType
 
 import numpy as np
 
+from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling import literature
 
 
-def pooled_training(curves: Sequence[Curve]) -> dict[str, np.ndarray]:
+def pooled(parts: Sequence[tuple[Curve, BoolArray]]) -> dict[str, Array]:
+    """Columns of the chosen samples of all curves."""
+    return {name: np.concatenate([curve.columns[name][rows] for curve, rows in parts]) for name in parts[0][0].columns}
+
+
+def pooled_training(curves: Sequence[Curve]) -> dict[str, Array]:
     """Columns of all training samples of all curves."""
-    return {name: np.concatenate([c.columns[name][c.training] for c in curves]) for name in curves[0].columns}
+    return pooled([(curve, curve.training) for curve in curves])
 
 
 def fit_formula(

@@ -13,7 +13,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.literature import linear, trust_region
-from mapmore_cli.modelling.literature.multistart import STARTS, draw, lowest
+from mapmore_cli.modelling.literature.multistart import STARTS, draw, lowest, rivals
 from mapmore_cli.modelling.literature.problem import Problem
 from mapmore_cli.modelling.literature.solution import Solution, at_limit, failure
 from mapmore_cli.modelling.terms import NotFinite
@@ -44,7 +44,8 @@ def fit(problem: Problem) -> Solution:
     c, touched = trust_region.onto_bounds(end.x, _bounds(problem))
     limits = [at_limit(problem.nonlinear[i], c[i]) for i in touched]
     status = "at_bound" if limits else "converged" if end.status > 0 else "stopped_by_limit"
-    return Solution(_project(problem, c).beta, c, status, METHOD, (agreement, *limits))
+    others = tuple((_project(problem, other.x).beta, other.x) for other in rivals([end for end in ends if end.status > 0], best))
+    return Solution(_project(problem, c).beta, c, status, METHOD, (agreement, *limits), others)
 
 
 def _descend(problem: Problem, start: Array, tolerance: float) -> OptimizeResult | None:

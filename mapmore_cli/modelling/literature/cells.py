@@ -1,4 +1,4 @@
-"""Many samples as few: means over the cells of a grid, for searches that would else go over every sample of a long recording."""
+"""Many values as few: means over the cells of a grid for searches over long recordings, and the levels of a quantity that was held."""
 
 from __future__ import annotations
 
@@ -44,6 +44,31 @@ def condensed(columns: Columns, y: Array) -> Cells:
         bins //= 2
     means = {name: np.bincount(cell, column) / counts for name, column in columns.items()}
     return Cells(means, np.bincount(cell, y) / counts, counts.astype(float))
+
+
+SCATTER = 0.1
+"""Of the smallest distance between two levels: how far values may lie apart that are nominally one."""
+
+VALUES_A_LEVEL = 5
+"""Distinct values for every level, from which on they are scatter about it; fewer may be levels of their own."""
+
+
+def nominal(column: Array) -> Array:
+    """The column, `(n,)`, with every value replaced by the level that it scatters about; unchanged where there are no such levels.
+
+    Levels are groups of values that lie nearer together than `SCATTER` times the smallest distance between two groups, `VALUES_A_LEVEL`
+    or more in a group on the average; the finest such partition is taken.
+    """
+    values, place = np.unique(column, return_inverse=True)
+    gaps = np.diff(values)
+    sizes = np.sort(gaps)[::-1]
+    for parting in sizes[:-1][sizes[1:] <= SCATTER * sizes[:-1]][::-1]:
+        starts = np.concatenate([[0], np.flatnonzero(gaps >= parting) + 1])
+        lowest, highest = np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)
+        if len(values) >= VALUES_A_LEVEL * len(starts) and float((highest - lowest).max()) <= SCATTER * float(parting):
+            group = np.searchsorted(starts, np.arange(len(values)), side="right") - 1
+            return np.asarray(((lowest + highest) / 2)[group[place]])
+    return column
 
 
 def _place(column: Array) -> Array:

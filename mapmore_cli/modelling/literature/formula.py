@@ -10,7 +10,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import DataError, SpecError
-from mapmore_cli.domain.fits import FormulaFit
+from mapmore_cli.domain.fits import FormulaFit, Optimum
 from mapmore_cli.modelling.literature import levenberg_marquardt, linear, simplex, varpro
 from mapmore_cli.modelling.literature.checks import finite, needed
 from mapmore_cli.modelling.literature.identifiability import hints
@@ -190,7 +190,7 @@ class Formula(LiteratureModel):
         residual = problem.residual(solution.beta, solution.c)
         sse = float(residual @ residual)
         jacobian = self._jacobian_at(values)
-        slopes = jacobian(problem.columns) if count else np.empty((len(residual), 0))
+        slopes = jacobian(problem.at_levels.columns) if count else np.empty((len(residual), 0))
         deviations, rank, condition = linear.standard_errors(slopes, sse)
         errors = dict(zip(self.fitted, map(float, deviations), strict=True))
         choice = "the solution of least norm was taken" if len(self.nonlinear) <= 1 else "one of many equally good solutions was taken"
@@ -207,7 +207,12 @@ class Formula(LiteratureModel):
             sse=sse,
             samples=len(problem.y),
             notes=(*notes, *(hints(values, errors, jacobian, problem.columns) if count else ())),
+            rivals=tuple(self._optimum(problem, *rival, given) for rival in solution.rivals),
         )
+
+    def _optimum(self, problem: Problem, beta: Array, c: Array, given: Mapping[str, float]) -> Optimum:
+        values, residual = {**self._printed(problem.values(beta, c)), **given}, problem.residual(beta, c)
+        return Optimum({name: values[name] for name in self.parameters}, float(residual @ residual))
 
     def _printed(self, values: Mapping[str, float]) -> dict[str, float]:
         """The fitted parameters as printed, from those of the linear form."""

@@ -14,7 +14,7 @@ from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.modelling.literature import hinge, linear, trust_region
 from mapmore_cli.modelling.literature.cells import condensed
 from mapmore_cli.modelling.literature.hinge import A3, B1, LN_W, NAMES, A, B
-from mapmore_cli.modelling.literature.multistart import lowest
+from mapmore_cli.modelling.literature.multistart import lowest, rivals
 
 START_A3 = (-8.0, -4.0, -2.0, -0.7, 1.5)
 START_W = 0.02
@@ -46,6 +46,8 @@ class HingeFit:
         Of the data without the priors.
     agreement
         How many starts came to it.
+    others
+        Parameters of other minima that are nearly as deep, `(10,)` each.
     """
 
     parameters: Array
@@ -58,6 +60,7 @@ class HingeFit:
     condition: float
     agreement: str
     converged: bool
+    others: tuple[Array, ...]
 
 
 @dataclass(frozen=True)
@@ -97,8 +100,7 @@ def fit(columns: Columns, y: Array) -> HingeFit:
     best, agreement = lowest(ends, len(START_A3))
     q, touched = trust_region.onto_bounds(best.x, bounds)
     _, rank, condition = linear.standard_errors(problem.data_jacobian(q), 0.0)
-    natural, errors = q.copy(), _errors(problem, q)
-    natural[LN_W] = np.exp(q[LN_W])
+    natural, errors = _natural(q), _errors(problem, q)
     errors[LN_W] *= natural[LN_W]
     units = hinge.units(*scales)
     return HingeFit(
@@ -112,7 +114,13 @@ def fit(columns: Columns, y: Array) -> HingeFit:
         condition=condition,
         agreement=agreement,
         converged=best.status > 0,
+        others=tuple(_natural(end.x) * units for end in rivals([end for end in ends if end.status > 0], best)),
     )
+
+
+def _natural(q: Array) -> Array:
+    """The normalised parameters, with w in place of its logarithm."""
+    return np.concatenate([q[:LN_W], [np.exp(q[LN_W])]])
 
 
 def _scale(column: Array) -> float:

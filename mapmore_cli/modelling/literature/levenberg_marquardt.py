@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.modelling.literature.multistart import draw, lowest
+from mapmore_cli.modelling.literature.multistart import draw, lowest, rivals
 from mapmore_cli.modelling.literature.problem import Problem
 from mapmore_cli.modelling.literature.solution import Solution, failure
 from mapmore_cli.modelling.terms import NotFinite
@@ -36,7 +36,8 @@ def fit(problem: Problem) -> Solution:
     best, agreement = lowest(ends, len(starts))
     m = len(problem.linear)
     status = "converged" if best.status > 0 else "stopped_by_limit"
-    return Solution(best.x[:m], best.x[m:], status, METHOD, (agreement,) if len(starts) > 1 else ())
+    others = tuple((end.x[:m], end.x[m:]) for end in rivals([end for end in ends if end.status > 0], best))
+    return Solution(best.x[:m], best.x[m:], status, METHOD, (agreement,) if len(starts) > 1 else (), others)
 
 
 def _starts(problem: Problem) -> Iterator[Array]:

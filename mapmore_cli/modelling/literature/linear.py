@@ -69,6 +69,11 @@ def least_sse(phi: Array, y: Array) -> float:
     return solve(triangle[:, :-1], triangle[:, -1]).sse
 
 
+def numerical_rank(phi: Array) -> int:
+    """Rank of regressors `(n, m)` with unit columns."""
+    return _rank(np.asarray(np.linalg.svd(phi / _lengths(phi), compute_uv=False)))[0]
+
+
 def standard_errors(jacobian: Array, sse: float) -> tuple[Array, int, float]:
     """Standard errors `(p,)`, rank and condition from a Jacobian `(n, p)` at the solution.
 

@@ -13,6 +13,8 @@ from mapmore_cli.modelling.literature.problem import Nonlinear
 STARTS = 10
 SEED = 20170714  # any fixed number: the same data give the same fit
 AGREEMENT = 1e-6  # relative difference between sums of squares that are called equal
+RIVAL = 1.25  # times the least sum of squares (1.12 times the RMSE), up to which another minimum is told
+DISTINCT = 1e-3  # relative difference between sums of squares of minima that are called different
 
 
 class End(Protocol):
@@ -37,6 +39,15 @@ def lowest(ends: Sequence[Found], starts: int) -> tuple[Found, str]:
     best = min(ends, key=lambda end: float(end.cost))
     agreeing = sum(end.cost <= (1 + AGREEMENT) * best.cost + 1e-20 for end in ends)
     return best, f"{agreeing} of {starts} starts agree on the sum of squares"
+
+
+def rivals(converged: Sequence[Found], best: Found) -> list[Found]:
+    """Ends in other minima than the best that are nearly as deep, one of each, the deepest first."""
+    found = [best]
+    for end in sorted(converged, key=lambda end: float(end.cost)):
+        if (1 + DISTINCT) * found[-1].cost < end.cost <= RIVAL * best.cost:
+            found.append(end)
+    return found[1:]
 
 
 def _place(parameter: Nonlinear, rng: np.random.Generator) -> float:

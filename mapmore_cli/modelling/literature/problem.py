@@ -9,7 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.modelling.literature.cells import condensed
+from mapmore_cli.modelling.literature import linear
+from mapmore_cli.modelling.literature.cells import condensed, nominal
 from mapmore_cli.modelling.terms import Expression, Number, dictionary_matrix, evaluate, substitute
 
 
@@ -112,6 +113,18 @@ class Problem:
     def spans(self) -> Array:
         """Coordinates of the value one of the nonlinear parameters, `(k,)`."""
         return np.array([parameter.span(self.columns) for parameter in self.nonlinear])
+
+    @cached_property
+    def at_levels(self) -> Problem:
+        """A linear problem at the levels that were held, where these leave parameters undetermined; else the problem as it is.
+
+        Values that are nominally equal scatter a little. That raises the numerical rank, and what is fitted to the scatter explodes between
+        the levels (1e-8 of scatter hid that `polynomial_5` has a rank of 18 with four pressures).
+        """
+        held = replace(self, columns={name: nominal(column) for name, column in self.columns.items()})
+        if self.nonlinear or all(held.columns[name] is column for name, column in self.columns.items()):
+            return self
+        return held if linear.numerical_rank(held.regressors(np.empty(0))) < len(self.linear) else self
 
     def condensed(self) -> Problem:
         """The problem over means of neighbouring samples, where there are many: quick, and nearly the same."""

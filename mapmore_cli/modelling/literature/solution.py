@@ -19,6 +19,7 @@ class Solution:
     status: str
     method: str
     notes: tuple[str, ...] = ()
+    rivals: tuple[tuple[Array, Array], ...] = ()  # beta and c of other minima that are nearly as deep
 
 
 def failure(problem: Problem, method: str) -> Solution:

@@ -1,15 +1,19 @@
 """Variable projection: a formula that is linear in all but one parameter, fitted without starting values (with more: `bounded`).
 
 For every coordinate c of the nonlinear parameter the linear ones follow by least squares, so that `r(c) = Phi(c) Phi(c)^+ y - y`
-depends on one number alone. Its sum of squares is scanned over all that the parameter may be, and the deepest valley is refined.
+depends on one number alone. Its sum of squares is scanned over all that the parameter may be, and the valleys are refined: the deepest is
+taken, and those that are nearly as deep are its rivals.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.literature import bounded, linear
+from mapmore_cli.modelling.literature.multistart import DISTINCT, RIVAL
 from mapmore_cli.modelling.literature.problem import Problem
 from mapmore_cli.modelling.literature.solution import Solution, at_limit
 
@@ -17,6 +21,7 @@ METHOD = "variable projection"
 
 SCAN_POINTS = 24  # in each interval of the coordinate
 HALF_DIGITS = 1e-4  # relative distance within which the lowest sum of squares surely places the minimum
+WORTH_REFINING = 4.0  # times the lowest sum of squares of the scan, up to which a valley is refined
 FLAT = 1e-10  # relative change of the sum of squares over the whole scan
 ROUNDING = 1e-24  # of y'y: sums of squares below are rounding
 
@@ -29,7 +34,7 @@ def fit(problem: Problem) -> Solution:
     if len(problem.nonlinear) > 1:
         return bounded.fit(problem)
     if not problem.nonlinear:
-        straight = linear.solve(problem.regressors(np.empty(0)), problem.target(np.empty(0)))
+        straight = linear.solve(problem.at_levels.regressors(np.empty(0)), problem.target(np.empty(0)))
         return Solution(straight.beta, np.empty(0), "converged", "linear least squares")
     parameter = problem.nonlinear[0]
     grids = np.array([np.geomspace(*interval, SCAN_POINTS) for interval in parameter.intervals])
@@ -37,9 +42,20 @@ def fit(problem: Problem) -> Solution:
     if _flat(sse, problem.y):
         c = min(grids.flat, key=lambda c: abs(np.log(abs(c))))
         return _solution(problem, c, "converged", (f"{parameter.name} is arbitrary: every value fits these data equally well",))
-    interval, i = np.unravel_index(np.argmin(sse), sse.shape)
-    c, status = _refine(problem, grids[interval], int(i))
-    return _solution(problem, c, status, (at_limit(parameter, c),) if status == "at_bound" else ())
+    valleys = sorted((_refine(problem, grids[number], i) for number, i in _valleys(sse)), key=lambda valley: _sse(problem, valley[0]))
+    c, status = valleys[0]
+    least = _sse(problem, c)
+    near = [other for other, _ in valleys[1:] if (1 + DISTINCT) * least < _sse(problem, other) <= RIVAL * least]
+    solution = _solution(problem, c, status, (at_limit(parameter, c),) if status == "at_bound" else ())
+    return replace(solution, rivals=tuple((_project(problem, other).beta, np.array([other])) for other in near))
+
+
+def _valleys(sse: Array) -> list[tuple[int, int]]:
+    """Rows and places of the scan that no neighbour lies below and that may come to be as deep as a rival; the deepest first."""
+    padded = np.pad(sse, ((0, 0), (1, 1)), constant_values=np.inf)
+    low = (sse <= padded[:, :-2]) & (sse <= padded[:, 2:]) & (sse <= WORTH_REFINING * sse.min())
+    places = [(int(row), int(place)) for row, place in np.argwhere(low)]
+    return sorted(places, key=lambda at: float(sse[at]))
 
 
 def _flat(sse: Array, y: Array) -> bool:

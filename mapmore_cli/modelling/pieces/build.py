@@ -6,13 +6,14 @@ The stages of the pipeline call the three steps one by one, with files between; 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import IntArray
 from mapmore_cli.domain.fits import FormulaFit, Segment, SegmentedCurve, SegmentFit
-from mapmore_cli.domain.models import CurveFunction, Fusion, Model, Pieces, SegmentFunction, Side
-from mapmore_cli.domain.recording import Curve, Quantity
+from mapmore_cli.domain.models import CurveFunction, Model, Pieces, SegmentFunction, Side
+from mapmore_cli.domain.recording import Curve, Quantity, united
 from mapmore_cli.domain.results import FitResult, PiecesFit
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature.backbone import residual_of
@@ -25,9 +26,9 @@ from mapmore_cli.modelling.terms import parse
 
 def model_inputs(recipe: Recipe, backbone: FormulaFit | None) -> tuple[str, ...]:
     """Every quantity that the model needs: of the dictionary, the segmentation, the level and the backbone."""
-    names = {*dictionary_inputs(recipe.dictionary), *recipe.cuts}
-    if recipe.level is not None:
-        names.add(recipe.level)
+    names = {*dictionary_inputs(recipe.fitting.dictionary), *recipe.cutting.cuts}
+    if recipe.cutting.level is not None:
+        names.add(recipe.cutting.level)
     if backbone is not None:
         names.update(literature.get(backbone.name).inputs)
     return tuple(sorted(names))
@@ -41,18 +42,18 @@ def segment(curves: Sequence[Curve], recipe: Recipe, backbone: FormulaFit | None
     DataError
         Where a segment holds no sample, or a curve has too few for the cut.
     """
-    terms = [parse(text) for text in recipe.dictionary]
-    training = training_curves(curves, recipe.level is not None)
+    terms = [parse(text) for text in recipe.fitting.dictionary]
+    training = training_curves(curves, recipe.cutting.level is not None)
     fitted = {curve.id: residual_of(curve, recipe.target, backbone) for curve in training}
 
     def cost(curve: Curve, rows: IntArray) -> float:
-        if len(rows) <= recipe.max_terms:
+        if len(rows) <= recipe.fitting.max_terms:
             return float("inf")
         trial = Segment(f"{curve.id}/trial", curve.id, (), rows)
         found = fit_segment(trial, samples_of(fitted[curve.id], rows), terms, recipe)
         return found.selection.sse * found.scaling.y_slope**2
 
-    return tuple(segment_curve(curve, recipe.cuts, recipe.target, cost) for curve in training)
+    return tuple(segment_curve(curve, recipe.cutting.cuts, recipe.target, cost) for curve in training)
 
 
 def fit(
@@ -63,7 +64,7 @@ def fit(
     tick: Callable[[], None] = lambda: None,
 ) -> tuple[SegmentFit, ...]:
     """Fit every segment, to what the backbone leaves where there is one."""
-    pooled = training_curves(curves, recipe.level is not None)
+    pooled = training_curves(curves, recipe.cutting.level is not None)
     return fit_segments([residual_of(curve, recipe.target, backbone) for curve in pooled], segmentation, recipe, tick)
 
 
@@ -98,12 +99,18 @@ def fuse(
         for s in sorted(segmentation, key=lambda s: (s.level is not None, s.level))
     ]
     sides = _extrapolation(recipe, result, inputs)
-    fusion = Fusion(recipe.transition, recipe.z_s, sides, recipe.levels, along, _shrink(recipe, result.backbone))
+    fusion = replace(
+        recipe.fusing.joints,
+        extrapolation=sides,
+        aligned=along,
+        shrink=_shrink(recipe, result.backbone),
+        domain=_domain(segmentation, recipe, inputs),
+    )
     return Model(
         name=name,
         output=quantities[recipe.target],
         inputs=tuple(quantities[i] for i in inputs),
-        body=Pieces(recipe.level, tuple(recipe.cuts), tuple(functions), fusion, result.backbone),
+        body=Pieces(recipe.cutting.level, tuple(recipe.cutting.cuts), tuple(functions), fusion, result.backbone),
         notes=(*result.notes, *_remarks(recipe, result, sides)),
     )
 
@@ -116,16 +123,24 @@ def build(
     return fuse(name, curves, segmentation, FitResult(PiecesFit(fit(curves, segmentation, recipe, backbone)), backbone), recipe, quantities)
 
 
+def _domain(segmentation: Sequence[SegmentedCurve], recipe: Recipe, inputs: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Limits of the whole training domain, for every input but the level, where extrapolation is to begin there."""
+    if recipe.fusing.limits == "curve":
+        return {}
+    whole = united(curve.limits for curve in segmentation)
+    return {name: whole[name] for name in inputs if name != recipe.cutting.level}
+
+
 def _shrink(recipe: Recipe, backbone: FormulaFit | None) -> float:
     """Without a backbone there is nothing to shrink towards."""
-    return 1.0 if backbone is None or recipe.shrink is None else recipe.shrink
+    return 1.0 if backbone is None or recipe.fusing.shrink is None else recipe.fusing.shrink
 
 
 def _aligned_variable(recipe: Recipe, inputs: Sequence[str]) -> str | None:
     """The variable along which thresholds are looked for: the first that is cut, else the first input that is not the level."""
-    if recipe.align == "none" or recipe.level is None:
+    if recipe.fusing.align == "none" or recipe.cutting.level is None:
         return None
-    return next(iter([*recipe.cuts, *(name for name in inputs if name != recipe.level)]), None)
+    return next(iter([*recipe.cutting.cuts, *(name for name in inputs if name != recipe.cutting.level)]), None)
 
 
 def _thresholds(curves: Sequence[Curve], recipe: Recipe, along: str) -> dict[str, float]:
@@ -138,7 +153,7 @@ def _segment_limits(
     curves: Sequence[Curve], segmentation: Sequence[SegmentedCurve], recipe: Recipe
 ) -> dict[str, dict[str, tuple[float, float]]]:
     """Range of every segment's samples along every segmented variable, by the segment's id."""
-    by_id = {curve.id: curve for curve in training_curves(curves, recipe.level is not None)}
+    by_id = {curve.id: curve for curve in training_curves(curves, recipe.cutting.level is not None)}
     ranges = {}
     for segmented in segmentation:
         for one in segmented.segments:
@@ -171,8 +186,8 @@ def _extrapolation(recipe: Recipe, result: FitResult, inputs: Sequence[str]) -> 
     A polynomial of several terms explodes beyond its data, and while interpolating between levels a curve is evaluated past its own end
     as a matter of course: on a simulated muscle that made a validation RMSE of 771 N out of 19.6 N.
     """
-    default: Side = recipe.beyond if recipe.beyond is not None else "saturate" if _several_terms(result) else "continue"
-    asked = {name: recipe.extrapolation.get(name, (None, None)) for name in inputs}
+    default: Side = recipe.fusing.beyond if recipe.fusing.beyond is not None else "saturate" if _several_terms(result) else "continue"
+    asked = {name: recipe.fusing.extrapolation.get(name, (None, None)) for name in inputs}
     return {name: (default if below is None else below, default if above is None else above) for name, (below, above) in asked.items()}
 
 
@@ -186,7 +201,7 @@ def _remarks(recipe: Recipe, result: FitResult, sides: Mapping[str, tuple[Side, 
     curves = _several_terms(result)
     if not curves:
         return ()
-    explosive = sorted(name for name, side in sides.items() if "continue" in side and name != recipe.level)
+    explosive = sorted(name for name, side in sides.items() if "continue" in side and name != recipe.cutting.level)
     if explosive:
         where = f"{', '.join(explosive)} on {', '.join(curves)}"
         return (f"segments of several terms continue beyond their data along {where}: polynomials explode there; consider saturate",)

@@ -53,7 +53,7 @@ def leave_out(
     for number, left_out in enumerate(folds):
         training = [replace(c, held_out=c.held_out | out) for c, out in zip(curves, left_out, strict=True)]
         formula = fit_formula(backbone, training, recipe.target)
-        model = build("fold", training, replace(recipe, shrink=1.0), quantities, formula)
+        model = build("fold", training, replace(recipe, fusing=replace(recipe.fusing, shrink=1.0)), quantities, formula)
         for curve, out in zip(curves, left_out, strict=True):
             if out.any():
                 rows = {name: x[out] for name, x in curve.columns.items()}
@@ -66,7 +66,7 @@ def leave_out(
 
 def inner_levels(curves: Sequence[Curve], recipe: Recipe) -> list[int]:
     """Numbers of the curves whose level lies between two others of the training data."""
-    if recipe.level is None:
+    if recipe.cutting.level is None:
         return []
     return [number for number, curve in enumerate(curves) if curve.training.any()][1:-1]
 
@@ -76,7 +76,9 @@ def _folds(curves: Sequence[Curve], recipe: Recipe) -> Folds:
     inner = inner_levels(curves, recipe)
     if inner:
         return [tuple(mask & (number == left) for number, mask in enumerate(training)) for left in inner]
-    along = next(iter(recipe.cuts), None) or next(name for name in sorted(curves[0].columns) if name not in (recipe.target, recipe.level))
+    along = next(iter(recipe.cutting.cuts), None) or next(
+        name for name in sorted(curves[0].columns) if name not in (recipe.target, recipe.cutting.level)
+    )
     return [tuple(_block(curve, along, block) for curve in curves) for block in range(1, BLOCKS - 1)]
 
 

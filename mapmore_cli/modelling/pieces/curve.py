@@ -68,10 +68,14 @@ class FusedCurve:
 
     def edges(self, name: str) -> Array:
         """Where something begins or ends along a free input, ascending: limits beyond which it does not simply go on, transition zones."""
-        (low, high), (below, above) = self.curve.limits[name], self.fusion.extrapolation[name]
+        (low, high), (below, above) = self.limits(name), self.fusion.extrapolation[name]
         edges = [low] * (below != "continue") + [nextafter(high, inf)] * (above != "continue")
         edges += [edge for start, end in self._zones.get(name, ()) for edge in (nextafter(start, inf), end)]
         return np.unique(np.array(edges, dtype=np.float64))
+
+    def limits(self, name: str) -> tuple[float, float]:
+        """Where extrapolation begins along a free input: at the curve's own ends, or at those of the whole training domain."""
+        return self.fusion.domain.get(name, self.curve.limits[name])
 
     def marks(self, name: str) -> tuple[float, float, float]:
         """Low end, threshold and high end along the aligned variable."""
@@ -83,7 +87,7 @@ class FusedCurve:
         """What counts in a region, given its interval of every free input, which no `edges` part."""
         within, held, straight = dict(intervals), {}, {}
         for name in self.free:
-            (low, high), (below, above) = self.curve.limits[name], self.fusion.extrapolation[name]
+            (low, high), (below, above) = self.limits(name), self.fusion.extrapolation[name]
             start, end = intervals[name]
             side, limit = (below, low) if end <= low else (above, high) if start > high else ("continue", 0.0)
             if side == "zero":
@@ -143,12 +147,14 @@ class FusedCurve:
         return TRANSITIONS[self.fusion.transition]((x - start) / (end - start))
 
     def _reach(self, segment: SegmentFunction, within: Mapping[str, Interval]) -> Iterator[tuple[str, Interval]]:
-        """Where a segment function is held: beyond its samples by more than z_s of their width.
+        """Where a segment function is held (`hold: samples`): beyond its samples by more than z_s of their width.
 
         M2 eq 10 and 11 make a transition zone z_s of *both* neighbours' widths: in the zone beside a wide segment, the function of a narrow
         one would be carried several times its width beyond its data, where a polynomial explodes. Segments of one width that are full of
         samples are not held. The outer ends of a curve are left to `extrapolation`.
         """
+        if self.fusion.hold == "none":
+            return
         for name, boundaries, place in zip(self.variables, self.curve.boundaries, segment.cell, strict=True):
             low, high = segment.limits.get(name, (-inf, inf))
             reach = self.fusion.z_s * (high - low)

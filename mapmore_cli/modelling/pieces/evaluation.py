@@ -7,13 +7,14 @@ once for all of its rows.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, prod
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns, IntArray, Value
 from mapmore_cli.domain.models import Pieces as Body
+from mapmore_cli.domain.models import SegmentFunction
 from mapmore_cli.modelling.pieces.alignment import aligned
 from mapmore_cli.modelling.pieces.bands import Band, alone, bands
 from mapmore_cli.modelling.pieces.curve import FusedCurve, Pieces
@@ -164,3 +165,28 @@ def _bands(model: Body, levels: Array) -> tuple[Array, tuple[Band, ...]]:
 def level_values(model: Body) -> Array:
     """The levels of the model's curves, ascending, (L,)."""
     return np.array([curve.level for curve in model.curves], dtype=np.float64)
+
+
+def segment_weights(model: Body, columns: Columns) -> dict[str, Array]:
+    """Weight of every segment function in the model, by its id, (n,) each: what it counts with where it and the others are told.
+
+    The model itself is asked, with one function put to one and all others to zero: transitions, the way between levels, the share of a
+    residual that is carried there, and extrapolation are all in it. With `levels: pchip` weights between levels depend on the values of
+    the curves; these are those of such functions. A segment that was dropped is not there.
+
+    Parameters
+    ----------
+    columns
+        All inputs of the model by name, each (n,).
+    """
+    return {one.id: FusedPieces(_probe(model, one.id), list(columns)).values(columns) for one in model.segments}
+
+
+def _probe(model: Body, chosen: str) -> Body:
+    """The model with one segment function put to one and the others to zero."""
+
+    def constant(segment: SegmentFunction) -> SegmentFunction:
+        scaling = replace(segment.scaling, y_slope=1.0, y_intercept=float(segment.id == chosen))
+        return replace(segment, terms=(), theta=np.empty(0), scaling=scaling)
+
+    return replace(model, curves=tuple(replace(c, segments=tuple(map(constant, c.segments))) for c in model.curves))

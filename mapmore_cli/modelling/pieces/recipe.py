@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Literal
 
-from mapmore_cli.domain.models import Side
+from mapmore_cli.domain.models import Fusion, Side
 
 
 @dataclass(frozen=True)
 class Even:
-    """`count` segments of one width."""
+    """`count` segments of one width; neighbours are joined until each holds `min_samples`."""
 
     count: int
+    min_samples: int = 0
 
 
 @dataclass(frozen=True)
 class Breakpoints:
-    """Segments between given inner boundaries."""
+    """Segments between given inner boundaries; neighbours are joined until each holds `min_samples`."""
 
     at: tuple[float, ...]
+    min_samples: int = 0
 
 
 @dataclass(frozen=True)
@@ -53,25 +56,57 @@ Cut = Even | Breakpoints | Gradient | Optimal | Directions
 """How one variable is cut into segments."""
 
 
+Scale = Literal["unit_square", "max_abs", "none"]
+"""Rule by which a segment's data are scaled (M1 step 1)."""
+
+Stop = Literal["tolerance", "bic", "aicc", "press", "free_run"]
+"""What ends the selection of terms."""
+
+Align = Literal["none", "threshold"]
+"""Whether curves are interpolated between points at the same pressure or strain, or at the same place relative to their thresholds."""
+
+Limits = Literal["curve", "domain"]
+"""Where extrapolation begins: at the ends of each curve, or at those of all training samples (M2 eq 12 as printed)."""
+
+
 @dataclass(frozen=True)
-class Recipe:
-    """The choices of a MAPMORE model (M2 section 4.4 has the paper's).
+class Cutting:
+    """How samples are cut into curves and segments.
 
     Attributes
     ----------
-    target
-        Column that is modelled.
     level
         Quantity whose curves are interpolated; None pools all curves into one. It is constant within a curve, or the pressure of step
         responses, whose curves stand at the pressure of their plateau (M2 figure 3h).
     cuts
         Segmentation of each segmented variable.
-    dictionary
-        Candidate terms as text, in scaled coordinates.
-    levels
-        Interpolation between the curves: `linear` or `pchip`.
-    align
-        `none`, or `threshold`: curves are interpolated between points at the same place relative to their thresholds.
+    """
+
+    level: str | None
+    cuts: Mapping[str, Cut]
+
+
+@dataclass(frozen=True)
+class Fitting:
+    """How the terms of a segment are chosen; candidates are text, in scaled coordinates."""
+
+    dictionary: tuple[str, ...]
+    scaling: Scale
+    max_terms: int
+    tolerance: float
+    stop: Stop
+
+
+@dataclass(frozen=True)
+class Fusing:
+    """How segment functions are joined, where the data still have a say.
+
+    Attributes
+    ----------
+    joints
+        What is settled; its extrapolation and its aligned variable are filled in when the curves are known.
+    align, limits
+        Where the aligned variable and the limits of the training domain come from.
     shrink
         Share of a backbone's residual that is carried to the middle between two levels; None asks left-out training levels.
     extrapolation
@@ -79,18 +114,19 @@ class Recipe:
         default: `continue` where every segment has one term, else `saturate`.
     """
 
+    joints: Fusion
+    align: Align
+    limits: Limits
+    shrink: float | None
+    extrapolation: Mapping[str, tuple[Side | None, Side | None]]
+    beyond: Side | None
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """The choices of a MAPMORE model of one `target` (M2 section 4.4 has the paper's), step by step."""
+
     target: str
-    level: str | None
-    cuts: Mapping[str, Cut]
-    dictionary: tuple[str, ...]
-    scaling: str = "unit_square"
-    max_terms: int = 1
-    tolerance: float = 1e-4
-    stop: str = "tolerance"
-    transition: str = "linear"
-    z_s: float = 0.25
-    levels: str = "linear"
-    align: str = "none"
-    shrink: float | None = None
-    extrapolation: Mapping[str, tuple[Side | None, Side | None]] = field(default_factory=dict)
-    beyond: Side | None = None
+    cutting: Cutting
+    fitting: Fitting
+    fusing: Fusing

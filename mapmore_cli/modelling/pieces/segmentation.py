@@ -12,7 +12,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Segment, SegmentedCurve
-from mapmore_cli.domain.recording import DIRECTION, Curve
+from mapmore_cli.domain.recording import DIRECTION, Curve, united
 from mapmore_cli.modelling.pieces.boundaries import gradient_boundaries, optimal_partition
 from mapmore_cli.modelling.pieces.recipe import Breakpoints, Cut, Directions, Even, Gradient, Optimal
 
@@ -42,15 +42,30 @@ def cut_points(curve: Curve, rows: IntArray, name: str, target: str, cut: Cut, c
         return np.array([low, high])
     match cut:
         case Even(count):
-            return np.linspace(low, high, count + 1)
+            return joined(np.linspace(low, high, count + 1), x, cut.min_samples)
         case Breakpoints(at):
-            return np.array([low, *(b for b in at if low < b < high), high])
+            return joined(np.array([low, *(b for b in at if low < b < high), high]), x, cut.min_samples)
         case Gradient():
             return np.array([low, *gradient_boundaries(x, y, cut), high])
         case Optimal():
             order = np.lexsort((y, x))
             thinned = rows[order[:: -(-len(rows) // MOST_SAMPLES)]]
             return _optimal_points(curve, thinned, name, np.linspace(low, high, cut.grid + 1), cut, cost)
+
+
+def joined(boundaries: Array, x: Array, least: int) -> Array:
+    """The boundaries without those that must go for every segment to hold `least` samples, or only one segment to be left.
+
+    The segment with the fewest samples is joined to the neighbour that has fewer, the left one of equals, until none has too few.
+    """
+    while len(boundaries) > 2:
+        counts = [int(inside.sum()) for inside in _members(x, boundaries)]
+        place = int(np.argmin(counts))
+        if counts[place] >= least:
+            break
+        left, right = (counts[i] if 0 <= i < len(counts) else len(x) + 1 for i in (place - 1, place + 1))
+        boundaries = np.delete(boundaries, place if left <= right else place + 1)
+    return boundaries
 
 
 def _optimal_points(curve: Curve, rows: IntArray, name: str, grid: Array, cut: Optimal, cost: IntervalCost) -> Array:
@@ -84,6 +99,7 @@ def training_curves(curves: Sequence[Curve], by_level: bool) -> tuple[Curve, ...
             held_out=np.concatenate([curve.held_out for curve in curves]),
             recordings=tuple(dict.fromkeys(r for curve in curves for r in curve.recordings)),
             at_rest=np.concatenate([~(curve.training | curve.held_out) for curve in curves]),
+            measured=united([curve.measured for curve in curves]),
         ),
     )
 
@@ -122,7 +138,7 @@ def segment_curve(curve: Curve, cuts: Mapping[str, Cut], target: str, cost: Inte
         level=curve.level,
         variables=tuple(cuts),
         boundaries=tuple(boundaries.values()),
-        limits={name: (float(x.min()), float(x.max())) for name, x in values.items()},
+        limits={name: curve.limits(name) for name in values},
         segments=tuple(segments),
     )
 

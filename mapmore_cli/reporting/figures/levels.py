@@ -12,7 +12,7 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.models import Model, Pieces
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.kinds import predict
-from mapmore_cli.modelling.pieces.weights import level_weights
+from mapmore_cli.modelling.pieces.evaluation import segment_weights
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
 from mapmore_cli.reporting.figures.style import level_colours
 from mapmore_cli.reporting.inputs import ReportInputs
@@ -42,8 +42,13 @@ def _weights(pieces: Pieces, inputs: ReportInputs, level: Quantity, levels: Arra
     data: dict[str, Values] = {f"{level.name} [{level.unit}]": x}
     data |= {f"weight of {value:g} {level.unit}": weight for value, weight in zip(levels, weights, strict=True)}
     caption = f"Weights of the {len(levels)} training curves over {level.name}; a dot marks the level of each."
+    if pieces.fusion.shrink < 1.0:
+        share = f"{pieces.fusion.shrink:.0%}"
+        caption += (
+            f" Midway between levels, {share} of what the pieces explain on the backbone is carried: the weights sum to less than one."
+        )
     peaks = ", ".join(f"{value:g}" for value in levels)
-    alt = f"Triangular weights with their peaks at {peaks} {level.unit}."
+    alt = f"Weights with their peaks at {peaks} {level.unit}."
     return Drawing(NAME, caption, alt, (Panel("", on, inputs.axis_label(level), ("Weight (–)",), data),), Grid(height=1.3))
 
 
@@ -65,7 +70,7 @@ def _courses(inputs: ReportInputs, level: Quantity, levels: Array) -> Drawing:
 
 
 def draw_levels(ax: Axes, levels: Array, pieces: Pieces) -> None:
-    """Triangular weights between neighbouring levels; beyond the outer ones as far as the extrapolation acts on the weights."""
+    """Weights of the curves as the model has them between the levels, and beyond the outer ones."""
     x, weights = _level_weights(pieces, levels)
     for colour, level, weight in zip(level_colours(len(levels)), levels, weights, strict=True):
         ax.plot(x, weight, color=colour, linewidth=1.2)
@@ -73,10 +78,11 @@ def draw_levels(ax: Axes, levels: Array, pieces: Pieces) -> None:
 
 
 def _level_weights(pieces: Pieces, levels: Array) -> tuple[Array, Array]:
-    """Values of the level quantity `(m,)`, and the weight of every curve there `(levels, m)`."""
+    """Values of the level quantity `(m,)`, and the weight of every curve there `(levels, m)`, in the middle of the other inputs' ranges."""
     x = _level_grid(pieces, levels)
-    below, above = pieces.fusion.extrapolation[str(pieces.level)]
-    return x, level_weights(x, levels, str(below), str(above)).T
+    places = {name: np.full(len(x), np.mean([curve.limits[name] for curve in pieces.curves])) for name in pieces.curves[0].limits}
+    weights = segment_weights(pieces, {**places, str(pieces.level): x})
+    return x, np.array([np.sum([weights[segment.id] for segment in curve.segments], axis=0) for curve in pieces.curves])
 
 
 @dataclass(frozen=True)

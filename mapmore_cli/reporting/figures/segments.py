@@ -110,7 +110,8 @@ def _variable_figure(inputs: ReportInputs, fusion: Fusion, variable: int, name: 
     grid = Grid(columns_for(len(panels)), width_for(len(panels)), 2.2, (2.0, 0.8), common_y="row")
     joined = f"{fusion.transition} transitions, z_s = {fusion.z_s:g}"
     caption = (
-        f"Training samples by segment of {name}, and the segments' weights below: boundaries as lines, transition zones shaded ({joined})."
+        f"Training samples by segment of {name}, and the segments' weights within their curve below: boundaries as lines, transition zones "
+        f"shaded ({joined})."
         f"{some_of(len(shown), len(every), 'curves')}"
     )
     spoken = "; ".join(f"{curve.title}: boundaries at {', '.join(f'{b:.3g}' for b in curve.boundaries)}" for curve in shown)

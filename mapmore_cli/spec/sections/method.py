@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
+from mapmore_cli.domain.models import Between, Hold, Transition
 from mapmore_cli.spec.fields import (
     Keyed,
     Number,
@@ -31,9 +32,10 @@ LEAST_RIDGE = 1e-9
 class Cuts(Section):
     """How one variable is cut into segments.
 
-    `even` needs `count`; `breakpoints` needs the inner boundaries, `at`; `gradient` puts `count - 1` boundaries where the slope of the
-    target changes most, seen through a `window` (a tenth of each curve's range) and `separation` apart (the window); `optimal` puts them
-    where the fits of the segments leave the least, on a `grid` of equal cells (20) with `min_samples` in each segment (10).
+    `even` needs `count`, `breakpoints` the inner boundaries `at`. In both, neighbours are joined until each segment holds `min_samples`:
+    curves of few samples have fewer segments. `gradient` puts `count - 1` boundaries where the slope of the target changes most, seen
+    through a `window` (a tenth of each curve's range) and `separation` apart (the window). `optimal` puts them where the fits of the
+    segments leave the least, on a `grid` of equal cells (20) with `min_samples` in each segment (10).
     """
 
     method: Literal["even", "breakpoints", "gradient", "optimal"]
@@ -50,7 +52,10 @@ class Cuts(Section):
         if getattr(self, needed) is None:
             example = "count: 4" if needed == "count" else "at: [0.05, 0.1]"
             raise contradiction(f"method `{self.method}` needs `{needed}`", f"add it, as `{example}`", "method")
-        useful = {"gradient": {"window", "separation"}, "optimal": {"grid", "min_samples"}}.get(self.method, set()) | {"method", needed}
+        useful = {"gradient": {"window", "separation"}, "optimal": {"grid", "min_samples"}}.get(self.method, {"min_samples"}) | {
+            "method",
+            needed,
+        }
         for other in type(self).model_fields:
             if other not in useful and getattr(self, other) is not None:
                 raise contradiction(f"method `{self.method}` has no use for `{other}`", f"remove `{other}`", other)
@@ -200,12 +205,16 @@ class Fuse(Section):
     (`levels: linear`) or keeping their shape (`pchip`), and with `align: threshold` between places that lie alike relative to their
     thresholds. `shrink` is the share of the residual on a backbone that is carried to the middle between two levels: `auto` asks left-out
     training levels, 1 carries all of it, 0 leaves the backbone alone there. `extrapolation` is a word for all variables, or a mapping from
-    variable to word or `{below, above}`; without it, `continue` for one-term fits, else `saturate`.
+    variable to word or `{below, above}`; without it, `continue` for one-term fits, else `saturate`. It begins at each curve's own ends
+    (`limits: curve`), or at those of the whole training domain (`domain`: M2 eq 12 as printed). `hold: samples` holds a segment function
+    where a transition zone reaches beyond its samples by more than `z_s` of their width; `none` is M2 eq 9-11 to the letter.
     """
 
-    transition: Literal["linear", "quadratic", "cubic"] = "linear"
+    transition: Transition = "linear"
     z_s: Annotated[float, Field(ge=0, le=0.5)] = 0.25
-    levels: Literal["linear", "pchip"] = "linear"
+    levels: Between = "linear"
     align: Literal["none", "threshold"] = "none"
+    hold: Hold = "samples"
+    limits: Literal["curve", "domain"] = "curve"
     shrink: Annotated[Annotated[Literal["auto"], Text] | Annotated[Annotated[float, Field(ge=0, le=1)], Number], by_shape] = "auto"
     extrapolation: Annotated[Annotated[ExtrapolationWord, Text] | Annotated[dict[str, Sides], Keyed], by_shape] | None = None

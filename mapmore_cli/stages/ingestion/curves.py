@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.recording import Curve, Recording
+from mapmore_cli.domain.recording import Curve, Recording, united
 from mapmore_cli.modelling.signals.cycles import split_cycles
 from mapmore_cli.modelling.signals.levels import default_within, find_levels, match_levels
 from mapmore_cli.spec.sections.data import Cycles, Levels
@@ -54,13 +54,17 @@ class LevelSet:
 
 @dataclass(frozen=True)
 class Part:
-    """Samples of one recording at one level, `(n,)` each; `position` runs from 0 to 1 in the order of the log of that number."""
+    """Samples of one recording at one level, `(n,)` each; `position` runs from 0 to 1 in the order of the log of that number.
+
+    `measured` is the range of each quantity where the samples are branches resampled.
+    """
 
     recording: Recording
     level: float | None
     columns: Columns
     position: Array
     log: int
+    measured: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def size(self) -> int:
@@ -135,7 +139,8 @@ def join_branches(part: Part, cycles: Cycles, target: str) -> Part:
     with located(f"{where} ({part.size} samples)"):
         branches = split_cycles(part.columns[over], others, cycles.samples)
     columns = {over: branches.over, **branches.static(), "hysteresis": branches.hysteresis(target)}
-    return Part(part.recording, part.level, columns, np.linspace(0, 1, cycles.samples), part.log)
+    measured = {name: (float(x.min()), float(x.max())) for name, x in part.columns.items() if name in columns}
+    return Part(part.recording, part.level, columns, np.linspace(0, 1, cycles.samples), part.log, measured)
 
 
 def joined_curves(parts: Sequence[Part], held_out: Sequence[BoolArray], levels: LevelSet | None) -> tuple[Curve, ...]:
@@ -154,4 +159,6 @@ def _joined(key: str, parts: Sequence[Part], masks: Sequence[BoolArray]) -> Curv
     plateau = columns.pop(PLATEAU, None)
     at_rest = None if plateau is None else plateau == 1.0
     origin = np.repeat(np.arange(len(parts)), [part.size for part in parts])
-    return Curve(key, parts[0].level, columns, np.concatenate(masks), tuple(part.recording.id for part in parts), at_rest, origin)
+    training = [part.measured for part, mask in zip(parts, masks, strict=True) if not mask.all()]
+    names = tuple(part.recording.id for part in parts)
+    return Curve(key, parts[0].level, columns, np.concatenate(masks), names, at_rest, origin, united(training))

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from mapmore_cli.domain.models import Model, Side
     from mapmore_cli.domain.recording import Dataset
     from mapmore_cli.domain.results import FitResult
-    from mapmore_cli.modelling.pieces.recipe import Cut, Recipe
+    from mapmore_cli.modelling.pieces.recipe import Cut, Recipe, Scale
     from mapmore_cli.stages.pipeline.stage import Workspace
 
 
@@ -40,39 +40,42 @@ def _cut(cuts: Cuts | CutByDirection) -> Cut:
     if isinstance(cuts, CutByDirection):
         return Directions()
     if cuts.method == "breakpoints":
-        return Breakpoints(tuple(cuts.at or ()))
+        return Breakpoints(tuple(cuts.at or ()), cuts.min_samples or 0)
     assert cuts.count is not None
     if cuts.method == "gradient":
         return Gradient(cuts.count, cuts.window, cuts.separation)
     if cuts.method == "optimal":
         chosen = {"grid": cuts.grid, "min_samples": cuts.min_samples}
         return Optimal(cuts.count, **{name: value for name, value in chosen.items() if value is not None})
-    return Even(cuts.count)
+    return Even(cuts.count, cuts.min_samples or 0)
 
 
 def recipe_of(
     target: str, levels: Levels | None, segment: SegmentSection, dictionary: Sequence[DictionaryEntry], fit: Fit, fuse: Fuse
 ) -> Recipe:
     """The whole recipe of a MAPMORE model; without candidate terms where one model with memory stands in place of the segments."""
-    from mapmore_cli.modelling.pieces.recipe import Recipe
+    from mapmore_cli.domain.models import Fusion
+    from mapmore_cli.modelling.pieces.recipe import Cutting, Fitting, Fusing, Recipe
 
+    candidates = () if remembers(dictionary) else terms_of(dictionary)
     return Recipe(
         target=target,
-        level=level_of(levels, segment),
-        cuts=cuts_of(segment),
-        dictionary=() if remembers(dictionary) else terms_of(dictionary),
-        scaling=fit.scaling,
-        max_terms=fit.max_terms,
-        tolerance=fit.tolerance,
-        stop=fit.stop,
-        transition=fuse.transition,
-        z_s=fuse.z_s,
-        levels=fuse.levels,
-        align=fuse.align,
-        shrink=None if fuse.shrink == "auto" else fuse.shrink,
-        extrapolation=_sides(fuse),
-        beyond=fuse.extrapolation if isinstance(fuse.extrapolation, str) else None,
+        cutting=Cutting(level_of(levels, segment), cuts_of(segment)),
+        fitting=Fitting(candidates, _scaling(fit), fit.max_terms, fit.tolerance, fit.stop),
+        fusing=Fusing(
+            joints=Fusion(fuse.transition, fuse.z_s, {}, levels=fuse.levels, hold=fuse.hold),
+            align=fuse.align,
+            limits=fuse.limits,
+            shrink=None if fuse.shrink == "auto" else fuse.shrink,
+            extrapolation=_sides(fuse),
+            beyond=fuse.extrapolation if isinstance(fuse.extrapolation, str) else None,
+        ),
     )
+
+
+def _scaling(fit: Fit) -> Scale:
+    """The scaling of segments; `range` is that of states with memory, and leaves pieces none."""
+    return "none" if fit.scaling == "range" else fit.scaling
 
 
 def _sides(fuse: Fuse) -> dict[str, tuple[Side | None, Side | None]]:
@@ -118,7 +121,7 @@ def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:
     result = read_fit(workspace.run_dir / "fit.h5")
     recipe = recipe_of(dataset.target, part.levels, part.segment, part.dictionary, part.fit, part.fuse)
     model = method.fuse(part.name, curves, segmentation, result, recipe, dataset.quantities)
-    if result.backbone is None or recipe.shrink is not None:
+    if result.backbone is None or recipe.fusing.shrink is not None:
         return model
     return with_trusted_residual(model, curves, recipe, dataset.quantities, lambda done, total: workspace.progress("folds", done, total))
 

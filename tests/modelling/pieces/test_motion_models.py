@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from surfaces import recipe as settings_of
 
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.models import Model
@@ -37,7 +38,7 @@ def curve(level: float, seed: int = 0, **columns: np.ndarray) -> Curve:
 
 
 def recipe(level: str | None, terms: tuple[str, ...]) -> Recipe:
-    return Recipe("damping", level, {"direction": Directions()}, terms, scaling="max_abs")
+    return settings_of(target="damping", level=level, cuts={"direction": Directions()}, dictionary=terms, scaling="max_abs")
 
 
 def constant_pieces() -> Model:

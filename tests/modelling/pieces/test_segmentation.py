@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +14,7 @@ from surfaces import curves
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.pieces.recipe import Breakpoints, Even
-from mapmore_cli.modelling.pieces.segmentation import segment_curve, segment_id, training_curves
+from mapmore_cli.modelling.pieces.segmentation import joined, segment_curve, segment_id, training_curves
 
 
 def cut(curve, cuts):
@@ -87,3 +88,16 @@ def test_without_levels_all_recordings_are_one_training_curve():
     assert [curve.id for curve in pooled] == ["all"]
     assert pooled[0].size == 480
     assert len(training_curves(curves(), by_level=True)) == 3
+
+
+@given(st.lists(st.floats(0, 1), min_size=2, max_size=40, unique=True), st.integers(1, 8), st.integers(1, 12))
+def test_joined_segments_hold_enough_samples(values, count, least):
+    x = np.array(values)
+    boundaries = np.linspace(x.min(), x.max(), count + 1)
+    found = joined(boundaries, x, least)
+    assert set(found) <= set(boundaries)
+    assert (found[0], found[-1]) == (boundaries[0], boundaries[-1])
+    counts = [np.sum((x >= low) & (x <= high)) for low, high in itertools.pairwise(found)]
+    assert len(counts) == 1 or min(counts) >= least
+    if min(np.sum((x >= low) & (x <= high)) for low, high in itertools.pairwise(boundaries)) >= least:
+        assert len(found) == len(boundaries)

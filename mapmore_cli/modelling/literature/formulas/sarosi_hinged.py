@@ -18,7 +18,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.domain.fits import FormulaFit
+from mapmore_cli.domain.fits import FormulaFit, Optimum
 from mapmore_cli.modelling.literature import hinge, hinge_fit
 from mapmore_cli.modelling.literature.formula import Formula, dependence
 from mapmore_cli.modelling.literature.formulas.sarosi import FORMULA as PLAIN
@@ -68,7 +68,14 @@ class SarosiHinged(Formula):
             sse=float(residual @ residual),
             samples=len(y),
             notes=tuple(_notes(hinged, plain, share, scatter, columns)),
+            rivals=tuple(
+                self._rival({**parameters, **dict(zip(hinge.NAMES, map(float, q), strict=True))}, columns, y) for q in hinged.others
+            ),
         )
+
+    def _rival(self, parameters: dict[str, float], columns: Columns, y: Array) -> Optimum:
+        residual = self.predict(parameters, columns) - y
+        return Optimum({name: parameters[name] for name in self.parameters}, float(residual @ residual))
 
     def equation(self, fit: FormulaFit) -> Expression:
         """The formula as a person would write it; where `hi - lo` is beyond 700 w it overflows, which `predict` does not."""

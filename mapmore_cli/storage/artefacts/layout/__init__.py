@@ -7,7 +7,7 @@ Units in brackets name the quantity whose unit applies: `[target]` is the modell
 from __future__ import annotations
 
 from mapmore_cli.storage.artefacts.layout.data import CURVE, DATASET, QUANTITY, RECORDING
-from mapmore_cli.storage.artefacts.layout.fits import FORMULA_FIT, SCALING, SEGMENT_FIT, SELECTION
+from mapmore_cli.storage.artefacts.layout.fits import FORMULA_FIT, OPTIMUM, SCALING, SEGMENT_FIT, SELECTION
 from mapmore_cli.storage.artefacts.layout.memory import MEMORY_FIT, MEMORY_MODEL, STATE_SET
 from mapmore_cli.storage.artefacts.layout.model import (
     BODIES,
@@ -38,6 +38,7 @@ SCHEMAS = (
     SELECTION,
     SEGMENT_FIT,
     FORMULA_FIT,
+    OPTIMUM,
     FOLD_ERROR,
     STATE_SET,
     MEMORY_MODEL,

@@ -7,7 +7,18 @@ from collections.abc import Iterator
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
 from mapmore_cli.storage.artefacts.codecs import added, named, numbered, optional, pairs, shown
 from mapmore_cli.storage.artefacts.label import NO_UNIT
-from mapmore_cli.storage.artefacts.layout.cells import ANY_REALS, COUNT, FLAGS, INDICES, NAME, OPTIONAL_REAL, OPTIONAL_TEXT, TEXT, TEXTS
+from mapmore_cli.storage.artefacts.layout.cells import (
+    ANY_REALS,
+    COUNT,
+    FLAGS,
+    INDICES,
+    LIMITS,
+    NAME,
+    OPTIONAL_REAL,
+    OPTIONAL_TEXT,
+    TEXT,
+    TEXTS,
+)
 from mapmore_cli.storage.artefacts.schema import Fault, Field, Schema, record
 
 QUANTITY = Schema(
@@ -46,6 +57,7 @@ CURVE = Schema(
         Field("recordings", TEXTS, "identifiers of the recordings that the samples come from", NO_UNIT),
         Field("at_rest", optional(FLAGS), "(n) 1 on the plateau of a step response, where a sample is scored but does not train"),
         Field("origin", optional(INDICES), "(n) number of each sample's recording among `recordings`, from 0", NO_UNIT),
+        Field("measured", added(LIMITS, {}), "range of each quantity over the training recordings, where samples are branches", "[*]"),
     ),
     rule=_curve_faults,
 )

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mapmore_cli.domain.fits import FormulaFit, Scaling, SegmentFit, Selection
+from mapmore_cli.domain.fits import FormulaFit, Optimum, Scaling, SegmentFit, Selection
 from mapmore_cli.modelling.literature.parts import SEVERITY
-from mapmore_cli.storage.artefacts.codecs import numbers, pairs, shown, text
+from mapmore_cli.storage.artefacts.codecs import added, numbered, numbers, pairs, shown, text
 from mapmore_cli.storage.artefacts.label import NO_UNIT
 from mapmore_cli.storage.artefacts.layout.cells import ANY_REAL, ANY_REALS, ANY_TABLE, CELL, COUNT, INDICES, REAL, REALS, TABLE, TEXT, TEXTS
 from mapmore_cli.storage.artefacts.schema import Fault, Field, Schema, record
@@ -83,6 +83,16 @@ SEGMENT_FIT = Schema(
     ),
 )
 
+OPTIMUM = Schema(
+    Optimum,
+    "Another minimum of a formula's error that explains the training data nearly as well.",
+    (
+        Field("parameters", pairs(REALS), "its parameters", "those of the formula"),
+        Field("sse", REAL, "its residual sum of squares", "[target]^2"),
+        Field("held_out_rmse", ANY_REAL, "its error on the validation data; NaN where nobody has asked", "[target]"),
+    ),
+)
+
 
 def _formula_faults(fit: FormulaFit) -> Iterator[Fault]:
     lost = [name for name, value in fit.parameters.items() if not np.isfinite(value)]
@@ -104,6 +114,7 @@ FORMULA_FIT = Schema(
         Field("sse", ANY_REAL, "residual sum of squares", "[target]^2"),
         Field("samples", COUNT, "samples fitted to"),
         Field("notes", TEXTS, "remarks for the reader", NO_UNIT),
+        Field("rivals", added(numbered(record(OPTIMUM)), ()), "other minima with nearly its training error", NO_UNIT),
     ),
     rule=_formula_faults,
 )

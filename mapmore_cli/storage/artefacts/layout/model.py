@@ -23,7 +23,7 @@ from mapmore_cli.domain.models import (
     Sum,
 )
 from mapmore_cli.modelling import literature
-from mapmore_cli.storage.artefacts.codecs import adapted, named, number, numbered, optional, pairs, shown, text
+from mapmore_cli.storage.artefacts.codecs import adapted, added, named, number, numbered, optional, pairs, shown, text
 from mapmore_cli.storage.artefacts.integrity import Invalid
 from mapmore_cli.storage.artefacts.label import NO_UNIT
 from mapmore_cli.storage.artefacts.layout.cells import (
@@ -148,6 +148,13 @@ FUSION = Schema(
         Field("levels", text(words=("linear", "pchip")), "interpolation between curves, `linear` or `pchip`", NO_UNIT),
         Field("aligned", OPTIONAL_TEXT, "variable along which curves are aligned at their thresholds", NO_UNIT),
         Field("shrink", SHARE, "share of the pieces on a backbone that is carried to the middle between two levels"),
+        Field(
+            "hold",
+            added(text(words=("samples", "none")), "samples"),
+            "`samples` where segment functions are held beyond theirs, or `none`",
+            NO_UNIT,
+        ),
+        Field("domain", added(LIMITS, {}), "limits of the whole training domain, for inputs that extrapolation acts on there", "[*]"),
     ),
 )
 

@@ -1,0 +1,99 @@
+"""M2 eq 9-12 to the letter: segment functions that are not held, limits of the whole domain, and the weights that are drawn."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from surfaces import QUANTITIES, curves, recipe
+
+from mapmore_cli.modelling.kinds import predict
+from mapmore_cli.modelling.literature.backbone import fit_formula
+from mapmore_cli.modelling.pieces.build import build
+from mapmore_cli.modelling.pieces.evaluation import segment_weights
+from mapmore_cli.modelling.pieces.recipe import Breakpoints, Even
+from mapmore_cli.modelling.terms import dictionary_matrix, parse
+
+UNEVEN = {"strain": Breakpoints((0.01, 0.07))}
+
+
+def model_of(samples=None, **changes):
+    return build("m", samples or curves(), recipe(**changes), QUANTITIES)
+
+
+def function(segment, x):
+    """A segment function from its numbers (M2 eq 8)."""
+    z = segment.scaling.slope[0] * x + segment.scaling.intercept[0]
+    terms = dictionary_matrix([parse(term) for term in segment.terms], {"strain": z}, len(x))
+    return segment.scaling.y_slope * (terms @ segment.theta) + segment.scaling.y_intercept
+
+
+def literal(curve, x, z_s):
+    """One curve by M2 eq 9-11 with linear transitions, segment by segment."""
+    seg, total = curve.boundaries[0], np.zeros(len(x))
+    for i, segment in enumerate(curve.segments, start=1):
+        weight = np.ones(len(x))
+        if i > 1:
+            low, high = seg[i - 1] - z_s * (seg[i - 1] - seg[i - 2]), seg[i - 1] + z_s * (seg[i] - seg[i - 1])
+            weight = np.minimum(weight, np.clip((x - low) / (high - low), 0, 1))
+        if i < len(seg) - 1:
+            low, high = seg[i] - z_s * (seg[i] - seg[i - 1]), seg[i] + z_s * (seg[i + 1] - seg[i])
+            weight = np.minimum(weight, 1 - np.clip((x - low) / (high - low), 0, 1))
+        total += weight * function(segment, x)
+    return total
+
+
+@pytest.mark.parametrize("z_s", [0.1, 0.25, 0.5])
+def test_functions_that_are_not_held_are_equations_9_to_11(z_s):
+    model = model_of(cuts=UNEVEN, z_s=z_s, hold="none", max_terms=3)
+    held = replace(model, body=replace(model.body, fusion=replace(model.body.fusion, hold="samples")))
+    differs = 0.0
+    for curve in model.body.curves:
+        x = np.linspace(*curve.limits["strain"], 301)
+        at = {"pressure": np.full(301, curve.level), "strain": x}
+        np.testing.assert_allclose(predict(model, at), literal(curve, x, z_s), rtol=1e-9, atol=1e-9)
+        differs = max(differs, float(np.abs(predict(model, at) - predict(held, at)).max()))
+    assert differs > 1.0
+
+
+def test_even_segments_full_of_samples_are_the_same_either_way():
+    samples = curves(n=4001, noise=0.0)
+    at = {"pressure": np.full(200, 200.0), "strain": np.linspace(0, 0.12, 200)}
+    literal, held = (predict(model_of(samples, hold=hold), at) for hold in ("none", "samples"))
+    np.testing.assert_allclose(literal, held, rtol=1e-3, atol=0.05)
+
+
+def test_limits_of_the_domain_are_those_of_the_longest_curve():
+    """At 80 kPa the curve ends at a strain of 0.09, the domain at 0.225 (M2 eq 12)."""
+    model, own = (model_of(limits=limits, extrapolation={"strain": ("saturate", "saturate")}) for limits in ("domain", "curve"))
+    free = model_of(extrapolation={"strain": ("continue", "continue")})
+    assert model.body.fusion.domain == {"strain": (0.0, pytest.approx(0.225))}
+    at = {"pressure": np.full(3, 80.0), "strain": np.array([0.05, 0.15, 0.3])}
+    inside, beyond = predict(model, at)[:2], predict(model, at)[2]
+    np.testing.assert_allclose(inside, predict(free, at)[:2])
+    assert beyond == pytest.approx(predict(free, {"pressure": np.array([80.0]), "strain": np.array([0.225])})[0])
+    assert predict(own, at)[1] == pytest.approx(predict(own, {"pressure": np.array([80.0]), "strain": np.array([0.09])})[0])
+
+
+@pytest.mark.parametrize("extrapolation", ["continue", "zero", "saturate"])
+def test_weights_make_the_model(extrapolation):
+    """The weights times the segment functions are what is added to the backbone."""
+    samples = curves(held_out=())
+    formula = fit_formula("polynomial_2", samples, "force")
+    made = recipe(shrink=0.3, hold="none", max_terms=1, extrapolation={"pressure": (extrapolation, extrapolation)})
+    model = build("m", samples, made, QUANTITIES, formula)
+    rng = np.random.default_rng(0)
+    at = {"pressure": rng.uniform(60, 380, 200), "strain": rng.uniform(0.0, 0.085, 200)}
+    weights = segment_weights(model.body, at)
+    pieces = sum(weights[segment.id] * function(segment, at["strain"]) for segment in model.body.segments)
+    bare = replace(model, body=replace(model.body, backbone=None))
+    np.testing.assert_allclose(pieces, predict(bare, at), atol=1e-6)
+    middle = segment_weights(model.body, {"pressure": np.array([200.0]), "strain": np.array([0.03])})
+    assert sum(float(weight[0]) for weight in middle.values()) == pytest.approx(0.3)
+
+
+def test_a_dropped_residual_has_no_weight():
+    model = model_of(cuts={"strain": Even(2)})
+    bare = replace(model.body, curves=tuple(replace(curve, segments=()) for curve in model.body.curves))
+    assert segment_weights(bare, {"pressure": np.array([100.0]), "strain": np.array([0.01])}) == {}
