@@ -137,6 +137,6 @@ def refit(part: ModelChoices, dataset: Dataset) -> Model:
     backbone = None if part.model.backbone is None else fitted(part.model.backbone, part, dataset)
     recipe = recipe_of(dataset.target, part.levels, part.segment, part.dictionary, part.fit, part.fuse)
     model = method.build(part.name, curves, recipe, dataset.quantities, backbone)
-    if backbone is None or recipe.shrink is not None:
+    if backbone is None or recipe.fusing.shrink is not None:
         return model
     return with_trusted_residual(model, curves, recipe, dataset.quantities)
