@@ -9,6 +9,7 @@ from typing import Literal
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import FormulaFit, Scaling
 from mapmore_cli.domain.memory import MemoryModel
+from mapmore_cli.domain.motion import Motion
 from mapmore_cli.domain.recording import Quantity
 
 Side = str | float
@@ -173,6 +174,14 @@ class Memory:
 
 
 @dataclass(frozen=True)
+class StateSpace:
+    """A model of motion: linear sections along an input (P). It takes a recording with its `time`, and begins at rest."""
+
+    motion: Motion
+    ranges: tuple[CurveRange, ...]
+
+
+@dataclass(frozen=True)
 class Part:
     """A model in a sum: its output counts with a `sign`, +1 or -1.
 
@@ -191,7 +200,7 @@ class Sum:
     parts: tuple[Part, ...]
 
 
-Body = Pieces | Formula | Memory | Sum
+Body = Pieces | Formula | Memory | StateSpace | Sum
 """What a model consists of, by its kind. `modelling.kinds` says what each kind can do."""
 
 
@@ -227,7 +236,7 @@ class Model:
                 return fit
             case Pieces() | Memory():
                 return self.body.backbone
-            case Sum():
+            case StateSpace() | Sum():
                 return None
 
     @property

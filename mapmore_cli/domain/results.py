@@ -9,6 +9,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.fits import FormulaFit, SegmentFit
 from mapmore_cli.domain.memory import MemoryFit
+from mapmore_cli.domain.motion import MotionFit
 
 
 @dataclass(frozen=True)
@@ -18,7 +19,7 @@ class PiecesFit:
     segments: tuple[SegmentFit, ...]
 
 
-FitBody = PiecesFit | MemoryFit | FormulaFit
+FitBody = PiecesFit | MemoryFit | MotionFit | FormulaFit
 """What was fitted, by the kind of the model."""
 
 
@@ -47,6 +48,11 @@ class FitResult:
     def memory(self) -> MemoryFit | None:
         """The fit where it is one with memory."""
         return self.body if isinstance(self.body, MemoryFit) else None
+
+    @property
+    def motion(self) -> MotionFit | None:
+        """The fit where it is one of motion."""
+        return self.body if isinstance(self.body, MotionFit) else None
 
     @property
     def formula(self) -> FormulaFit | None:

@@ -9,10 +9,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
-from mapmore_cli.domain.models import Body, Equation, Formula, Memory, Model, Pieces, Sum
+from mapmore_cli.domain.models import Body, Equation, Formula, Memory, Model, Pieces, StateSpace, Sum
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.literature import model as formula
 from mapmore_cli.modelling.memory import model as memory
+from mapmore_cli.modelling.motion import model as motion
 from mapmore_cli.modelling.pieces import model as pieces
 from mapmore_cli.modelling.sums import model as sums
 
@@ -107,6 +108,7 @@ KINDS: Mapping[type[Body], Kind] = {
     Pieces: Kind(pieces.simulate, pieces.outside_range, pieces.equations),
     Formula: Kind(formula.simulate, formula.outside_range, formula.equations),
     Memory: Kind(memory.simulate, memory.outside_range, memory.equations, memory.one_step, memory.fed_back),
+    StateSpace: Kind(motion.simulate, motion.outside_range, motion.equations, motion.one_step),
     Sum: Kind(
         lambda model, columns: sums.simulate(model, columns, simulate),
         lambda model, columns: sums.outside_range(model, columns, outside_range),

@@ -13,6 +13,7 @@ from mapmore_cli.domain.models import Equation, Model
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.domain.scores import Published, Validation, deciding
+from mapmore_cli.modelling.kinds import runs_over_time
 
 MOST_LINES = 7
 """Lines that can be told apart in one panel."""
@@ -150,7 +151,7 @@ class ReportInputs:
     @property
     def has_memory(self) -> bool:
         """True where the model runs along recordings, by itself or as a part of a sum."""
-        return bool(self.model.memories)
+        return runs_over_time(self.model)
 
     @property
     def in_curve(self) -> Quantity:

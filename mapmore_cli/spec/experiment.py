@@ -126,6 +126,11 @@ class ExperimentSpec(Section):
         """Whether the run's own model has terms with memory."""
         return self.model.type == "mapmore" and remembers(self.dictionary)
 
+    @property
+    def runs_over_time(self) -> bool:
+        """Whether the run's own model runs along recordings."""
+        return self.has_memory or self.model.type == "state_space"
+
     @model_validator(mode="after")
     def _needs_terms(self, info: ValidationInfo) -> ExperimentSpec:
         if self.model.type == "mapmore" and not self.dictionary and info.context is not PARTIAL:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mapmore_cli.spec import check_dictionary, check_memory, check_motion, check_names, check_study, check_sums
+from mapmore_cli.spec import check_dictionary, check_memory, check_motion, check_names, check_state_space, check_study, check_sums
 from mapmore_cli.spec.diagnostics import Finding
 from mapmore_cli.spec.experiment import ExperimentSpec
 
@@ -33,6 +33,9 @@ CHECKS = (
     check_memory.time,
     check_memory.segments,
     check_memory.settings,
+    check_state_space.time,
+    check_state_space.quantities,
+    check_state_space.sections,
 )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +19,11 @@ from mapmore_cli.modelling.motion.simulation import driven
 from mapmore_cli.modelling.motion.solvers import solve
 
 
-def fit_motion(records: Sequence[Record], recipe: MotionRecipe) -> MotionFit:
+def _silent(_done: int, _total: int) -> None:
+    pass
+
+
+def fit_motion(records: Sequence[Record], recipe: MotionRecipe, progress: Callable[[int, int], None] = _silent) -> MotionFit:
     """Fit every section to its own training samples, then, where they share a state, all of them together.
 
     A section's samples are those at which it holds; with hard switching it runs on the whole input all the same.
@@ -35,7 +39,10 @@ def fit_motion(records: Sequence[Record], recipe: MotionRecipe) -> MotionFit:
     boundaries = spread(u, recipe.sections) if isinstance(recipe.sections, int) else recipe.sections
     outline = _outline(recipe, boundaries, (float(u.min()), float(u.max())))
     traces = [_trace(record, outline) for record in records]
-    searched = [_search(traces, recipe, outline, number) for number in range(len(outline.sections))]
+    searched: list[Found] = []
+    for number in range(len(outline.sections)):
+        searched.append(_search(traces, recipe, outline, number))
+        progress(number + 1, len(outline.sections))
     sections = tuple(
         replace(section, p1=found.p1, p2=found.p2, weights=found.weights) for section, found in zip(outline.sections, searched, strict=True)
     )

@@ -22,6 +22,7 @@ from mapmore_cli.spec.fields import (
     contradiction,
     of_sibling,
 )
+from mapmore_cli.spec.sections.state_space import StateSpaceKeys
 
 USUAL_GRID = 20
 """Cells of the grid of `optimal` where nothing is said."""
@@ -112,15 +113,23 @@ Summands = Annotated[list[Summand], Field(min_length=2), AfterValidator(one_kind
 """At least two parts; formulas are fitted together."""
 
 
-class ModelChoice(Section):
+class ModelChoice(StateSpaceKeys):
     """What kind of model the run builds.
 
     `mapmore` with a `backbone` explains by pieces what that formula leaves; `literature` fits the formula `name` alone, by the `method`
     and from the `starts` that a competitor may have; `sum` adds the static and the damping model that the spec needs, and is the default
     for the target `dynamic`; with `sum: [...]` it adds these parts, with signs and renamed inputs.
+
+    `state_space` is P's model of motion: linear sections of second order along an `input`. `sections` are the boundaries between them, or
+    how many with equal shares of the samples; `direction` gives rise and fall sections of their own. With `switching: hard` every section
+    runs on the whole input and the active one's output is taken; with `bumpless` they share one state and meet at their boundaries, and
+    the direction changes once the input has turned back by more than `dead_band`. Sections may have an `offset`, and may depend on a
+    `load`. `solver` is `least_squares`, `differential_evolution`, the `swarm` as published (`particles`, `iterations`, `seed`, within
+    `bounds`) or the same over frequency and damping, `swarm_projected`; `polish` goes on by least squares. `slowest` is the longest time
+    constant (a quarter of the longest piece of a training record).
     """
 
-    type: Literal["mapmore", "literature", "sum"] = "mapmore"
+    type: Literal["mapmore", "literature", "sum", "state_space"] = "mapmore"
     backbone: str | None = None
     name: str | None = None
     method: Literal["variable_projection", "levenberg_marquardt", "simplex"] | None = None
@@ -132,6 +141,16 @@ class ModelChoice(Section):
     def _type_of_sum(cls, given: Any) -> Any:
         """A list of parts makes it a sum."""
         return {"type": "sum", **given} if isinstance(given, dict) and given.get("sum") is not None else given
+
+    @model_validator(mode="after")
+    def _state_space(self) -> ModelChoice:
+        if self.type != "state_space" and self.foreign is not None:
+            raise contradiction(f"type `{self.type}` has no `{self.foreign}`", "remove it, or use `type: state_space`", self.foreign)
+        if self.type == "state_space" and self.input is None:
+            raise contradiction("type `state_space` needs the `input`", "add it, as `input: pressure`", "type")
+        if self.type == "state_space" and self.backbone is not None:
+            raise contradiction("type `state_space` has no `backbone`", "remove it", "backbone")
+        return self
 
     @model_validator(mode="after")
     def _fits_type(self) -> ModelChoice:

@@ -29,11 +29,12 @@ class Maker:
 
 def maker_of(part: FitChoices) -> Maker:
     """How the model of a study is made."""
-    from mapmore_cli.stages.kinds import formula, memory, pieces, sums
+    from mapmore_cli.stages.kinds import formula, memory, motion, pieces, sums
 
     makers = {
         "pieces": Maker(pieces.fit, pieces.build, pieces.refit),
         "memory": Maker(memory.fit, memory.build),
+        "motion": Maker(motion.fit, motion.build),
         "formula": Maker(formula.fit, formula.build, formula.refit),
         "sum": Maker(sums.fit, sums.build),
     }

@@ -28,12 +28,14 @@ class FitChoices:
 
     @property
     def kind(self) -> str:
-        """The kind of model: a `formula`, a `sum`, one with `memory`, or `pieces`."""
+        """The kind of model: a `formula`, a `sum`, one of `motion`, one with `memory`, or `pieces`."""
         match self.model.type:
             case "literature":
                 return "formula"
             case "sum":
                 return "sum"
+            case "state_space":
+                return "motion"
             case _:
                 return "memory" if remembers(self.dictionary) else "pieces"
 

@@ -13,7 +13,7 @@ from mapmore_cli.stages.inspection.subject import Issue, Subject
 
 def even_steps(subject: Subject) -> Iterator[Issue]:
     """All recordings at the same even steps, and none with holes that nobody declared."""
-    if not subject.spec.has_memory or subject.dataset is None:
+    if not subject.spec.runs_over_time or subject.dataset is None:
         return
     curves = subject.dataset.curves
     try:

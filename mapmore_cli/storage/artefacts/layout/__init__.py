@@ -20,6 +20,7 @@ from mapmore_cli.storage.artefacts.layout.model import (
     SEGMENT_FUNCTION,
     SIGNAL,
 )
+from mapmore_cli.storage.artefacts.layout.motion import MOTION, MOTION_FIT, MOTION_SECTION, SECTION_SEARCH
 from mapmore_cli.storage.artefacts.layout.results import FIT_RESULT, PIECES_FIT
 from mapmore_cli.storage.artefacts.layout.scores import SCORE, VALIDATION
 from mapmore_cli.storage.artefacts.layout.segmentation import SEGMENT, SEGMENTATION, SEGMENTED_CURVE, SegmentationFile
@@ -43,6 +44,10 @@ SCHEMAS = (
     STATE_SET,
     MEMORY_MODEL,
     MEMORY_FIT,
+    MOTION_SECTION,
+    MOTION,
+    SECTION_SEARCH,
+    MOTION_FIT,
     PIECES_FIT,
     FIT_RESULT,
     SEGMENT_FUNCTION,

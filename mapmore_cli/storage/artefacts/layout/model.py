@@ -20,6 +20,7 @@ from mapmore_cli.domain.models import (
     SegmentFunction,
     Side,
     Signal,
+    StateSpace,
     Sum,
 )
 from mapmore_cli.modelling import literature
@@ -46,6 +47,7 @@ from mapmore_cli.storage.artefacts.layout.cells import (
 from mapmore_cli.storage.artefacts.layout.data import QUANTITY
 from mapmore_cli.storage.artefacts.layout.fits import FORMULA_FIT, SCALING, STOP
 from mapmore_cli.storage.artefacts.layout.memory import MEMORY_MODEL
+from mapmore_cli.storage.artefacts.layout.motion import MOTION
 from mapmore_cli.storage.artefacts.schema import Fault, Field, Schema, nested, record, rows, variant
 
 
@@ -245,6 +247,15 @@ MEMORY = Schema(
     ),
 )
 
+STATE_SPACE = Schema(
+    StateSpace,
+    "A model of motion: linear sections along an input (P).",
+    (
+        Field("motion", record(MOTION), "the sections", NO_UNIT),
+        Field("ranges", numbered(record(CURVE_RANGE)), "training range of each curve", NO_UNIT),
+    ),
+)
+
 
 def _model() -> Schema:
     return MODEL
@@ -264,7 +275,7 @@ SUM = Schema(
     Sum, "Models that are added up.", (Field("parts", numbered(record(PART)), "the summands, with their signs and inputs", NO_UNIT),)
 )
 
-BODIES = {"pieces": PIECES, "formula": FORMULA, "memory": MEMORY, "sum": SUM}
+BODIES = {"pieces": PIECES, "formula": FORMULA, "memory": MEMORY, "state_space": STATE_SPACE, "sum": SUM}
 """What a model consists of, by the name of its kind. Whoever adds a kind adds its body here."""
 
 

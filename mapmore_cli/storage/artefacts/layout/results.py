@@ -8,6 +8,7 @@ from mapmore_cli.storage.artefacts.label import NO_UNIT
 from mapmore_cli.storage.artefacts.layout.cells import TEXTS
 from mapmore_cli.storage.artefacts.layout.fits import FORMULA_FIT, SEGMENT_FIT
 from mapmore_cli.storage.artefacts.layout.memory import MEMORY_FIT
+from mapmore_cli.storage.artefacts.layout.motion import MOTION_FIT
 from mapmore_cli.storage.artefacts.schema import Field, Schema, record, variant
 
 PIECES_FIT = Schema(
@@ -16,7 +17,7 @@ PIECES_FIT = Schema(
     (Field("segments", numbered(record(SEGMENT_FIT)), "segment functions", NO_UNIT),),
 )
 
-FIT_BODIES = {"pieces": PIECES_FIT, "memory": MEMORY_FIT, "formula": FORMULA_FIT}
+FIT_BODIES = {"pieces": PIECES_FIT, "memory": MEMORY_FIT, "state_space": MOTION_FIT, "formula": FORMULA_FIT}
 """What was fitted, by the name of the kind. Whoever adds a kind adds its fit here."""
 
 FIT_RESULT = Schema(

@@ -1,0 +1,61 @@
+"""From the spec to a state-space model of motion."""
+
+from __future__ import annotations
+
+from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.domain.results import FitResult
+from mapmore_cli.modelling.memory import records_of, time_step
+from mapmore_cli.modelling.motion import Box, MotionRecipe, fit_motion
+from mapmore_cli.modelling.motion import model as motion
+from mapmore_cli.spec.sections.method import ModelChoice
+from mapmore_cli.stages.kinds.choices import FitChoices, ModelChoices
+from mapmore_cli.stages.pipeline.stage import Workspace
+from mapmore_cli.storage.artefacts import read_fit, read_segmentation
+
+
+def fit(part: FitChoices, dataset: Dataset, workspace: Workspace) -> FitResult:
+    """Every section, on all recordings.
+
+    Raises
+    ------
+    DataError
+        Where recordings are not sampled alike, the input never changes, or a section has too few samples.
+    SpecError, FitError
+        Where the solver refuses the sections, or finds no stable one.
+    """
+    step = time_step(dataset.curves)
+    recipe = recipe_of(part.model, dataset.target, step)
+    return FitResult(fit_motion(records_of(dataset.curves, step), recipe, lambda done, total: workspace.progress("sections", done, total)))
+
+
+def recipe_of(choice: ModelChoice, target: str, step: float) -> MotionRecipe:
+    """The recipe that a spec asks for, with `step` (s) between samples."""
+    assert choice.input is not None
+    bounds = choice.bounds
+    return MotionRecipe(
+        input=choice.input,
+        output=target,
+        step=step,
+        sections=choice.sections if isinstance(choice.sections, int) else tuple(choice.sections),
+        direction=choice.direction,
+        switching=choice.switching,
+        dead_band=choice.dead_band,
+        offset=choice.offset,
+        load=choice.load,
+        solver=choice.solver,
+        polish=choice.polish,
+        particles=choice.particles,
+        iterations=choice.iterations,
+        seed=choice.seed,
+        slowest=choice.slowest,
+        box=Box() if bounds is None else Box(bounds.p1, bounds.p2, bounds.p3),
+    )
+
+
+def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:
+    """The model, with the training range of its inputs."""
+    result = read_fit(workspace.run_dir / "fit.h5")
+    assert result.motion is not None
+    training = read_segmentation(workspace.run_dir / "segment.h5")
+    return motion.build(part.name, result.motion.model, training, dataset.quantities, result.notes)
