@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from mapmore_cli.cli.views import remembering
 from mapmore_cli.cli.views.fitted import formula_document, formula_lines, segment_document
 from mapmore_cli.cli.views.view import View
-from mapmore_cli.domain.models import Body, CurveFunction, CurveRange, Formula, Fusion, Memory, Model, Pieces, Sum
+from mapmore_cli.domain.models import Body, CurveFunction, CurveRange, Formula, Fusion, Memory, Model, Pieces, StateSpace, Sum
 
 if TYPE_CHECKING:
     from mapmore_cli.reporting.tables import Table
@@ -80,6 +80,15 @@ def _memory(model: Model) -> Shown:
     return Shown(document, remembering.model_tables(body.model), remembering.running_lines(body.model))
 
 
+def _state_space(model: Model) -> Shown:
+    from mapmore_cli.cli.views import moving
+
+    body = model.body
+    assert isinstance(body, StateSpace)
+    document = {"motion": moving.model_document(body.motion), "limits": _limits(body.ranges)}
+    return Shown(document, lines=moving.running_lines(body.motion))
+
+
 def _sum(model: Model) -> Shown:
     body = model.body
     assert isinstance(body, Sum)
@@ -93,6 +102,7 @@ _KINDS: Mapping[type[Body], tuple[str, Callable[[Model], Shown]]] = {
     Pieces: ("pieces", _pieces),
     Formula: ("formula", _formula),
     Memory: ("memory", _memory),
+    StateSpace: ("state_space", _state_space),
     Sum: ("sum", _sum),
 }
 

@@ -1,0 +1,51 @@
+"""How the searches of the sections of models of motion went: the lowest error so far, iteration by iteration (P section 2.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+
+from mapmore_cli.domain.motion import FALL, MotionFit
+from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel
+from mapmore_cli.reporting.figures.style import BLACK, DOUBLE, GREY, shortened
+from mapmore_cli.reporting.inputs import ReportInputs
+
+SIDE_BY_SIDE = 3
+
+
+def draw(inputs: ReportInputs) -> list[Drawing]:
+    """A panel for each model of motion, a line for each of its sections; none where there is no such model."""
+    panels = [_panel(inputs, name, fit) for name, fit in inputs.motions.items()]
+    if not panels:
+        return []
+    handles = [Line2D([], [], color=BLACK, label="section"), Line2D([], [], color=GREY, linestyle="--", label="section of a falling input")]
+    caption = (
+        "Lowest RMSE of every section over its own training samples, after so many iterations (of least squares: simulations). With a shared "
+        "state, before the sections were joined."
+    )
+    alt = f"Convergence of the searches of {len(panels)} models of motion."
+    return [Drawing("convergence", caption, alt, tuple(panels), Grid(min(SIDE_BY_SIDE, len(panels)), DOUBLE), tuple(handles))]
+
+
+def _panel(inputs: ReportInputs, name: str, fit: MotionFit) -> Panel:
+    unit = inputs.target.unit
+    points = [(search, step) for search in fit.searches for step in range(len(search.history))]
+    data = {
+        "section": [search.section for search, _ in points],
+        "iteration": [step for _, step in points],
+        f"lowest RMSE [{unit}]": [float(search.history[step]) for search, step in points],
+    }
+    return Panel(name, partial(_draw_on, fit=fit), "Iteration", (f"Lowest RMSE ({unit})",), data, shortened(name, 24))
+
+
+def _draw_on(axes: Sequence[Axes], fit: MotionFit) -> None:
+    (ax,) = axes
+    for section, search in zip(fit.model.sections, fit.searches, strict=True):
+        falls = section.direction == FALL
+        best = np.maximum(search.history, np.finfo(np.float64).tiny)  # an exact fit has no place on a logarithmic axis
+        ax.plot(best, color=GREY if falls else BLACK, linestyle="--" if falls else "-", linewidth=0.7)
+    ax.set_yscale("log")
