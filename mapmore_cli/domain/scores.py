@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import FormulaFit
+from mapmore_cli.domain.motion import MotionFit
 
 OWN = "mapmore"
 """Name of the run's own model in its scores, and of the needed static model in a composite."""
@@ -110,13 +111,15 @@ class Published:
 class Validation:
     """Predictions of the run's own model (`mapmore`) and of its competitors.
 
-    `predictions[model][c]` is `(n_c,)`, row for row of the dataset's curve number c.
+    `predictions[model][c]` is `(n_c,)`, row for row of the dataset's curve number c. `formulas` and `motions` are
+    the fits behind competitors.
     """
 
     predictions: Mapping[str, tuple[Array, ...]]
     formulas: Mapping[str, FormulaFit]
     scores: tuple[Score, ...]
     units: Mapping[str, str]
+    motions: Mapping[str, MotionFit] = field(default_factory=dict)
 
 
 def deciding(scores: Iterable[Score]) -> list[Score]:

@@ -10,10 +10,12 @@ import numpy as np
 
 from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.models import Equation, Model
+from mapmore_cli.domain.motion import MotionFit
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.domain.scores import Published, Validation, deciding
 from mapmore_cli.modelling.kinds import runs_over_time
+from mapmore_cli.reporting.table import Table
 
 MOST_LINES = 7
 """Lines that can be told apart in one panel."""
@@ -78,6 +80,8 @@ class ReportInputs:
         The equations in other units, by the words that name these.
     style
         How its figures look.
+    published_tables
+        Tables of a publication, as they were transcribed.
     """
 
     name: str
@@ -96,6 +100,7 @@ class ReportInputs:
     warnings: tuple[str, ...] = ()
     other_equations: Mapping[str, tuple[Equation, ...]] = field(default_factory=dict)
     style: FigureStyle = field(default_factory=FigureStyle)
+    published_tables: tuple[Table, ...] = ()
 
     def axis_label(self, quantity: Quantity, prefix: str = "") -> str:
         """What stands at an axis."""
@@ -152,6 +157,12 @@ class ReportInputs:
     def has_memory(self) -> bool:
         """True where the model runs along recordings, by itself or as a part of a sum."""
         return runs_over_time(self.model)
+
+    @property
+    def motions(self) -> dict[str, MotionFit]:
+        """The models of motion by name: the run's own, and those among its competitors."""
+        own = {} if self.fit.motion is None else {self.own: self.fit.motion}
+        return {**own, **self.validation.motions}
 
     @property
     def in_curve(self) -> Quantity:

@@ -34,8 +34,8 @@ def sections_table(fits: Mapping[str, MotionFit], unit: str) -> Table:
     )
     rows = tuple(row for name, fit in fits.items() for row in _section_rows(name, fit, drives))
     notes = (
-        "x1[k+1] = x2[k], x2[k+1] = P1 x1[k] + P2 x2[k] + P3 u[k] + ..., the output is x1. A section is stable where its largest pole lies below 1.",
-        *("Samples of " + name + f" are {fit.model.step:.6g} s apart." for name, fit in list(fits.items())[:1]),
+        "x1[k+1] = x2[k], x2[k+1] = P1 x1[k] + P2 x2[k] + P3 u[k] + ..., the output is x1. Stable sections have poles below 1.",
+        *(f"Samples are {step:.6g} s apart." for step in {fit.model.step: None for fit in fits.values()}),
         *(
             ("With one shared state, the weights are those after the sections were joined; the RMSE is that of each section before.",)
             if any(fit.model.switching != HARD for fit in fits.values())
@@ -73,9 +73,9 @@ def _steady(motion: Motion, section: MotionSection) -> float:
     return (section.p3 * end + constant) / (1.0 - section.p1 - section.p2)
 
 
-def waveforms_table(inputs: ReportInputs, motion: Motion) -> Table:
+def waveforms_table(inputs: ReportInputs) -> Table:
     """Errors of displacement and velocity over the last wavelength of every held-out recording, as P table 3 has them."""
-    unit = inputs.target.unit
+    unit, motion = inputs.target.unit, next(iter(inputs.motions.values())).model
     columns = (
         Column("recording"),
         Column("model"),

@@ -20,6 +20,7 @@ from mapmore_cli.reporting.model_tables import (
     segments_table,
     terms_table,
 )
+from mapmore_cli.reporting.motion_tables import sections_table, waveforms_table
 from mapmore_cli.reporting.table import Cell, Column, Table, to_csv, to_html, to_latex, to_markdown, to_text
 
 __all__ = [
@@ -68,6 +69,8 @@ def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
         equations_table(inputs.equations, inputs.other_equations),
         formulas_table(inputs),
         folds_table(inputs.model.pieces.cross_validation if inputs.model.pieces else (), inputs.target.unit),
+        *((sections_table(inputs.motions, inputs.target.unit), waveforms_table(inputs)) if inputs.motions else ()),
+        *inputs.published_tables,
         *((states_table(memory.model.states), substitutes_table(memory), sizes_table(memory)) if memory is not None else ()),
     )
 

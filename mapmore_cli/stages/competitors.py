@@ -13,6 +13,7 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.fits import FormulaFit, Optimum
 from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.motion import MotionFit
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.results import Forecast
 from mapmore_cli.domain.scores import OWN
@@ -26,7 +27,7 @@ from mapmore_cli.modelling.sums.joint import fit_jointly
 from mapmore_cli.spec.sections.results import Competitor
 from mapmore_cli.stages.ingestion.steps import DAMPING, STATIC_FORCE
 from mapmore_cli.stages.kinds.sums import summands_of
-from mapmore_cli.storage.artefacts import read_dataset, read_model
+from mapmore_cli.storage.artefacts import read_dataset, read_fit, read_model
 
 Forecasts = tuple[Forecast, ...]
 """Of one model, for every curve of the dataset."""
@@ -39,6 +40,7 @@ class Rival:
     name: str
     forecasts: Forecasts
     formulas: Mapping[str, FormulaFit] = field(default_factory=dict)
+    motion: MotionFit | None = None
 
     @property
     def failed(self) -> bool:
@@ -72,7 +74,8 @@ class Contest:
         if isinstance(competitor, str):
             competitor = Competitor(model=competitor)
         if competitor.run is not None or competitor.set is not None:
-            return Rival(competitor.label, self._of_run(self.needed[competitor.run or competitor.label]))
+            folder = self.needed[competitor.run or competitor.label]
+            return Rival(competitor.label, self._of_run(folder), motion=read_fit(folder / "fit.h5").motion)
         if competitor.static is not None:
             return self._composite(competitor)
         if competitor.sum is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.errors import DataError, SpecError, UsageError
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from mapmore_cli.domain.models import Equation, Model
     from mapmore_cli.reporting.inputs import FigureStyle, ReportInputs
+    from mapmore_cli.reporting.table import Table
 
 METRES_PER_INCH = 0.0254
 
@@ -46,10 +47,43 @@ def run(part: Slice, workspace: Workspace) -> None:
     """Collect the results of the run and write the page."""
     from mapmore_cli.reporting.report import write_report
 
-    inputs = collected(part, workspace.run_dir, workspace.spec_text)
+    tables = [published_table(workspace.spec_dir / path) for path in _published(part.report)]
+    inputs = replace(collected(part, workspace.run_dir, workspace.spec_text), published_tables=tuple(tables))
     for warning in faults_of(inputs.style):
         workspace.warn(warning)
     write_report(inputs, workspace.out / "report", part.report.figures, part.report.formats)
+
+
+def _published(report: Report) -> list[str]:
+    return report.published.tables if report.published else []
+
+
+def sources(spec: ExperimentSpec, folder: Path) -> list[Path]:
+    """The tables of a publication."""
+    return [folder / path for path in _published(spec.report)]
+
+
+def published_table(path: Path) -> Table:
+    """A table of a publication as it was transcribed, every cell as text.
+
+    Raises
+    ------
+    SpecError
+        Where the file is missing or is no table.
+    """
+    import csv
+
+    from mapmore_cli.reporting.table import Column, Table
+
+    try:
+        with path.open(newline="", encoding="utf-8") as lines:
+            header, *rows = list(csv.reader(lines))
+    except (OSError, UnicodeDecodeError, ValueError) as fault:
+        raise SpecError(f"report.published.tables: {path} cannot be read ({fault})", "give a CSV file with a line of headings") from fault
+    uneven = next((number for number, row in enumerate(rows, start=2) if len(row) != len(header)), None)
+    if uneven is not None:
+        raise SpecError(f"report.published.tables: {path}: line {uneven} has not {len(header)} cells", "mend the line")
+    return Table(f"published_{path.stem}", f"Published: {path.stem}", tuple(map(Column, header)), tuple(tuple(row) for row in rows))
 
 
 def collected(part: Slice, run_dir: Path, spec_text: str = "") -> ReportInputs:
@@ -159,4 +193,4 @@ def _labels(muscle: Muscle) -> dict[str, str]:
     }
 
 
-STAGE = Stage(name="report", revision=3, outputs=("report",), reads=reads, run=run)
+STAGE = Stage(name="report", revision=3, outputs=("report",), reads=reads, run=run, sources=sources)

@@ -83,8 +83,9 @@ def run(part: Slice, workspace: Workspace) -> None:
     scores = [row for rows_of, said in judged for row in _scores(part, said, rows_of, scale)]
     scores += _floor(part, [quantity.name for quantity in model.inputs], dataset, scale)
     formulas = {name: fit for one in rivals for name, fit in one.formulas.items()}
+    motions = {one.name: one.motion for one in rivals if one.motion is not None}
     predictions = {name: tuple(one.values for one in found) for name, found in forecasts.items()}
-    validation = Validation(predictions, formulas, tuple(scores), {part.target: dataset.unit(dataset.target)})
+    validation = Validation(predictions, formulas, tuple(scores), {part.target: dataset.unit(dataset.target)}, motions)
     write_validation(workspace.out / "validate.h5", validation)
     write_scores(workspace.out, validation, model.name)
 

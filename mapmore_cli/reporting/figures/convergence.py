@@ -8,9 +8,10 @@ from functools import partial
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from mapmore_cli.domain.motion import FALL, MotionFit
-from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel
+from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
 from mapmore_cli.reporting.figures.style import BLACK, DOUBLE, GREY, shortened
 from mapmore_cli.reporting.inputs import ReportInputs
 
@@ -22,10 +23,10 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     panels = [_panel(inputs, name, fit) for name, fit in inputs.motions.items()]
     if not panels:
         return []
-    handles = [Line2D([], [], color=BLACK, label="section"), Line2D([], [], color=GREY, linestyle="--", label="section of a falling input")]
+    handles = [Line2D([], [], color=BLACK, label="section"), Line2D([], [], color=GREY, linestyle="--", label="of a falling input")]
     caption = (
-        "Lowest RMSE of every section over its own training samples, after so many iterations (of least squares: simulations). With a shared "
-        "state, before the sections were joined."
+        "Lowest RMSE of every section over its own training samples, after so many iterations (of least squares: simulations). Where the "
+        "sections share a state, before they were joined."
     )
     alt = f"Convergence of the searches of {len(panels)} models of motion."
     return [Drawing("convergence", caption, alt, tuple(panels), Grid(min(SIDE_BY_SIDE, len(panels)), DOUBLE), tuple(handles))]
@@ -34,7 +35,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
 def _panel(inputs: ReportInputs, name: str, fit: MotionFit) -> Panel:
     unit = inputs.target.unit
     points = [(search, step) for search in fit.searches for step in range(len(search.history))]
-    data = {
+    data: dict[str, Values] = {
         "section": [search.section for search, _ in points],
         "iteration": [step for _, step in points],
         f"lowest RMSE [{unit}]": [float(search.history[step]) for search, step in points],
@@ -49,3 +50,5 @@ def _draw_on(axes: Sequence[Axes], fit: MotionFit) -> None:
         best = np.maximum(search.history, np.finfo(np.float64).tiny)  # an exact fit has no place on a logarithmic axis
         ax.plot(best, color=GREY if falls else BLACK, linestyle="--" if falls else "-", linewidth=0.7)
     ax.set_yscale("log")
+    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    ax.yaxis.set_minor_formatter(NullFormatter())

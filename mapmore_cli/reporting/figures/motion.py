@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from mapmore_cli.domain.arrays import IntArray
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
 from mapmore_cli.reporting.figures.style import BLACK, DOUBLE, GREY, ModelStyle, model_styles, shortened, some_of, zero_line
@@ -16,11 +18,15 @@ from mapmore_cli.reporting.figures.thinning import envelope, spread
 from mapmore_cli.reporting.inputs import ReportInputs
 
 MOST_RECORDINGS = 4
+MOST_WAVEFORMS = 8
+"""Recordings that are shown where there are models of motion among the compared."""
 MOST_RIVALS = 4
 POINTS_A_LINE = 2000
 MEASURED = 0.9
 """Width of a measured line."""
 PLATEAU = "#f0f0f0"
+CROSSING: Mapping[str, Any] = {"linestyle": "none", "marker": ".", "markersize": 3.5}
+"""Where the input comes into another section."""
 
 
 def motion_figures(inputs: ReportInputs) -> list[Drawing]:
@@ -33,11 +39,13 @@ def motion_figures(inputs: ReportInputs) -> list[Drawing]:
 
 
 def _figure(inputs: ReportInputs, name: str, numbers: list[int]) -> Drawing:
-    shown = [numbers[i] for i in spread(len(numbers), MOST_RECORDINGS)]
+    most = MOST_WAVEFORMS if inputs.motions else MOST_RECORDINGS
+    shown = [numbers[i] for i in spread(len(numbers), most)]
     models = shown_models(inputs, MOST_RIVALS)
     styles = model_styles(models, inputs.style.palette)
     resting = any(curve.at_rest is not None and curve.at_rest.any() for curve in inputs.dataset.curves)
     mixed = any(_mixed(inputs.dataset.curves[number]) for number in shown)
+    sections = any(fit.model.boundaries for fit in inputs.motions.values())
     what = "held-out" if name == "fit" else "training"
     rivals = len(inputs.models) - len(models)
     others = f" The best {len(models) - 1} of {len(inputs.models) - 1} competitors are drawn." if rivals else ""
@@ -50,7 +58,7 @@ def _figure(inputs: ReportInputs, name: str, numbers: list[int]) -> Drawing:
     alt = f"Measured and predicted {inputs.target.name} over time, {what} recordings."
     panels = tuple(_panel(inputs, number, styles) for number in shown)
     grid = Grid(width=DOUBLE, height=2.5, stack=(2.0, 1.0))
-    return Drawing(name, caption, alt, panels, grid, tuple(_legend(styles, resting, mixed)))
+    return Drawing(name, caption, alt, panels, grid, tuple(_legend(styles, resting, mixed, sections)))
 
 
 def _panel(inputs: ReportInputs, number: int, styles: dict[str, ModelStyle]) -> Panel:
@@ -92,7 +100,18 @@ def _draw(inputs: ReportInputs, number: int, axes: Sequence[Axes], styles: dict[
             look = {"color": style.colour, "linestyle": style.dashes, "linewidth": style.width, "zorder": style.zorder}
             top.plot(time[rows], predicted[rows], **look)
             bottom.plot(time[rows], (predicted - measured)[rows], **look)
+        if (crossed := _crossed(inputs, curve, piece)) is not None:
+            top.plot(time[crossed], measured[crossed], color=BLACK, zorder=4, **CROSSING)
     zero_line(bottom)
+
+
+def _crossed(inputs: ReportInputs, curve: Curve, piece: IntArray) -> IntArray | None:
+    """Samples at which the input of a piecewise model of motion comes into another section; None without such a model."""
+    piecewise = next((fit.model for fit in inputs.motions.values() if fit.model.boundaries), None)
+    if piecewise is None or piecewise.input not in curve.columns:
+        return None
+    places = np.searchsorted(np.asarray(piecewise.boundaries), curve.columns[piecewise.input][piece], side="right")
+    return piece[np.flatnonzero(np.diff(places)) + 1]
 
 
 def _mixed(curve: Curve) -> bool:
@@ -107,10 +126,12 @@ def _plateaus(curve: Curve) -> list[tuple[float, float]]:
     return [(float(curve.columns["time"][rows[0]]), float(curve.columns["time"][rows[-1]])) for rows in resting if len(rows)]
 
 
-def _legend(styles: dict[str, ModelStyle], resting: bool, mixed: bool) -> list[Line2D | Patch]:
+def _legend(styles: dict[str, ModelStyle], resting: bool, mixed: bool, sections: bool) -> list[Line2D | Patch]:
     handles: list[Line2D | Patch] = [Line2D([], [], color=BLACK, linewidth=MEASURED, label="held out" if mixed else "measured")]
     if mixed:
         handles.append(Line2D([], [], color=GREY, linewidth=MEASURED, label="training"))
     for model, style in styles.items():
         handles.append(Line2D([], [], color=style.colour, linestyle=style.dashes, linewidth=style.width, label=model))
+    if sections:
+        handles.append(Line2D([], [], color=BLACK, label="section boundary", **CROSSING))
     return [*handles, Patch(color=PLATEAU, label="plateau")] if resting else handles

@@ -103,13 +103,15 @@ else:
 class PublishedScores(Section):
     """Numbers of a publication to show beside ours, by model, all of held-out data. Never computed with.
 
-    `nrmse` are fractions, `rmse` in the target's unit; `rmse_at_least` are lower bounds, where no more was printed.
+    `nrmse` are fractions, `rmse` in the target's unit; `rmse_at_least` are lower bounds, where no more was printed. `tables` are CSV files
+    that the page shows as they are.
     """
 
     source: str
     nrmse: dict[str, Share] = {}
     rmse: dict[str, OfTarget] = {}
     rmse_at_least: dict[str, OfTarget] = {}
+    tables: list[Annotated[str, RelativePath()]] = []
 
     @property
     def numbers(self) -> Published:

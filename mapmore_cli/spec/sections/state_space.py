@@ -12,7 +12,7 @@ Ends = Annotated[tuple[float, float], Field(strict=False)]
 
 
 class Bounds(Section):
-    """Where `solver: swarm` looks for P1, P2 and P3; without `p3`, four times the span of the output over that of the input, either sign."""
+    """Where `solver: swarm` looks for P1, P2, P3; without `p3`, four times the spans' ratio, either sign."""
 
     p1: Ends = (-1.0, 1.0)
     p2: Ends = (-2.0, 2.0)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from mapmore_cli.domain.scores import METRICS, Score, Validation
-from mapmore_cli.storage.artefacts.codecs import named, numbered, pairs, text
+from mapmore_cli.storage.artefacts.codecs import added, named, numbered, pairs, text
 from mapmore_cli.storage.artefacts.label import NO_UNIT
 from mapmore_cli.storage.artefacts.layout.cells import ANY_REAL, ANY_REALS, COUNT, TEXT, TEXTS
 from mapmore_cli.storage.artefacts.layout.fits import FORMULA_FIT
+from mapmore_cli.storage.artefacts.layout.motion import MOTION_FIT
 from mapmore_cli.storage.artefacts.schema import Field, Schema, record, rows
 
 SCORE = Schema(
@@ -39,6 +40,7 @@ VALIDATION = Schema(
         Field("formulas", named(record(FORMULA_FIT)), "literature models that were fitted", NO_UNIT),
         Field("scores", rows(SCORE), "score table", NO_UNIT),
         Field("units", pairs(TEXTS), "unit of every target", NO_UNIT),
+        Field("motions", added(named(record(MOTION_FIT)), {}), "models of motion among the competitors, and how they were found", NO_UNIT),
     ),
     units=lambda validation: {**validation.units, **({"target": next(iter(validation.units.values()))} if validation.units else {})},
 )
