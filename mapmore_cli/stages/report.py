@@ -59,8 +59,12 @@ def _published(report: Report) -> list[str]:
 
 
 def sources(spec: ExperimentSpec, folder: Path) -> list[Path]:
-    """The tables of a publication."""
-    return [folder / path for path in _published(spec.report)]
+    """The tables of a publication; SpecError where one is missing."""
+    paths = [folder / path for path in _published(spec.report)]
+    for path in paths:
+        if not path.is_file():
+            raise SpecError(f"report.published.tables: {path}: no such file", "give a CSV file with a line of headings")
+    return paths
 
 
 def published_table(path: Path) -> Table:
@@ -69,7 +73,7 @@ def published_table(path: Path) -> Table:
     Raises
     ------
     SpecError
-        Where the file is missing or is no table.
+        Where the file is no table.
     """
     import csv
 

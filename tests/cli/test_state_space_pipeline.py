@@ -1,0 +1,215 @@
+"""A state-space model from the spec to the page: every command knows the kind, and every slip is told at its place."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mapmore_cli
+from mapmore_cli.modelling.motion import simulate
+from mapmore_cli.storage.artefacts import read_fit, read_model
+
+DATASETS = Path(__file__).parents[2] / "datasets"
+LOGS = DATASETS / "waveforms"
+SPEC = f"""\
+name: moving
+units: {{displacement: cm}}
+data:
+  files: ["{LOGS}/reference_full.csv", "{LOGS}/waveform_rapid.csv", "{LOGS}/waveform_weighted.csv"]
+  columns: {{time: {{column: t, unit: s}}, input: {{column: U, unit: V}}, displacement: {{column: x, unit: mm}}}}
+  every: 5
+  split: {{validate: {{files: ["{LOGS}/waveform_*.csv"]}}}}
+target: {{column: displacement}}
+model: {{type: state_space, input: input, sections: [2350 mV, 3.95], direction: true, seed: 3}}
+validate:
+  against:
+    - {{as: one, set: {{model: {{type: state_space, input: input, offset: true}}}}}}
+    - {{as: joined, set: {{model: {{type: state_space, input: input, sections: 3, switching: bumpless}}}}}}
+report:
+  figures: [fit]
+  formats: [html, csv, png]
+  published: {{source: somewhere, tables: ["{DATASETS}/published/p_table_3.csv"]}}
+"""
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory, mapmore):
+    """The study, run once."""
+    folder = tmp_path_factory.mktemp("moving")
+    (folder / "spec.yaml").write_text(SPEC)
+    result = mapmore("run", folder / "spec.yaml", "--runs", folder / "runs", "--json", "-q")
+    assert result.exit_code == 0, result.stderr
+    return folder / "runs" / "moving", json.loads(result.stdout)
+
+
+def refused(mapmore, tmp_path, change, code):
+    old, new = change
+    assert old in SPEC
+    (tmp_path / "spec.yaml").write_text(SPEC.replace(old, new))
+    result = mapmore("run", tmp_path / "spec.yaml", "--runs", tmp_path / "runs", "-q")
+    assert result.exit_code == code, result.stderr
+    return result.stderr
+
+
+def recording(name="waveform_rapid"):
+    table = np.loadtxt(DATASETS / "waveforms" / f"{name}.csv", delimiter=",", skiprows=1)[::5]
+    return {"time": table[:, 0], "input": table[:, 1], "displacement": table[:, 3] / 10}
+
+
+def test_the_model_file_holds_sections_that_predict_what_was_scored(finished):
+    folder, document = finished
+    model = read_model(folder / "model.h5")
+    assert [quantity.name for quantity in model.inputs] == ["input"]
+    motion = read_fit(folder / "fit.h5").motion.model
+    assert motion.boundaries == pytest.approx((2.35, 3.95))
+    log = recording()
+    error = simulate(motion, log) - log["displacement"]
+    row = next(row for row in document["scores"] if (row["model"], row["curve"]) == ("mapmore", "waveform_rapid"))
+    assert row["rmse"] == pytest.approx(math.sqrt(np.mean(error**2)), rel=1e-9)
+    loaded = mapmore_cli.load_model(folder / "model.h5")
+    np.testing.assert_allclose(loaded(time=log["time"], input=log["input"]), simulate(motion, log), atol=1e-12)
+
+
+def test_show_tells_sections_poles_and_searches(finished, mapmore):
+    folder, _ = finished
+    shown = json.loads(mapmore("show", folder / "model.h5", "--json").stdout)
+    assert shown["kind"] == "state_space"
+    sections = shown["motion"]["sections"]
+    assert [section["id"] for section in sections] == [f"{way} {place}" for place in (1, 2, 3) for way in ("rise", "fall")]
+    for section in sections:
+        poles = [complex(*pole) for pole in section["poles"]]
+        assert sum(poles) == pytest.approx(section["p2"], abs=1e-9)
+        assert -poles[0] * poles[1] == pytest.approx(section["p1"], abs=1e-9)
+        assert section["gain"] == pytest.approx(section["weights"][0] / (1 - section["p1"] - section["p2"]))
+    fit = json.loads(mapmore("show", folder / "fit.h5", "--json").stdout)["motion"]
+    assert fit["solver"] == "least_squares"
+    assert all(search["history"][-1] == pytest.approx(search["rmse"], rel=1e-6) for search in fit["searches"])
+    text = mapmore("show", folder / "model.h5").stdout
+    assert "displacement[k-2]" in text
+    assert "Sections meet at input 2.35, 3.95" in text
+
+
+def test_predict_needs_no_measured_output_and_begins_anew_after_a_gap(finished, mapmore, tmp_path):
+    folder, _ = finished
+    log = recording()
+    time = log["time"].copy()
+    time[100:] += 2.0
+    lines = ["time,input", *(f"{t:.2f},{u:.3f}" for t, u in zip(time, log["input"], strict=True))]
+    (tmp_path / "table.csv").write_text("\n".join(lines) + "\n")
+    result = mapmore("predict", folder / "model.h5", tmp_path / "table.csv", "-o", "-")
+    assert result.exit_code == 0, result.stderr
+    rows = list(csv.DictReader(result.stdout.splitlines()))
+    predicted = np.array([float(row["displacement_predicted"]) for row in rows])
+    motion = read_fit(folder / "fit.h5").motion.model
+    parts = [slice(0, 100), slice(100, None)]
+    expected = np.concatenate([simulate(motion, {"time": time[part], "input": np.round(log["input"][part], 3)}) for part in parts])
+    np.testing.assert_allclose(predicted, expected, atol=1e-9)
+    assert {row["outside_range"] for row in rows} == {"false"}
+
+
+def test_the_page_shows_sections_errors_and_published_tables(finished):
+    folder, _ = finished
+    page = (folder / "report" / "index.html").read_text()
+    for words in ("Models of motion", "Errors over one wavelength", "Published: p_table_3", "repeats that of full_stroke"):
+        assert words in page
+    with (folder / "report" / "tables" / "sections.csv").open() as lines:
+        table = list(csv.DictReader(lines))
+    assert [row["model"] for row in table] == ["mapmore"] * 6 + ["one"] + ["joined"] * 3
+    assert {row["solver"] for row in table} == {"least squares"}
+
+
+def test_scores_follow_from_the_numbers_beside_the_figures(finished):
+    """The page's scores, made again from the CSVs beside its figures."""
+    folder, document = finished
+    squares: dict[str, list[float]] = {}
+    for path in sorted((folder / "report" / "panels").glob("fit.*.csv")):
+        with path.open() as lines:
+            for row in csv.DictReader(lines):
+                if row["data"] != "validate":
+                    continue
+                for key, value in row.items():
+                    name = key.removesuffix(" [cm]")
+                    if name in ("mapmore", "one", "joined"):
+                        squares.setdefault(name, []).append((float(value) - float(row["displacement [cm]"])) ** 2)
+    told = {row["model"]: row for row in document["scores"] if (row["split"], row["curve"]) == ("validate", "all")}
+    assert set(squares) == {"mapmore", "one", "joined"}
+    for name, errors in squares.items():
+        assert len(errors) == told[name]["n"]
+        assert math.sqrt(sum(errors) / len(errors)) == pytest.approx(told[name]["rmse"], rel=1e-6)
+
+
+def test_table_3_follows_from_the_same_numbers(finished):
+    folder, _ = finished
+    with (folder / "report" / "tables" / "waveforms.csv").open() as lines:
+        rows = [row for row in csv.DictReader(lines) if row["recording"] == "waveform_weighted" and row["model"] == "mapmore"]
+    motion, log = read_fit(folder / "fit.h5").motion.model, recording("waveform_weighted")
+    error = (simulate(motion, log) - log["displacement"])[-80:]
+    (row,) = rows
+    assert int(row["samples"]) == 80
+    assert float(row["RMSE [cm]"]) == pytest.approx(math.sqrt(np.mean(error**2)), rel=1e-3)
+    assert float(row["max error [cm]"]) == pytest.approx(np.abs(error).max(), rel=1e-3)
+
+
+def test_it_runs_again_to_the_same_bytes(finished, mapmore, tmp_path):
+    folder, _ = finished
+    (tmp_path / "spec.yaml").write_text(SPEC)
+    assert mapmore("validate", tmp_path / "spec.yaml", "--runs", tmp_path / "runs", "-q").exit_code == 0
+    for name in ("fit.h5", "model.h5", "scores.json"):
+        assert (tmp_path / "runs" / "moving" / name).read_bytes() == (folder / name).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("input: input, sections: [2350 mV", "input: pressure, sections: [2350 mV"), "there is no quantity `pressure`"),
+        (("input: input, sections: [2350 mV", "input: displacement, sections: [23 mm"), "`displacement` is the target"),
+        (("[2350 mV, 3.95]", "[3.95 V, 2.35 V]"), "do not increase"),
+        (("[2350 mV, 3.95]", "[2350 kPa, 3.95]"), "kPa"),
+        (("[2350 mV, 3.95]", "0"), "at least 1"),
+        (("seed: 3", "dead_band: 0.1 V"), "goes with `direction: true` and `switching: bumpless`"),
+        (("seed: 3", "bounds: {p1: [0, 1]}"), "looks at all stable sections"),
+        (("seed: 3", "solver: swarm, bounds: {p1: [1, 0]}"), "lower bound first"),
+        (("seed: 3", "polish: true"), "which this solver is"),
+        (("seed: 3", "solver: swarm, offset: true"), "P1, P2 and P3 alone"),
+        (("seed: 3", "backbone: sarosi"), "no `backbone`"),
+        (("seed: 3", "colour: red"), "colour"),
+        (("type: state_space, input: input, sections", "type: state_space, sections"), "needs the `input`"),
+        (("type: state_space, input: input", "type: literature, name: sarosi"), "has no `sections`"),
+        (("units: {displacement: cm}", "units: {displacement: cm, time: ms}"), "goes by the time in s"),
+        (('{files: ["', '{fraction: 0.3, seed: 1}}  # {files: ["'), "drawn at random"),
+    ],
+)
+def test_slips_in_the_spec_are_told_at_their_place(change, words, mapmore, tmp_path):
+    said = refused(mapmore, tmp_path, change, 3)
+    assert words in said
+    assert "spec.yaml:" in said
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("[2350 mV, 3.95]", "[6 V, 7 V]"), "section rise 2 (input from 6 to 7): 0 training sample(s)"),
+        (("reference_full.csv", "reference_section_1.csv"), "section rise 2"),
+        (("  every: 5", "  every: 5\n  keep: [{quantity: input, below: 0.0001}]"), "the input `input` is 0 at all"),
+        (("  every: 5", "  every: 200"), "too few for 3 parameters"),
+    ],
+    ids=["boundaries-beyond-the-data", "empty-section", "constant-input", "two-samples"],
+)
+def test_records_that_cannot_be_fitted_are_told_with_a_remedy(change, words, mapmore, tmp_path):
+    said = refused(mapmore, tmp_path, change, 4)
+    assert words in said
+    assert len(said.strip().splitlines()) >= 2
+
+
+def test_a_swarm_without_a_stable_particle_is_a_failed_fit(mapmore, tmp_path):
+    change = ("seed: 3", "solver: swarm, bounds: {p1: [0.9, 1.0], p2: [0.9, 2.0]}")
+    assert "no stable section" in refused(mapmore, tmp_path, change, 5)
+
+
+def test_a_published_table_that_is_missing_is_told(mapmore, tmp_path):
+    assert "no such file" in refused(mapmore, tmp_path, ("p_table_3.csv", "p_table_9.csv"), 3)
