@@ -6,6 +6,13 @@ RUN_PAGE = "report/index.html"
 """The page of a run, in its folder."""
 
 FIGURES = {
-    "data": "data", "fit": "fit", "error": "fit", "nrmse": "nrmse", "bands": "nrmse", "segments": "segments", "terms": "terms", "convergence": "nrmse",
+    "data": "data",
+    "fit": "fit",
+    "error": "fit",
+    "nrmse": "nrmse",
+    "bands": "nrmse",
+    "segments": "segments",
+    "terms": "terms",
+    "convergence": "nrmse",
 }
 """The figures in their order, with the section of the page that each stands in. A figure `NAME` is drawn by `reporting/figures/NAME.py`."""

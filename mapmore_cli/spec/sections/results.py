@@ -111,7 +111,7 @@ class PublishedScores(Section):
     nrmse: dict[str, Share] = {}
     rmse: dict[str, OfTarget] = {}
     rmse_at_least: dict[str, OfTarget] = {}
-    tables: list[Annotated[str, RelativePath()]] = []
+    tables: list[SpecPath] = []
 
     @property
     def numbers(self) -> Published:
