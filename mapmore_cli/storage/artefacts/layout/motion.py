@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from mapmore_cli.domain.motion import Motion, MotionFit, MotionSection, SectionSearch
-from mapmore_cli.storage.artefacts.codecs import numbered
+from mapmore_cli.storage.artefacts.codecs import adapted, numbered
 from mapmore_cli.storage.artefacts.label import NO_UNIT
-from mapmore_cli.storage.artefacts.layout.cells import COUNT, FLAG, REAL, REALS, SPAN, TEXT, TEXTS
+from mapmore_cli.storage.artefacts.layout.cells import ASCENDING, COUNT, FLAG, REAL, REALS, SPAN, TEXT, TEXTS
 from mapmore_cli.storage.artefacts.schema import Field, Schema, record
+
+BOUNDARIES = adapted(ASCENDING, store=list, load=lambda array: tuple(array.tolist()))
 
 MOTION_SECTION = Schema(
     MotionSection,
@@ -29,7 +31,7 @@ MOTION = Schema(
         Field("output", TEXT, "the predicted quantity", NO_UNIT),
         Field("step", REAL, "time between samples", "s"),
         Field("switching", TEXT, "`hard`: sections run side by side; `bumpless`: they share one state", NO_UNIT),
-        Field("boundaries", SPAN, "inputs at which sections meet, ascending", "that of the input"),
+        Field("boundaries", BOUNDARIES, "inputs at which sections meet, ascending", "that of the input"),
         Field("directed", FLAG, "1 where sections differ between a rising and a falling input"),
         Field("dead_band", REAL, "how far the input turns back before its direction changes", "that of the input"),
         Field("drives", TEXTS, "(m) terms that drive every section, the input first", NO_UNIT),
