@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from mapmore_cli.domain.motion import Motion, MotionFit, MotionSection, SectionSearch
+from collections.abc import Iterator
+
+from mapmore_cli.domain.motion import BUMPLESS, HARD, Motion, MotionFit, MotionSection, SectionSearch
 from mapmore_cli.storage.artefacts.codecs import adapted, numbered
 from mapmore_cli.storage.artefacts.label import NO_UNIT
 from mapmore_cli.storage.artefacts.layout.cells import ASCENDING, COUNT, FLAG, REAL, REALS, SPAN, TEXT, TEXTS
-from mapmore_cli.storage.artefacts.schema import Field, Schema, record
+from mapmore_cli.storage.artefacts.schema import Fault, Field, Schema, record
 
 BOUNDARIES = adapted(ASCENDING, store=list, load=lambda array: tuple(array.tolist()))
 
@@ -23,6 +25,25 @@ MOTION_SECTION = Schema(
     ),
 )
 
+
+def _motion_faults(motion: Motion) -> Iterator[Fault]:
+    wanted = (len(motion.boundaries) + 1) * (2 if motion.directed else 1)
+    if len(motion.sections) != wanted:
+        yield "sections", f"has {len(motion.sections)} sections, where the boundaries make {wanted}"
+    if not motion.step > 0:
+        yield "step", "is not positive"
+    if motion.switching not in (HARD, BUMPLESS):
+        yield "switching", f"is neither `{HARD}` nor `{BUMPLESS}`"
+    for number, section in enumerate(motion.sections):
+        if len(section.weights) != len(motion.drives):
+            yield f"sections/{number}/weights", f"has {len(section.weights)} values for {len(motion.drives)} drives"
+
+
+def _motion_fit_faults(fit: MotionFit) -> Iterator[Fault]:
+    if len(fit.searches) != len(fit.model.sections):
+        yield "searches", f"has {len(fit.searches)} searches for {len(fit.model.sections)} sections"
+
+
 MOTION = Schema(
     Motion,
     "Sections along an input (P eq 14-17).",
@@ -38,6 +59,7 @@ MOTION = Schema(
         Field("sections", numbered(record(MOTION_SECTION)), "in order along the input, `rise` before `fall`", NO_UNIT),
         Field("limits", SPAN, "least and greatest training input", "that of the input"),
     ),
+    rule=_motion_faults,
 )
 
 SECTION_SEARCH = Schema(
@@ -61,4 +83,5 @@ MOTION_FIT = Schema(
         Field("searches", numbered(record(SECTION_SEARCH)), "the search of each section, in the order of sections", NO_UNIT),
         Field("notes", TEXTS, "remarks for the reader", NO_UNIT),
     ),
+    rule=_motion_fit_faults,
 )
