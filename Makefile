@@ -25,7 +25,7 @@ schema: .venv/program
 	$(BIN)/python -m mapmore_cli.spec.reference
 
 datasets: .venv/program
-	for spec in datasets/*/*.yaml; do $(BIN)/mapmore simulate $$spec || exit; done
+	for spec in datasets/*/*.yaml; do $(BIN)/mapmore simulate $$spec --force || exit; done
 
 measured: .venv/program  # the tables of docs/measured-static.md and docs/memory.md; needs the measured recordings (docs/data.md)
 	$(BIN)/mapmore batch configs/campaigns/measured_static.yaml configs/campaigns/m1.yaml configs/campaigns/m1_terms.yaml

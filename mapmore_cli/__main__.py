@@ -1,6 +1,33 @@
-"""`python -m mapmore_cli`."""
+"""`python -m mapmore_cli`, and the command `mapmore`: nothing is imported before Ctrl-C is listened to."""
 
-from mapmore_cli.cli.app import main
+from __future__ import annotations
+
+import os
+import sys
+
+
+def main() -> None:
+    """Run the command line; interrupted at any time, it ends with 130 and without a traceback."""
+    try:
+        _hold_standard_streams()
+        from mapmore_cli.cli.app import main as run
+
+        run()
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        sys.exit(130)
+
+
+def _hold_standard_streams() -> None:
+    """Where stdout or stderr is closed, what is printed goes nowhere, and no file takes its number."""
+    for number, name in ((1, "stdout"), (2, "stderr")):
+        if getattr(sys, name) is None:
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            if nowhere != number:
+                os.dup2(nowhere, number)
+                os.close(nowhere)
+            setattr(sys, name, open(number, "w", encoding="utf-8", errors="replace"))  # noqa: SIM115, PTH123 - open to the end
+
 
 if __name__ == "__main__":  # the worker processes of `batch` import this module again
     main()

@@ -7,6 +7,8 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from mapmore_cli.domain.plain_text import printable
+
 if TYPE_CHECKING:
     from mapmore_cli.cli.views.view import View
 
@@ -39,4 +41,4 @@ def print_view(view: View, as_json: bool) -> None:
     blocks = [to_text(table).rstrip("\n") for table in view.tables]
     if view.lines:
         blocks.append("\n".join(view.lines))
-    print("\n\n".join(blocks))
+    print(printable("\n\n".join(blocks)))

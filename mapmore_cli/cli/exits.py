@@ -12,6 +12,7 @@ import traceback
 
 from mapmore_cli.cli.console import print_document
 from mapmore_cli.domain.errors import LimitMissed, MapmoreError, WriteError, told
+from mapmore_cli.domain.plain_text import printable
 
 INTERNAL_FAULT = 1
 INTERRUPTED = 130  # 128 + SIGINT, as shells report it
@@ -32,7 +33,7 @@ def settle(error: BaseException, debug: bool, as_json: bool) -> int:
     if debug:
         traceback.print_exception(error, file=sys.stderr)
     else:
-        print(message(error), file=sys.stderr)
+        print(printable(message(error)), file=sys.stderr)
     if as_json and not isinstance(error, LimitMissed | KeyboardInterrupt):
         print_document({"error": error_document(error)})
     return exit_code(error)

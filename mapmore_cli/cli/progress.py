@@ -10,6 +10,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.errors import RunWarning, UsageError
+from mapmore_cli.domain.plain_text import printable
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -80,7 +81,7 @@ class Reporter:
     def complain(self, message: str) -> None:
         """Print what went wrong, which `quiet` does not suppress."""
         self._end_task()
-        print(message, file=sys.stderr, flush=True)
+        print(printable(message), file=sys.stderr, flush=True)
 
     def stage(self, name: str, reason: str | None) -> None:
         """Say why a stage runs, or that it is up to date."""

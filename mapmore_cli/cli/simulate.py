@@ -21,6 +21,7 @@ def simulate(
         Path | None, typer.Option("--output", "-o", metavar="DIR", help="Where to write; beside CONFIG by default.", show_default=False)
     ] = None,
     overrides: Overrides = NO_OVERRIDES,
+    force: Annotated[bool, typer.Option("--force", help="Replace recordings that exist.")] = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
@@ -34,6 +35,6 @@ def simulate(
 
     loaded = load_as(config, SimulationSpec, overrides)
     with Reporter(quiet) as reporter:
-        paths = run_rig(loaded.spec, output or loaded.folder, reporter.progress)
+        paths = run_rig(loaded.spec, output or loaded.folder, reporter.progress, force)
     files = tuple(str(path) for path in paths)
     print_view(View({"name": loaded.spec.name, "files": files}, lines=files), as_json)

@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 
+from mapmore_cli.domain.plain_text import csv_cell
+
 Cell = str | int | float | None
 """What stands in a table; None (and NaN) is a number that there is not."""
 
@@ -112,7 +114,7 @@ def number_text(cell: Cell) -> str:
     """A cell for CSV: numbers with 12 significant digits, nothing where there is none."""
     if cell is None or (isinstance(cell, float) and math.isnan(cell)):
         return ""
-    return format(cell, ".12g") if isinstance(cell, float) else str(cell)
+    return format(cell, ".12g") if isinstance(cell, float) else csv_cell(cell) if isinstance(cell, str) else str(cell)
 
 
 def to_text(table: Table) -> str:

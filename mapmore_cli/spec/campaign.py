@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 from mapmore_cli.spec.fields import Name, Section, SpecPath, contradiction
 from mapmore_cli.spec.layers import as_overrides
 from mapmore_cli.spec.loader import load_as
+from mapmore_cli.spec.yaml_loader import LARGEST
 
 
 class Variant(Section):
@@ -65,7 +66,8 @@ class Entry:
 def is_campaign(path: Path) -> bool:
     """True where a YAML file has the key `campaign` at its top level."""
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        with path.open("rb") as file:
+            lines = file.read(LARGEST).decode().splitlines()
     except (OSError, UnicodeDecodeError):
         return False  # loading it says why
     return any(line.startswith("campaign:") for line in lines)

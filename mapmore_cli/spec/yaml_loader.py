@@ -14,7 +14,7 @@ from mapmore_cli.spec.diagnostics import Mistake, fail
 from mapmore_cli.spec.tree import Node, Position, SourceText
 from mapmore_cli.spec.yaml_core import DEEPEST, CoreLoader, TooDeep, expand, scalar, tag_of
 
-_LARGEST = 1_000_000  # bytes of a file
+LARGEST = 1_000_000  # bytes of a file
 _MOST_VALUES = 50_000  # after aliases are followed: nine levels of nine aliases would be 4e8
 
 _PLAINER = (  # what PyYAML says, what is meant, what to do
@@ -41,11 +41,11 @@ def read_source(path: Path, shown: str | None = None) -> SourceText:
     name = shown or str(path)
     try:
         with path.open("rb") as file:
-            data = file.read(_LARGEST + 1)
+            data = file.read(LARGEST + 1)
     except OSError as error:
         raise SpecError(f"{name}: {(error.strerror or str(error)).lower()}", "give the path of a YAML file") from error
-    if len(data) > _LARGEST:
-        raise SpecError(f"{name}: larger than {_LARGEST // 1000} kB", "a spec is a page of text; is this a data file?")
+    if len(data) > LARGEST:
+        raise SpecError(f"{name}: larger than {LARGEST // 1000} kB", "a spec is a page of text; is this a data file?")
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -6,20 +6,26 @@ steps aside (`.old-NAME`) for an instant; `recover` puts it back if that instant
 
 from __future__ import annotations
 
+import json
 import os
+import re
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import mkdtemp
 
 from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.storage.atomic import TEMPORARY, refusals_told, sync_folder, sync_tree
+from mapmore_cli.storage.run_record import RUN_RECORD
 
 ASIDE = ".old-"
 """How the name of a folder that makes way starts."""
 
 LOCK = ".lock"
+
+_UNFINISHED = re.compile(re.escape(TEMPORARY) + r"(?:[0-9a-f]{12}-.+|[a-z]+-[a-z0-9_]{8})", re.DOTALL)
+"""Names of files and of folders that `storage.atomic` and `stage_folder` have begun."""
 
 
 @contextmanager
@@ -28,6 +34,8 @@ def run_lock(run_dir: Path) -> Iterator[None]:
     from filelock import FileLock, Timeout
 
     lock = FileLock(run_dir / LOCK, timeout=0)
+    if (run_dir / LOCK).is_dir():
+        raise WriteError(f"{run_dir / LOCK}: is a folder, where the lock of the run belongs", "move it away")
     try:
         with refusals_told(run_dir):
             lock.acquire()
@@ -41,7 +49,7 @@ def run_lock(run_dir: Path) -> Iterator[None]:
 
 
 def open_run_folder(run_dir: Path) -> None:
-    """Make the folder of a run; WriteError where it cannot be one, or not be written."""
+    """Make the folder of a run; WriteError where it cannot be one, not be written, or holds what is no run's."""
     with refusals_told(run_dir):
         for place in (run_dir, *run_dir.parents):
             if place.exists() and not place.is_dir():
@@ -50,16 +58,49 @@ def open_run_folder(run_dir: Path) -> None:
         run_dir.mkdir(parents=True, exist_ok=True)
     if not os.access(run_dir, os.W_OK | os.X_OK):
         raise WriteError(f"{run_dir}: you may not write in this folder", "change its permissions, or choose another folder with --runs")
+    refuse_foreign(run_dir, RUN_RECORD)
 
 
-def recover(run_dir: Path) -> None:
-    """Clear away what an interrupted process left, and put back a folder that had stepped aside."""
+def refuse_foreign(folder: Path, record: str) -> None:
+    """Raise WriteError where a folder holds files, but not the `record` that mapmore puts into every folder of its own."""
+    try:
+        names = {entry.name for entry in os.scandir(folder)} if folder.is_dir() else set[str]()
+    except OSError as fault:
+        raise WriteError(f"{folder}: cannot be read ({fault.strerror})", "change its permissions, or choose another folder") from fault
+    others = sorted(name for name in names if name != LOCK and not _UNFINISHED.fullmatch(name))
+    if others and (record not in names or not _is_ours(folder / record)):
+        raise WriteError(
+            f"{folder}: holds files that mapmore did not write ({', '.join(others[:3])}{', ...' if len(others) > 3 else ''})",
+            "give it another `name`, or choose another folder with --runs",
+        )
+
+
+def _is_ours(record: Path) -> bool:
+    """Whether a record may be one of ours: one that is damaged may."""
+    try:
+        document = json.loads(record.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return record.is_file()
+    return isinstance(document, dict) and document.get("creator") == "mapmore"
+
+
+def recover(run_dir: Path, outputs: Iterable[str]) -> None:
+    """Clear away what an interrupted process left, and put back those of the `outputs` that had stepped aside."""
     with refusals_told(run_dir):
+        for output in outputs:
+            aside, place = run_dir / f"{ASIDE}{output}", run_dir / output
+            if aside.is_dir() and not place.exists():
+                aside.rename(place)
+            elif aside.is_dir():
+                _remove(aside)
         for entry in sorted(run_dir.iterdir()):
-            if entry.name.startswith(ASIDE) and not (run_dir / entry.name.removeprefix(ASIDE)).exists():
-                entry.rename(run_dir / entry.name.removeprefix(ASIDE))
-            elif entry.name.startswith((ASIDE, TEMPORARY)):
+            if _UNFINISHED.fullmatch(entry.name):
                 _remove(entry)
+
+
+def is_tidy(run_dir: Path) -> bool:
+    """False where a process is at work, or was killed at work."""
+    return not any(_UNFINISHED.fullmatch(name) or name.startswith(ASIDE) for name in os.listdir(run_dir))  # noqa: PTH208
 
 
 @contextmanager

@@ -92,7 +92,7 @@ def load_origin(run_dir: Path) -> Origin | None:
     try:
         entry = json.loads((run_dir / RUN_RECORD).read_text(encoding="utf-8"))["origin"]
         return Origin(str(entry["spec"]), str(entry["campaign"]), tuple(map(str, entry["settings"])))
-    except (OSError, ValueError, TypeError, KeyError, RecursionError):
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
         return None
 
 
@@ -108,7 +108,7 @@ def load_records(run_dir: Path, warn: Callable[[str], None]) -> dict[str, StageR
         version = str(document["format_version"])
     except FileNotFoundError:
         return {}
-    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as fault:
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as fault:
         warn(f"{path}: is damaged ({type(fault).__name__}: {fault}) and is ignored; every stage runs again")
         return {}
     refuse_newer(path, version, FORMAT_VERSION)

@@ -13,7 +13,7 @@ from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.storage import run_folder
 from mapmore_cli.storage.atomic import refusals_told, write_bytes, write_text
 from mapmore_cli.storage.provenance import stamps_of, take_stamp
-from mapmore_cli.storage.run_folder import open_run_folder, recover, stage_folder, swap_in
+from mapmore_cli.storage.run_folder import open_run_folder, recover, run_lock, stage_folder, swap_in
 
 
 def test_write_replaces_the_whole_file(tmp_path: Path) -> None:
@@ -144,11 +144,42 @@ def test_folder_in_place_of_an_output_file_is_not_removed(tmp_path: Path) -> Non
 def test_recover(tmp_path: Path) -> None:
     (tmp_path / ".old-report").mkdir()
     (tmp_path / ".old-report" / "index.html").write_text("old")
-    (tmp_path / ".tmp-report-x" / "report").mkdir(parents=True)
-    (tmp_path / ".tmp-0123-run.json").write_text("{")
+    (tmp_path / ".tmp-report-x1_23456" / "report").mkdir(parents=True)
+    (tmp_path / ".tmp-0123456789ab-run.json").write_text("{")
     (tmp_path / "fit.h5").write_text("kept")
-    recover(tmp_path)
+    recover(tmp_path, ["report"])
     assert sorted(path.name for path in tmp_path.iterdir()) == ["fit.h5", "report"]
     (tmp_path / ".old-report").mkdir()
-    recover(tmp_path)  # the new folder is in place: the old one goes
+    recover(tmp_path, ["report"])  # the new folder is in place: the old one goes
     assert sorted(path.name for path in tmp_path.iterdir()) == ["fit.h5", "report"]
+
+
+def test_only_temporaries_of_our_own_are_removed(tmp_path: Path) -> None:
+    for name in (".tmp-x", ".tmp-notes.txt", ".old-thesis"):
+        (tmp_path / name).write_text("precious")
+    recover(tmp_path, ["report"])
+    assert len(list(tmp_path.iterdir())) == 3
+
+
+@pytest.mark.parametrize("files", [["scores.csv"], ["report/notes.txt"], ["run.json"], [".tmp-x"]])
+def test_a_folder_of_the_user_is_refused(files: list[str], tmp_path: Path) -> None:
+    for name in files:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text('{"mine": 1}')
+    with pytest.raises(WriteError, match="holds files that mapmore did not write"):
+        open_run_folder(tmp_path)
+    assert all((tmp_path / name).read_text() == '{"mine": 1}' for name in files)
+
+
+def test_what_a_killed_start_leaves_is_no_folder_of_the_user(tmp_path: Path) -> None:
+    (tmp_path / ".lock").write_text("")
+    (tmp_path / ".tmp-0123456789ab-run.json").write_text("{")
+    open_run_folder(tmp_path)
+    (tmp_path / "run.json").write_text('{"stages": {')
+    open_run_folder(tmp_path)
+
+
+def test_a_folder_in_place_of_the_lock(tmp_path: Path) -> None:
+    (tmp_path / ".lock").mkdir()
+    with pytest.raises(WriteError, match="is a folder, where the lock"), run_lock(tmp_path):
+        pass

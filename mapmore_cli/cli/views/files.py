@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
+from types import NoneType
 from typing import TYPE_CHECKING, Any
 
 from mapmore_cli.cli.views.view import View
@@ -92,13 +93,31 @@ def _of_json(path: Path) -> View:
     """`scores.json` or `run.json`, as they are; the table has what fits on a screen."""
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as fault:
+    except (OSError, ValueError, RecursionError) as fault:
         raise DataError(f"{path}: cannot be read ({fault})", "give a file that mapmore wrote") from fault
-    if isinstance(document, dict) and "stages" in document:
+    if isinstance(document, dict) and _are_entries(document.get("stages"), _STAGE):
         return View(document, (_stages_table(document["stages"]),))
-    if isinstance(document, dict) and "scores" in document:
+    scores = document.get("scores") if isinstance(document, dict) else None
+    if isinstance(scores, list) and _are_entries(dict(enumerate(scores)), _score_types()) and isinstance(document.get("units"), dict):
         return View(document, (_score_table(document),))
     raise DataError(f"{path}: is neither a scores.json nor a run.json", "give a file that mapmore wrote")
+
+
+_STAGE: Mapping[str, Any] = {"seconds": (float, int, NoneType), "why": (str, NoneType)}
+"""What the table of stages takes from an entry, and of which types."""
+
+
+def _score_types() -> Mapping[str, Any]:
+    from mapmore_cli.domain.scores import Score
+
+    return {field.name: str if field.type == "str" else (float, int, NoneType) for field in fields(Score)}
+
+
+def _are_entries(entries: Any, types: Mapping[str, Any]) -> bool:
+    """Whether something maps to mappings whose values have the types that are wanted of them."""
+    return isinstance(entries, dict) and all(
+        isinstance(entry, dict) and all(isinstance(entry.get(name), kind) for name, kind in types.items()) for entry in entries.values()
+    )
 
 
 def _stages_table(stages: Mapping[str, Any]) -> Table:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -16,6 +17,10 @@ if TYPE_CHECKING:
     from mapmore_cli.reporting.campaign import CampaignScores
     from mapmore_cli.reporting.table import Table
     from mapmore_cli.stages.campaigns.batch import Finished
+
+
+CAMPAIGN_RECORD = "campaign.json"
+"""What tells the folder of a campaign from one of the user."""
 
 
 @dataclass(frozen=True)
@@ -87,6 +92,7 @@ def write_page(campaign: Campaign, results: Mapping[str, Finished | BaseExceptio
     from mapmore_cli.reporting.figures.catalogue import rendered
     from mapmore_cli.reporting.tables import to_csv
     from mapmore_cli.storage.atomic import refusals_told, write_text
+    from mapmore_cli.storage.run_folder import refuse_foreign
 
     scores = scores_of(campaign, results)
     tables = campaign_tables(scores)
@@ -95,7 +101,9 @@ def write_page(campaign: Campaign, results: Mapping[str, Finished | BaseExceptio
     pages = {name: f"../{result.name}/{RUN_PAGE}" for name, result in results.items() if not isinstance(result, BaseException)}
     folder = runs / campaign.campaign
     with refusals_told(folder):
+        refuse_foreign(folder, CAMPAIGN_RECORD)
         (folder / "tables").mkdir(parents=True, exist_ok=True)
+        write_text(folder / CAMPAIGN_RECORD, json.dumps({"creator": "mapmore", "campaign": campaign.campaign}) + "\n")
         for table in tables:
             write_text(folder / "tables" / f"{table.name}.csv", to_csv(table))
         for figure in figures:

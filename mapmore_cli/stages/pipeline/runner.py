@@ -20,7 +20,7 @@ from mapmore_cli.stages.pipeline.stage import Progress, Stage, Workspace
 from mapmore_cli.stages.pipeline.staleness import Plan, plan_stages
 from mapmore_cli.storage.atomic import refusals_told, write_text
 from mapmore_cli.storage.provenance import stamps_of, tool_versions
-from mapmore_cli.storage.run_folder import open_run_folder, recover, run_lock, stage_folder, swap_in
+from mapmore_cli.storage.run_folder import is_tidy, open_run_folder, recover, run_lock, stage_folder, swap_in
 from mapmore_cli.storage.run_record import Origin, StageRecord, load_origin, load_records, save_records
 
 if TYPE_CHECKING:
@@ -98,12 +98,12 @@ def bring_up_to_date(
     run_dir = runs / loaded.spec.name
     open_run_folder(run_dir)
     with run_lock(run_dir):
-        recover(run_dir)
+        recover(run_dir, _outputs(every))
         origin = _origin(loaded, run_dir, campaign)
         records = load_records(run_dir, warn)
         plans = list(plan_stages(every, until, loaded, run_dir, records, rehash, force, heirs))
         kept = _refreshed(records, plans)
-        if kept != records or (records and load_origin(run_dir) != origin):
+        if kept != records or load_origin(run_dir) != origin:  # a new run as well: from now on the folder is known as a run's
             save_records(run_dir, loaded.spec.name, origin, kept)
         run = _Run(loaded, run_dir, origin, every, progress, warn, on_stage)
         for other in runs_built_on(loaded, heirs) if until == every[-1].name else ():
@@ -184,6 +184,7 @@ class _Run:
         name, runs = other.loaded.spec.name, self.run_dir.parent
         until = self.every[-1].name if other.role == "built_on" else MODEL_STAGE
         if self._is_current(other, until) or self._kept(other):
+            self._mend(other, runs / name)
             return runs / name
         with _told_of(name):
             return bring_up_to_date(
@@ -196,6 +197,13 @@ class _Run:
                 stages=self.every,
                 heirs=other.heirs,
             ).run_dir
+
+    def _mend(self, other: Needed, run_dir: Path) -> None:
+        """Do what a process left undone that was killed after the last stage of another run. Where a process holds the run, it will."""
+        if not is_tidy(run_dir) or not (run_dir / RESOLVED_SPEC).is_file():
+            with suppress(WriteError), run_lock(run_dir):
+                recover(run_dir, _outputs(self.every))
+                replace(self, loaded=other.loaded, run_dir=run_dir).write_spec()
 
     def tell_outdated(self, plans: Sequence[Plan]) -> None:
         """Warn of compared runs whose models are kept though they would come out otherwise now."""
@@ -252,6 +260,10 @@ def _refreshed(records: Mapping[str, StageRecord], plans: Sequence[Plan]) -> dic
         if plan.reason is None
     }
     return {**records, **current}
+
+
+def _outputs(stages: Sequence[Stage]) -> list[str]:
+    return [output for stage in stages for output in stage.outputs]
 
 
 def _check_outputs(stage: Stage, out: Path) -> None:

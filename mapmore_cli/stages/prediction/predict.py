@@ -59,14 +59,19 @@ def predicted_lines(
         if name in names:
             raise DataError(f"{label}: already has a column {name}", "rename or remove it")
     yield f"{header.text},{','.join(added)}{header.end}"
+    predicted = beyond = 0
     for block in recordings(rows, names) if reading.over_time else _chunks(rows, chunk):
         fields = [fields_of(row, len(names), label) for row in block]
         columns = {name: values_of(block, fields, places[name], name, label) for name in read}
         cells_of, diverged = _added_cells(model, reading, columns, block, label)
         for start in diverged:
             warn(f"{label}:row {block[start].line}: the free run diverges; there is no prediction until it starts anew")
+        predicted += sum(cells != "," for cells in cells_of)
+        beyond += sum(cells.endswith("true") for cells in cells_of)
         for row, cells, added_cells in zip(block, fields, cells_of, strict=True):
             yield row.text + row.end if cells is None else f"{row.text},{added_cells}{row.end}"
+    if predicted and beyond == predicted:
+        warn(f"{label}: every row lies outside of the training range; the model expects {_named(model)}")
 
 
 def _chunks(rows: Iterator[Row], size: int) -> Iterator[list[Row]]:
@@ -93,7 +98,7 @@ def _added_cells(
     except AtSample as error:
         raise DataError(f"{label}:row {block[error.sample].line}: {error.fault}", error.remedy) from error
     for i, value, flag in zip(known, run.values, outside, strict=True):
-        added[i] = f"{'' if math.isnan(value) else format(value, '.12g')},{'true' if flag else 'false'}"
+        added[i] = f"{format(value, '.12g') if math.isfinite(value) else ''},{'true' if flag else 'false'}"
     return added, run.diverged
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.storage.tables.lines import open_quote, quote_left_open
 
 
 @dataclass(frozen=True)
@@ -35,14 +36,14 @@ def records(lines: Iterable[str], label: str) -> Iterator[Row]:
     reader = csv.reader(remembered())
     try:
         for cells in reader:
+            if quote_left_open(consumed, cells, ","):
+                raise open_quote(label, reader.line_num - len(consumed) + 1)
             text = "".join(consumed)
             consumed.clear()
             bare = text.rstrip("\r\n")
             yield Row(bare, text[len(bare) :], cells, reader.line_num)
-    except csv.Error as fault:
-        raise DataError(
-            f"{label}:row {reader.line_num}: not readable as CSV ({fault})", "look for a quotation mark that is never closed"
-        ) from fault
+    except csv.Error as fault:  # a field that is longer than any number
+        raise open_quote(label, reader.line_num - len(consumed) + 1) from fault
 
 
 def fields_of(row: Row, width: int, label: str) -> Sequence[str] | None:

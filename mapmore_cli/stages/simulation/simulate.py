@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from mapmore_cli.domain.arrays import Columns
+from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.rig.antagonists import driven, swung
 from mapmore_cli.rig.contraction_table import contraction_table
 from mapmore_cli.rig.load_cycle import load_cycle
@@ -69,20 +70,20 @@ Cause = float | WaveformSpec | str
 """What tells one recording of a simulation from another: its pressure (kPa), its waveform, or a name."""
 
 
-def simulate(spec: SimulationSpec, folder: Path, progress: Progress) -> list[Path]:
+def simulate(spec: SimulationSpec, folder: Path, progress: Progress, force: bool = False) -> list[Path]:
     """Write one recording for each pressure or waveform into `folder` (made where missing); return their paths, in the order of the spec.
 
-    Raises `WriteError` where a file cannot be written; files are replaced whole.
+    Raises `WriteError` where a file cannot be written, or exists and is not to be replaced by `force`; files are replaced whole.
     """
     causes = causes_of(spec)
-    paths = []
+    paths = [folder / f"{spec.output}_{label(cause)}.csv" for cause in causes]
+    standing = [path for path in paths if path.is_file()]
+    if standing and not force:
+        raise WriteError(f"{standing[0]}: exists already", "write elsewhere with -o, or replace it with --force")
     with refusals_told(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    for done, cause in enumerate(causes, start=1):
-        text = csv_text(recording(spec, cause), decimals(spec))
-        path = folder / f"{spec.output}_{label(cause)}.csv"
-        write_text(path, text)
-        paths.append(path)
+    for done, (cause, path) in enumerate(zip(causes, paths, strict=True), start=1):
+        write_text(path, csv_text(recording(spec, cause), decimals(spec)))
         progress("simulate", done, len(causes))
     return paths
 

@@ -11,6 +11,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+from mapmore_cli.domain.plain_text import csv_cell
 from mapmore_cli.domain.scores import Score, Validation
 from mapmore_cli.storage.atomic import write_text
 
@@ -30,7 +31,7 @@ def write_scores(folder: Path, validation: Validation, name: str) -> None:
     table = io.StringIO()
     writer = csv.DictWriter(table, COLUMNS, lineterminator="\n")
     writer.writeheader()
-    writer.writerows(rows)
+    writer.writerows({name: csv_cell(cell) if isinstance(cell, str) else cell for name, cell in row.items()} for row in rows)
     write_text(folder / "scores.csv", table.getvalue())
 
 

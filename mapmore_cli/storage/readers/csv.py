@@ -15,7 +15,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.tables.lines import Growing, Lines, guess_encoding, open_lines
+from mapmore_cli.storage.tables.lines import Growing, Lines, guess_encoding, open_lines, open_quote, quote_left_open
 from mapmore_cli.storage.tables.reader import Reader, Top
 from mapmore_cli.storage.tables.table import RawTable, TableRequest, locate_columns
 from mapmore_cli.storage.tables.text import (
@@ -64,7 +64,7 @@ def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
 
 def _parse(lines: Lines, request: TableRequest) -> RawTable:
     lines.take(request.skip_rows)
-    records = _records(lines, request.delimiter)
+    records = _records(lines, request)
     first = next((record for record in records if record[1]), None)
     if first is None:
         raise DataError(f"{request.label}: the file is empty")
@@ -81,13 +81,31 @@ def _parse(lines: Lines, request: TableRequest) -> RawTable:
     return RawTable(dict(zip(request.columns, table.columns, strict=True)), table.rows, request.label)
 
 
-def _records(lines: Lines, delimiter: str) -> Iterator[Numbered]:
+def _records(lines: Lines, request: TableRequest) -> Iterator[Numbered]:
     """Yield the records that begin with the next line, blank lines as records without fields; no line is taken before it is needed."""
-    if delimiter == WHITESPACE:
+    if request.delimiter == WHITESPACE:
         yield from ((lines.taken, line.split()) for line in lines)
         return
-    for record in csv.reader(lines, delimiter=DELIMITERS.get(delimiter, delimiter)):
+    delimiter = DELIMITERS.get(request.delimiter, request.delimiter)
+    taken: list[str] = []
+    records = csv.reader(_remembered(lines, taken), delimiter=delimiter)
+    while True:
+        try:
+            record = next(records, None)
+        except csv.Error as error:  # a field that is longer than any number
+            raise open_quote(request.label, lines.taken - len(taken) + 1) from error
+        if record is None:
+            return
+        if quote_left_open(taken, record, delimiter):
+            raise open_quote(request.label, lines.taken - len(taken) + 1)
+        taken.clear()
         yield lines.taken, record if len(record) > 1 or (record and record[0].strip()) else []
+
+
+def _remembered(lines: Iterator[str], taken: list[str]) -> Iterator[str]:
+    for line in lines:
+        taken.append(line)
+        yield line
 
 
 def _layout(first: Sequence[str], request: TableRequest) -> Layout:

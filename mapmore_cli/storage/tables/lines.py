@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import codecs
+import csv
 import gzip
 import io
 import os
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
@@ -116,6 +118,36 @@ def bounded_lines(text: TextIO, label: str, packed: int | None = None) -> Iterat
         number += len(lines)
         yield from lines
     yield from io.StringIO(rest, newline="")
+
+
+def quote_left_open(lines: Sequence[str], cells: Sequence[str], delimiter: str) -> bool:
+    """Whether a quotation mark in a record was never meant to span its `lines`: it is not closed, or took whole records for text."""
+    if not any('"' in line for line in lines):
+        return False
+    try:
+        deque(csv.reader(lines, delimiter=delimiter, strict=True), maxlen=0)
+    except csv.Error as error:
+        if "end of data" in str(error) or len(lines) > 1:
+            return True
+    return any(_holds_record(line, delimiter) for cell in cells for line in cell.splitlines()[1:])
+
+
+def _holds_record(line: str, delimiter: str) -> bool:
+    """Whether a line inside of a cell looks like one of the table: delimited, with a number in it."""
+    return delimiter in line and any(map(_is_number, line.split(delimiter)))
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell.strip(' "'))
+    except ValueError:
+        return False
+    return True
+
+
+def open_quote(label: str, row: int) -> DataError:
+    """What is told of a record in which a quotation mark was left open."""
+    return DataError(f"{label}:row {row}: a quotation mark opens here and is not closed", "close it, or remove it")
 
 
 @contextmanager

@@ -1,0 +1,174 @@
+"""Tables, folders and outputs that nobody expects: each ends with the right code and a message that says where."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+import mapmore_cli
+from mapmore_cli.domain.errors import DataError, WriteError
+from mapmore_cli.domain.plain_text import csv_cell, printable
+from mapmore_cli.storage.atomic import write_text
+from mapmore_cli.storage.globs import expand
+from mapmore_cli.storage.readers import READERS, TableRequest
+from mapmore_cli.storage.text_streams import lines_of, replaced
+
+
+def read(path: Path, *columns: str, **keys: object) -> object:
+    return READERS["csv"].read(path, TableRequest(path.name, columns, **keys))  # type: ignore[arg-type]
+
+
+ROWS = [f"{i / 100},150,{i}" for i in range(40)]
+
+
+@pytest.mark.parametrize(
+    ("row", "broken"),
+    [
+        (12, '0.11,150,"11'),  # to the end of the file
+        (12, '"0.11,150,11'),
+        (40, '0.39,150,"39'),
+    ],
+)
+@pytest.mark.parametrize("columns", [("strain",), ("strain", "force")])
+def test_a_quote_that_is_not_closed_is_told_with_its_row(row: int, broken: str, columns: tuple[str, ...], tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    lines = ["strain,pressure,force", *ROWS]
+    lines[row] = broken
+    path.write_text("\n".join(lines) + "\n")
+    with pytest.raises(DataError, match=rf"a\.csv:row {row + 1}: a quotation mark opens here"):
+        read(path, *columns)
+
+
+def test_two_quotes_that_swallow_rows_between_them_are_told(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    lines = ["strain,force,remark", *(f"{i / 100},{i},fine" for i in range(40))]
+    lines[5], lines[30] = '0.04,4,"odd', '0.29,29,"odd'
+    path.write_text("\n".join(lines) + "\n")
+    with pytest.raises(DataError, match="row 6: a quotation mark opens here"):
+        read(path, "strain", "force")
+    lines[5], lines[30] = '0.04,4,"two\nlines of text"', "0.29,29,fine"
+    path.write_text("\n".join(lines) + "\n")
+    (table,) = read(path, "strain", "force")  # type: ignore[misc]
+    assert len(table.rows) == 40
+
+
+def test_a_very_long_line_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("strain,force\n0,1\n" + "9" * 12_000_000)
+    with pytest.raises(DataError, match="row 3: is longer than 10 million"):
+        read(path, "strain")
+    with pytest.raises(DataError, match="row 1: is longer"):
+        list(lines_of(Path("/dev/zero")))
+
+
+def test_a_packed_file_that_unpacks_to_hundreds_of_times_its_size_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import gzip
+
+    monkeypatch.setattr("mapmore_cli.storage.tables.lines.BOMB_SIZE", 1_000_000)
+    path = tmp_path / "a.csv.gz"
+    path.write_bytes(gzip.compress(b"strain,force\n" + b"0,1\n" * 1_000_000))
+    with pytest.raises(DataError, match="unpacks from"):
+        read(path, "strain")
+
+
+def test_lines_end_alike_however_the_file_is_cut_into_pieces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("mapmore_cli.storage.tables.lines._AT_ONCE", 3)
+    path = tmp_path / "a.csv"
+    path.write_bytes(b"a,b\r\n1,2\r\n\r\n3,4\r5,6\n7,8")
+    assert list(lines_of(path)) == ["a,b\r\n", "1,2\r\n", "\r\n", "3,4\r", "5,6\n", "7,8"]
+
+
+def test_links_in_a_circle_give_each_recording_once(tmp_path: Path) -> None:
+    inner = tmp_path / "data" / "2026"
+    inner.mkdir(parents=True)
+    (inner / "a.csv").write_text("x\n1\n")
+    (inner / "up").symlink_to(tmp_path / "data")
+    (inner / "self").symlink_to(inner)
+    assert expand("data/**/*.csv", tmp_path) == [inner / "a.csv"]
+    assert expand("**/a.csv", tmp_path) == [inner / "a.csv"]
+
+
+def test_links_that_lead_nowhere_and_pipes_are_told(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("x\n1\n")
+    (tmp_path / "b.csv").symlink_to(tmp_path / "gone.csv")
+    with pytest.raises(DataError, match=r"b\.csv: is a link that leads nowhere"):
+        expand("*.csv", tmp_path)
+    (tmp_path / "b.csv").unlink()
+    os.mkfifo(tmp_path / "b.csv")
+    for pattern in ("*.csv", "b.csv"):
+        with pytest.raises(DataError, match=r"b\.csv: is no regular file"):
+            expand(pattern, tmp_path)
+
+
+def test_a_pipe_is_written_into_and_not_replaced(tmp_path: Path) -> None:
+    pipe, found = tmp_path / "out.csv", []
+    os.mkfifo(pipe)
+    for write in (lambda: write_text(pipe, "a\n"), lambda: _stream(pipe)):
+        reader = threading.Thread(target=lambda: found.append(pipe.read_text()))
+        reader.start()
+        write()
+        reader.join()
+    assert found == ["a\n", "a\n"]
+    assert pipe.is_fifo()
+
+
+def _stream(path: Path) -> None:
+    with replaced(path) as text:
+        text.write("a\n")
+
+
+def test_devices_and_links_are_not_replaced(tmp_path: Path) -> None:
+    write_text(Path("/dev/null"), "a")
+    assert not Path("/dev/null").is_file()
+    with pytest.raises(WriteError):
+        write_text(Path("/dev/full"), "a")
+    with pytest.raises(WriteError), replaced(Path("/dev/full")) as text:
+        text.write("a")
+    assert not Path("/dev/full").is_file()
+    (tmp_path / "real.csv").write_text("old")
+    (tmp_path / "link.csv").symlink_to("real.csv")
+    write_text(tmp_path / "link.csv", "new")
+    assert (tmp_path / "link.csv").is_symlink()
+    assert (tmp_path / "real.csv").read_text() == "new"
+
+
+def mapmore(*arguments: str, shell_suffix: str = "", folder: Path) -> subprocess.CompletedProcess[str]:
+    line = f'"$0" -m mapmore_cli "$@" {shell_suffix}'
+    environment = {**os.environ, "PYTHONPATH": str(Path(mapmore_cli.__file__).parents[1])}
+    command = ["sh", "-c", line, sys.executable, *arguments]
+    return subprocess.run(command, capture_output=True, text=True, cwd=folder, env=environment, check=False)
+
+
+def test_a_closed_stdout_is_no_internal_fault(tmp_path: Path) -> None:
+    done = mapmore("schema", shell_suffix=">&-", folder=tmp_path)
+    assert done.returncode == 0
+    assert done.stderr == ""
+
+
+def test_hostile_json_files_are_wrong_data(tmp_path: Path) -> None:
+    for name, text in [
+        ("run.json", '{"stages": 3}'),
+        ("run.json", '{"stages": {"fit": 3}}'),
+        ("run.json", '{"stages": {"fit": {"seconds": "x"}}}'),
+        ("scores.json", '{"scores": [3]}'),
+        ("scores.json", '{"scores": [{"model": "x"}], "units": {}}'),
+        ("scores.json", "[" * 100_000),
+    ]:
+        (tmp_path / name).write_text(text)
+        done = mapmore("show", name, folder=tmp_path)
+        assert done.returncode == 4, (text[:50], done.stderr)
+        assert done.stderr.startswith("error: ")
+
+
+def test_commands_to_a_terminal_in_names_are_shown_and_not_obeyed() -> None:
+    assert printable("a\x1b[2J\x9b31m\u202eb\r\tc\nd") == "a\\x1b[2J\\x9b31m\\u202eb\\r\tc\nd"
+
+
+@pytest.mark.parametrize(("text", "cell"), [("=1+1", "'=1+1"), ("@x", "'@x"), ("+x", "'+x"), ("-3*strain", "-3*strain"), ("", "")])
+def test_no_cell_of_a_table_is_a_formula(text: str, cell: str) -> None:
+    assert csv_cell(text) == cell
