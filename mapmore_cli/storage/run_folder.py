@@ -76,12 +76,12 @@ def refuse_foreign(folder: Path, record: str) -> None:
 
 
 def _is_ours(record: Path) -> bool:
-    """Whether a record may be one of ours: one that is damaged may."""
+    """Whether a record may be one of ours, be it damaged: anything but a whole document of somebody else."""
     try:
         document = json.loads(record.read_bytes())
     except (OSError, ValueError, RecursionError):
         return record.is_file()
-    return isinstance(document, dict) and document.get("creator") == "mapmore"
+    return not isinstance(document, dict) or not document or document.get("creator") == "mapmore" or "stages" in document
 
 
 def recover(run_dir: Path, outputs: Iterable[str]) -> None:
