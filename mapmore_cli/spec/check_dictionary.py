@@ -29,7 +29,6 @@ def terms(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def _expression(text: str, loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
-    from mapmore_cli.modelling.memory.feedback import parted
     from mapmore_cli.modelling.terms import ExpressionError, parse, state
 
     try:
@@ -40,9 +39,12 @@ def _expression(text: str, loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
     states = [state(name) for name in sorted(term.names)]
     found = [finding for one in states for finding in (*_quantity(one, text, loc, spec), *_target(one, text, loc, spec))]
     yield from found
-    if not found:
+    of_target = [one.name for one in states if one.quantity == spec.target_quantity]
+    if of_target and not found:
+        from mapmore_cli.modelling.memory.feedback import parted  # takes long to load, and few specs need it
+
         try:
-            parted(term, [one.name for one in states if one.quantity == spec.target_quantity])
+            parted(term, of_target)
         except DataError as error:
             yield Finding(loc, error.message, error.remedy)
 
@@ -75,11 +77,14 @@ def _quantity(found: State, text: str, loc: Loc, spec: ExperimentSpec) -> Iterat
 
 def _target(found: State, text: str, loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
     """A state of the target is made of the target some samples ago."""
-    from mapmore_cli.modelling.memory.feedback import looks_back
     from mapmore_cli.modelling.terms.states import Measured
 
     target = spec.target_quantity
-    if found.quantity != target or (looks_back(found) and spec.target not in DERIVED):
+    if found.quantity != target:
+        return
+    from mapmore_cli.modelling.memory.feedback import looks_back  # takes long to load, and few specs need it
+
+    if looks_back(found) and spec.target not in DERIVED:
         return
     if isinstance(found, Measured) or spec.target in DERIVED:
         yield _is_target(text, loc, spec)
