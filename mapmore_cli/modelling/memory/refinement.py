@@ -15,7 +15,7 @@ from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.modelling.memory.linearisation import Linearised, run_at_once
 from mapmore_cli.modelling.memory.simulation import Course, Trajectory
 
-FIRST, GROWTH = 8, 4
+FIRST, GROWTH = 16, 8
 """Samples of the shortest horizon, and how many times longer the next one is."""
 
 LEAST_GROWTH = 1.2
