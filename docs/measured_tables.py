@@ -73,7 +73,9 @@ def backbones(scores: CampaignScores, runs: Path) -> Table:
 
 def least_left_out_error(run: Path) -> float:
     """RMSE on left-out training data, with as much of the residual as is best there."""
-    return min(fold.rmse for fold in read_model(run / "model.h5").cross_validation)
+    pieces = read_model(run / "model.h5").pieces
+    assert pieces is not None
+    return min(fold.rmse for fold in pieces.cross_validation)
 
 
 def has_foot(run: Path) -> bool:
@@ -138,9 +140,11 @@ def tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
 
 
 def write_tables(page: Path, found: Mapping[str, Callable[[], Table]]) -> None:
-    """Replace every table of a page by the one found of its name."""
+    """Replace the tables of a page by those found of their names."""
 
     def table(match: re.Match[str]) -> str:
+        if match[2] not in found:
+            return match[0]
         return f"{match[1]}\n{to_markdown(found[match[2]]())}{match[3]}"
 
     text = re.sub(r"(<!-- table (\S+) -->)\n.*?(<!-- end -->)", table, page.read_text(encoding="utf-8"), flags=re.DOTALL)

@@ -1,4 +1,4 @@
-"""Write the tables of docs/memory.md from runs, which are brought up to date first: `python docs/memory_tables.py RUNS`.
+"""Write the tables of docs/memory.md from runs, which are brought up to date first: `python docs/memory_tables.py RUNS [TABLE ...]`.
 
 The measured recordings must be there (docs/data.md).
 """
@@ -94,6 +94,74 @@ def identification(runs: Path) -> Table:
     return Table("identification", "Identification records", columns, tuple(rows))
 
 
+TANKS = {
+    "linear": (
+        "dictionary=[{lags: {of: [y, u], steps: [1, 2]}}]",
+        "fit.select=one_step",
+        "fit.criterion=one_step",
+        "fit.scaling=none",
+        "fit.margin=0.15",
+        "fit.ridge=0",
+    ),
+    "one step ahead": ("fit.select=one_step", "fit.criterion=one_step"),
+    "coefficients in free run": ("fit.select=one_step",),
+    "not held at 10 V": ("fit.margin=1",),
+    "coefficients and terms in free run": (),
+}
+"""Variations of the study of the tanks: which errors decide, and whether states are held at the ends of their training range."""
+
+
+def tanks(runs: Path) -> Table:
+    """The cascaded tanks: what the free run as criterion is worth, on the last quarter of the record, which it was not fitted to."""
+    rows = []
+    for number, (name, changes) in enumerate(TANKS.items()):
+        named = () if not changes else (f"name=cascaded_tanks_{number}",)
+        run = finished(Entry(CONFIGS / "identification" / "cascaded_tanks.yaml", (*changes, *named)), runs)
+        memory = read_fit(run.run_dir / "fit.h5").memory
+        assert memory is not None
+        assert memory.held_out is not None
+        rows.append((name, len(memory.model.terms), float(memory.held_out.min()), own(run, "train").rmse))
+    columns = (
+        Column("decided by"),
+        Column("terms"),
+        Column("RMSE, last quarter, held out", "V", ".3f"),
+        Column("RMSE, whole record, fitted", "V", ".3f"),
+    )
+    return Table("tanks", "Cascaded tanks in free run", columns, tuple(rows))
+
+
+def tanks_terms(runs: Path) -> Table:
+    """The model of the cascaded tanks."""
+    memory = read_fit(study("identification", "cascaded_tanks", runs).run_dir / "fit.h5").memory
+    assert memory is not None
+    rows = tuple(zip(memory.model.terms, memory.model.theta.tolist(), memory.model.theta_error.tolist(), strict=True))
+    columns = (Column("term"), Column("coefficient", "", ".4g"), Column("standard error", "", ".2g"))
+    return Table("tanks_terms", "Cascaded tanks: terms of states that are scaled to [0, 1]", columns, rows)
+
+
+SHORT = ("data.split.validate.last=0.95", "name=bouc_wen_short")
+"""The Bouc-Wen study trained on the first 2048 samples, which is quick enough for the tests."""
+
+
+def bouc_wen(runs: Path) -> Table:
+    """The hysteretic oscillator with and without stops of the output that is fed back; trained on much, and on little."""
+    config = CONFIGS / "identification" / "bouc_wen.yaml"
+    scores = {False: finished(Entry(config, ()), runs).validation.scores, True: finished(Entry(config, SHORT), runs).validation.scores}
+    held = {short: {one.model: one for one in found if (one.split, one.curve) == ("validate", "all")} for short, found in scores.items()}
+    rows = [
+        (name, one.rrse, one.rrse_one_step, 1e5 * one.rmse, held[True][name].rrse if name in held[True] else None)
+        for name, one in held[False].items()
+    ]
+    columns = (
+        Column("model"),
+        Column("RRSE, free run", "", ".4f"),
+        Column("RRSE, one step", "", ".4f"),
+        Column("RMSE, free run", "1e-5", ".3f"),
+        Column("RRSE, free run, trained on 2048 samples", "", ".4f"),
+    )
+    return Table("bouc_wen", "Bouc-Wen oscillator: held-out samples", columns, tuple(rows))
+
+
 def whole_rmse(run: Finished) -> float:
     """RMSE over training and held-out samples together."""
     parts = [own(run, split) for split in ("train", "validate")]
@@ -109,8 +177,12 @@ def tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
         "coiled_loads": lambda: nrmse_table(campaign("coiled_loads", runs)),
         "reversals": lambda: reversals(runs),
         "identification": lambda: identification(runs),
+        "tanks": lambda: tanks(runs),
+        "tanks_terms": lambda: tanks_terms(runs),
+        "bouc_wen": lambda: bouc_wen(runs),
     }
 
 
 if __name__ == "__main__":
-    write_tables(DOCS / "memory.md", tables(Path(sys.argv[1])))
+    found = tables(Path(sys.argv[1]))
+    write_tables(DOCS / "memory.md", {name: found[name] for name in sys.argv[2:] or found})

@@ -43,6 +43,8 @@ def fit_with_memory(records: Sequence[Record], recipe: MemoryRecipe, progress: P
     else:
         choice = training.selector.among(np.array(best.member.chosen))
         choice = replace(choice, selection=replace(choice.selection, stop="free_run"))
+        if recipe.select == "free_run":
+            choice = replace(choice, forward=choice.selection.chosen)  # nothing else was chosen and pruned
     held_out = None if best is None else best.errors
     if recipe.criterion == "one_step":
         return replace(training.fit(choice), held_out=held_out)

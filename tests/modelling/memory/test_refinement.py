@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from memory_samples import memory_model, narx_truth, recipe_of, record, state_set, wandering
 
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.modelling.frols import frols
 from mapmore_cli.modelling.memory import beam as beams
-from mapmore_cli.modelling.memory import fit_with_memory, free_run, one_step_ahead
+from mapmore_cli.modelling.memory import fit_with_memory, free_run, one_step_ahead, selectors
 from mapmore_cli.modelling.memory.feedback import feedback_of
 from mapmore_cli.modelling.memory.linearisation import Linearised, run_at_once
 from mapmore_cli.modelling.memory.refinement import THOROUGH, Coefficients, Problem, minimise, refine
@@ -216,3 +217,16 @@ def test_progress_is_told_and_an_interrupted_search_can_begin_again():
     again = fit_with_memory([logistic()], recipe)
     assert again.model.terms == whole.model.terms
     np.testing.assert_array_equal(again.model.theta, whole.model.theta)
+
+
+def test_models_of_every_size_come_from_one_selection(monkeypatch):
+    """The whole dictionary is searched once for the beginning of the record; its other searches are among the terms chosen there."""
+    widths = []
+
+    def counted(P, *rest, **named):
+        widths.append(P.shape[1])
+        return frols(P, *rest, **named)
+
+    monkeypatch.setattr(selectors, "frols", counted)
+    fit_with_memory([logistic()], recipe_of("y", DICTIONARY, max_terms=4, stop="free_run"))
+    assert widths.count(len(DICTIONARY)) == 1
