@@ -12,7 +12,7 @@ from typing import Annotated, Any, cast
 import typer
 from typer.core import TyperGroup
 
-from mapmore_cli.cli import batch, check, example, exits, figure, init, pipeline, predict, schema, show, simulate
+from mapmore_cli.cli import batch, check, compare, example, exits, figure, freeze, init, pipeline, predict, schema, show, simulate
 
 AS_JSON = "mapmore.json"
 """Key of the context: whether the line asks for JSON, in which errors are then told too."""
@@ -66,6 +66,8 @@ predict.add_to(app)
 simulate.add_to(app)
 show.add_to(app)
 figure.add_to(app)
+freeze.add_to(app)
+compare.add_to(app)
 init.add_to(app)
 example.add_to(app)
 check.add_to(app)

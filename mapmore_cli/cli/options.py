@@ -14,6 +14,11 @@ Runs = Annotated[Path, typer.Option("--runs", metavar="DIR", help="Folder of the
 RUNS = Path("runs")
 """Default of `Runs`."""
 
+Archive = Annotated[Path, typer.Option("--archive", metavar="DIR", help="Folder of the frozen models.")]
+
+ARCHIVE = Path("archive")
+"""Default of `Archive`."""
+
 Overrides = Annotated[
     list[str],
     typer.Option("--set", metavar="KEY=VALUE", help="Replace one value of the spec, as fit.max_terms=2. Repeatable.", show_default=False),

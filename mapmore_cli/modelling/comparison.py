@@ -28,6 +28,7 @@ SAME_LEVEL = 0.05
 """Share of the distance to the next level within which two levels are the same."""
 
 FEWEST_CURVES = 2
+MOST_POINTS = 6
 
 
 @dataclass(frozen=True)
@@ -234,6 +235,28 @@ def _change(before: Model, after: Model, place: Place) -> CurveChange:
         {name: float(values[worst]) for name, values in points.items()},
         place.interpolated,
     )
+
+
+@dataclass(frozen=True)
+class ReferencePoint:
+    """A place that all models were trained at, and the output of each of them there."""
+
+    inputs: Mapping[str, float]
+    outputs: tuple[float, ...]
+
+
+def reference_points(models: Sequence[Model]) -> list[ReferencePoint]:
+    """The middle of every curve that the first model has in common with the last, inside of the ranges of both; at most `MOST_POINTS`."""
+    first, last = models[0], models[-1]
+    places = common_curves(first, last)
+    shown = sorted({round(place) for place in np.linspace(0, len(places) - 1, min(len(places), MOST_POINTS))})
+    points = []
+    for number in shown:
+        columns = grid(first, last, places[number])
+        middle = {name: values[len(values) // 2 : len(values) // 2 + 1] for name, values in columns.items()}
+        outputs = tuple(float(predict(model, middle)[0]) for model in models)
+        points.append(ReferencePoint({name: float(value[0]) for name, value in middle.items()}, outputs))
+    return points
 
 
 def term_changes(before: Model, after: Model) -> tuple[TermChange, ...]:

@@ -155,7 +155,7 @@ def formula_uses(spec: ExperimentSpec) -> Iterator[tuple[str, Loc]]:
             continue
         for key in ("model", "static", "damping"):
             name = getattr(competitor, key)
-            if name is not None and (key, name) != ("static", OWN):
+            if name is not None and (key, name) != ("static", OWN) and not (key == "model" and competitor.is_file):
                 yield name, ("validate", "against", i, key)
 
 

@@ -52,8 +52,8 @@ class Rival:
 class Contest:
     """The data and the other runs of a comparison: `model` is the run's own, `static_run` the needed run of the static force.
 
-    `lengths` are the muscle's `length` and `diameter` (m). Where the dataset is a fold of a cross-validation, `refit` makes the model of
-    another run anew on its training samples.
+    `lengths` are the muscle's `length` and `diameter` (m); `spec_dir` is the folder that paths of frozen models start at. Where the dataset
+    is a fold of a cross-validation, `refit` makes the model of another run anew on its training samples.
     """
 
     dataset: Dataset
@@ -61,6 +61,7 @@ class Contest:
     needed: Mapping[str, Path]
     static_run: Path | None
     lengths: Mapping[str, float | None]
+    spec_dir: Path
     refit: Callable[[Path, Dataset], Model] | None = None
 
     def rival(self, competitor: str | Competitor) -> Rival:
@@ -76,6 +77,8 @@ class Contest:
         if competitor.run is not None or competitor.set is not None:
             folder = self.needed[competitor.run or competitor.label]
             return Rival(competitor.label, self._of_run(folder), motion=read_fit(folder / "fit.h5").motion)
+        if competitor.is_file:
+            return Rival(competitor.label, self._of_model(read_model(self.spec_dir / str(competitor.model))))
         if competitor.static is not None:
             return self._composite(competitor)
         if competitor.sum is not None:
@@ -99,8 +102,10 @@ class Contest:
         return replace(fit, rivals=tuple(scored(rival) for rival in fit.rivals))
 
     def _of_run(self, run_dir: Path) -> Forecasts:
+        return self._of_model(read_model(run_dir / "model.h5") if self.refit is None else self.refit(run_dir, self.dataset))
+
+    def _of_model(self, other: Model) -> Forecasts:
         quantities = self.dataset.quantities
-        other = read_model(run_dir / "model.h5") if self.refit is None else self.refit(run_dir, self.dataset)
         differing = [q.name for q in (other.output, *other.inputs) if quantities.get(q.name) != q]
         if other.output != self.model.output or differing:
             what = ", ".join(differing) or other.output.name

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.scores import OWN, Limit, deciding
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.layers import as_overrides
@@ -68,7 +70,7 @@ def run(part: Slice, workspace: Workspace) -> None:
     dataset = read_dataset(workspace.run_dir / "ingest.h5")
     model = read_model(workspace.run_dir / "model.h5")
     static_run = workspace.needed[part.static] if part.static is not None else None
-    contest = Contest(dataset, model, workspace.needed, static_run, part.lengths)
+    contest = Contest(dataset, model, workspace.needed, static_run, part.lengths, workspace.spec_dir)
     rivals = _rivals(contest, part, workspace)
     forecasts = {OWN: tuple(forecast(model, curve) for curve in dataset.curves), **{one.name: one.forecasts for one in rivals}}
     for one in rivals:
@@ -167,4 +169,23 @@ def needs(spec: ExperimentSpec) -> list[Need]:
     return [*([static] if static is not None else []), *compared, *variations]
 
 
-STAGE = Stage(name="validate", revision=5, outputs=("validate.h5", "scores.csv", "scores.json"), reads=reads, run=run, needs=needs)
+def sources(spec: ExperimentSpec, folder: Path) -> list[Path]:
+    """The frozen models that this one is compared with.
+
+    Raises
+    ------
+    SpecError
+        Where there is no such file.
+    """
+    frozen = [c for c in spec.validation.against if isinstance(c, Competitor) and c.is_file]
+    paths = [folder / str(competitor.model) for competitor in frozen]
+    for competitor, path in zip(frozen, paths, strict=True):
+        if not path.is_file():
+            remedy = "freeze one with `mapmore freeze RUN --tag TAG`; paths start at the folder of the spec"
+            raise SpecError(f"validate.against: there is no model {competitor.model}", remedy)
+    return paths
+
+
+STAGE = Stage(
+    name="validate", revision=5, outputs=("validate.h5", "scores.csv", "scores.json"), reads=reads, run=run, sources=sources, needs=needs
+)

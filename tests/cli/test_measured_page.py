@@ -120,9 +120,9 @@ def test_the_published_numbers_are_the_papers() -> None:
     lines = [
         line.split("|") for line in PAGE.read_text().splitlines() if re.match(r"\| \S+-m1-static \| (mapmore|sarosi|polynomial_5) ", line)
     ]
-    printed = {(cells[1].split("-")[0].strip(), cells[2].strip()): float(cells[4].strip(" >=")) for cells in lines}
-    mckibben = {("dmsp", "mapmore"): 13.7, ("dmsp", "sarosi"): 18.7, ("dmsp", "polynomial_5"): 170.0}
-    assert printed == mckibben | {("peano", "mapmore"): 8.4, ("peano", "sarosi"): 11.4, ("peano", "polynomial_5"): 170.0}
+    printed = {(cells[1].split("-")[0].strip(), cells[2].strip()): cells[4].strip() for cells in lines}
+    mckibben = {("dmsp", "mapmore"): "13.7", ("dmsp", "sarosi"): "18.7", ("dmsp", "polynomial_5"): ">= 170"}
+    assert printed == mckibben | {("peano", "mapmore"): "8.4", ("peano", "sarosi"): "11.4", ("peano", "polynomial_5"): ">= 170"}
 
 
 def test_the_sweep_of_terms_gives_its_table(tmp_path: Path, mapmore: Callable[..., Any]) -> None:

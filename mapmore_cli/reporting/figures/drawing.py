@@ -165,7 +165,11 @@ def _hold(panels: Sequence[Panel], places: Sequence[Sequence[Axes]], together: i
 
 
 def _legend_columns(labels: Sequence[str], width: float) -> int:
-    """As many entries side by side as fit, by the length of the longest; a letter is about half as wide as high."""
+    """As many entries side by side as fit, by the length of the longest, and rows of nearly one length.
+
+    A letter is about half as wide as high.
+    """
     size = small() / 72
     longest = max(len(label) for label in labels) * 0.55 * size + 4.2 * size
-    return max(1, min(len(labels), int(width / longest)))
+    rows = math.ceil(len(labels) / max(1, int(width / longest)))
+    return math.ceil(len(labels) / rows)

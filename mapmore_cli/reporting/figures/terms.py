@@ -19,6 +19,8 @@ from mapmore_cli.reporting.figures.thinning import spread
 from mapmore_cli.reporting.inputs import ReportInputs
 
 MOST_SEGMENTS, MOST_SPOKEN = 40, 12
+LETTERS = 80
+"""Letters beside the axis in a figure of two columns' width."""
 LEAST = 1e-6
 """Unexplained shares in per cent below this one are drawn at it."""
 
@@ -53,14 +55,14 @@ def whole_curves(fits: Sequence[SegmentFit], most: int) -> list[SegmentFit]:
 
 def draw_terms(ax: Axes, segments: Sequence[TermSteps], colour: str) -> None:
     """One row a segment: a filled dot for every chosen term, an open one for its runner-up, the names at the right."""
-    room = ax.get_figure(root=True).get_figwidth() / DOUBLE  # type: ignore[union-attr]
+    left_room, right_room = _room(ax, segments)
     for row, segment in enumerate(segments):
         left, rival = (np.maximum(values, LEAST) for values in (segment.left, segment.left_by_runner_up))
         ax.plot([*left, np.nan, left[-1], rival[-1]], [row] * (len(left) + 3), color=LIGHT, linewidth=0.8, zorder=1)
         ax.plot(rival, [row] * len(rival), linestyle="none", marker="o", markersize=4, color=GREY, markerfacecolor="white", zorder=2)
         ax.plot(left, [row] * len(left), linestyle="none", marker="o", markersize=4, color=colour, zorder=3)
         ax.annotate(
-            shortened(segment.terms, int(46 * room)),
+            shortened(segment.terms, right_room),
             (1.0, row),
             (6, 0),
             xycoords=("axes fraction", "data"),
@@ -73,9 +75,19 @@ def draw_terms(ax: Axes, segments: Sequence[TermSteps], colour: str) -> None:
     ax.set_xlim(10.0 ** np.floor(low), 10.0 ** np.ceil(high))
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     ax.xaxis.set_minor_formatter(NullFormatter())
-    ax.set_yticks(range(len(segments)), [shortened(segment.segment, int(34 * room)) for segment in segments])
+    ax.set_yticks(range(len(segments)), [shortened(segment.segment, left_room) for segment in segments])
     ax.tick_params(axis="y", length=0)
     ax.set_ylim(len(segments) - 0.4, -0.6)
+
+
+def _room(ax: Axes, segments: Sequence[TermSteps]) -> tuple[int, int]:
+    """Letters that the names of the segments may have at the left, and their terms at the right; what the terms leave is the names'."""
+    figure = ax.get_figure(root=True)
+    width = DOUBLE if figure is None else float(figure.get_figwidth())
+    letters = int(LETTERS * width / DOUBLE)
+    longest = max(len(segment.terms) for segment in segments)
+    left = max(letters * 2 // 5, letters - longest)
+    return left, letters - min(left, max(len(segment.segment) for segment in segments))
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:

@@ -18,6 +18,7 @@ from mapmore_cli.spec.fields import (
     Name,
     OfTarget,
     Quantity,
+    RelativePath,
     Section,
     SettingsOf,
     Share,
@@ -38,6 +39,8 @@ def _experiment() -> type[BaseModel]:
 class Competitor(Section):
     """A competitor with settings of its own: a literature `model`, or that of another `run` (the path of its spec) or of this one, changed.
 
+    `model` may also be a frozen one (the path of its file, which ends in `.h5`, from the folder of the spec); it needs `as`.
+
     `set` has keys of this spec with other values, as `--set` takes them; the run is called `<name>.<as>`. A composite of a `static` and a
     `damping` formula stands against damping and dynamic models; `static: mapmore` is the static model that the spec needs. `method` says
     how a literature model is fitted, `sum` adds formulas with signs and renamed
@@ -45,7 +48,7 @@ class Competitor(Section):
     the name of the scores; a run's is else the name of its file.
     """
 
-    model: str | None = None
+    model: Annotated[str, RelativePath(bare=True)] | None = None
     run: SpecPath | None = None
     set: Annotated[dict[str, Any], SettingsOf(_experiment)] | None = None
     static: str | None = None
@@ -71,10 +74,18 @@ class Competitor(Section):
             raise contradiction("a composite needs `static` and `damping`", remedy, "static", "damping")
         if (self.run is not None or self.set is not None) and self.method is not None:
             raise contradiction("another run has a fit of its own", "remove `method`", "method")
+        if self.is_file and (self.as_ is None or self.method is not None):
+            remedy = "write `{model: archive/NAME@TAG/model.h5, as: before}`"
+            raise contradiction("a frozen model needs a name for its scores, and is not fitted", remedy, "as", "method", "model")
         if self.starts is not None and (self.model is None or self.method != "levenberg_marquardt"):
             remedy = "write `{model: sarosi, method: levenberg_marquardt, starts: published}`"
             raise contradiction("`starts` goes with a `model` and `method: levenberg_marquardt`", remedy, "starts")
         return self
+
+    @property
+    def is_file(self) -> bool:
+        """Whether it is a frozen model: a file, in place of the name of a formula."""
+        return self.model is not None and self.model.endswith(".h5")
 
     @property
     def label(self) -> str:

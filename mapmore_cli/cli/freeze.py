@@ -1,0 +1,27 @@
+"""`mapmore freeze`: keep a model under a name that no later run overwrites."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mapmore_cli.cli.options import ARCHIVE, RUNS, Archive, Runs
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(freeze)
+
+
+def freeze(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder, or the name of a run.", show_default=False)],
+    tag: Annotated[str, typer.Option("--tag", metavar="TAG", help="What this campaign is called, as 2026-spring.", show_default=False)],
+    archive: Archive = ARCHIVE,
+    runs: Runs = RUNS,
+) -> None:
+    """Keep the model of a finished run, its scores, spec and hashes, as ARCHIVE/NAME@TAG."""
+    from mapmore_cli.stages.campaigns import archive as frozen
+
+    print(frozen.freeze(run if run.is_dir() else runs / run, tag, archive))

@@ -1,0 +1,62 @@
+"""Views of comparisons: has a muscle changed?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from mapmore_cli.cli.views.view import View
+
+if TYPE_CHECKING:
+    from mapmore_cli.modelling.comparison import Comparison
+
+ONE_CURVE = 2 / 3
+"""Weight of one curve from which on the statement is about that curve above all."""
+
+
+def of_comparisons(names: Sequence[str], results: Sequence[Comparison]) -> View:
+    """The last model against the first, curve by curve and term by term; every model where there are more than two."""
+    from mapmore_cli.reporting.comparison_tables import changes_table, drift_table, terms_table
+
+    last = results[-1]
+    document = {"before": names[0], "after": names[-1], **_document(last)}
+    if len(results) > 1:
+        document["campaigns"] = [{"after": name, **_ends(one)} for name, one in zip(names[1:], results, strict=True)]
+    tables = [changes_table(last), *([drift_table(names, results)] if len(results) > 1 else [])]
+    moved = terms_table(last)
+    lines = [verdict(names[0], names[-1], last), *cautions(last)]
+    return View(document, (*tables, *((moved,) if moved.rows else ())), tuple(lines))
+
+
+def verdict(before: str, after: str, found: Comparison) -> str:
+    """Whether it changed, in a sentence."""
+    low, high = found.interval
+    size = f"force is {found.ratio:.4f} times that of {before} (95 % interval {low:.4f} to {high:.4f}, {len(found.curves)} curves)"
+    if found.changed:
+        return f"{after} has changed: {size}."
+    certain = low > 1 or high < 1
+    why = f"no more than {100 * found.margin:g} %, which is of no interest" if certain else "which may be chance"
+    return f"{after} has not changed: {size}, {why}."
+
+
+def cautions(found: Comparison) -> list[str]:
+    """What the reader has to know of the interval."""
+    heaviest = max(found.curves, key=lambda curve: curve.weight)
+    notes = []
+    if heaviest.weight > ONE_CURVE:
+        notes.append(
+            f"{100 * heaviest.weight:.0f} % of the weight is on one curve, {heaviest.curve}: the statement is about that one above all."
+        )
+    if any(curve.interpolated for curve in found.curves):
+        notes.append("The levels of the two differ: one of them is interpolated between its curves.")
+    return notes
+
+
+def _ends(found: Comparison) -> dict[str, Any]:
+    return {"changed": found.changed, "ratio": found.ratio, "interval": found.interval, "p": found.p, "p_permutation": found.p_permutation}
+
+
+def _document(found: Comparison) -> dict[str, Any]:
+    terms = [{**asdict(term), "moved": term.moved} for term in found.terms]
+    return {**_ends(found), "margin": found.margin, "unit": found.unit, "curves": [asdict(curve) for curve in found.curves], "terms": terms}

@@ -1,0 +1,142 @@
+"""Two models of one muscle: what changed, with the curve as the unit of every statement."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy import stats
+
+from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.recording import Curve, Quantity
+from mapmore_cli.modelling.comparison import common_curves, compare, grid, reference_points, term_changes
+from mapmore_cli.modelling.kinds import predict
+from mapmore_cli.modelling.pieces.build import build
+from mapmore_cli.modelling.pieces.recipe import Even, Recipe
+from mapmore_cli.modelling.scores.intervals import sign_permutation, weighted_mean
+
+QUANTITIES = {q.name: q for q in (Quantity("pressure", "kPa"), Quantity("strain", "1"), Quantity("force", "N"))}
+RECIPE = Recipe("force", "pressure", {"strain": Even(2)}, ("1", "strain", "strain^2"), max_terms=2)
+LEVELS = (100.0, 200.0, 300.0, 400.0)
+
+
+def muscle(name: str, scale=1.0, levels=LEVELS, scatter=0.0, seed=0, end=0.2) -> Model:
+    """`F = scale (1 + c) P (1 - 4 e)` with one gain error c for each curve."""
+    random = np.random.default_rng(seed)
+    curves = []
+    for level in levels:
+        strain = np.linspace(0, end, 60)
+        force = scale * (1 + scatter * random.normal()) * level * (1 - 4 * strain)
+        columns = {"pressure": np.full(60, level), "strain": strain, "force": force}
+        curves.append(Curve(f"pressure={level:g}", level, columns, np.zeros(60, dtype=bool), ("a",)))
+    return build(name, curves, RECIPE, QUANTITIES)
+
+
+class TestMean:
+    @settings(deadline=None)
+    @given(arrays(float, st.integers(2, 9), elements=st.floats(-10, 10).map(lambda v: round(v, 3))))
+    def test_equal_weights_give_students_interval_and_test(self, x):
+        found = weighted_mean(x, np.full(len(x), 3.0), 0.95)
+        if np.ptp(x) < 1e-6:
+            return
+        low, high = stats.t.interval(0.95, len(x) - 1, x.mean(), stats.sem(x))
+        assert found.interval == pytest.approx((low, high), rel=1e-9, abs=1e-9)
+        assert found.p == pytest.approx(stats.ttest_1samp(x, 0).pvalue, rel=1e-6, abs=1e-12)
+
+    def test_one_number_says_nothing(self):
+        assert weighted_mean(np.array([1.2]), np.ones(1), 0.95).interval == (-math.inf, math.inf)
+
+    @given(arrays(float, st.integers(6, 10), elements=st.floats(-5, 5)))
+    @settings(deadline=None, max_examples=25)
+    def test_permutation_of_signs_as_scipy_has_it(self, x):
+        expected = stats.permutation_test((x,), np.sum, permutation_type="samples", n_resamples=np.inf, alternative="two-sided").pvalue
+        assert sign_permutation(x) == pytest.approx(expected, abs=2 / 2 ** len(x))
+
+    def test_few_curves_have_no_permutation(self):
+        assert sign_permutation(np.ones(5)) is None
+        assert sign_permutation(np.ones(6)) == 2 / 64
+        assert sign_permutation(np.ones(20)) < 0.01
+
+
+class TestCompare:
+    def test_the_factor_is_found(self):
+        found = compare(muscle("a", scatter=0.002, seed=1), muscle("b", 1.05, scatter=0.002, seed=2))
+        assert found.ratio == pytest.approx(1.05, abs=0.006)
+        assert found.changed
+        assert found.interval[0] < found.ratio < found.interval[1]
+        assert sum(curve.weight for curve in found.curves) == pytest.approx(1)
+
+    def test_a_model_has_not_changed_against_itself(self):
+        one = muscle("a")
+        found = compare(one, one)
+        assert (found.ratio, found.interval, found.p, found.changed) == (1.0, (1.0, 1.0), 1.0, False)
+        assert not any(term.moved for term in found.terms)
+
+    def test_the_same_ratio_by_hand(self):
+        a, b = muscle("a"), muscle("b", 1.02, scatter=0.01, seed=3)
+        found = compare(a, b)
+        before, after = [], []
+        for place in common_curves(a, b):
+            points = grid(a, b, place)
+            before.append(predict(a, points))
+            after.append(predict(b, points))
+        first, second = np.concatenate(before), np.concatenate(after)
+        assert found.ratio == pytest.approx(first @ second / (first @ first), rel=1e-12)
+
+    def test_a_certain_change_within_the_margin_is_of_no_interest(self):
+        a, b = muscle("a"), muscle("b", 1.004, scatter=1e-5)
+        assert not compare(a, b).changed
+        assert compare(a, b, margin=0.002).changed
+
+    def test_the_grid_lies_inside_of_both_ranges(self):
+        a, b = muscle("a", end=0.2), muscle("b", end=0.15)
+        strain = grid(a, b, common_curves(a, b)[0])["strain"]
+        assert (strain.min(), strain.max()) == (0.0, pytest.approx(0.15))
+
+    def test_nearly_equal_levels_are_the_same_curve(self):
+        a, b = muscle("a"), muscle("b", levels=tuple(level + 1.5 for level in LEVELS))
+        places = common_curves(a, b)
+        assert [place.level for place in places] == [level + 0.75 for level in LEVELS]
+        assert not any(place.interpolated for place in places)
+
+    def test_other_levels_are_interpolated_to(self):
+        a, b = muscle("a"), muscle("b", 1.1, levels=(150.0, 250.0, 350.0, 450.0))
+        found = compare(a, b)
+        assert [curve.level for curve in found.curves] == [200, 300, 400]
+        assert all(curve.interpolated for curve in found.curves)
+        assert found.ratio == pytest.approx(1.1, abs=1e-6)
+
+    @pytest.mark.parametrize(
+        ("other", "words"),
+        [
+            (replace(muscle("b"), output=Quantity("force", "kN")), "other quantities"),
+            (muscle("b", levels=(900.0, 950.0)), "0 curves in common"),
+            (muscle("b", levels=(100.0,)), "1 curves in common"),
+        ],
+    )
+    def test_what_cannot_be_compared(self, other, words):
+        with pytest.raises(ValueError, match=words):
+            compare(muscle("a"), other)
+
+    def test_terms_that_came_and_went(self):
+        a = muscle("a")
+        first, *others = a.body.segments
+        b = muscle("b")
+        changed = replace(b.body.segments[0], terms=("strain^2", *first.terms[1:]))
+        curve = replace(b.body.curves[0], segments=(changed, *b.body.curves[0].segments[1:]))
+        later = replace(b, body=replace(b.body, curves=(curve, *b.body.curves[1:])))
+        moved = [term for term in term_changes(a, later) if term.moved and term.segment == first.id]
+        assert {(term.term, term.before is None, term.after is None) for term in moved} >= {(first.terms[0], False, True)}
+        assert len(others) == 7
+
+    def test_reference_points_are_outputs_of_every_model(self):
+        models = [muscle("a"), muscle("b", 1.1), muscle("c", 1.2)]
+        points = reference_points(models)
+        assert len(points) == 4
+        for point in points:
+            assert np.array(point.outputs) / point.outputs[0] == pytest.approx([1, 1.1, 1.2], rel=1e-6)
