@@ -1,0 +1,146 @@
+"""Write the tables of docs/campaigns.md: `python docs/campaign_tables.py RUNS`.
+
+How often a change is found is tried on simulated pairs of campaigns, whose seeds nobody has looked at before; that a muscle which did not
+change is left in peace, on measured repeats. The measured recordings must be there (docs/data.md).
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from measured_tables import write_tables
+
+from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.recording import Curve, Quantity
+from mapmore_cli.modelling.comparison import Comparison, compare
+from mapmore_cli.modelling.pieces.build import build
+from mapmore_cli.modelling.pieces.recipe import Even, Recipe
+from mapmore_cli.reporting.tables import Column, Table
+from mapmore_cli.rig.load_cycle import load_cycle
+from mapmore_cli.rig.sensors import Sensor, measure
+from mapmore_cli.spec.loader import load, load_as
+from mapmore_cli.spec.simulation import SimulationSpec
+from mapmore_cli.stages.pipeline.runner import bring_up_to_date
+from mapmore_cli.stages.simulation.rig_parts import KPA, hysteresis_of, load_cycle_of, muscle_of
+from mapmore_cli.storage.artefacts import read_model
+
+DOCS = Path(__file__).parent
+ROOT = DOCS.parent
+FACTORS = (1.00, 1.01, 1.02, 1.03, 1.05)
+PAIRS = 20
+FIRST_SEED = 7000
+EVERY = 10
+"""One sample in ten of the simulated cycles: 250 of a curve."""
+PRESSURES = {4: (80.0, 150.0, 250.0, 350.0), 8: (80.0, 120.0, 160.0, 200.0, 240.0, 280.0, 320.0, 350.0)}
+QUANTITIES = {q.name: q for q in (Quantity("pressure", "kPa"), Quantity("strain", "1"), Quantity("force", "N"))}
+RECIPE = Recipe("force", "pressure", {"strain": Even(4)}, ("1", "strain", "strain^2", "strain^3", "strain^4"))  # M2 section 5.1
+
+
+@cache
+def rig() -> SimulationSpec:
+    """The rig of the load cycles of the simulated McKibben muscle."""
+    return load_as(ROOT / "datasets" / "mckibben" / "load_cycles.yaml", SimulationSpec).spec
+
+
+@cache
+def cycle(seed: int, pressure: float) -> tuple[dict[str, np.ndarray], np.random.Generator]:
+    """One cycle as it truly is, and the random numbers that its sensors go on with."""
+    spec = rig()
+    random = np.random.default_rng([seed, round(pressure)])
+    moves, regulation = load_cycle_of(spec.experiment)  # type: ignore[arg-type]
+    return dict(load_cycle(muscle_of(spec.muscle), hysteresis_of(spec.hysteresis), moves, regulation, KPA * pressure, random)), random
+
+
+def simulated(name: str, seed: int, pressures: Sequence[float], factor: float) -> Model:
+    """A model of a campaign of load cycles, in which the muscle pulls `factor` times as strongly."""
+    sensors = {key: Sensor(one.noise, one.resolution) for key in ("strain", "force") if (one := getattr(rig().sensors, key)) is not None}
+    curves = []
+    for pressure in pressures:
+        truth, random = cycle(seed, pressure)
+        logged = measure({**truth, "force": factor * truth["force"]}, sensors, np.random.default_rng(random.bit_generator.seed_seq))
+        columns = {key: logged[key][::EVERY] for key in ("strain", "force")}
+        n = len(columns["force"])
+        columns["pressure"] = np.full(n, pressure)
+        curves.append(Curve(f"pressure={pressure:g}", pressure, columns, np.zeros(n, dtype=bool), ("cycle",)))
+    return build(name, curves, RECIPE, QUANTITIES)
+
+
+def pairs(count: int, factor: float, number: int = PAIRS) -> Iterator[Comparison]:
+    """Comparisons of simulated campaigns of so many curves, the first `number` of them."""
+    for pair in range(number):
+        seed = FIRST_SEED + 100 * count + 2 * pair
+        yield compare(simulated("before", seed, PRESSURES[count], 1.0), simulated("after", seed + 1, PRESSURES[count], factor))
+
+
+def detection() -> Table:
+    """How often a change is found."""
+    rows = []
+    for count in PRESSURES:
+        for factor in FACTORS:
+            found = list(pairs(count, factor))
+            widths = [one.interval[1] - one.interval[0] for one in found]
+            certain = sum(one.interval[0] > 1 or one.interval[1] < 1 for one in found)
+            ratios = [one.ratio for one in found]
+            called = f"{sum(one.changed for one in found)} of {PAIRS}"
+            rows.append((count, factor, called, certain, min(ratios), max(ratios), float(np.median(widths))))
+    columns = (
+        Column("curves"),
+        Column("force, true factor", "", ".2f"),
+        Column("called changed"),
+        Column("interval excludes 1"),
+        Column("least ratio", "", ".4f"),
+        Column("largest ratio", "", ".4f"),
+        Column("median width of the interval", "", ".4f"),
+    )
+    return Table("detection", f"{PAIRS} simulated pairs each", columns, tuple(rows))
+
+
+def first_pairs() -> Table:
+    """The first pairs one by one, which a test repeats."""
+    rows = tuple((number + 1, one.ratio, *one.interval) for number, one in enumerate(pairs(4, 1.03, 3)))
+    columns = (Column("pair"), Column("ratio", "", ".5f"), Column("from", "", ".5f"), Column("to", "", ".5f"))
+    return Table("first", "The first pairs of four curves, force x 1.03", columns, rows)
+
+
+def festo(length: int, repeats: str, runs: Path) -> Model:
+    """A model of the Festo muscle of so many cm, trained on some of its repeats (`89`: 8 and 9)."""
+    numbers = {"8": ["8"], "9": ["9"], "10": ["10"], "89": ["8", "9"]}[repeats]
+    others = [f"*_Test{number}.csv.gz" for number in ("8", "9", "10") if number not in numbers]
+    name = f"festo_10mm_{length}cm_test{repeats}"
+    settings = (f"name={name}", "data.split=" + f"{{validate: {{files: {others}}}}}".replace("'", '"'))
+    outcome = bring_up_to_date(load(ROOT / "configs" / "festo" / f"festo_10mm_{length}cm_repeat.yaml", settings), runs, until="fuse")
+    return replace(read_model(outcome.run_dir / "model.h5"), name=name)
+
+
+def measured(runs: Path) -> Table:
+    """Repeats of one muscle, and muscles of different lengths."""
+    repeats = [((length, first), (length, "10")) for length in (10, 20, 30) for first in ("8", "9", "89")]
+    lengths = [((20, one), (30, one)) for one in ("8", "10", "89")]
+    rows = []
+    for before, after in (*repeats, *lengths):
+        found = compare(festo(*before, runs), festo(*after, runs))
+        heaviest = max(curve.weight for curve in found.curves)
+        names = [f"{length} cm, repeat{'s 8 and 9' if which == '89' else ' ' + which}" for length, which in (before, after)]
+        rows.append((*names, found.ratio, *found.interval, found.p, len(found.curves), 100 * heaviest, "yes" if found.changed else "no"))
+    columns = (
+        Column("before"),
+        Column("after"),
+        Column("ratio", "", ".4f"),
+        Column("from", "", ".4f"),
+        Column("to", "", ".4f"),
+        Column("p", "", ".2g"),
+        Column("curves"),
+        Column("weight of the heaviest curve", "%", ".0f"),
+        Column("called changed"),
+    )
+    return Table("festo", "Measured Festo muscles", columns, tuple(rows))
+
+
+if __name__ == "__main__":
+    folder = Path(sys.argv[1])
+    write_tables(DOCS / "campaigns.md", {"detection": detection, "first": first_pairs, "festo": lambda: measured(folder)})

@@ -1,0 +1,60 @@
+"""docs/campaigns.md says what the comparisons say: its promises hold in its tables, and some of its numbers are made again."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from page_tables import DOCS
+
+from mapmore_cli.modelling.comparison import compare
+
+PAGE = DOCS / "campaigns.md"
+
+
+def rows(name: str) -> list[list[str]]:
+    """The cells of a table, row by row, without its heading."""
+    block = re.search(rf"<!-- table {name} -->\n(.*?)<!-- end -->", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    assert block
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in block[1].splitlines() if line.startswith("|")][2:]
+
+
+@pytest.fixture(scope="module")
+def tables() -> Iterator[object]:
+    """The script that makes them."""
+    sys.path.insert(0, str(DOCS))
+    import campaign_tables
+
+    yield campaign_tables
+    sys.path.remove(str(DOCS))
+
+
+def test_few_false_alarms_and_a_change_of_three_per_cent_is_found() -> None:
+    called = {(int(row[0]), float(row[1])): int(row[2].split()[0]) for row in rows("detection")}
+    assert set(called) == {(count, factor) for count in (4, 8) for factor in (1.0, 1.01, 1.02, 1.03, 1.05)}
+    for count in (4, 8):
+        assert called[count, 1.0] <= 1
+        assert called[count, 1.03] >= 18
+
+
+def test_measured_repeats_are_no_change_and_other_lengths_are() -> None:
+    for before, after, *_, called in rows("festo"):
+        same = before.split(",")[0] == after.split(",")[0]
+        assert called == ("no" if same else "yes"), (before, after)
+
+
+def test_the_first_pairs_are_the_ones_of_the_page(tables) -> None:
+    told = [[float(cell) for cell in row[1:]] for row in rows("first")]
+    found = [[one.ratio, *one.interval] for one in tables.pairs(4, 1.03, len(told))]
+    for mine, theirs in zip(found, told, strict=True):
+        assert mine == pytest.approx(theirs, abs=1e-5)
+
+
+@pytest.mark.usefixtures("measured_data")
+def test_a_measured_repeat_is_the_one_of_the_page(tables, tmp_path: Path) -> None:
+    found = compare(tables.festo(30, "9", tmp_path), tables.festo(30, "10", tmp_path))
+    told = next(row for row in rows("festo") if row[:2] == ["30 cm, repeat 9", "30 cm, repeat 10"])
+    assert [found.ratio, *found.interval] == pytest.approx([float(cell) for cell in told[2:5]], abs=2e-4)
