@@ -94,12 +94,9 @@ def test_a_backbone_that_says_it_all_is_kept_alone(tmp_path: Path, mapmore: Call
     assert result.exit_code == 0, result.stderr
     shown = json.loads(mapmore("show", runs / "bench" / "model.h5", "--json").stdout)
     rows = {row["model"]: row for row in json.loads((runs / "bench" / "scores.json").read_text())["scores"] if row["split"] == "validate"}
-    if "keeps polynomial_2 alone" in result.stderr:
-        assert shown["segments"] == []
-        assert rows["mapmore"]["rmse"] == rows["polynomial_2"]["rmse"]
-    else:
-        assert shown["segments"]
-        assert rows["mapmore"]["rmse"] < 1.0
+    assert "keeps polynomial_2 alone" in result.stderr
+    assert shown["segments"] == []
+    assert rows["mapmore"]["rmse"] == rows["polynomial_2"]["rmse"]
 
 
 def test_a_formula_as_the_runs_own_model(tmp_path: Path, mapmore: Callable[..., Any]) -> None:

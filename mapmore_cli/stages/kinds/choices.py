@@ -8,7 +8,7 @@ from typing import Literal
 
 from mapmore_cli.domain.models import Signal
 from mapmore_cli.spec.experiment import ExperimentSpec
-from mapmore_cli.spec.sections.data import Levels
+from mapmore_cli.spec.sections.data import STEP_OF, STEP_PRESSURE, Levels
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry, remembers
 from mapmore_cli.spec.sections.method import CutByDirection, Cuts, Fit, Fuse, ModelChoice
 
@@ -57,3 +57,13 @@ def lengths_of(spec: ExperimentSpec) -> dict[str, float | None]:
     name = spec.model.name or spec.model.backbone
     needed = literature.get(name).dimensions if name is not None else ()
     return {name: length for name, length in spec.muscle.lengths.items() if name in needed}
+
+
+def level_of(levels: Levels | None, segment: SegmentSection) -> str | None:
+    """The quantity whose curves are interpolated: that of `levels`, unless `segment: {<quantity>: none}` pools its curves.
+
+    Curves of step responses stand at the pressure of their plateau; the weights go by the pressure itself, which is known at any time.
+    """
+    if levels is None or segment.get(levels.of) == "none":
+        return None
+    return STEP_OF if levels.of == STEP_PRESSURE else levels.of

@@ -10,8 +10,7 @@ from mapmore_cli.domain.results import FitResult
 from mapmore_cli.modelling.literature import model as formula
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.pieces.segmentation import segment_curve, trained_at, training_curves
-from mapmore_cli.stages.kinds.choices import FitChoices, ModelChoices
-from mapmore_cli.stages.kinds.pieces import level_of
+from mapmore_cli.stages.kinds.choices import FitChoices, ModelChoices, level_of
 from mapmore_cli.stages.pipeline.stage import Workspace
 from mapmore_cli.storage.artefacts import read_fit, read_segmentation
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from mapmore_cli.spec.sections.data import STEP_OF, STEP_PRESSURE, Levels
+from mapmore_cli.spec.sections.data import Levels
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry, remembers
 from mapmore_cli.spec.sections.method import BelowAbove, CutByDirection, Cuts, Fit, Fuse
-from mapmore_cli.stages.kinds.choices import FitChoices, ModelChoices, SegmentSection
+from mapmore_cli.stages.kinds.choices import FitChoices, ModelChoices, SegmentSection, level_of
 from mapmore_cli.stages.kinds.dictionary import terms_of
 
 if TYPE_CHECKING:
@@ -17,16 +17,6 @@ if TYPE_CHECKING:
     from mapmore_cli.domain.results import FitResult
     from mapmore_cli.modelling.pieces.recipe import Cut, Recipe, Scale
     from mapmore_cli.stages.pipeline.stage import Workspace
-
-
-def level_of(levels: Levels | None, segment: SegmentSection) -> str | None:
-    """The quantity whose curves are interpolated: that of `levels`, unless `segment: {<quantity>: none}` pools its curves.
-
-    Curves of step responses stand at the pressure of their plateau; the weights go by the pressure itself, which is known at any time.
-    """
-    if levels is None or segment.get(levels.of) == "none":
-        return None
-    return STEP_OF if levels.of == STEP_PRESSURE else levels.of
 
 
 def cuts_of(segment: SegmentSection) -> dict[str, Cut]:

@@ -1,0 +1,100 @@
+"""Competitors, fitted to the training samples of a study and asked for every sample."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.domain.models import CurveRange, Formula, Model
+from mapmore_cli.domain.recording import Curve, Dataset, Quantity
+from mapmore_cli.domain.results import FitResult
+from mapmore_cli.modelling import literature
+from mapmore_cli.modelling.literature.backbone import fit_formula
+from mapmore_cli.spec.sections.results import Competitor
+from mapmore_cli.stages.competitors import Contest
+from mapmore_cli.storage.artefacts import write_fit, write_model
+
+QUANTITIES = {name: Quantity(name, unit) for name, unit in {"pressure": "kPa", "strain": "1", "force": "N"}.items()}
+
+
+def curve(level: float, *, held: bool) -> Curve:
+    strain = np.linspace(0, 0.2, 40)
+    pressure = np.full(40, level)
+    force = 2 * level * (1 - 3 * strain) - 40 + 300 * strain**2
+    return Curve(f"p={level:g}", level, {"pressure": pressure, "strain": strain, "force": force}, np.full(40, held), (f"log {level:g}",))
+
+
+DATASET = Dataset("force", "pressure", QUANTITIES, (), tuple(curve(level, held=level == 200) for level in (100.0, 200.0, 300.0, 400.0)))
+
+
+def model_of(name: str, dataset: Dataset = DATASET, **changes: Any) -> Model:
+    fit = fit_formula(name, dataset.curves, "force")
+    ranges = (CurveRange("all", None, {"pressure": (100.0, 400.0), "strain": (0.0, 0.2)}),)
+    inputs = (QUANTITIES["pressure"], QUANTITIES["strain"])
+    return replace(Model(name, QUANTITIES["force"], inputs, Formula(fit, None, ranges)), **changes)
+
+
+def contest(**changes: Any) -> Contest:
+    lengths = {"length": None, "diameter": None}
+    return replace(Contest(DATASET, model_of("polynomial_2"), {}, None, lengths), **changes)
+
+
+def test_a_formula_is_fitted_to_the_training_samples_alone() -> None:
+    rival = contest().rival("sarosi")
+    training = replace(DATASET, curves=tuple(one for one in DATASET.curves if not one.held_out.any()))
+    fit = fit_formula("sarosi", training.curves, "force")
+    assert rival.formulas["sarosi"].parameters == fit.parameters
+    for one, said in zip(DATASET.curves, rival.forecasts, strict=True):
+        np.testing.assert_array_equal(said.values, literature.get("sarosi").predict(fit.parameters, one.columns))
+        assert said.ready.all()
+
+
+def test_a_competitor_has_the_name_that_it_is_given() -> None:
+    named = contest().rival(Competitor(model="sarosi", **{"as": "by_simplex"}, method="levenberg_marquardt"))
+    assert named.name == "by_simplex"
+    assert list(named.formulas) == ["by_simplex"]
+    assert named.formulas["by_simplex"].method == "levenberg_marquardt"
+
+
+def of_run(tmp_path: Path, model: Model) -> Contest:
+    assert isinstance(model.body, Formula)
+    write_model(tmp_path / "model.h5", model)
+    write_fit(tmp_path / "fit.h5", FitResult(model.body.fit))
+    return contest(needed={"other.yaml": tmp_path})
+
+
+def test_another_run_is_asked_as_it_is(tmp_path: Path) -> None:
+    other = model_of("polynomial_2")
+    rival = of_run(tmp_path, other).rival(Competitor(run="other.yaml"))
+    assert rival.name == "other"
+    own = [literature.get("polynomial_2").predict(other.body.fit.parameters, one.columns) for one in DATASET.curves]  # type: ignore[union-attr]
+    for said, wanted in zip(rival.forecasts, own, strict=True):
+        np.testing.assert_allclose(said.values, wanted, rtol=1e-12)
+
+
+def test_a_run_of_other_units_is_refused(tmp_path: Path) -> None:
+    other = model_of("polynomial_2", inputs=(Quantity("pressure", "bar"), QUANTITIES["strain"]))
+    with pytest.raises(SpecError, match=r"other quantities or units \(pressure\)"):
+        of_run(tmp_path, other).rival(Competitor(run="other.yaml"))
+
+
+def test_in_a_fold_another_run_is_made_anew(tmp_path: Path) -> None:
+    asked: list[tuple[Path, Dataset]] = []
+
+    def refit(folder: Path, dataset: Dataset) -> Model:
+        asked.append((folder, dataset))
+        return model_of("sarosi", dataset)
+
+    rival = replace(of_run(tmp_path, model_of("polynomial_2")), refit=refit).rival(Competitor(run="other.yaml"))
+    assert asked == [(tmp_path, DATASET)]
+    np.testing.assert_allclose(rival.forecasts[0].values, contest().rival("sarosi").forecasts[0].values)
+
+
+def test_composites_need_a_static_run() -> None:
+    with pytest.raises(SpecError, match="data of a static run"):
+        contest().rival(Competitor(static="sarosi", damping="reynolds"))
