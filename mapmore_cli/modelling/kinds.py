@@ -11,11 +11,15 @@ from dataclasses import dataclass
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.models import Body, Equation, Formula, Memory, Model, Pieces, StateSpace, Sum
 from mapmore_cli.domain.results import Run
+from mapmore_cli.modelling.assignments import model as written
+from mapmore_cli.modelling.assignments.statements import Assignments
+from mapmore_cli.modelling.assignments.writing import Writer
 from mapmore_cli.modelling.literature import model as formula
 from mapmore_cli.modelling.memory import model as memory
 from mapmore_cli.modelling.motion import model as motion
 from mapmore_cli.modelling.pieces import model as pieces
 from mapmore_cli.modelling.sums import model as sums
+from mapmore_cli.modelling.terms import Expression
 
 MODEL_UNITS: Mapping[str, float] = {}
 """Quantities in the units of the model."""
@@ -33,6 +37,8 @@ class Kind:
         True where an input lies beyond the training range, (n,).
     equations
         The model as equations in physical units, given how many of the model's units one unit of a quantity is.
+    write
+        The model as assignments: writes it down, and returns its output.
     one_step
         Prediction of every row from the measured past, (n,); None for kinds that know no past.
     fed_back
@@ -42,6 +48,7 @@ class Kind:
     simulate: Callable[[Model, Columns], Run]
     outside_range: Callable[[Model, Columns], BoolArray]
     equations: Callable[[Model, Mapping[str, float]], tuple[Equation, ...]]
+    write: written.Write
     one_step: Callable[[Model, Columns], Array] | None = None
     fed_back: Callable[[Model], tuple[str, ...]] = lambda _model: ()
 
@@ -104,15 +111,31 @@ def fed_back(model: Model) -> tuple[str, ...]:
     return kind_of(model).fed_back(model)
 
 
+def assignments(model: Model) -> Assignments:
+    """The model as assignments of one sample's numbers, from which other languages and derivatives follow.
+
+    Raises
+    ------
+    DataError
+        Where a part of the model is no closed expression.
+    """
+    return written.assignments_of(model, _write)
+
+
+def _write(writer: Writer, model: Model, inputs: written.Inputs) -> Expression:
+    return kind_of(model).write(writer, model, inputs)
+
+
 KINDS: Mapping[type[Body], Kind] = {
-    Pieces: Kind(pieces.simulate, pieces.outside_range, pieces.equations),
-    Formula: Kind(formula.simulate, formula.outside_range, formula.equations),
-    Memory: Kind(memory.simulate, memory.outside_range, memory.equations, memory.one_step, memory.fed_back),
-    StateSpace: Kind(motion.simulate, motion.outside_range, motion.equations, motion.one_step),
+    Pieces: Kind(pieces.simulate, pieces.outside_range, pieces.equations, written.pieces),
+    Formula: Kind(formula.simulate, formula.outside_range, formula.equations, written.formula),
+    Memory: Kind(memory.simulate, memory.outside_range, memory.equations, written.memory, memory.one_step, memory.fed_back),
+    StateSpace: Kind(motion.simulate, motion.outside_range, motion.equations, written.motion, motion.one_step),
     Sum: Kind(
         lambda model, columns: sums.simulate(model, columns, simulate),
         lambda model, columns: sums.outside_range(model, columns, outside_range),
         lambda model, units: sums.equations(model, units, equations),
+        lambda writer, model, inputs: written.sums(writer, model, inputs, _write),
         lambda model, columns: sums.one_step(model, columns, one_step_ahead),
         lambda model: sums.fed_back(model, fed_back),
     ),

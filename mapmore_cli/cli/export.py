@@ -1,0 +1,60 @@
+"""`mapmore export`: a model for a controller, a simulation, a paper."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mapmore_cli.cli.options import Quiet
+from mapmore_cli.domain.errors import UsageError
+
+
+class Target(StrEnum):
+    """What a model can be written as."""
+
+    C = "c"
+    CSV = "csv"
+    TEX = "tex"
+    PY = "py"
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(export)
+
+
+def export(
+    model_file: Annotated[Path, typer.Argument(metavar="MODEL", help="A model.h5.", show_default=False)],
+    to: Annotated[Target, typer.Option("--to", help="C99 source, a lookup table, equations in LaTeX, or a module of NumPy.")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the files.")] = Path(),
+    single: Annotated[bool, typer.Option("--float", help="C in single precision.")] = False,
+    grid: Annotated[
+        str | None,
+        typer.Option("--grid", metavar="AXES", help="Points of the table: pressure=0:600:25,strain=0:0.25:0.01.", show_default=False),
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Write a model in another language.
+
+    The files are called after the model. C needs nothing but math.h: no allocation, no global state. A small program to try it
+    is beside it.
+    """
+    from mapmore_cli.stages.exports import exported
+    from mapmore_cli.storage.artefacts import read_model
+    from mapmore_cli.storage.atomic import write_text
+
+    if single and to is not Target.C:
+        raise UsageError("--float is for C alone", "leave it out, or write --to c")
+    if (grid is not None) != (to is Target.CSV):
+        raise UsageError(
+            "--grid goes with --to csv, and the other way round", "as in: --to csv --grid pressure=0:600:25,strain=0:0.25:0.01"
+        )
+    files = exported(read_model(model_file), to.value, single=single, grid=grid)
+    output.mkdir(parents=True, exist_ok=True)
+    for name, text in files.items():
+        write_text(output / name, text)
+        if not quiet:
+            typer.echo(str(output / name))

@@ -1,0 +1,145 @@
+"""How C and Python write numbers, functions and powers; and expressions in them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from mapmore_cli.modelling.assignments.statements import NOTHING, Condition
+from mapmore_cli.modelling.terms.syntax import Call, Expression, Name, Number, Power, Product, Sum
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """What differs between languages.
+
+    Attributes
+    ----------
+    number
+        A finite number as text.
+    functions
+        Text of every function by its name in expressions; `pow` is a general power.
+    constant
+        The line that gives a name to what is not assigned again, given both.
+    nothing
+        The value where there is none.
+    """
+
+    number: Callable[[float], str]
+    functions: Mapping[str, str]
+    constant: Callable[[str, str], str]
+    nothing: str
+
+
+C_FUNCTIONS = {
+    **{name: name for name in ("exp", "log", "sqrt", "sin", "cos", "tan", "atan", "sinh", "cosh", "tanh", "pow")},
+    "abs": "fabs",
+    "sign": "sign_of",
+}
+LARGEST, SMALLEST = 3.4028234e38, 1e-37
+"""Of a single-precision number; what lies beyond is held at the one, and is zero below the other."""
+
+DOUBLE = Dialect(
+    number=lambda value: repr(float(value)),
+    functions=C_FUNCTIONS,
+    constant=lambda name, text: f"const double {name} = {text};",
+    nothing="NAN",
+)
+SINGLE = Dialect(
+    number=lambda value: f"{0.0 if abs(value) < SMALLEST else min(max(float(value), -LARGEST), LARGEST)!r}f",
+    functions={name: text if text == "sign_of" else f"{text}f" for name, text in C_FUNCTIONS.items()},
+    constant=lambda name, text: f"const float {name} = {text};",
+    nothing="NAN",
+)
+NUMPY = Dialect(
+    number=lambda value: repr(float(value)),
+    functions={**{name: f"np.{name}" for name in C_FUNCTIONS}, "atan": "np.arctan", "pow": "np.power"},
+    constant=lambda name, text: f"{name} = {text}",
+    nothing="np.nan",
+)
+
+
+@dataclass
+class Expressions:
+    """Writes expressions, and the lines that they need before them: powers and function values that occur again get a name.
+
+    They are computed in the same order as `terms.program` computes them, so that all languages round alike.
+    """
+
+    dialect: Dialect
+    names: Callable[[str], str]
+    """What a name of the assignments is called."""
+    fresh: Callable[[str], str]
+    """A new name that begins so."""
+    lines: list[str] = field(default_factory=list)
+    known: dict[Expression, str] = field(default_factory=dict)
+
+    def inner(self, own_lines: bool = True) -> Expressions:
+        """For a block within: it knows what is known here, and keeps to itself what it finds."""
+        return Expressions(self.dialect, self.names, self.fresh, [] if own_lines else self.lines, dict(self.known))
+
+    def condition(self, condition: Condition) -> str:
+        """A comparison."""
+        return f"{self.text(condition.left)} {condition.comparison} {self.text(condition.right)}"
+
+    def text(self, expression: Expression) -> str:
+        """The expression as a whole."""
+        if isinstance(expression, Sum):
+            return self._sum(expression)
+        if isinstance(expression, Product):
+            return self._product(expression)
+        return self._atom(expression, front=True)
+
+    def _atom(self, expression: Expression, front: bool = False) -> str:
+        """The expression as a factor."""
+        match expression:
+            case Number(value):
+                text = self.dialect.number(value)
+                return text if front or not text.startswith("-") else f"({text})"
+            case Name(name):
+                return self.dialect.nothing if expression == NOTHING else self.names(name)
+            case Power() | Call():
+                return self._once(expression)
+        return f"({self.text(expression)})"
+
+    def _sum(self, expression: Sum) -> str:
+        first, *others = expression.terms
+        text = self.text(first)
+        for term in others:
+            written = self.text(term)
+            text += f" - {written[1:]}" if written.startswith("-") else f" + {written}"
+        return text
+
+    def _product(self, expression: Product) -> str:
+        first, *others = expression.factors
+        text = "-" if first == Number(-1.0) else self._atom(first, front=True)
+        for factor in others:
+            if isinstance(factor, Power) and factor.exponent < 0:
+                text = ("-1.0" if text == "-" else text) + f" / {self._power(factor.base, -factor.exponent)}"
+            else:
+                text += ("" if text == "-" else " * ") + self._atom(factor)
+        return text
+
+    def _once(self, expression: Power | Call) -> str:
+        """A name for the value."""
+        if expression not in self.known:
+            stem, text = self._computed(expression)
+            name = self.fresh(stem)
+            self.lines.append(self.dialect.constant(name, text))
+            self.known[expression] = name
+        return self.known[expression]
+
+    def _computed(self, expression: Power | Call) -> tuple[str, str]:
+        match expression:
+            case Call(function, argument):
+                return function, f"{self.dialect.functions[function]}({self.text(argument)})"
+            case Power(base, exponent) if exponent < 0:
+                return "inverse", f"{self.dialect.number(1.0)} / {self._power(base, -exponent)}"
+            case Power(base, exponent) if exponent.is_integer():
+                half = exponent // 2
+                return "power", f"{self._power(base, half)} * {self._power(base, exponent - half)}"
+            case Power(base, exponent):
+                return "power", f"{self.dialect.functions['pow']}({self.text(base)}, {self.dialect.number(exponent)})"
+
+    def _power(self, base: Expression, exponent: float) -> str:
+        return self._atom(base if exponent == 1.0 else Power(base, exponent))

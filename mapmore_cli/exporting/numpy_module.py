@@ -1,0 +1,183 @@
+"""A model as a Python module that needs NumPy alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import count
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.exporting.c_blocks import indented
+from mapmore_cli.exporting.dialect import NUMPY, Expressions
+from mapmore_cli.exporting.names import identifier
+from mapmore_cli.modelling.assignments.model import INPUT
+from mapmore_cli.modelling.assignments.statements import (
+    Assignments,
+    Block,
+    Choose,
+    Function,
+    Keep,
+    Let,
+    Limit,
+    Queue,
+    Recall,
+    Statement,
+    Use,
+)
+from mapmore_cli.modelling.kinds import assignments
+from mapmore_cli.modelling.ranges import OUTSIDE_TOLERANCE
+
+BEYOND = f'''\
+def _beyond(x, low, high):
+    """Whether x lies beyond a range; what is within {OUTSIDE_TOLERANCE!r} of it counts as inside."""
+    margin = {OUTSIDE_TOLERANCE!r} * np.maximum(high - low, np.maximum(np.abs(low), np.abs(high)))
+    return (x < low - margin) | (x > high + margin)
+'''
+
+
+def numpy_module(model: Model) -> tuple[str, str]:
+    """Name and text of the module.
+
+    Raises
+    ------
+    UsageError
+        Where the model's name has nothing that a module may be called.
+    DataError
+        Where a part of the model is no closed expression.
+    """
+    name = identifier(model.name)
+    return f"{name}.py", _Module(model, assignments(model)).text()
+
+
+@dataclass
+class _Module:
+    model: Model
+    code: Assignments
+    numbers: Iterator[int] = field(default_factory=lambda: count(1))
+
+    def text(self) -> str:
+        parts = [self._head(), *(self._function(function) for function in self.code.functions)]
+        parts += [self._state(), self._step()] if self.code.step is not None else [self._evaluate()]
+        return "\n\n".join([*parts, BEYOND + "\n\n" + self._outside()])
+
+    def _head(self) -> str:
+        model = self.model
+        about = f'"""{model.name}: {_unit(model.output)} from {", ".join(map(_unit, model.inputs)) or "nothing"}. It needs NumPy alone."""'
+        names = ", ".join(f'"{quantity.name}"' for quantity in model.inputs)
+        return f'{about}\n\nimport numpy as np\n\nINPUTS = ({names},)\nOUTPUT = "{model.output.name}"\n'
+
+    def _expressions(self, kept: bool = False) -> Expressions:
+        named: Callable[[str], str] = lambda name: f"s.{name}" if kept and name in self.code.kept else name  # noqa: E731 - short
+        return Expressions(NUMPY, named, lambda stem: f"{stem}{next(self.numbers)}")
+
+    def _function(self, function: Function) -> str:
+        lines, results = self._block(function.body, self._expressions())
+        note = [f'"""{function.note[:1].upper()}{function.note[1:]}."""'] if function.note else []
+        return "\n".join(
+            [f"def {function.name}({', '.join(function.parameters)}):", *indented([*note, *lines, f"return {', '.join(results)}"]), ""]
+        )
+
+    def _block(self, block: Block, expressions: Expressions) -> tuple[list[str], list[str]]:
+        """The lines of a block and its results; all cases of a choice are worked out for all rows."""
+        self._statements(block.statements, expressions)
+        results = [expressions.text(result) for result in block.results]
+        return expressions.lines, results
+
+    def _statements(self, statements: Sequence[Statement], expressions: Expressions) -> None:
+        lines = expressions.lines
+        for statement in statements:
+            match statement:
+                case Let(name, value):
+                    text = expressions.text(value)
+                    lines.append(f"{name} = {text}")
+                case Use(names, function, arguments):
+                    given = ", ".join([expressions.text(one) for one in arguments])
+                    lines.append(f"{', '.join(names)} = {function}({given})")
+                case Choose():
+                    self._choose(statement, expressions)
+                case Recall(name, queue, steps):
+                    lines.append(f"{name} = s.{queue}[-{steps}]")
+                case Keep(kept, value):
+                    lines.append(f"s.{kept} = {expressions.text(value)}")
+                case Queue(queue, value):
+                    lines.append(f"s.{queue} = [*s.{queue}[1:], {expressions.text(value)}]")
+
+    def _choose(self, choice: Choose, expressions: Expressions) -> None:
+        conditions = [expressions.condition(condition) for condition, _ in choice.cases]
+        results = []
+        for block in (*(block for _, block in choice.cases), choice.otherwise):
+            inner = expressions.inner(own_lines=False)
+            results.append(self._block(block, inner)[1])
+        for i, name in enumerate(choice.names):
+            text = results[-1][i]
+            for condition, values in reversed(list(zip(conditions, results, strict=False))):
+                text = f"np.where({condition}, {values[i]}, {text})"
+            expressions.lines.append(f"{name} = {text}")
+
+    def _given(self) -> list[str]:
+        names = [quantity.name for quantity in self.model.inputs]
+        arrays = [f"{INPUT}{name} = np.asarray({name}, dtype=float)" for name in names]
+        finite = " & ".join(f"np.isfinite({INPUT}{name})" for name in names) or "np.True_"
+        return [*arrays, f"finite = {finite}"]
+
+    def _evaluate(self) -> str:
+        names = ", ".join(quantity.name for quantity in self.model.inputs)
+        lines, results = self._block(self.code.body, self._expressions())
+        about = f'"""{_unit(self.model.output)} at any number of samples; NaN where an input is not finite."""'
+        body = [*self._given(), 'with np.errstate(all="ignore"):', *indented([*lines, f"return np.where(finite, {results[0]}, np.nan)"])]
+        return "\n".join([f"def evaluate({names}):", *indented([about, *body]), ""])
+
+    def _state(self) -> str:
+        numbers = [f"self.{name} = {value!r}" for name, value in self.code.kept.items()]
+        queues = [f"self.{name} = [0.0] * {size}" for name, size in self.code.queues.items()]
+        reset = ["def reset(self):", *indented(['"""Begin anew."""', *numbers, *queues])]
+        measured = [
+            line
+            for output, queue in self.code.fed_back.items()
+            for line in (
+                "",
+                "def measured(self, value):",
+                *indented([f'"""Tell the measured {output} of the last sample."""', f"self.{queue}[-1] = value"]),
+            )
+        ]
+        begin = ["def __init__(self):", *indented(["self.reset()"]), ""]
+        about = f'"""What the model keeps from sample to sample, {self.code.step!r} s apart."""'
+        return "\n".join(["class State:", *indented([about, "", *begin, *reset, *measured]), ""])
+
+    def _step(self) -> str:
+        names = ", ".join(quantity.name for quantity in self.model.inputs)
+        lines, results = self._block(self.code.body, self._expressions(kept=True))
+        about = f'"""{_unit(self.model.output)} at the next sample; NaN before there is history, and once a run has diverged."""'
+        anew = ["if not finite:", *indented(["s.reset()", "return np.nan"])]
+        body = [*self._given(), *anew, 'with np.errstate(all="ignore"):', *indented([*lines, f"return float({results[0]})"])]
+        return "\n".join([f"def step(s, {names}):", *indented([about, *body]), ""])
+
+    def _outside(self) -> str:
+        """A function of the inputs; limits are of inputs, or of expressions of them."""
+        names = [quantity.name for quantity in self.model.inputs]
+        expressions = self._expressions()
+        statements = [one for one in self.code.body.statements if isinstance(one, Let) and one.name.startswith("input_")]
+        self._statements(statements, expressions)
+        checks = [f"_beyond({self._limit(limit, expressions)})" for limit in self.code.limits]
+        arrays = [f"{INPUT}{name} = np.asarray({name}, dtype=float)" for name in names]
+        about = '"""Whether an input lies beyond its training range."""'
+        body = [about, *arrays, *expressions.lines, "return " + (" | ".join(checks) or "np.False_")]
+        return "\n".join([f"def outside_range({', '.join(names)}):", *indented(body), ""])
+
+    def _limit(self, limit: Limit, expressions: Expressions) -> str:
+        value = expressions.text(limit.value)
+        if limit.at is None or len(limit.levels) == 1:
+            return f"{value}, {float(limit.low[0])!r}, {float(limit.high[0])!r}"
+        at = expressions.text(limit.at)
+        ends = [f"np.interp({at}, {_list(limit.levels)}, {_list(values)})" for values in (limit.low, limit.high)]
+        return f"{value}, {', '.join(ends)}"
+
+
+def _list(values: Array) -> str:
+    return f"[{', '.join(repr(value) for value in values.tolist())}]"
+
+
+def _unit(quantity: Quantity) -> str:
+    return f"{quantity.name} [{quantity.unit}]"

@@ -1,0 +1,147 @@
+"""The few kinds of statement that every model consists of; what is assigned are expressions of `terms`.
+
+Every name is assigned once in its function, before it is used. Statements work on one sample; along a column they work row by row.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.modelling.terms import Expression, Name
+
+NOTHING = Name("not_a_number")
+"""The value where there is none."""
+
+
+@dataclass(frozen=True)
+class Condition:
+    """`left comparison right`, with `<`, `<=`, `>`, `>=` or `==`; false where a side is not a number."""
+
+    left: Expression
+    comparison: str
+    right: Expression
+
+
+@dataclass(frozen=True)
+class Let:
+    """`name = value`."""
+
+    name: str
+    value: Expression
+
+
+@dataclass(frozen=True)
+class Block:
+    """Statements, and what they come to."""
+
+    statements: tuple[Statement, ...]
+    results: tuple[Expression, ...]
+
+
+@dataclass(frozen=True)
+class Choose:
+    """`names` are the results of the first case whose condition holds, else those of `otherwise`."""
+
+    names: tuple[str, ...]
+    cases: tuple[tuple[Condition, Block], ...]
+    otherwise: Block
+
+
+@dataclass(frozen=True)
+class Use:
+    """`names` are the results of a function at the arguments."""
+
+    names: tuple[str, ...]
+    function: str
+    arguments: tuple[Expression, ...]
+
+
+@dataclass(frozen=True)
+class Recall:
+    """`name` is what was put into a queue so many steps ago."""
+
+    name: str
+    queue: str
+    steps: int
+
+
+@dataclass(frozen=True)
+class Keep:
+    """The number that is kept under a name from this sample to the next one."""
+
+    kept: str
+    value: Expression
+
+
+@dataclass(frozen=True)
+class Queue:
+    """`value` is put into a queue, which holds as many as are recalled."""
+
+    queue: str
+    value: Expression
+
+
+Statement = Let | Choose | Use | Recall | Keep | Queue
+
+
+@dataclass(frozen=True)
+class Function:
+    """Statements that several places share; `note` says what they compute."""
+
+    name: str
+    parameters: tuple[str, ...]
+    body: Block
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Limit:
+    """Training range of one input of a model or of a part of it.
+
+    Attributes
+    ----------
+    inputs
+        The model's inputs that are beyond the range where `value` is.
+    value
+        The input as the part knows it, an expression of the model's inputs.
+    at
+        Where the range depends on a level: the level's value; else None.
+    levels, low, high
+        (L,) levels, and the range there, linear between them; one range for all where `at` is None.
+    """
+
+    inputs: frozenset[str]
+    value: Expression
+    at: Expression | None
+    levels: Array
+    low: Array
+    high: Array
+
+
+@dataclass(frozen=True)
+class Assignments:
+    """A model, ready to be written in another language; its inputs are names in the statements.
+
+    Attributes
+    ----------
+    body
+        Its one result is the output.
+    kept
+        Numbers that are kept from sample to sample, by name, and what they are after a reset.
+    queues
+        Delayed values, by name, and how many of them.
+    step
+        Time between samples, s; None for a model without memory.
+    fed_back
+        The queue of its own outputs, by the name of the output, where the model goes on from them.
+    """
+
+    inputs: tuple[str, ...]
+    functions: tuple[Function, ...]
+    body: Block
+    limits: tuple[Limit, ...]
+    kept: dict[str, float] = field(default_factory=dict)
+    queues: dict[str, int] = field(default_factory=dict)
+    step: float | None = None
+    fed_back: dict[str, str] = field(default_factory=dict)

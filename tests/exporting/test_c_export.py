@@ -1,0 +1,132 @@
+"""Exported C agrees with `predict` for models of every kind, at every boundary, compiled without a warning."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from agreement import FLAGS, compare, compiled, difference, points, recording
+from export_samples import FORMULAS, STATIC, WITH_MEMORY, formula, memory, pieces
+
+from mapmore_cli.domain.errors import DataError, UsageError
+from mapmore_cli.exporting.c import c_source
+from mapmore_cli.modelling.kinds import predict
+
+pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no C compiler here")
+
+
+@pytest.mark.parametrize("name", STATIC)
+def test_pieces_and_sums(tmp_path: Path, name: str) -> None:
+    assert compare(STATIC[name], tmp_path)[0] < 1e-12
+
+
+@pytest.mark.parametrize(
+    "name", ["sarosi_hinged", "tondu_lopez_corrected", "kerscher", "peternel", "polynomial_5", "tondu_kinetic_friction", "reynolds"]
+)
+def test_formulas(tmp_path: Path, name: str) -> None:
+    assert compare(FORMULAS[name], tmp_path)[0] < 1e-12
+
+
+@pytest.mark.parametrize("name", WITH_MEMORY)
+def test_whole_recordings_in_free_run(tmp_path: Path, name: str) -> None:
+    assert compare(WITH_MEMORY[name], tmp_path, 10_000)[0] < 1e-12
+
+
+def test_a_run_that_diverges_has_no_value_up_to_a_reset(tmp_path: Path) -> None:
+    model = WITH_MEMORY["diverging"]
+    columns = recording(model, 500)
+    found, bits = compiled(model, tmp_path).run(columns)
+    assert np.isnan(predict(model, columns)[-1]), "the sample has to diverge"
+    assert np.isnan(found[-1])
+    assert np.isfinite(found[10])
+    assert bits[-1] & 2
+
+
+def test_an_input_that_is_not_finite_sets_its_bit_and_lets_memory_start_anew(tmp_path: Path) -> None:
+    model = WITH_MEMORY["operators"]
+    columns = recording(model, 400)
+    columns["strain"][100] = np.nan
+    found, bits = compiled(model, tmp_path).run(columns)
+    assert bits[100] & 2
+    assert not bits[100] & 1
+    assert difference(found, predict(model, columns)) < 1e-12
+
+
+def test_every_formula_compiles(tmp_path: Path) -> None:
+    files = []
+    for model in FORMULAS.values():
+        for name, text in c_source(model).files.items():
+            (tmp_path / name).write_text(text)
+        files.append(f"{c_source(model).name}.c")
+    assert len(files) > 15
+    subprocess.run(["gcc", *FLAGS, "-c", *files], cwd=tmp_path, check=True)
+
+
+def test_single_precision(tmp_path: Path) -> None:
+    model = replace(STATIC["smooth levels"], name="single")
+    single = compiled(model, tmp_path, single=True)
+    columns = {name: x.astype(np.float32).astype(np.float64) for name, x in points(model, 2000).items()}
+    inside = {"pressure": np.clip(columns["pressure"], 110, 490), "strain": np.clip(columns["strain"], 0.03, 0.19)}
+    found, _ = single.run(inside)
+    assert np.max(np.abs(found - predict(model, inside))) < 1e-4 * np.max(np.abs(predict(model, inside)))
+    assert " double " not in (tmp_path / "single.c").read_text()
+
+
+@pytest.mark.parametrize(
+    "model", [STATIC["smooth levels, aligned"], WITH_MEMORY["operators"], WITH_MEMORY["fed back"]], ids=["static", "memory", "fed back"]
+)
+def test_the_program_runs_clean_under_the_sanitizers(tmp_path: Path, model: object) -> None:
+    source = c_source(model)  # type: ignore[arg-type]
+    for name, text in source.files.items():
+        (tmp_path / name).write_text(text)
+    sanitize = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    sources = [f"{source.name}.c", f"{source.name}_main.c"]
+    subprocess.run(["gcc", *FLAGS, *sanitize, *sources, "-o", "try", "-lm"], cwd=tmp_path, check=True)
+    samples = "\n".join(
+        f"{p} {s} 100" if "fed" in str(source.files) else f"{p} {s}" for p, s in [(100, 0.1), (1e6, -3), (350, 0.2), ("nan", 0.1)] * 20
+    )
+    done = subprocess.run(["./try"], input=samples, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert len(done.stdout.splitlines()) >= 50
+
+
+@pytest.mark.parametrize(
+    ("name", "identifier"), [("dmsp-20-88", "dmsp_20_88"), ("20 mm", "model_20_mm"), ("double", "model_double"), ("a  b!", "a_b")]
+)
+def test_names_that_c_does_not_allow(name: str, identifier: str) -> None:
+    source = c_source(replace(pieces(), name=name))
+    assert source.name == identifier
+    assert f"int {identifier}_eval(" in source.files[f"{identifier}.h"]
+
+
+def test_a_name_without_a_letter_is_refused() -> None:
+    with pytest.raises(UsageError, match="no letter"):
+        c_source(replace(pieces(), name="¿?"))
+
+
+def test_the_header_has_names_and_units_in_the_order_of_the_inputs() -> None:
+    header = c_source(pieces()).files["dmsp_20.h"]
+    assert "#define DMSP_20_INPUTS 2" in header
+    assert "#define DMSP_20_IN_PRESSURE 0 /* pressure [kPa] */" in header
+    assert "#define DMSP_20_IN_STRAIN 1 /* strain [1] */" in header
+
+
+def test_text_of_the_user_cannot_end_a_comment(tmp_path: Path) -> None:
+    compare(replace(pieces(), name="a*/b; #error"), tmp_path, 1000)
+
+
+def test_a_formula_that_is_no_expression_is_refused() -> None:
+    with pytest.raises(DataError, match="no closed expression"):
+        c_source(formula("sarosi_hysteresis_loss"))
+
+
+def test_no_heap_no_globals() -> None:
+    for model in (pieces(), memory(("pressure[k-1]",), ("pressure[k-1]",))):
+        text = c_source(model).files[f"{c_source(model).name}.c"]
+        assert "malloc" not in text
+        assert [line for line in text.splitlines() if line.startswith("#include")][1:] == ["#include <math.h>"]
+        outside = [line for line in text.splitlines() if line and not line[0].isspace() and line[0] not in "{}/#"]
+        assert all("(" in line for line in outside), "only functions stand outside of functions"
