@@ -101,4 +101,3 @@ def _of_section(lines: Lines, stem: str, section: Expression, values: Sequence[E
     """The value of the section that holds."""
     cases = [(Condition(section, "==", Number(float(number))), value) for number, value in enumerate(values[:-1])]
     return lines.choose(stem, cases, values[-1])
-
