@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from html.parser import HTMLParser
 
 import pytest
 from campaign_rows import row, rows
@@ -11,13 +12,34 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.scores import REPEATABILITY, Published
-from mapmore_cli.reporting.campaign import CampaignScores, campaign_tables, hindsight_table, nrmse_table, published_table
+from mapmore_cli.reporting.campaign import CampaignScores, campaign_tables, hindsight_table, nrmse_table, published_table, render_campaign
 
 
 def test_a_failed_run_is_told_by_its_name() -> None:
     table = nrmse_table(CampaignScores({"a": rows(mapmore=1, sarosi=2)}, failed=("broken",)))
     assert table.rows[1] == ("broken", "failed", None)
     assert table.numeric[1]
+
+
+def test_hostile_names_are_text_on_the_page() -> None:
+    class Tags(HTMLParser):
+        def __init__(self) -> None:
+            super().__init__()
+            self.found: set[str] = set()
+            self.text = ""
+
+        def handle_starttag(self, tag: str, _attrs: object) -> None:
+            self.found.add(tag)
+
+        def handle_data(self, data: str) -> None:
+            self.text += data
+
+    hostile = "<script>alert(1)</script>\"'&<img src=x onerror=y>"
+    scores = CampaignScores({hostile: rows(**{"mapmore": 1, hostile: 2})}, failed=(hostile + "2",))
+    page = Tags()
+    page.feed(render_campaign(hostile, campaign_tables(scores), [], {hostile: "../x/report/index.html"}, {hostile: hostile}))
+    assert not {"script", "img", "iframe"} & page.found
+    assert page.text.count(hostile) >= 6
 
 
 def test_exact_ties_are_told() -> None:

@@ -120,6 +120,12 @@ def test_nothing_is_fetched_and_nothing_runs(page, folder):
     assert not re.search(r"@import|url\((?!#)", html)
 
 
+def test_the_page_forbids_what_it_does_not_need(page):
+    (policy,) = (attrs["content"] for attrs in page.named("meta") if attrs.get("http-equiv") == "Content-Security-Policy")
+    allowed = dict(part.split(maxsplit=1) for part in policy.split("; "))
+    assert allowed == {"default-src": "'none'", "style-src": "'unsafe-inline'", "base-uri": "'none'", "form-action": "'none'"}
+
+
 def test_accessible(page):
     assert page.named("html") == [{"lang": "en"}]
     assert all(attrs.get("role") == "img" and attrs.get("aria-label") for attrs in page.named("svg"))
