@@ -91,9 +91,9 @@ class Feedback:
 
     @cached_property
     def depth(self) -> int:
-        """Past values of any node that the next sample may need."""
-        back = [node.steps if node.rule is None else max(node.rule.own, node.rule.source) for node in self.nodes]
-        return max(back, default=0) + 1
+        """Past values that the next sample may need, of the output and of any node."""
+        rules = [max(node.rule.own, node.rule.source) for node in self.nodes if node.rule is not None]
+        return self.longest + max(rules, default=0) + 1
 
     @cached_property
     def limits(self) -> tuple[tuple[float, float], ...]:

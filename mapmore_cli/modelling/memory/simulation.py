@@ -13,9 +13,10 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
 from mapmore_cli.domain.memory import StateSet
 from mapmore_cli.modelling.memory.evaluation import Known, evaluate_states, value_of
-from mapmore_cli.modelling.memory.feedback import OUTPUT, Feedback, Node, fed_back_states
+from mapmore_cli.modelling.memory.feedback import OUTPUT, Feedback, fed_back_states
 from mapmore_cli.modelling.memory.records import AtSample
 from mapmore_cli.modelling.terms import evaluate
+from mapmore_cli.modelling.terms.operator import Recursion
 
 DIVERGED = 100.0
 """Training ranges by which a free run may leave the training range before it counts as diverged."""
@@ -70,11 +71,11 @@ class Course:
     @cached_property
     def restarts(self) -> BoolArray:
         """(n - start,) whether a run may begin anew at a sample: everything before it is known."""
-        depth, feedback = self.feedback.depth, self.feedback
+        depth = self.feedback.depth
         known = np.isfinite(self.measured) & np.isfinite(self.history).all(axis=0)
         back = np.concatenate([[0], np.cumsum(~known)])
         rows = np.arange(self.start, self.start + self.size)
-        return np.asarray(back[rows] == back[np.maximum(rows - max(depth, feedback.longest), 0)])
+        return np.asarray(back[rows] == back[np.maximum(rows - depth, 0)])
 
     def begins(self, horizon: int | None) -> IntArray:
         """(n - start,) the row, counted from `start`, at which the stretch of each sample begins; a single one without a `horizon`."""
@@ -107,20 +108,18 @@ class Course:
         self, begin: int, end: int, base: list[float], weights: list[list[float]], bounds: tuple[float, float]
     ) -> tuple[Array, Array]:
         """Outputs and nodes of the samples from `begin` up to `end`, or up to the first that leaves the bounds."""
-        feedback, row = self.feedback, self.start + begin
-        past = max(row - max(feedback.longest, 1), 0)
-        y = self.measured[past:row].tolist()
-        known = len(y)
-        nodes = [values.tolist() for values in self.history[:, np.maximum(np.arange(row - feedback.depth, row), 0)]]  # at rest before row 0
-        advance = [_advanced(node, place, nodes, y) for place, node in enumerate(feedback.nodes)]
-        fed, owns = [nodes[place] for place in feedback.places], feedback.functions
+        feedback, depth = self.feedback, self.feedback.depth
+        past = np.maximum(np.arange(-depth, 0) + self.start + begin, 0)  # at rest before row 0
+        y = _at_rest_before(self.measured[past]).tolist()
+        places, advance = _wired(feedback, self.history[:, past], y)
+        fed, owns = [places[place] for place in feedback.places], feedback.functions
         limits, least, greatest = feedback.limits, -feedback.states.margin, 1 + feedback.states.margin
         low, high = bounds
         with np.errstate(all="ignore"):
             for k in range(begin, end):
                 for step in advance:
                     step()
-                now = [values[-1] for values in fed]
+                now = [values[-back] for values, back in fed]
                 if limits:
                     now = [min(max((x - foot) / width, least), greatest) for x, (foot, width) in zip(now, limits, strict=True)]
                 value = base[k]
@@ -129,20 +128,45 @@ class Course:
                 if not low <= value <= high:
                     break
                 y.append(value)
-        count = len(y) - known
-        states = np.array([values[feedback.depth : feedback.depth + count] for values in nodes]).reshape(len(nodes), count)
-        return np.array(y[known:]), states
+        count = len(y) - depth
+        states = np.empty((len(places), count))
+        for row, (values, back) in zip(states, places, strict=True):
+            first = depth - back + (values is not y)
+            row[:] = values[first : first + count]
+        return np.array(y[depth:]), states
 
 
-def _advanced(node: Node, place: int, nodes: list[list[float]], y: list[float]) -> Callable[[], None]:
-    """What appends the next value of a node; the outputs `y` end at the sample before, nodes with a smaller place at this one."""
-    own, source, rule = nodes[place], y if node.source == OUTPUT else nodes[node.source], node.rule
-    if rule is None:
-        back = node.steps + (node.source != OUTPUT)
-        return lambda: own.append(source[-back])
+def _at_rest_before(measured: Array) -> Array:
+    """Outputs with the first known one in place of those before it."""
+    known = np.isfinite(measured)
+    return np.where(np.arange(len(measured)) < np.argmax(known), measured[np.argmax(known)], measured)
+
+
+Read = tuple[list[float], int]
+"""A list of values and how far from its end the present value stands: delays are read further back, and need no list of their own."""
+
+
+def _wired(feedback: Feedback, history: Array, y: list[float]) -> tuple[list[Read], list[Callable[[], None]]]:
+    """Where each node is read, and what appends the next value of those with a rule, in order; the outputs `y` end at the sample before."""
+    reads: list[Read] = []
+    advance: list[Callable[[], None]] = []
+    for node, before in zip(feedback.nodes, history, strict=True):
+        values, back = (y, 0) if node.source == OUTPUT else reads[node.source]
+        if node.rule is None:
+            reads.append((values, back + node.steps))
+        else:
+            reads.append((before.tolist(), 1))
+            advance.append(_advanced(node.rule, reads[-1][0], values, back))
+    return reads, advance
+
+
+def _advanced(rule: Recursion, own: list[float], source: list[float], back: int) -> Callable[[], None]:
+    """What appends the next value of an operator to its `own` ones; the present value of its source stands `back` from the end."""
     if (rule.own, rule.source) == (1, 0):
-        return lambda: own.append(rule.next(own[-1], source[-1]))
-    return lambda: own.append(rule.next(*[own[-i - 1] for i in range(rule.own)], *[source[-i - 1] for i in range(rule.source + 1)]))
+        return lambda: own.append(rule.next(own[-1], source[-back]))
+    if (rule.own, rule.source) == (1, 1):
+        return lambda: own.append(rule.next(own[-1], source[-back], source[-back - 1]))
+    return lambda: own.append(rule.next(*[own[-i - 1] for i in range(rule.own)], *[source[-back - i] for i in range(rule.source + 1)]))
 
 
 @dataclass(frozen=True)
