@@ -18,7 +18,7 @@ from mapmore_cli.modelling.frols.moments import Moments, Standard, moments, stan
 from mapmore_cli.modelling.frols.ridge import LEAST_RIDGE, Regularised, prune, select, substitutes
 from mapmore_cli.modelling.frols.ridge_choice import choose_ridge, ridge_press
 from mapmore_cli.modelling.memory.capacity import fits_whole, refuse_beyond_memory
-from mapmore_cli.modelling.memory.recipe import MemoryRecipe
+from mapmore_cli.modelling.memory.recipe import MemoryRecipe, Stop
 from mapmore_cli.modelling.memory.regressors import Regressors
 
 FOLDS = 4
@@ -40,7 +40,7 @@ class Choice:
 class Selector(Protocol):
     """Gives a model of any number of terms."""
 
-    def best(self, stop: str, tolerance: float) -> Choice:
+    def best(self, stop: Stop, tolerance: float) -> Choice:
         """The model whose number of terms the rule prefers."""
         ...
 
@@ -94,7 +94,7 @@ class Plain:
         total = moments(standardised(self.data.blocks, Standard(np.zeros(M + 1), np.where(size > 0, size, np.inf))))
         return Regularised(total.products / total.samples, total.samples, LEAST_RIDGE)
 
-    def best(self, stop: str, tolerance: float) -> Choice:
+    def best(self, stop: Stop, tolerance: float) -> Choice:
         """See `Selector`."""
         return _plain(self._selection(np.arange(len(self.data.terms)), self.recipe.max_terms, tolerance, stop))
 
@@ -110,7 +110,7 @@ class Plain:
         """See `Selector`: there is none."""
         return np.zeros(len(chosen))
 
-    def _selection(self, among: IntArray, terms: int, tolerance: float = 0.0, stop: str = "tolerance") -> Selection:
+    def _selection(self, among: IntArray, terms: int, tolerance: float = 0.0, stop: Stop = "tolerance") -> Selection:
         if self._whole is None:
             found = frols_streamed(lambda: ((P[:, among], y) for P, y in self.data.blocks()), terms, tolerance, stop=stop)
         else:
@@ -140,7 +140,7 @@ class Ridged:
             )
         self.subsets = prune(self.problem, self.forward)[: recipe.max_terms]
 
-    def best(self, stop: str, tolerance: float) -> Choice:
+    def best(self, stop: Stop, tolerance: float) -> Choice:
         """See `Selector`."""
         if stop == "press":
             return self._choice(fewest(ridge_press(self.blocks, self.problem, self.subsets)), stop)
