@@ -27,12 +27,13 @@ schema: .venv/program
 datasets: .venv/program
 	for spec in datasets/*/*.yaml; do $(BIN)/mapmore simulate $$spec --force || exit; done
 
-measured: .venv/program  # the tables of docs/measured-static.md, docs/memory.md and docs/campaigns.md; needs the measured recordings (docs/data.md)
+measured: .venv/program  # the tables of docs/measured-static.md, memory.md, campaigns.md, wrist.md and muscle-like.md; needs the measured recordings (docs/data.md)
 	$(BIN)/mapmore batch configs/campaigns/measured_static.yaml configs/campaigns/m1.yaml configs/campaigns/m1_terms.yaml
 	$(BIN)/python docs/measured_tables.py runs
 	$(BIN)/mapmore batch configs/campaigns/coiled.yaml configs/campaigns/coiled_loads.yaml
 	$(BIN)/python docs/memory_tables.py runs
 	$(BIN)/python docs/campaign_tables.py runs
+	$(BIN)/python docs/muscle_tables.py runs
 
 bench: .venv/program .venv-bench/peers
 	$(BIN)/python tests/bench/run.py $(BENCH)

@@ -1,0 +1,367 @@
+"""Write the tables and the figure of docs/wrist.md and docs/muscle-like.md from runs, which are brought up to date first.
+
+`python docs/muscle_tables.py RUNS`. The measured pair must be there for its table (docs/data.md).
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from measured_tables import CONFIGS, DOCS, finished, write_tables
+from scipy.optimize import brentq
+
+from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.domain.fits import FormulaFit
+from mapmore_cli.domain.scores import Score
+from mapmore_cli.modelling import literature
+from mapmore_cli.modelling.literature.backbone import fit_formula
+from mapmore_cli.modelling.literature.identifiability import half_width
+from mapmore_cli.modelling.scores.bands import bands
+from mapmore_cli.modelling.scores.metrics import uncentred
+from mapmore_cli.reporting.tables import Cell, Column, Table, bands_table
+from mapmore_cli.spec.campaign import Entry
+from mapmore_cli.storage.artefacts import read_dataset, read_validation
+
+PUBLISHED = DOCS.parent / "datasets" / "published"
+LENGTHS = ("22", "16", "12")
+INITIAL = (200, 300, 400, 500, 600)
+BAR, GRAVITY = 100.0, 9.81
+WRIST = {"diameter": 0.010}
+REST_LENGTH = 0.23
+
+# Runs ---------------------------------------------------------------------------------------------------------------------------------
+
+
+def run(config: str, runs: Path, *overrides: str) -> Path:
+    """The folder of a shipped study's run, brought up to date."""
+    path = CONFIGS / f"{config}.yaml"
+    finished(Entry(path, overrides), runs)
+    named = [text.removeprefix("name=") for text in overrides if text.startswith("name=")]
+    return runs / (named[0] if named else path.stem)
+
+
+def scores(folder: Path, split: str) -> dict[str, Score]:
+    """The pooled rows of a run, by model."""
+    rows = read_validation(folder / "validate.h5").scores
+    return {row.model: row for row in rows if (row.split, row.curve) == (split, "all")}
+
+
+def printed(name: str) -> list[dict[str, str]]:
+    """The rows of a published table."""
+    with (PUBLISHED / name).open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+# W ------------------------------------------------------------------------------------------------------------------------------------
+
+
+def rebuilt_points() -> tuple[Columns, Array]:
+    """W's 91 points, from its eq 12: the strains at 1 to 7 bar under 0 to 30 kg, in kPa and N."""
+    a, b, c, d, e, f = (float(row["printed"]) for row in printed("w_models.csv") if row["model"] == "sarosi")
+
+    def force(p: float, strain: float) -> float:
+        return float((a * p + b) * np.exp(c * strain) + d * p * strain + e * p + f)
+
+    points = [(p, GRAVITY * kg) for p in range(1, 8) for kg in np.arange(0.0, 30.1, 2.5)]
+    strains = [brentq(lambda x, p=p, w=w: force(p, x) - w, -0.5, 0.5, xtol=1e-14) for p, w in points]
+    return {"pressure": BAR * np.array([float(p) for p, _ in points]), "strain": np.array(strains)}, np.array([w for _, w in points])
+
+
+def printed_parameters(model: str) -> dict[str, float]:
+    """W's printed numbers as the parameters of a formula, in kPa, N, m and rad."""
+    rows = {row["parameter"]: float(row["printed"]) for row in printed("w_models.csv") if row["model"] == model}
+    area = 250.0 * math.pi * WRIST["diameter"] ** 2
+    if model == "chou_hannaford":
+        scale = 1e3 / (4 * math.pi * rows["n"] ** 2)
+        return {"c1": 3 * REST_LENGTH**2 * scale, "c2": rows["b"] ** 2 * scale}
+    if model == "sarosi":
+        units = {"a": BAR, "b": 1.0, "c": 1.0, "d": BAR, "e": BAR, "f": 1.0}
+        return {f"a{i}": rows[name] / unit for i, (name, unit) in enumerate(units.items(), 1)}
+    found = {**rows, "theta": math.radians(rows["theta"])}
+    if model == "kerscher":
+        return {**found, "a_e": area * rows["a_e"], "b_e": area * rows["b_e"]}
+    return {**WRIST, **found}
+
+
+def rebuilt_table() -> Table:
+    """R of the printed parameters and of converged fits on the rebuilt points."""
+    columns, force = rebuilt_points()
+    rows: list[tuple[Cell, ...]] = []
+    for model in dict.fromkeys(row["model"] for row in printed("w_models.csv")):
+        said = next(row for row in printed("w_models.csv") if row["model"] == model)
+        formula = literature.get(model).of_muscle(WRIST)
+        as_printed = formula.predict(printed_parameters(model), columns)
+        fit = formula.fit(columns, force)
+        ours = formula.predict(fit.parameters, columns)
+        rmse = (round(float(np.sqrt(np.mean((y - force) ** 2))), 6) for y in (as_printed, ours))
+        pearson = float(np.corrcoef(as_printed, force)[0, 1])
+        found = uncentred(force, as_printed), pearson, uncentred(force, ours)
+        rows.append((model, said["equation"], float(said["r"]), *found, *rmse, fit.status.replace("_", " ")))
+    heads = ("printed R", "R of the printed parameters", "Pearson's", "R, converged")
+    return Table(
+        "rebuilt",
+        "W's models on points rebuilt from its eq 12",
+        (
+            Column("model"),
+            Column("eq"),
+            *(Column(head, "", ".4f") for head in heads),
+            Column("RMSE, printed", "N", ".3g"),
+            Column("RMSE, converged", "N", ".3g"),
+            Column("status"),
+        ),
+        tuple(rows),
+        ("R is about zero (uncentred), as W's is.",),
+    )
+
+
+def score_rows(folder: Path, split: str, title: str, name: str) -> Table:
+    """A run's scores with the correlation about zero."""
+    rows = tuple((m, s.n, s.r_uncentred, s.r2, s.rmse, 100 * s.nrmse, s.max_abs_error) for m, s in scores(folder, split).items())
+    columns = (
+        Column("model"),
+        Column("samples"),
+        Column("R, uncentred", "", ".4f"),
+        Column("R²", "", ".4f"),
+        Column("RMSE", "N", ".3g"),
+        Column("NRMSE", "%", ".3g"),
+        Column("max error", "N", ".3g"),
+    )
+    return Table(name, title, columns, rows)
+
+
+def parameters_table(fits: Mapping[str, FormulaFit], name: str, title: str) -> Table:
+    """Parameters with 95 % intervals, and what the data do not show."""
+    rows: list[tuple[Cell, ...]] = []
+    for model, fit in fits.items():
+        for parameter, value in fit.parameters.items():
+            rows.append((model, parameter, value, half_width(fit.errors[parameter], fit.samples - fit.rank), fit.status.replace("_", " ")))
+    notes = tuple(f"{model}: {note}" for model, fit in fits.items() for note in fit.notes if "not identified" in note)
+    columns = (Column("model"), Column("parameter"), Column("value", "", ".4g"), Column("± 95 %", "", ".2g"), Column("status"))
+    return Table(name, title, columns, tuple(rows), notes)
+
+
+def wrist_bands(folder: Path) -> Table:
+    """RMSE by force band."""
+    dataset, validation = read_dataset(folder / "ingest.h5"), read_validation(folder / "validate.h5")
+    kept = {model: values for model, values in validation.predictions.items() if "start" not in model}
+    return bands_table(bands(dataset, kept), "N")
+
+
+def wrist_tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
+    """Every table of docs/wrist.md."""
+    whole, held_out = run("wrist/wrist-static", runs), run("wrist/wrist-static-held-out", runs)
+    formulas = {name: fit for name, fit in read_validation(whole / "validate.h5").formulas.items() if not name.endswith("_start")}
+    return {
+        "rebuilt": rebuilt_table,
+        "simulated": lambda: score_rows(whole, "train", "The simulated table, scored as W does: on the points of the fit", "simulated"),
+        "held-out": lambda: score_rows(held_out, "validate", "2, 4 and 6 bar held out", "held-out"),
+        "bands": lambda: wrist_bands(whole),
+        "parameters": lambda: parameters_table(formulas, "parameters", "Parameters, fitted to the simulated table (kPa, N, m, rad)"),
+    }
+
+
+# H ------------------------------------------------------------------------------------------------------------------------------------
+
+
+def table_1(runs: Path) -> Table:
+    """Printed parameters beside those of the simulated muscles."""
+    rows: list[tuple[Cell, ...]] = []
+    for said in printed("h_table_1.csv"):
+        length = said["muscle"].removesuffix(" cm")
+        folder = run(f"muscle-like/muscle-like-{length}cm", runs)
+        fit = read_validation(folder / "validate.h5").formulas["muscle_like"]
+        row = scores(folder, "validate")["muscle_like"]
+        for name, value in fit.parameters.items():
+            reach = half_width(fit.errors[name], fit.samples - fit.rank)
+            rows.append((f"{said['muscle']}: {name}", float(said[name]), value, reach))
+        rows.append((f"{said['muscle']}: R²", float(said["r2"]) if said["r2"] else "above .98", row.r2, None))
+    columns = (Column("parameter"), Column("H, table I", "", ".6g"), Column("simulated muscle", "", ".4g"), Column("± 95 %", "", ".2g"))
+    note = "The simulated muscles are others than H's: only signs and sizes can be held against each other."
+    return Table("table-1", "The muscle-like model of three muscles", columns, tuple(rows), (note,))
+
+
+def fitting_table(runs: Path) -> Table:
+    """The three ways of fitting H's model, on the training data of the 16 cm muscle."""
+    dataset = read_dataset(run("muscle-like/muscle-like-16cm", runs) / "ingest.h5")
+    rows: list[tuple[Cell, ...]] = []
+    for method in ("variable_projection", "levenberg_marquardt", "simplex"):
+        fit = fit_formula("muscle_like", dataset.curves, dataset.target, method)
+        starts = next((note for note in fit.notes if "starts agree" in note), "no starting values")
+        rows.append((method, math.sqrt(fit.sse / fit.samples), fit.parameters["b0"], fit.status.replace("_", " "), starts))
+    columns = (Column("method"), Column("training RMSE", "N", ".6g"), Column("b0", "s/m", ".5g"), Column("status"), Column("starts"))
+    return Table("fitting", "Three ways of fitting the seven parameters", columns, tuple(rows))
+
+
+SPLITS = {
+    "25 % at random, as published": ("name=muscle-like-16cm.random", "data.split={validate: {fraction: 0.25, seed: 1}}"),
+    "blocks of 8 s": (),
+}
+
+
+def splits_table(runs: Path) -> Table:
+    """The same models under H's split and under two that do not leak."""
+    config, rows = "muscle-like/muscle-like-16cm", list[tuple[Cell, ...]]()
+    models = ("mapmore", "muscle_like", "polynomial_3")
+    for label, overrides in SPLITS.items():
+        found = scores(run(config, runs, *overrides), "validate")
+        rows.append((label, found["mapmore"].n, *(found[m].rmse for m in models), *(found[m].r2 for m in models)))
+    folds = [
+        scores(run(config, runs, f"name=muscle-like-16cm.without-{p}", f"data.split={{validate: {{initial: [{p}]}}}}"), "validate")
+        for p in INITIAL
+    ]
+    count = sum(fold["mapmore"].n for fold in folds)
+    pooled = (math.sqrt(sum(fold[m].n * fold[m].rmse ** 2 for fold in folds) / count) for m in models)
+    rows.append(("each initial pressure in turn", count, *pooled, *(min(fold[m].r2 for fold in folds) for m in models)))
+    columns = (
+        Column("held out"),
+        Column("samples"),
+        *(Column(f"{m}, RMSE", "N", ".3g") for m in models),
+        *(Column(f"{m}, R²", "", ".4f") for m in models),
+    )
+    return Table(
+        "splits", "Three splits of the 16 cm muscle's record", columns, tuple(rows), ("R² of the last row: that of the worst fold.",)
+    )
+
+
+def joint_table(runs: Path) -> Table:
+    """R² of each muscle's own force and of their difference, closed and driven, by models that were identified at closed valves."""
+    rows: list[tuple[Cell, ...]] = []
+    fits = {
+        number: read_validation(run(f"muscle-like/muscle-like-{length}cm", runs) / "validate.h5").formulas["muscle_like"]
+        for number, length in ((1, "16"), (2, "22"))
+    }
+    said = {(row["experiment"], row["muscle"]): row["r2"] for row in printed("h_verification.csv")}
+    for experiment in ("closed", "driven"):
+        folder = run(f"muscle-like/muscle-like-joint-{experiment}", runs)
+        columns = read_dataset(folder / "ingest.h5").curves[0].columns
+        for number, muscle in ((2, "extensor"), (1, "flexor")):
+            inputs = {"pressure": columns[f"p{number}"], "length": columns[f"l{number}"], "velocity": columns[f"v{number}"]}
+            error = literature.get("muscle_like").predict(fits[number].parameters, inputs) - columns[muscle]
+            r2 = 1 - float(np.sum(error**2) / np.sum((columns[muscle] - columns[muscle].mean()) ** 2))
+            rows.append((f"{experiment}: {muscle}", said[experiment, muscle] or "not printed", r2, float(np.sqrt(np.mean(error**2)))))
+        found = scores(folder, "validate")
+        words = {"mapmore": "difference of both", "identified_here": "the same, identified from the first half of this record"}
+        for model, word in words.items():
+            rows.append((f"{experiment}: {word}", None, found[model].r2, found[model].rmse))
+    heads = (Column("force"), Column("H, R²"), Column("R²", "", ".4f"), Column("RMSE", "N", ".3g"))
+    return Table("joint", "The joint: muscle-like models, identified at closed valves where nothing else is said", heads, tuple(rows))
+
+
+def one_run(config: str, runs: Path, name: str, title: str, unit: str) -> Table:
+    """Held-out and training scores of a run."""
+    folder = run(config, runs)
+    held_out, train = scores(folder, "validate"), scores(folder, "train")
+    rows = tuple((m, s.n, s.rmse, 100 * s.nrmse, s.r2, 100 * train[m].nrmse) for m, s in held_out.items())
+    columns = (
+        Column("model"),
+        Column("samples"),
+        Column("RMSE", unit, ".3g"),
+        Column("NRMSE", "%", ".3g"),
+        Column("R²", "", ".4f"),
+        Column("training NRMSE", "%", ".3g"),
+    )
+    return Table(name, title, columns, rows)
+
+
+def antagonist_parameters(runs: Path) -> Table:
+    """What the measured pair shows of the two muscles, and what it does not."""
+    fit = read_validation(run("muscle-like/antagonist-pam", runs) / "validate.h5").formulas["muscle_like_pair"]
+    return parameters_table({"muscle_like_pair": fit}, "antagonist-parameters", "Parameters of the pair (kPa, mm, mm/s, N)")
+
+
+def muscle_like_tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
+    """Every table of docs/muscle-like.md."""
+    return {
+        "table-1": lambda: table_1(runs),
+        "fitting": lambda: fitting_table(runs),
+        "splits": lambda: splits_table(runs),
+        "joint": lambda: joint_table(runs),
+        "closed-valves": lambda: one_run(
+            "muscle-like/muscle-like-closed-valves", runs, "closed-valves", "Pressure at closed valves, 300 and 500 kPa held out", "kPa"
+        ),
+        "antagonist": lambda: one_run("muscle-like/antagonist-pam", runs, "antagonist", "The measured pair, blocks of 3 s held out", "N"),
+        "antagonist-parameters": lambda: antagonist_parameters(runs),
+    }
+
+
+# Biological muscle --------------------------------------------------------------------------------------------------------------------
+
+WIDTH, STIFFNESS, ECCENTRIC, CURVATURE, FASTEST = 0.56, math.log(0.05), 1.5, 5.0, -12.0
+"""w, c, N, kappa, v_max (optimal lengths per second) of Geyer, Seyfarth and Blickhan 2003, table 1; H does not print its own."""
+
+
+def biological_length(share: Array) -> Array:
+    """H eq 2, `exp(c |(l - l_opt)/(l_opt w)|^3)`, at lengths as shares of the optimal one."""
+    return np.asarray(np.exp(STIFFNESS * np.abs((share - 1.0) / WIDTH) ** 3))
+
+
+def biological_velocity(v: Array) -> Array:
+    """H eq 3 at velocities in optimal lengths per second, shortening negative."""
+    shortening = (FASTEST - v) / (FASTEST + CURVATURE * v)
+    lengthening = ECCENTRIC + (ECCENTRIC - 1.0) * (FASTEST + v) / (7.56 * CURVATURE * v - FASTEST)
+    return np.where(v < 0.0, shortening, lengthening)
+
+
+def curves(runs: Path) -> Iterator[tuple[str, str, Array, Array]]:
+    """Panel, line, places and normalised forces of H's figure 4, for H's printed and our simulated 16 cm muscle."""
+    fit = read_validation(run("muscle-like/muscle-like-16cm", runs) / "validate.h5").formulas["muscle_like"].parameters
+    said = {name: float(v) for name, v in next(r for r in printed("h_table_1.csv") if r["muscle"] == "16 cm").items() if name in fit}
+    share = np.linspace(0.0, 1.0, 101)
+    longest, fastest = 0.03, 0.2
+    yield "length", "biological", share, biological_length(share)
+    for label, p in (("H, 16 cm", said), ("simulated, 16 cm", dict(fit))):
+        x = longest * share
+        active = 1 + p["a0"] * x + p["a1"] * x**2 + p["a2"] * x**3
+        yield "length", label, share, active / active.max()
+    v = np.linspace(-1.0, 1.0, 201)
+    force = biological_velocity(v * -FASTEST)
+    yield "velocity", "biological", v, force / force.max()
+    for label, p in (("H, 16 cm", said), ("simulated, 16 cm", dict(fit))):
+        force = 1 - p["b0"] * fastest * v  # H's velocity is positive in shortening
+        yield "velocity", label, v, force / force.max()
+
+
+def write_figure(runs: Path, folder: Path) -> None:
+    """H's figure 4 as SVG, and its numbers as CSV."""
+    from matplotlib.figure import Figure
+
+    from mapmore_cli.reporting.figures.saving import SVG_PROLOGUE, to_svg
+    from mapmore_cli.reporting.figures.style import figure_style
+
+    found = list(curves(runs))
+    labels = {"length": "length / longest", "velocity": "velocity / fastest (lengthening positive)"}
+    with figure_style():
+        figure = Figure(figsize=(7.16, 2.6), layout="constrained")
+        axes: Mapping[str, Any] = dict(zip(labels, figure.subplots(1, 2, sharey=True), strict=True))
+        for panel, line, x, y in found:
+            axes[panel].plot(x, y, label=line, linestyle="--" if line == "biological" else "-")
+        for panel, ax in axes.items():
+            ax.set_xlabel(labels[panel])
+            ax.set_ylim(0, 1.05)
+        axes["length"].set_ylabel("force / greatest force")
+        axes["length"].legend()
+        alt = "Force over length and over velocity, each over its greatest value: a biological muscle, H's and a simulated pneumatic one."
+        (folder / "muscle-like-curves.svg").write_text(
+            SVG_PROLOGUE + to_svg(figure, "muscle-like-curves", alt), encoding="utf-8", newline="\n"
+        )
+    lines = [f"{panel},{line.replace(', ', ' ')},{a:.12g},{b:.12g}" for panel, line, x, y in found for a, b in zip(x, y, strict=True)]
+    text = "\n".join(["panel,line,place,force", *lines]) + "\n"
+    (folder / "muscle-like-curves.csv").write_text(text, encoding="utf-8", newline="\n")
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Bring the runs up to date and write both pages."""
+    runs = Path(arguments[0])
+    write_tables(DOCS / "wrist.md", wrist_tables(runs))
+    write_figure(runs, DOCS / "figures")
+    write_tables(DOCS / "muscle-like.md", muscle_like_tables(runs))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
