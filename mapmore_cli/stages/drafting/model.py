@@ -11,7 +11,7 @@ from mapmore_cli.modelling import literature
 from mapmore_cli.stages.drafting.draft import Draft
 from mapmore_cli.stages.inspection.evidence import HINGED, slack_foot
 
-COMPETITORS = ("sarosi", "polynomial_2", "polynomial_5")
+COMPETITORS = ("sarosi", "polynomial_2", "polynomial_5", "muscle_like", "polynomial_3")
 MOST_SEGMENTS = 4
 SAMPLES_OF_A_SEGMENT = 12
 WITH_MEMORY = "a static curve; for lag and loops try families with memory (`slow`, `play`, `lags`), with `resample` and without `segment`"
