@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from measured_tables import CONFIGS, DOCS, finished, write_tables
+from measured_tables import CONFIGS, DOCS, write_tables
 from scipy.optimize import brentq
 
 from mapmore_cli.domain.arrays import Array, Columns
@@ -25,7 +25,8 @@ from mapmore_cli.modelling.literature.identifiability import half_width
 from mapmore_cli.modelling.scores.bands import bands
 from mapmore_cli.modelling.scores.metrics import uncentred
 from mapmore_cli.reporting.tables import Cell, Column, Table, bands_table
-from mapmore_cli.spec.campaign import Entry
+from mapmore_cli.spec.loader import load
+from mapmore_cli.stages.pipeline.runner import bring_up_to_date
 from mapmore_cli.storage.artefacts import read_dataset, read_validation
 
 PUBLISHED = DOCS.parent / "datasets" / "published"
@@ -39,11 +40,9 @@ REST_LENGTH = 0.23
 
 
 def run(config: str, runs: Path, *overrides: str) -> Path:
-    """The folder of a shipped study's run, brought up to date."""
-    path = CONFIGS / f"{config}.yaml"
-    finished(Entry(path, overrides), runs)
-    named = [text.removeprefix("name=") for text in overrides if text.startswith("name=")]
-    return runs / (named[0] if named else path.stem)
+    """The folder of a shipped study's run, brought up to date but for its report."""
+    loaded = load(CONFIGS / f"{config}.yaml", overrides)
+    return bring_up_to_date(loaded, runs, "validate").run_dir
 
 
 def scores(folder: Path, split: str) -> dict[str, Score]:
