@@ -6,7 +6,7 @@ export OMP_NUM_THREADS := 1
 
 STUDIES := configs/m2/dmsp-20-88-static.yaml configs/m2/peano-static.yaml
 
-.PHONY: demo test lint schema datasets measured bench clean
+.PHONY: demo test lint schema datasets measured paper bench clean
 
 demo: .venv/program
 	$(BIN)/mapmore batch $(STUDIES)
@@ -34,6 +34,9 @@ measured: .venv/program  # the tables of docs/measured-static.md, memory.md, cam
 	$(BIN)/python docs/memory_tables.py runs
 	$(BIN)/python docs/campaign_tables.py runs
 	$(BIN)/python docs/muscle_tables.py runs
+
+paper: .venv/program  # every simulated study of the papers beside the published numbers, on one page
+	$(BIN)/mapmore batch configs/campaigns/paper.yaml
 
 bench: .venv/program .venv-bench/peers
 	$(BIN)/python tests/bench/run.py $(BENCH)

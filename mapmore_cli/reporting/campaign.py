@@ -63,7 +63,8 @@ class CampaignScores:
 
 def campaign_tables(scores: CampaignScores) -> tuple[Table, ...]:
     """Every table of the page; those without rows are left out."""
-    return tuple(table for table in (nrmse_table(scores), hindsight_table(scores), published_table(scores)) if table.rows)
+    made = (nrmse_table(scores), hindsight_table(scores), published_table(scores), order_table(scores))
+    return tuple(table for table in made if table.rows)
 
 
 def nrmse_table(scores: CampaignScores) -> Table:
@@ -181,7 +182,7 @@ def published_table(scores: CampaignScores) -> Table:
         for model, score in run.items():
             rmse, nrmse = paper.shown_rmse(model), 100 * paper.nrmse[model] if model in paper.nrmse else None
             if score.split == "validate" and (rmse, nrmse) != (None, None):
-                rows.append((name, model, score.rmse, rmse, 100 * score.nrmse, nrmse))
+                rows.append((name, model, score.rmse, rmse, 100 * score.nrmse, nrmse, _to_published(score, paper)))
     units = {scores.units.get(str(row[0]), "") for row in rows}
     unit = units.pop() if len(units) == 1 else ""
     columns = (
@@ -191,11 +192,36 @@ def published_table(scores: CampaignScores) -> Table:
         Column("published RMSE", unit, ".3g"),
         Column("NRMSE", "%", ".3g"),
         Column("published NRMSE", "%", ".3g"),
+        Column("ours to published", "", ".2f"),
     )
     filled = [j for j in range(len(columns)) if any(row[j] is not None for row in rows)]
     kept = tuple(tuple(row[j] for j in filled) for row in rows)
     sources = dict.fromkeys(f"Published: {paper.source}." for paper in scores.published.values())
     return Table("published", "Beside the published numbers", tuple(columns[j] for j in filled), kept, tuple(sources))
+
+
+def _to_published(score: Score, paper: Published) -> float | None:
+    """Our error in ratio to the published one; None beside a lower bound."""
+    if score.model in paper.nrmse:
+        return score.nrmse / paper.nrmse[score.model]
+    return score.rmse / paper.rmse[score.model] if score.model in paper.rmse else None
+
+
+def order_table(scores: CampaignScores) -> Table:
+    """Whether the models of a run come in the order that a publication has them in, from the least error up.
+
+    Lower bounds stand at their bound, so that they only tell an order where it is clear.
+    """
+    rows: list[tuple[Cell, ...]] = []
+    for name, run in scores.pooled.items():
+        paper = scores.published.get(name, Published(""))
+        printed = paper.nrmse if paper.nrmse else {**paper.rmse, **paper.rmse_at_least}
+        ours = {model: run[model].rmse for model in printed if model in run and run[model].split == "validate"}
+        if len(ours) > 1:
+            theirs, mine = (sorted(ours, key=errors.__getitem__) for errors in (printed, ours))
+            rows.append((name, " < ".join(theirs), " < ".join(mine), "agrees" if theirs == mine else "differs"))
+    columns = (Column("run"), Column("as published"), Column("here"), Column("order"))
+    return Table("order", "Order of the models by their error, as published and here", columns, tuple(rows))
 
 
 def render_campaign(

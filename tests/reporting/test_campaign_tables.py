@@ -12,7 +12,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.scores import REPEATABILITY, Published
-from mapmore_cli.reporting.campaign import CampaignScores, campaign_tables, hindsight_table, nrmse_table, published_table, render_campaign
+from mapmore_cli.reporting.campaign import (
+    CampaignScores,
+    campaign_tables,
+    hindsight_table,
+    nrmse_table,
+    order_table,
+    published_table,
+    render_campaign,
+)
 
 
 def test_a_failed_run_is_told_by_its_name() -> None:
@@ -40,6 +48,21 @@ def test_hostile_names_are_text_on_the_page() -> None:
     page.feed(render_campaign(hostile, campaign_tables(scores), [], {hostile: "../x/report/index.html"}, {hostile: hostile}))
     assert not {"script", "img", "iframe"} & page.found
     assert page.text.count(hostile) >= 6
+
+
+def test_the_order_of_the_models_is_held_against_the_published_one() -> None:
+    runs = {"a": rows(mapmore=1, sarosi=2, flat=5), "b": rows(mapmore=3, sarosi=2, flat=5), "c": [row("mapmore", 1.0, "train")]}
+    printed = Published("M", rmse={"mapmore": 10.0, "sarosi": 20.0}, rmse_at_least={"flat": 170.0})
+    scores = CampaignScores(runs, published=dict.fromkeys(runs, printed))
+    assert order_table(scores).rows == (
+        ("a", "mapmore < sarosi < flat", "mapmore < sarosi < flat", "agrees"),
+        ("b", "mapmore < sarosi < flat", "sarosi < mapmore < flat", "differs"),
+    )
+    ratios = {(line[0], line[1]): line[-1] for line in published_table(scores).rows}
+    assert ratios == {
+        ("a", "mapmore"): 0.1, ("a", "sarosi"): 0.1, ("a", "flat"): None,
+        ("b", "mapmore"): pytest.approx(0.3), ("b", "sarosi"): 0.1, ("b", "flat"): None,
+    }  # fmt: skip
 
 
 def test_exact_ties_are_told() -> None:
@@ -118,8 +141,8 @@ def test_an_error_that_is_not_finite_is_nobodys_best() -> None:
 def test_published_numbers_stand_beside_ours_and_empty_columns_are_left_out() -> None:
     runs = {"a": rows(mapmore=2, sarosi=4), "b": rows(mapmore=3)}
     table = published_table(CampaignScores(runs, units={"a": "N", "b": "N"}, published={"a": Published("a paper", rmse={"mapmore": 13.7})}))
-    assert table.headings == ("run", "model", "RMSE [N]", "published RMSE [N]", "NRMSE [%]")
-    assert table.rows == (("a", "mapmore", 2.0, 13.7, 2.0),)
+    assert table.headings == ("run", "model", "RMSE [N]", "published RMSE [N]", "NRMSE [%]", "ours to published")
+    assert table.rows == (("a", "mapmore", 2.0, 13.7, 2.0, 2.0 / 13.7),)
     assert table.notes == ("Published: a paper.",)
 
 
