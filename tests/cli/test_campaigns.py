@@ -12,6 +12,10 @@ import pytest
 from cli_samples import write_study
 
 from mapmore_cli.spec.campaign import load_campaign
+from mapmore_cli.spec.loader import load
+from mapmore_cli.stages.campaigns.page import expanded, run_names
+
+CONFIGS = Path(__file__).parents[2] / "configs"
 
 CAMPAIGN = """\
 campaign: sweep
@@ -116,3 +120,11 @@ def test_two_campaigns_are_both_shown(campaign: Path, tmp_path: Path, mapmore: C
     assert result.exit_code == 0, result.stderr
     assert result.stdout.count("NRMSE of every run and model") == 2
     assert result.stdout.count("campaign page:") == 2
+
+
+def test_the_papers_studies_are_ten_runs_with_published_numbers() -> None:
+    campaigns, entries = expanded([CONFIGS / "campaigns" / "paper.yaml"], ())
+    names = run_names(entries, campaigns)
+    assert len(set(names)) == len(entries) == 10
+    printed = [load(entry.config, entry.overrides).spec.report.published for entry in entries]
+    assert [name for name, paper in zip(names, printed, strict=True) if paper is None] == [name for name in names if "hysteresis" in name]
