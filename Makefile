@@ -35,7 +35,7 @@ measured: .venv/program  # the tables of docs/measured-static.md, memory.md, cam
 	$(BIN)/python docs/campaign_tables.py runs
 	$(BIN)/python docs/muscle_tables.py runs
 
-paper: .venv/program  # every simulated study of the papers beside the published numbers, on one page
+paper: .venv/program  # the simulated studies of M1 and M2 on one page, beside the published numbers
 	$(BIN)/mapmore batch configs/campaigns/paper.yaml
 
 bench: .venv/program .venv-bench/peers
