@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mapmore_cli.cli.exits import exit_code
+from mapmore_cli.cli.exits import exit_code, message
 from mapmore_cli.cli.options import NO_OVERRIDES, AsJson, Overrides, Quiet
 from mapmore_cli.domain.errors import MapmoreError
 
@@ -39,8 +40,9 @@ def check(
         if not campaigns:
             name, inspection = _inspected(entries[0], reporter)
             print_view(inspected.of_inspection(inspection).under({"name": name}), as_json)
-            if inspection.verdict is not None:
-                raise inspection.verdict
+            if inspection.verdict is not None:  # its issues stand in the document
+                print(message(inspection.verdict), file=sys.stderr)
+                raise typer.Exit(exit_code(inspection.verdict))
             return
         results: dict[str, Inspection | MapmoreError] = {}
         for number, (run, entry) in enumerate(zip(campaigns[0].names, entries, strict=True)):

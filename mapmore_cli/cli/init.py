@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -25,6 +26,10 @@ def init(
         typer.Option("--output", "-o", metavar="FILE", help="Where to write; NAME.yaml here by default, - for stdout.", show_default=False),
     ] = None,
     name: Annotated[str | None, typer.Option("--name", metavar="NAME", help="Name of the study.", show_default=False)] = None,
+    length: Annotated[
+        str | None,
+        typer.Option("--length", metavar="LENGTH", help="Of the muscle, as 88mm: makes a strain of a displacement.", show_default=False),
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace specs that exist.")] = False,
     quiet: Quiet = False,
 ) -> None:
@@ -40,13 +45,26 @@ def init(
         _check_name(name)
     folder = Path() if output is None or output == STDOUT else output.parent
     with Reporter(quiet) as reporter:
-        found = start(path, folder, name, single=output is not None)
+        found = start(path, folder, name, single=output is not None, length=None if length is None else _metres(length))
         for remark in found.remarks:
             reporter.say(f"left out: {remark}")
     if output == STDOUT:
         print(found.drafts[0].text(), end="")
     else:
         _write({output or Path(f"{draft.name}.yaml"): draft.text() for draft in found.drafts}, force)
+
+
+def _metres(text: str) -> float:
+    from mapmore_cli.domain.errors import SpecError
+    from mapmore_cli.spec.units import parse_quantity
+
+    try:
+        length = parse_quantity(text, "m")
+    except SpecError as fault:
+        raise UsageError(f"--length: {fault.message}", fault.remedy or "write it as 88mm") from fault
+    if not 0 < length < math.inf:
+        raise UsageError(f"--length: {text} is no length of a muscle", "write it as 88mm")
+    return length
 
 
 def _check_name(name: str) -> None:

@@ -99,6 +99,7 @@ def staircase(recordings: Sequence[Recording]) -> Settling | None:
 
 CYCLE_SAMPLES = 200
 MANY = 6  # levels, beyond which a note does not repeat them
+LARGEST_SHARE = 0.5  # of the samples, that are held out
 BAND = (0.4, 0.55)  # of the range, held out where there are no levels
 FEW_LEVELS, MANY_LEVELS = 3, 6  # from which an inner one, and every third, can be spared
 
@@ -151,11 +152,11 @@ def _with_split(draft: Draft, recordings: Sequence[Recording], held: Held | None
     if held is not None and inner:
         why = "an inner level is held out" if len(inner) == 1 else "every third level is held out, the first and the last never"
         return draft.with_data("split", {"validate": {held.of: inner}}, why)
-    if "force" not in recordings[0].columns:
-        why = "the second half of every recording is held out"
-        return draft.with_data("split", {"validate": {"last": 0.5}}, why)
     swept = held.swept if held is not None else "pressure"
     values = np.concatenate([recording.columns[swept] for recording in recordings])
     low, high = (float(f"{values.min() + share * np.ptp(values):.6g}") for share in BAND)
+    inside = np.mean((values >= low) & (values <= high))
+    if not 0 < inside < LARGEST_SHARE:
+        return draft
     why = f"no level can be spared: a band of {swept} is held out"
     return draft.with_data("split", {"validate": {swept: {"between": [[low, high]]}}}, why, False)

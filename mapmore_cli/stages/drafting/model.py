@@ -14,19 +14,18 @@ from mapmore_cli.stages.inspection.evidence import HINGED, slack_foot
 COMPETITORS = ("sarosi", "polynomial_2", "polynomial_5", "muscle_like", "polynomial_3")
 MOST_SEGMENTS = 4
 SAMPLES_OF_A_SEGMENT = 12
-WITH_MEMORY = "a static curve; for lag and loops try families with memory (`slow`, `play`, `lags`), with `resample` and without `segment`"
 
 
-def with_model(draft: Draft, dataset: Dataset, position: str | None) -> Draft:
+def with_model(draft: Draft, dataset: Dataset, inputs: Sequence[str]) -> Draft:
     """The draft with the sections from `segment` on."""
-    swept = [name for name in ("pressure", position) if name is not None and name != dataset.level and name in dataset.quantities]
+    swept = [name for name in inputs if name != dataset.level and name in dataset.quantities]
     count = segment_count(dataset.curves, swept[0]) if len(swept) == 1 else 1
     if count > 1:
         why = None if count == MOST_SEGMENTS else f"more than {count} would leave fewer than {SAMPLES_OF_A_SEGMENT} samples in one"
         draft = draft.with_section("segment", {swept[0]: {"method": "even", "count": count}}).noted(("segment", swept[0]), why)
-    moving = dataset.target != "force" and "time" in dataset.quantities
-    draft = draft.with_section("dictionary", [{"polynomial": {"of": swept, "order": 3}}], WITH_MEMORY if moving else None)
-    formulas = [name for name in COMPETITORS if name in literature.names() and {*literature.get(name).inputs} <= {*dataset.quantities}]
+    draft = draft.with_section("dictionary", [{"polynomial": {"of": swept, "order": 3}}])
+    known = [name for name in COMPETITORS if name in literature.names() and dataset.target == "force"]
+    formulas = [name for name in known if {*literature.get(name).inputs} <= {*dataset.quantities}]
     draft = _with_backbone(draft, dataset, formulas)
     draft = draft.with_section("fit", {"max_terms": 3, "stop": "bic"}, "up to three terms in each segment, as many as pay for themselves")
     return draft.with_section("validate", {"against": formulas}) if formulas else draft

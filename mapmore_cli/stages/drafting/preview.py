@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +19,16 @@ Row = Sequence[Any]
 
 @dataclass(frozen=True)
 class Preview:
-    """How a file is read: by which `reader` with which `settings` of `data`, and the `titles` of its columns where it has a header."""
+    """How a file is read: by which `reader` with which `settings` of `data`, and the `titles` of its columns where it has a header.
+
+    `below` are the texts under the titles, as units, where the header has more lines.
+    """
 
     reader: str
     width: int
     titles: tuple[str, ...] | None
     settings: dict[str, Any] = field(default_factory=dict)
+    below: tuple[str, ...] = ()
 
     @property
     def columns(self) -> tuple[str | int, ...]:
@@ -45,7 +49,18 @@ def preview(path: Path) -> Preview:
     layouts = [layout for layout in (_layout(top, reader.name) for top in tops) if layout is not None]
     if not layouts:
         raise DataError(f"{path.name}: no table of numbers was found in its first {len(tops[0].rows)} lines", "save the table as CSV")
-    return max(layouts, key=lambda layout: layout[0])[1]
+    found = max(layouts, key=lambda layout: layout[0])[1]
+    return _of_all_sheets(found, [layout for _, layout in layouts], len(tops)) if reader.name == "xlsx" else found
+
+
+def _of_all_sheets(found: Preview, layouts: Sequence[Preview], sheets: int) -> Preview:
+    """The layout of every sheet where all of them are alike, else that of the one with the most rows."""
+
+    def shape(layout: Preview) -> tuple[Any, ...]:
+        return layout.titles, layout.width, {key: value for key, value in layout.settings.items() if key != "sheet"}
+
+    alike = [layout for layout in layouts if shape(layout) == shape(found)]
+    return replace(found, settings={**found.settings, "sheet": "*"}) if len(alike) == sheets > 1 else found
 
 
 def _layout(first_rows: Top, reader: str) -> tuple[int, Preview] | None:
@@ -67,8 +82,9 @@ def _layout(first_rows: Top, reader: str) -> tuple[int, Preview] | None:
     if width < 2 or first == len(whole) or header > MOST_HEADER_LINES:
         return None
     titles = tuple("" if cell is None else str(cell).strip().strip('"') for cell in whole[top]) if header else None
+    below = tuple(" ".join(str(row[place]) for row in whole[top + 1 : first] if row[place] is not None) for place in range(width))
     shape = {**({} if header == 1 else {"header": header or False}), **({"skip_rows": top} if top else {})}
-    return len(whole) - first, Preview(reader, width, titles, {**first_rows.settings, **shape})
+    return len(whole) - first, Preview(reader, width, titles, {**first_rows.settings, **shape}, below if header > 1 else ())
 
 
 def _filled(row: Row) -> list[Any]:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from mapmore_cli.stages.ingestion.slice import IngestSlice
 from mapmore_cli.storage.globs import relative_name
 
 MOST_FILES = 5
+T = TypeVar("T")
 
 
 def dataset_of(data: Mapping[str, Any], folder: Path, measured: str, units: Mapping[str, str] | None = None) -> Dataset:
@@ -67,7 +68,7 @@ def _read(group: Group, folder: Path, columns: Sequence[str | int]) -> dict[str 
     return {column: [np.asarray(recording.columns[name]) for recording in recordings] for name, column in names.items()}
 
 
-def _some(files: Sequence[Path]) -> Sequence[Path]:
+def _some(files: Sequence[T]) -> Sequence[T]:
     """A few files from all over the list: columns are the same in all, and files can be many and large."""
     return files[:: -(-len(files) // MOST_FILES)]
 
@@ -93,12 +94,27 @@ def constants_of(group: Group, quantity: str) -> list[Told] | None:
     if any(word is None for word in words) or len(set(words)) < 2:
         return None
     numbers = [number_in(word or "") for word in words]
-    largest = max(number[0] for number in numbers if number is not None)
+    numbered = [number for number in numbers if number is not None]
+    if not numbered or any(unit is not None and _kind_of(unit) != quantity for _, unit in numbered):
+        return None
+    largest = max(value for value, _ in numbered)
     if quantity == "strain" and largest >= IMPOSSIBLE:
         return None
     model_unit = default_unit(quantity)
     usual = "%" if quantity == "strain" and largest > LARGEST_FRACTION else model_unit
     return [_told(word, number, quantity, usual, model_unit) for word, number in zip(words, numbers, strict=True)]
+
+
+def _kind_of(unit: str) -> str:
+    """What a unit in a name is of."""
+    return "strain" if unit == "%" else "pressure"
+
+
+def pressures_told(group: Group) -> list[float]:
+    """The pressures in bar that the names of the files which `raw_columns` reads tell with a unit; empty where not all of them do."""
+    numbers = [number_in(part.condition or "") for part in _some(group.names)]
+    told = [(value, unit) for value, unit in (number for number in numbers if number is not None) if unit not in (None, "%")]
+    return [convert(value, str(unit), "bar") for value, unit in told] if len(told) == len(numbers) else []
 
 
 def _told(word: str | None, number: tuple[float, str | None] | None, quantity: str, usual: str, model_unit: str) -> Told:
@@ -148,9 +164,36 @@ def cleaned(draft: Draft, folder: Path, target: str) -> tuple[Draft, Dataset]:
     except DataError as fault:
         if "time" not in draft.data["columns"]:
             raise
+        split = _split_at_resets(draft, folder, target, lenient)
+        if split is not None:
+            draft = draft.with_data("gaps", GAPS, f"s: the clock is set back, and splits the recording: {fault.message}", False)
+            return _told_losses(draft, split, target), split
         columns = {name: column for name, column in draft.data["columns"].items() if name != "time"}
         draft = draft.with_data("columns", columns, f"time is left out: {fault.message}", False)
         dataset = dataset_of({**draft.data, **lenient}, folder, target)
+    return _told_losses(draft, dataset, target), dataset
+
+
+GAPS = {"longer_than": 60.0, "action": "split"}
+FEW_RESETS = 3  # pieces of a file, beyond which its clock is no clock
+
+
+def _split_at_resets(draft: Draft, folder: Path, target: str, lenient: Mapping[str, Any]) -> Dataset | None:
+    """The recordings, split where the clock is set back; None where it is no clock at all."""
+    try:
+        dataset = dataset_of({**draft.data, **lenient, "gaps": GAPS}, folder, target)
+    except DataError:
+        return None
+    files = len({one.source for one in dataset.recordings})
+    sizes = [one.rows_kept for one in dataset.recordings]
+    return dataset if len(sizes) <= files + FEW_RESETS and min(sizes) > LONG_ENOUGH else None
+
+
+LONG_ENOUGH = 100  # samples of a piece
+
+
+def _told_losses(draft: Draft, dataset: Dataset, target: str) -> Draft:
+    """The draft with what is done about empty cells, stamps that repeat, and a force that pushes."""
     lost = {reason: sum(one.dropped.get(reason, 0) for one in dataset.recordings) for reason in ("missing value", "repeated time")}
     if lost["missing value"]:
         draft = draft.with_data("missing", "drop", f"{lost['missing value']} samples have an empty cell")
@@ -160,4 +203,21 @@ def cleaned(draft: Draft, folder: Path, target: str) -> tuple[Draft, Dataset]:
     if target == "force" and -force.min() > force.max():
         why = f"{draft.notes['data', 'columns', 'force'].why}: it pushes, or its sign is turned; `scale: -1` makes push positive"
         draft = draft.noted(("data", "columns", "force"), why, False)
-    return draft, dataset
+    return draft
+
+
+def with_strain(draft: Draft, dataset: Dataset, length: float, position: str | None) -> tuple[Draft, str | None]:
+    """The draft with the strain that a length or a displacement makes of the muscle's own length in m, where no column holds it.
+
+    A displacement counts as contraction in the direction in which it mostly goes.
+    """
+    draft = replace(draft, spec={**draft.spec, "muscle": {**draft.spec["muscle"], "length": length}})
+    columns = dataset.recordings[0].columns
+    measured = next((one for one in ("length", "displacement") if one in columns), None)
+    if "strain" in columns or measured is None:
+        return draft, position
+    pooled = np.concatenate([one.columns[measured] for one in dataset.recordings])
+    turned = "-" if measured == "displacement" and abs(pooled.min()) > abs(pooled.max()) else ""
+    rule = f"({length:g} - length)/{length:g}" if measured == "length" else f"{turned}displacement/{length:g}"
+    draft = draft.with_data("derive", {"strain": rule}, "of the length that was given; positive is contraction", False)
+    return draft, "strain" if position is not None else None

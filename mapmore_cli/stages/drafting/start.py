@@ -3,55 +3,107 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from mapmore_cli.domain.errors import DataError
-from mapmore_cli.stages.drafting.columns import guess_columns
+from mapmore_cli.domain.errors import DataError, SpecError
+from mapmore_cli.domain.recording import Recording
+from mapmore_cli.stages.drafting.columns import Guess, Raw, guess_columns
 from mapmore_cli.stages.drafting.draft import Draft
-from mapmore_cli.stages.drafting.experiment import with_experiment
+from mapmore_cli.stages.drafting.experiment import find_held, with_experiment
 from mapmore_cli.stages.drafting.groups import Group, find_groups
 from mapmore_cli.stages.drafting.model import with_model
-from mapmore_cli.stages.drafting.recordings import cleaned, constants_of, dataset_of, raw_columns, started, with_columns
+from mapmore_cli.stages.drafting.moving import guess_others, moves, with_memory
+from mapmore_cli.stages.drafting.proof import proven
+from mapmore_cli.stages.drafting.recordings import (
+    cleaned,
+    constants_of,
+    dataset_of,
+    pressures_told,
+    raw_columns,
+    started,
+    with_columns,
+    with_strain,
+)
+from mapmore_cli.stages.inspection.evidence import set_in_steps
 
 POSITIONS = ("strain", "displacement", "length")
 """Quantities that say how far a muscle has contracted, the most telling first."""
 
 
-def propose(group: Group, name: str, folder: Path) -> Draft:
-    """The spec of a group of recordings, with paths from `folder`.
+def propose(group: Group, name: str, folder: Path, length: float | None = None) -> Draft:
+    """The spec of a group of recordings, with paths from `folder`; `length` is that of the muscle in m, where it is known.
+
+    What cannot be told from the data is marked `CHECK`. The spec passes its own check, and of short recordings its own run.
 
     Raises
     ------
     DataError
-        Where there is nothing to model: no pressure, or neither force nor displacement.
+        Where no two columns of numbers move.
     """
     titles = dict(zip(group.layout.columns, group.layout.titles or (), strict=False))
-    guesses = guess_columns(titles, raw_columns(group, folder))
-    target = "force" if "force" in guesses else "displacement"
+    below = dict(zip(group.layout.columns, group.layout.below, strict=False))
+    raw = raw_columns(group, folder)
+    guesses = guess_columns(titles, raw, below, pressures_told(group))
+    target: str | None = next((one for one in ("force", "displacement", "length") if one in guesses), None)
     position = next((one for one in POSITIONS if one in guesses), None) if target == "force" else None
     untold = next((one for one in ("pressure", position or "strain") if one not in guesses), "") if target == "force" else ""
     constants = constants_of(group, untold) if untold else None
-    position = position or ("strain" if target == "force" and constants is not None and untold == "strain" else None)
+    if target is None or ("pressure" not in guesses and not (constants and untold == "pressure")):
+        return proven(_of_unknown(group, name, folder, titles, raw, guesses), folder)
+    position = position or ("strain" if constants is not None and untold == "strain" else None)
     guesses = {one: guesses[one] for one in ("time", "pressure", position, target) if one in guesses}
-    _refuse_unusable(group, target, {*guesses, *([untold] if constants else [])})
     draft = with_columns(started(group, name, folder, untold, constants), guesses, list(titles.values()))
     draft, dataset = cleaned(draft, folder, target)
-    draft = with_experiment(draft, dataset.recordings, position)
+    if length is not None:
+        draft, position = with_strain(draft, dataset, length, position)
+        target = "strain" if target != "force" and "derive" in draft.data else target
+        dataset = dataset_of(draft.data, folder, target)
+    plain = draft.with_section("target", "static" if target == "force" else {"column": target})
+    plain = plain.with_section("dictionary", [{"polynomial": {"of": ["pressure"], "order": 1}}])
+    try:
+        draft = _modelled(draft, dataset.recordings, folder, target, position)
+    except DataError as fault:  # too few samples for what the experiment looks like
+        draft = plain.noted(("target",), f"made plain, as {fault.message}", False)
+    return proven(draft, folder)
+
+
+def _modelled(draft: Draft, recordings: Sequence[Recording], folder: Path, target: str, position: str | None) -> Draft:
+    """The draft with the experiment and the model: static where something was held or nothing tells the time, else with memory."""
+    held = find_held(recordings, ("pressure", position)) if position is not None else None
+    if held is None and moves(recordings, target):
+        inputs = [one for one in ("pressure", position) if one is not None and one != target]
+        return with_memory(draft, recordings, inputs, target)
+    step = set_in_steps([one.columns["force"] for one in recordings]) if target == "force" and position is not None and held else None
+    if step is not None and position is not None and set_in_steps([one.columns[position] for one in recordings]) is None:
+        return _turned_round(draft, recordings, folder, position, step)
+    draft = with_experiment(draft, recordings, position)
     draft = draft.with_section("target", "static" if target == "force" else {"column": target})
-    return with_model(draft, dataset_of(draft.data, folder, target), position)
+    return with_model(draft, dataset_of(draft.data, folder, target), [one for one in ("pressure", position) if one is not None])
 
 
-def _refuse_unusable(group: Group, target: str, have: set[str]) -> None:
-    missing = [one for one in ("pressure", target) if one not in have]
-    if missing:
+def _turned_round(draft: Draft, recordings: Sequence[Recording], folder: Path, position: str, step: float) -> Draft:
+    """The draft of a muscle whose force was set: the position is what was measured, and the target."""
+    draft = with_experiment(draft, recordings, "force")
+    why = f"the force was set in steps of {step:.4g} N, and {position} measured: the noise lies there"
+    draft = draft.with_section("target", {"column": position}, why)
+    return with_model(draft, dataset_of(draft.data, folder, position), ["pressure", "force"])
+
+
+def _of_unknown(group: Group, name: str, folder: Path, titles: Mapping[str | int, str], raw: Raw, known: Mapping[str, Guess]) -> Draft:
+    """The draft of columns of which no one knows what they are: one drives, one follows."""
+    found = guess_others(titles, raw, known)
+    if found is None:
         told = ", ".join(group.layout.titles or ()) or f"{group.layout.width} columns without titles"
-        what = " and no ".join("force or displacement" if one == target else one for one in missing)
-        raise DataError(
-            f"{group.files[0].name}: no {what} was recognised in {told}",
-            "name the columns in a header, as pressure_kPa, strain, force_N, or write the spec by hand",
-        )
+        raise DataError(f"{group.files[0].name}: no two columns of numbers move in {told}", "write the spec by hand")
+    guesses, inputs, target = found
+    draft = with_columns(started(group, name, folder, "", None), guesses, list(titles.values()))
+    draft, dataset = cleaned(draft, folder, target)
+    if moves(dataset.recordings, target):
+        return with_memory(draft, dataset.recordings, inputs, target)
+    draft = draft.with_section("target", {"column": target})
+    return with_model(draft, dataset, inputs)
 
 
 @dataclass(frozen=True)
@@ -62,7 +114,7 @@ class Start:
     remarks: tuple[str, ...]
 
 
-def start(path: Path, folder: Path, name: str | None = None, single: bool = False) -> Start:
+def start(path: Path, folder: Path, name: str | None = None, single: bool = False, length: float | None = None) -> Start:
     """Draft a spec for every group of recordings under `path`, or for the largest one only, with relative paths from `folder`.
 
     Raises
@@ -78,8 +130,8 @@ def start(path: Path, folder: Path, name: str | None = None, single: bool = Fals
             remarks.append(f"{own} ({len(group.files)} files): another study; without -o every study gets a spec of its own")
             continue
         try:
-            drafts.append(propose(group, own if name is None else name if single or len(groups) == 1 else f"{name}-{own}", folder))
-        except DataError as fault:
+            drafts.append(propose(group, own if name is None else name if single or len(groups) == 1 else f"{name}-{own}", folder, length))
+        except (DataError, SpecError) as fault:
             remarks.append(fault.message)
     if not drafts:
         raise DataError(f"{path}: no usable recording was found", "\n  ".join(_few(remarks)) or "give a folder of recordings, as CSV files")

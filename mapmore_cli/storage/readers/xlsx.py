@@ -43,14 +43,18 @@ def read_xlsx(path: Path, request: TableRequest) -> list[RawTable]:
 
 
 def peek_xlsx(path: Path, most: int) -> Iterable[Top]:
-    """The first rows of the first sheet."""
+    """The first rows of every sheet that has some, the first one's first; a later sheet has to be named."""
     openpyxl = optional_library("openpyxl", "openpyxl", path.name)
     with reading(path.name, "workbook (.xlsx)"), path.open("rb") as file:
         _refuse_bombs(path, path.name)
-        sheet = openpyxl.load_workbook(file, read_only=True, data_only=True, keep_links=False).worksheets[0]
-        sheet.reset_dimensions()
-        rows = [list(row) for row in islice(sheet.iter_rows(values_only=True), most)]
-    return [Top(rows, lambda cell: not isinstance(cell, str))]
+        book = openpyxl.load_workbook(file, read_only=True, data_only=True, keep_links=False)
+        tops = []
+        for number, sheet in enumerate(book.worksheets):
+            sheet.reset_dimensions()
+            rows = [list(row) for row in islice(sheet.iter_rows(values_only=True), most)]
+            if rows or not number:
+                tops.append(Top(rows, lambda cell: not isinstance(cell, str), {"sheet": sheet.title} if number else {}))
+    return tops
 
 
 def _refuse_bombs(path: Path, label: str) -> None:

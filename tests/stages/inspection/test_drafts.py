@@ -9,14 +9,18 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.spec.experiment import TargetColumn
 from mapmore_cli.spec.loader import LoadedSpec, load
 from mapmore_cli.stages.drafting.draft import Draft, Note, to_yaml
 from mapmore_cli.stages.drafting.groups import patterns
 from mapmore_cli.stages.drafting.preview import preview
 from mapmore_cli.stages.drafting.start import start
 from mapmore_cli.stages.inspection.lint import inspect
+from mapmore_cli.stages.pipeline.runner import bring_up_to_date
 
 PLAIN = "1,10\n2,20\n3,30\n4,40\n"
 
@@ -178,10 +182,149 @@ def test_a_backward_clock_is_left_out(tmp_path: Path) -> None:
     assert "time runs backwards" in draft.text()
 
 
-def test_no_force_and_no_displacement_is_nothing_to_model(tmp_path: Path) -> None:
-    write(tmp_path / "valve.csv", "t_s,cmd_kPa,sensor_kPa", T, 100 * LOOP, 99 * LOOP)
-    with pytest.raises(DataError, match="no force or displacement was recognised in t_s, cmd_kPa, sensor_kPa"):
-        start(tmp_path, tmp_path)
+def test_what_nobody_knows_is_taken_as_it_comes(tmp_path: Path) -> None:
+    """No force, no displacement: what is named as a command drives, the last column follows, and both are marked."""
+    write(tmp_path / "valve.csv", "t_s,cmd_kPa,sensor_kPa", T, 100 * LOOP, 99 * LOOP**2)
+    (draft,) = start(tmp_path, tmp_path).drafts
+    spec = written(draft, tmp_path).spec
+    assert spec.target == TargetColumn(column="sensor_kPa")
+    assert list(spec.data.columns) == ["time", "cmd_kPa", "sensor_kPa"]
+    assert spec.has_memory
+    assert draft.text().count("CHECK: taken as what") == 2
+
+
+def test_a_position_under_pressure_is_a_model_with_memory(tmp_path: Path) -> None:
+    lag = np.convolve(LOOP, np.exp(-T[:200] / 0.5) / np.exp(-T[:200] / 0.5).sum())[: len(T)]
+    write(tmp_path / "lift.csv", "t_s,pressure_psi,position_mm", T, 60 * LOOP, -8 * lag)
+    (draft,) = start(tmp_path, tmp_path).drafts
+    spec = written(draft, tmp_path).spec
+    assert spec.target == TargetColumn(column="displacement")
+    assert spec.has_memory
+    assert spec.data.split.hold_out is not None
+    assert spec.data.split.hold_out.last == 0.5
+    (strained,) = start(tmp_path, tmp_path, length=0.08).drafts
+    assert "-displacement/0.08" in strained.text()
+    assert written(strained, tmp_path).spec.target == TargetColumn(column="strain")
+
+
+def test_a_force_that_was_set_is_no_target(tmp_path: Path) -> None:
+    force = 0.5 * np.concatenate([np.arange(60), np.arange(60, 0, -1)])
+    for level in (50, 100, 150, 200, 250):
+        strain = 0.3 * (1 - force / (0.25 * level + 30)) * level / 250
+        write(tmp_path / f"m_{level}.csv", "pressure_kPa,force_N,strain", level, force, strain + 1e-4 * np.sin(7 * force))
+    (draft,) = start(tmp_path, tmp_path).drafts
+    spec = written(draft, tmp_path).spec
+    assert spec.target == TargetColumn(column="strain")
+    assert "the force was set in steps of 0.5 N" in draft.text()
+
+
+def test_pressures_in_the_names_of_files_without_a_header(tmp_path: Path) -> None:
+    for bar in (1, 2, 3, 4):
+        place = 20 * LOOP
+        write(tmp_path / f"K_{bar}bar.csv", "", 1000 * T, 3 + 0.1 * LOOP, bar + 0.01 * np.sin(T), place, 50 * bar - place)
+        path = tmp_path / f"K_{bar}bar.csv"
+        path.write_text(path.read_text().lstrip("\n"))
+    (draft,) = start(tmp_path, tmp_path).drafts
+    spec = written(draft, tmp_path).spec
+    assert (spec.data.columns["pressure"].column, spec.data.columns["pressure"].unit) == (2, "bar")
+    assert spec.data.levels is not None
+    assert spec.data.levels.of == "pressure"
+
+
+def test_a_line_of_units_and_every_sheet(tmp_path: Path) -> None:
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.remove(book.active)
+    for level in (1.0, 2.0, 3.0, 4.0):
+        sheet = book.create_sheet(f"{level:g} bar")
+        sheet.append(["time", "P", "eps", "F"])
+        sheet.append(["s", "bar", "%", "kN"])
+        for t, e in zip(T[::20], LOOP[::20], strict=True):
+            sheet.append([float(t), level, float(15 * e), float(level * (0.2 - 0.9 * 0.15 * e))])
+    book.save(tmp_path / "all.xlsx")
+    (draft,) = start(tmp_path, tmp_path).drafts
+    data = written(draft, tmp_path).spec.data
+    assert (data.sheet, data.header) == ("*", 2)
+    assert [data.columns[name].unit for name in ("pressure", "strain", "force")] == ["bar", "%", "kN"]
+    assert data.levels is not None
+    assert data.levels.at == [100, 200, 300, 400]
+
+
+def test_what_fails_its_own_run_is_made_simpler(tmp_path: Path) -> None:
+    """Three samples at each of three pressures: too few for three terms, let alone for segments."""
+    for level in (100, 200, 300):
+        write(tmp_path / f"p_{level}.csv", "P_kPa,eps,F_N", level, [0.0, 0.1, 0.2], [2.0 * level, 1.1 * level, 0.1 * level])
+    (draft,) = start(tmp_path, tmp_path).drafts
+    assert "made simpler" in draft.text()
+    path = tmp_path / "simple.yaml"
+    path.write_text(draft.text())
+    bring_up_to_date(load(path), tmp_path / "runs", until="validate")
+
+
+# Anything ----------------------------------------------------------------------------------------------------------------------------
+
+
+@st.composite
+def folders(draw: st.DrawFn) -> dict[str, str]:
+    """Texts of recordings by name: formats, headers, units, orders of columns and missing cells as they come."""
+    delimiter, comma = draw(st.sampled_from([(",", False), (";", False), (";", True), ("\t", False)]))
+    quantities = draw(st.permutations(draw(st.sampled_from(QUANTITIES))))
+    units = [draw(st.sampled_from(UNITS[name])) for name in quantities]
+    rows = draw(st.sampled_from([3, 12, 40, 230]))
+    header = draw(st.sampled_from(["none", "names", "units in names", "line of units"]))
+    seed = draw(st.integers(0, 9))
+    hole = draw(st.booleans())
+    found = {}
+    for number, level in enumerate(draw(st.sampled_from([(100,), (100, 300), (100, 200, 300, 400)]))):
+        rng = np.random.default_rng(seed + number)
+        swing = 0.5 * (1 - np.cos(np.linspace(0, 2 * np.pi, rows)))
+        values = {
+            "t": 0.02 * np.arange(rows), "P": level + rng.normal(0, 0.1, rows), "eps": 0.2 * swing,
+            "F": level * (2 - 9 * 0.2 * swing) + rng.normal(0, 0.5, rows), "x": 20 * swing, "u": swing, "y": swing**2 + level,
+        }  # fmt: skip
+        lines = []
+        if header != "none":
+            named = [
+                f"{name}_{unit}" if unit and header == "units in names" else name for name, unit in zip(quantities, units, strict=True)
+            ]
+            lines.append(delimiter.join(named))
+        if header == "line of units":
+            lines.append(delimiter.join(unit or "-" for unit in units))
+        for row in range(rows):
+            cells = [f"{SIZES.get(unit, 1) * values[name][row]:.5g}" for name, unit in zip(quantities, units, strict=True)]
+            if hole and row == rows // 2:
+                cells[-1] = ""
+            lines.append(delimiter.join(cell.replace(".", ",") if comma else cell for cell in cells))
+        found[f"{draw(st.sampled_from(['run', 'K', 'test']))}_{level}.csv"] = "\n".join(lines) + "\n"
+    return found
+
+
+QUANTITIES = [["t", "P", "eps", "F"], ["P", "eps", "F"], ["t", "P", "x"], ["t", "P", "F"], ["u", "y"], ["t", "u", "y"], ["eps", "F"]]
+UNITS = {
+    "t": ["s", "ms", ""], "P": ["kPa", "bar", ""], "eps": ["", "%"], "F": ["N", "kN", ""], "x": ["mm", ""], "u": ["V", ""], "y": [""],
+}  # fmt: skip
+
+
+SIZES = {"bar": 0.01, "%": 100, "kN": 0.001, "ms": 1000}
+
+
+@settings(deadline=None, max_examples=6, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+@given(folders())
+def test_no_proposal_fails_its_own_check_or_run(tmp_path_factory: pytest.TempPathFactory, recordings: dict[str, str]) -> None:
+    folder = tmp_path_factory.mktemp("any")
+    for name, text in recordings.items():
+        (folder / name).write_text(text)
+    try:
+        drafts = start(folder, folder).drafts
+    except DataError as refusal:
+        assert "no table of numbers" in str(refusal.remedy) or "no two columns" in str(refusal.remedy)  # noqa: PT017 - a word on every file
+        return
+    for draft in drafts:
+        path = folder / f"{draft.name}.yaml"
+        path.write_text(draft.text())
+        loaded = load(path)
+        assert inspect(loaded).verdict is None, draft.text()
+        bring_up_to_date(loaded, folder / "runs", until="validate")
 
 
 def test_results_of_runs_are_no_recordings(tmp_path: Path) -> None:

@@ -195,6 +195,12 @@ def test_a_clipped_force_is_seen(tmp_path: Path) -> None:
     assert "below: 900" in issue.remedy
 
 
+def test_a_slack_muscle_is_not_clipped(tmp_path: Path) -> None:
+    """Its force rests at the offset of the sensor."""
+    slack = inspected(tmp_path, lambda _, columns: {**columns, "F": np.maximum(columns["F"] - 400, -8.7)})
+    assert "clipped" not in found(slack)
+
+
 def with_unit_line(folder: Path, units: str) -> Any:
     """The clean study with a line of units under the names, and a header of two lines."""
     inspected(folder)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 import numpy as np
@@ -9,11 +10,12 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.modelling import literature
+from mapmore_cli.spec.sections.dictionary import entries_of, texts_in
 from mapmore_cli.spec.sections.method import Cuts
 from mapmore_cli.stages.inspection.subject import Issue, Subject
 
 FEWEST = 5  # samples that show the shape of a curve
-INPUTS = ("pressure", "strain", "displacement", "length", "input")
 SOME = 0.05  # of the validation samples, that may lie beyond a range that the split does not go by
 BEYOND = 0.01  # of the training range, that held-out samples may lie outside
 
@@ -57,7 +59,7 @@ def beyond_training(subject: Subject) -> Iterator[Issue]:
     if hold_out is None:
         return
     chosen = {*([dataset.level] if dataset.level else ()), *hold_out.quantities}
-    inputs = [name for name in INPUTS if name in dataset.quantities and name != dataset.target]
+    inputs = _inputs(subject)
     for name in dict.fromkeys((*sorted(chosen), *inputs)):
         training, validation = _values(dataset, name, held_out=False), _values(dataset, name, held_out=True)
         if not training.size:
@@ -75,6 +77,16 @@ def beyond_training(subject: Subject) -> Iterator[Issue]:
                 message = f"{outside.size / validation.size:.0%} of the {message}"
             place = subject.where("data", "split", "validate", name)
             yield Issue("warning", "validation-outside", place, message, "hold out an inner value, unless extrapolation is what you test")
+
+
+def _inputs(subject: Subject) -> list[str]:
+    """The measured quantities that the model is a function of, but the time."""
+    spec = subject.spec
+    texts = [text for loc, _, family in entries_of(spec.dictionary) for _, text, _ in texts_in(loc, family)]
+    formula = spec.model.backbone or spec.model.name
+    used = {*spec.segment, *(literature.get(formula).inputs if formula in literature.names() else ())}
+    used |= {name for text in texts for name in re.findall(r"[A-Za-z_]\w*", text)}
+    return [name for name in _dataset(subject).quantities if name in used and name in spec.data.measured and name != "time"]
 
 
 def _values(dataset: Dataset, name: str, held_out: bool) -> Array:

@@ -16,6 +16,7 @@ from mapmore_cli.stages.inspection.subject import Issue, Subject
 MUCH = 0.5  # of the samples, lost for a reason that the spec does not ask for
 MOST = 0.95  # of the samples, left out on purpose
 UNSETTLED = 0.2  # of the samples
+AT_REST = 0.5  # of the largest value: nearer to zero nothing is clipped
 CLIPPED, LONGEST, FAR_MORE = 0.01, 20, 10  # share, number, and times any other number, of samples at one end
 HELD, MOVED = 0.05, 0.2  # movement within a recording, relative to the largest value: at most of what is held, at least of what is not
 
@@ -40,7 +41,8 @@ def clipped(subject: Subject) -> Iterator[Issue]:
             numbers, counts = np.unique(values, return_counts=True)
             for end, side in ((0, "above"), (-1, "below")):
                 usual = int(np.delete(counts, end).max(initial=0))
-                if not usual or not numbers[end] or counts[end] <= max(LONGEST, FAR_MORE * usual, CLIPPED * len(values)):
+                at_rest = abs(numbers[end]) < AT_REST * np.abs(subject.pooled(name)).max()  # a slack muscle pulls with nothing for long
+                if not usual or at_rest or counts[end] <= max(LONGEST, FAR_MORE * usual, CLIPPED * len(values)):
                     continue
                 at = f"{numbers[end]:.6g} {subject.units[name]}"
                 message = f"{recording.source}: {counts[end]} of {len(values)} samples have {name} at exactly {at}: clipped"

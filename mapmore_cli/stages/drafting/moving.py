@@ -1,0 +1,94 @@
+"""Records of motion, and quantities that nobody knows: a model with memory, of whatever drives on whatever follows."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.recording import Recording
+from mapmore_cli.spec.units import is_canonical
+from mapmore_cli.stages.drafting.columns import Guess, Raw, is_clock, is_state, range_of
+from mapmore_cli.stages.drafting.draft import Draft
+from mapmore_cli.stages.inspection.evidence import settling, two_digits
+from mapmore_cli.stages.inspection.labels import read_label
+
+FEWEST = 200  # samples of a record that is worth a model with memory
+MOST = 6_000  # samples to which records are resampled: a first try is quick
+BREAK = 5  # steps without a sample, that are a gap
+UNSETTLED = 0.2  # of the samples, in which the pressure changes: hardly static
+ORDER_OF_MEMORY = 2
+
+
+def moves(recordings: Sequence[Recording], target: str) -> bool:
+    """True where a static model has nothing to hold on to: a position under pressure, or a force whose pressure never rests."""
+    if sum(one.rows_kept for one in recordings) < FEWEST or "time" not in recordings[0].columns:
+        return False
+    if target != "force":
+        return True
+    found = settling([(one.columns["time"], one.columns["pressure"]) for one in recordings])
+    return found is not None and found.share < 1 - UNSETTLED
+
+
+def with_memory(draft: Draft, recordings: Sequence[Recording], inputs: Sequence[str], target: str) -> Draft:
+    """The draft with even steps, the second half held out, and terms with memory of the inputs."""
+    times = [one.columns["time"] for one in recordings if one.rows_kept > 1]
+    usual = float(np.median(np.concatenate([np.diff(time) for time in times])))
+    total = sum(float(np.ptp(time)) for time in times)
+    step = two_digits(max(usual, total / MOST))
+    draft = draft.with_data("resample", step, f"s: terms with memory need even steps; the record has one sample in {usual:.3g} s")
+    gaps = sum(int(np.count_nonzero(np.diff(time) > BREAK * max(step, usual))) for time in times)
+    if gaps or "gaps" in draft.data:
+        why = f"s: {gaps} gap{'s' if gaps != 1 else ''}, at which memory begins anew"
+        draft = draft.with_data("gaps", {"longer_than": two_digits(BREAK * max(step, usual)), "action": "split"}, why)
+    draft = draft.with_data("split", {"validate": {"last": 0.5}}, "the second half of every recording is held out")
+    draft = draft.with_section("target", {"column": target}, "it moves all the time: a model with memory, scored in free run")
+    families: list[dict[str, Any]] = [
+        {"lags": {"of": list(inputs), "steps": [0, 1]}},
+        {"slow": {"of": list(inputs), "count": 3}},
+        {"play": {"of": list(inputs), "count": 3}},
+    ]
+    why = "products of the inputs now and just before, followed slowly, and with play: lag, creep and loops"
+    draft = draft.with_section("dictionary", [{"products": {"of": families, "order": ORDER_OF_MEMORY}}], why)
+    draft = draft.with_section("fit", {"max_terms": 10, "stop": "bic", "ridge": "auto"}, "up to ten terms, as many as pay for themselves")
+    return draft.with_section("validate", {"normaliser": "range"}, "errors are divided by the range: the zero is arbitrary")
+
+
+def guess_others(titles: Mapping[str | int, str], raw: Raw, known: Mapping[str, Guess]) -> tuple[dict[str, Guess], list[str], str] | None:
+    """Guess what drives and what follows where names say too little; None where not two columns move.
+
+    Returns the columns by names made of their titles, the inputs, and the target: the pressure or what is named as an input first, then the
+    first column, drive; the last one follows.
+    """
+    time = known.get("time") or next((_clock(column, raw) for column in raw if all(map(is_clock, raw[column]))), None)
+    columns = [column for column, values in raw.items() if (time is None or column != time.column) and _varies(values)]
+    if len(columns) < 2:
+        return None
+    drives = [column for column in columns if (label := read_label(titles.get(column, ""))) is not None and label.quantity == "input"]
+    drives = drives or [known["pressure"].column] if "pressure" in known and known["pressure"].column in columns else drives or columns[:1]
+    follows = next(column for column in reversed(columns) if column not in drives[:1])
+    names = _names([drives[0], follows], titles)
+    guesses = {} if time is None else {"time": time}
+    for name, column, what in zip(names, (drives[0], follows), ("drives", "follows"), strict=True):
+        guesses[name] = Guess(column, "1", f"taken as what {what}, without a unit; {range_of(raw[column], '1')}", False)
+    return guesses, names[:1], names[1]
+
+
+def _clock(column: str | int, raw: Raw) -> Guess:
+    return Guess(column, "s", f"it never decreases; {range_of(raw[column], 's')}", False)
+
+
+def _varies(values: Sequence[Array]) -> bool:
+    pooled = np.concatenate(values)
+    return bool(np.ptp(pooled) > 0) and not is_state(values)
+
+
+def _names(columns: Sequence[str | int], titles: Mapping[str | int, str]) -> list[str]:
+    """Names of quantities for columns, each its own."""
+    usual = ("drive", "response")
+    made = [re.sub(r"\W+", "_", titles.get(column, ""), flags=re.ASCII).strip("_")[:40] for column in columns]
+    possible = all(re.fullmatch(r"[A-Za-z]\w*", name, re.ASCII) and not is_canonical(name) for name in made)
+    return made if possible and len(set(made)) == len(made) else list(usual)

@@ -1,0 +1,102 @@
+"""A draft is tried before it is handed out: what fails its own check or run is made simpler, and says why."""
+
+from __future__ import annotations
+
+import glob
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from mapmore_cli.domain.errors import DataError, MapmoreError
+from mapmore_cli.spec.loader import load
+from mapmore_cli.spec.yaml_core import dump
+from mapmore_cli.stages.drafting.draft import Draft
+from mapmore_cli.stages.inspection.lint import inspect
+from mapmore_cli.stages.pipeline.runner import bring_up_to_date
+
+MOST_ROWS = 20_000  # of recordings, up to which the fit is tried as well: longer ones hardly lack samples
+
+
+def proven(draft: Draft, folder: Path) -> Draft:
+    """The draft, or the first of its simpler forms that passes; DataError where none does."""
+    faults: list[str] = []
+    for candidate in _simpler(draft):
+        fault = _fault(candidate, folder)
+        if fault is None:
+            return candidate.noted(("target",), _why(candidate, faults[0]), False) if faults else candidate
+        faults.append(fault.message)
+    raise DataError(f"{draft.name}: {faults[0]}", "write the spec by hand")
+
+
+def _why(draft: Draft, fault: str) -> str:
+    before = draft.notes.get(("target",))
+    told = f"made simpler, as {' '.join(fault.split())[:160]}"
+    return told if before is None else f"{before.why}; {told}"
+
+
+def _simpler(draft: Draft) -> Iterator[Draft]:
+    """The draft, then without one thing after the other that data may be too few or too odd for."""
+    yield draft
+    steps: tuple[Callable[[Draft], Draft], ...] = (
+        lambda one: _without(one, "model", "validate"),
+        lambda one: _without(one, "segment"),
+        lambda one: one.with_section("fit", {"max_terms": 1}),
+        lambda one: _without_data(one, "cycles", "keep", "derive"),
+        lambda one: _without_data(one, "split"),
+        lambda one: _without_data(_without(one, "segment"), "levels"),
+    )
+    for step in steps:
+        simpler = step(draft)
+        if simpler.spec != draft.spec:
+            draft = simpler
+            yield draft
+    yield _straight(draft)
+
+
+def _straight(draft: Draft) -> Draft:
+    """A straight line over the first input: the least that is a model."""
+    target = draft.spec["target"]
+    output = target["column"] if isinstance(target, dict) else "force"
+    beside = [name for entry in draft.data["files"] if isinstance(entry, dict) for name in entry.get("set", {})]
+    inputs = [name for name in (*draft.data["columns"], *beside) if name not in ("time", output)]
+    draft = _without_data(draft, "resample", "gaps")
+    return draft.with_section("dictionary", [{"polynomial": {"of": inputs[:1], "order": 1}}])
+
+
+def _without(draft: Draft, *sections: str) -> Draft:
+    spec = {key: value for key, value in draft.spec.items() if key not in sections}
+    return replace(draft, spec=spec, notes={loc: note for loc, note in draft.notes.items() if loc[0] not in sections})
+
+
+def _without_data(draft: Draft, *keys: str) -> Draft:
+    data = {key: value for key, value in draft.data.items() if key not in keys}
+    notes = {loc: note for loc, note in draft.notes.items() if loc[:1] != ("data",) or len(loc) < 2 or loc[1] not in keys}
+    return replace(draft, spec={**draft.spec, "data": data}, notes=notes)
+
+
+def _fault(draft: Draft, folder: Path) -> MapmoreError | None:
+    """What `check` or, of short recordings, `run` has against a draft; None for nothing."""
+    with TemporaryDirectory() as place:
+        path = Path(place) / "draft.yaml"
+        try:
+            path.write_text(dump(_absolute(draft.spec, folder)), encoding="utf-8")
+            loaded = load(path)
+            found = inspect(loaded)
+            if found.verdict is not None:
+                return DataError("; ".join(issue.message for issue in found.issues if issue.severity == "error"))
+            if found.dataset is not None and sum(curve.size for curve in found.dataset.curves) <= MOST_ROWS:
+                bring_up_to_date(loaded, Path(place) / "runs", until="fuse")
+        except MapmoreError as fault:
+            return fault
+    return None
+
+
+def _absolute(spec: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """The spec with paths that mean the same from anywhere."""
+    start = glob.escape(str(folder.resolve()))
+    files = [
+        {**entry, "path": f"{start}/{entry['path']}"} if isinstance(entry, dict) else f"{start}/{entry}" for entry in spec["data"]["files"]
+    ]
+    return {**spec, "data": {**spec["data"], "files": files}}
