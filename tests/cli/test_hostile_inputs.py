@@ -172,3 +172,62 @@ def test_commands_to_a_terminal_in_names_are_shown_and_not_obeyed() -> None:
 @pytest.mark.parametrize(("text", "cell"), [("=1+1", "'=1+1"), ("@x", "'@x"), ("+x", "'+x"), ("-3*strain", "-3*strain"), ("", "")])
 def test_no_cell_of_a_table_is_a_formula(text: str, cell: str) -> None:
     assert csv_cell(text) == cell
+
+
+def hdf5_file(folder: Path) -> Path:
+    import h5py
+
+    path = folder / "log.h5"
+    (folder / "secret").write_bytes(b"a secret of the user" * 10)
+    with h5py.File(folder / "other.h5", "w") as file:
+        file["x"] = [1.0, 2.0]
+    with h5py.File(path, "w") as file:
+        file["run/x"] = [1.0, 2.0]
+    return path
+
+
+@pytest.mark.parametrize("reader", ["hdf5", "mat"])
+def test_recordings_do_not_lead_into_other_files(reader: str, tmp_path: Path) -> None:
+    import h5py
+
+    path = hdf5_file(tmp_path)
+    request = TableRequest("log.h5", ("run/x",))
+    assert len(READERS[reader].read(path, request)[0].rows) == 2
+    for storage in ("external", "virtual"):
+        with h5py.File(path, "r+") as file:
+            del file["run/x"]
+            if storage == "external":
+                file["run"].create_dataset("x", (2,), "<f8", external=[(str(tmp_path / "secret"), 0, 16)])
+            else:
+                layout = h5py.VirtualLayout((2,), "<f8")
+                layout[:] = h5py.VirtualSource(tmp_path / "other.h5", "x", (2,))
+                file["run"].create_virtual_dataset("x", layout)
+        with pytest.raises(DataError, match="takes its values from other files"):
+            READERS[reader].read(path, request)
+    with h5py.File(path, "r+") as file:
+        del file["run/x"]
+        file["run/x"] = h5py.ExternalLink(str(tmp_path / "other.h5"), "x")
+    with pytest.raises(DataError, match="'run/x' is a link to another file"):
+        READERS[reader].read(path, request)
+
+
+def test_a_row_number_that_no_sheet_has_and_thousands_of_sheets_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import zipfile
+
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    for row in (["x"], [1], [2]):
+        book.active.append(row)
+    book.create_sheet("second")
+    book.save(tmp_path / "a.xlsx")
+    with zipfile.ZipFile(tmp_path / "a.xlsx") as old, zipfile.ZipFile(tmp_path / "far.xlsx", "w") as new:
+        for member in old.infolist():
+            new.writestr(
+                member.filename, old.read(member.filename).replace(b'r="3"', b'r="999999999999"').replace(b'"A3"', b'"A999999999999"')
+            )
+    monkeypatch.setattr("mapmore_cli.storage.readers.xlsx.MOST_ROWS", 1000)
+    with pytest.raises(DataError, match="has a row beyond"):
+        READERS["xlsx"].read(tmp_path / "far.xlsx", TableRequest("far.xlsx", ("x",)))
+    monkeypatch.setattr("mapmore_cli.storage.readers.xlsx.MOST_SHEETS", 1)
+    with pytest.raises(DataError, match="has 2 sheets"):
+        READERS["xlsx"].read(tmp_path / "a.xlsx", TableRequest("a.xlsx", ("x",)))

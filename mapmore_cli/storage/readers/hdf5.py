@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from mapmore_cli.storage.readers.mat import matlab_file
-from mapmore_cli.storage.tables.members import Member, Selection, check_fit, tables
+from mapmore_cli.storage.tables.members import Member, Selection, check_fit, own_values, refuse_other_files, tables
 from mapmore_cli.storage.tables.reader import Reader, reading
 from mapmore_cli.storage.tables.table import RawTable, TableRequest
 
@@ -27,6 +27,7 @@ def read_hdf5(path: Path, request: TableRequest) -> list[RawTable]:
     import h5py
 
     with reading(request.label, "HDF5 file"), path.open("rb") as stream, h5py.File(stream, "r") as file:
+        refuse_other_files(file, request.label)
         members = (file.get(name) for name in file)  # None for a link that leads nowhere
         by_matlab = any("MATLAB_class" in member.attrs for member in members if member is not None)
         return tables(matlab_file(file) if by_matlab else _member(file), request)
@@ -53,7 +54,8 @@ def _member(found: Any) -> Member:
 def _reader(dataset: Any, field: str | None) -> Callable[[Selection], Any]:
     def read(selection: Selection) -> Any:
         check_fit(selection, dataset.shape)
-        return dataset[selection] if field is None else dataset.fields(field)[selection]
+        values = own_values(dataset)
+        return values[selection] if field is None else values.fields(field)[selection]
 
     return read
 

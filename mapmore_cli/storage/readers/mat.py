@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mapmore_cli.storage.tables.members import EVERY, Member, Selection, check_fit, parse_address, tables
+from mapmore_cli.storage.tables.members import EVERY, Member, Selection, check_fit, own_values, parse_address, refuse_other_files, tables
 from mapmore_cli.storage.tables.reader import Reader, reading
 from mapmore_cli.storage.tables.table import RawTable, TableRequest
 
@@ -27,6 +27,7 @@ def read_mat(path: Path, request: TableRequest) -> list[RawTable]:
     with reading(request.label, "MAT file"), path.open("rb") as stream:
         if h5py.is_hdf5(path):
             with h5py.File(stream, "r") as file:
+                refuse_other_files(file, request.label)
                 return tables(matlab_file(file), request)
         return tables(_variables(stream, request), request)
 
@@ -116,7 +117,7 @@ def _array(dataset: Any) -> Member:
     def read(selection: Selection) -> Any:
         check_fit(selection, shape)
         whole = (*selection, *(slice(None),) * (len(shape) - len(selection)))
-        return np.transpose(dataset[whole[::-1]])
+        return np.transpose(own_values(dataset)[whole[::-1]])
 
     return Member(f"an array of {' x '.join(map(str, shape))}", values=read)
 
@@ -132,7 +133,7 @@ def _holds_references(found: Any) -> bool:
 
 def _references(dataset: Any) -> Any:
     """Return the references of a dataset in MATLAB's order."""
-    return dataset[()].reshape(-1)
+    return own_values(dataset)[()].reshape(-1)
 
 
 READER = Reader("mat", read_mat, suffixes=(".mat",), keys=("root",), column="run.P")

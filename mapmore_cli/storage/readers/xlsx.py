@@ -21,6 +21,9 @@ from mapmore_cli.storage.tables.table import RawTable, SourceColumn, TableReques
 BOMB_RATIO = 200  # sheets of measurements shrink to a fifth or a tenth when zipped
 BOMB_SIZE = 100_000_000  # bytes unpacked, from which the ratio matters
 
+MOST_ROWS = 1_048_576  # of a sheet, as Excel has it
+MOST_SHEETS = 1000
+
 Row = tuple[int, tuple[Any, ...]]
 """Number in the sheet, from 1, and the cells."""
 
@@ -60,6 +63,9 @@ def peek_xlsx(path: Path, most: int) -> Iterable[Top]:
 def _refuse_bombs(path: Path, label: str) -> None:
     """Refuse a file of which a few bytes unpack to gigabytes."""
     with zipfile.ZipFile(path) as archive:
+        sheets = sum(name.startswith("xl/worksheets/") for name in archive.namelist())
+        if sheets > MOST_SHEETS:
+            raise DataError(f"{label}: has {sheets} sheets, more than {MOST_SHEETS}", "split the workbook, or save the tables as CSV")
         for member in archive.infolist():
             if member.file_size > max(BOMB_SIZE, BOMB_RATIO * member.compress_size):
                 raise DataError(
@@ -84,7 +90,17 @@ def _sheets(book: Any, request: TableRequest) -> list[tuple[str | None, Any]]:
 
 def _rows(sheet: Any, request: TableRequest) -> Iterator[Row]:
     sheet.reset_dimensions()  # what other programs write there is often wrong, and would cut the sheet
-    return islice(enumerate(sheet.iter_rows(values_only=True), start=1), request.skip_rows, None)
+    return islice(
+        _bounded(enumerate(sheet.iter_rows(values_only=True), start=1), f"{request.label}:{sheet.title}"), request.skip_rows, None
+    )
+
+
+def _bounded(rows: Iterator[Row], label: str) -> Iterator[Row]:
+    """The rows of a sheet; DataError for one that lies where no sheet has rows: all between would be passed over one by one."""
+    for number, row in rows:
+        if number > MOST_ROWS:
+            raise DataError(f"{label}: has a row beyond {MOST_ROWS}, the last that a sheet can have", "save the table as CSV")
+        yield number, row
 
 
 def _parse(rows: Iterator[Row], request: TableRequest, label: str, title: str | None) -> RawTable:

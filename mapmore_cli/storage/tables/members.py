@@ -189,6 +189,24 @@ def _further(here: Member, wanted: str = "") -> str:
     return f"It is {here.kind}, which has no members."
 
 
+def refuse_other_files(file: Any, label: str) -> None:
+    """Raise DataError for an open HDF5 file with links to other files, before one is followed: they may lead anywhere on this computer."""
+    from h5py import h5l
+
+    def other(name: bytes, info: Any) -> bytes | None:
+        return name if info.type == h5l.TYPE_EXTERNAL else None
+
+    if name := file.id.links.visit(other, info=True):
+        raise DataError(f"{label}: '{name.decode(errors='replace')}' is a link to another file", "name that file itself in `files`")
+
+
+def own_values(dataset: Any) -> Any:
+    """The dataset; DataError where its values lie in other files (external storage, virtual datasets)."""
+    if dataset.external or dataset.is_virtual:
+        raise DataError(f"{dataset.name} takes its values from other files", "write the values into the file itself")
+    return dataset
+
+
 def check_fit(selection: Selection, shape: Sequence[int]) -> None:
     """Raise IndexError, as NumPy does and h5py does not, for a selection beyond an array of a shape."""
     if len(selection) > len(shape) or any(isinstance(i, int) and i >= n for i, n in zip(selection, shape, strict=False)):
