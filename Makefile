@@ -6,7 +6,7 @@ export OMP_NUM_THREADS := 1
 
 STUDIES := configs/m2/dmsp-20-88-static.yaml configs/m2/peano-static.yaml
 
-.PHONY: demo test lint schema datasets measured paper bench clean
+.PHONY: demo test lint schema datasets measured paper bench fuzz clean
 
 demo: .venv/program
 	$(BIN)/mapmore batch $(STUDIES)
@@ -40,6 +40,10 @@ paper: .venv/program  # the simulated studies of M1 and M2 on one page, beside t
 
 bench: .venv/program .venv-bench/peers
 	$(BIN)/python tests/bench/run.py $(BENCH)
+
+FUZZ ?= 10000
+fuzz: .venv/development  # result files with flipped bits: refused, told, or read as they were
+	$(BIN)/python tests/fuzz/artefacts.py $(FUZZ)
 
 clean:
 	rm -rf .venv runs build *.egg-info

@@ -1,7 +1,7 @@
 """Flips bits of every kind of result file, cuts them off, and counts what becomes of them: `python tests/fuzz/artefacts.py COUNT [SEED]`.
 
-Each change is refused (DataError), told (a warning), or alters no value that is read. Where libhdf5 itself crashes or hangs is counted; anything
-else is printed and ends with 1.
+Each change is refused (DataError), told (a warning), or alters no value that is read. Where libhdf5 itself crashes or hangs is counted;
+anything else is printed and ends with 1.
 """
 
 from __future__ import annotations

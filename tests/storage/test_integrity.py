@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-import random
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -251,19 +252,8 @@ def test_a_fault_of_the_program_is_not_blamed_on_the_file(model: Path, monkeypat
         artefacts.read_model(model)
 
 
-def test_flipped_bits_are_found_or_change_nothing(tmp_path: Path) -> None:
-    chance = random.Random(16)
-    for kind, record in examples().items():
-        write, read, _ = KINDS[kind]
-        path = tmp_path / "file.h5"
-        write(path, record)
-        whole = path.read_bytes()
-        for _ in range(60):
-            place, bit = chance.randrange(len(whole)), chance.randrange(8)
-            path.write_bytes(whole[:place] + bytes([whole[place] ^ 1 << bit]) + whole[place + 1 :])
-            told: list[str] = []
-            try:
-                found = read(path, told.append)
-            except DataError:
-                continue
-            assert same(found, record) or told, (kind, place, bit)
+def test_flipped_bits_are_found_or_change_nothing() -> None:
+    script = Path(__file__).parents[1] / "fuzz" / "artefacts.py"
+    done = subprocess.run([sys.executable, str(script), "40"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.count("40 tried") == len(KINDS)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.artefacts.integrity import MOST_KEYS, Digest, Invalid, stored_at, texts_of
+from mapmore_cli.storage.artefacts.integrity import MOST_KEYS, Digest, Invalid, stored_at, texts_of, valid_text
 from mapmore_cli.storage.artefacts.label import Label
 
 if TYPE_CHECKING:
@@ -186,7 +186,7 @@ def text(pattern: str | None = None, words: tuple[str, ...] = ()) -> Codec:
         value = _attribute(group, name)
         if not isinstance(value, str):
             raise Invalid(place_of(group, name), "is no text")
-        return value
+        return valid_text(value, place_of(group, name))
 
     def check(value: Any, where: str, _sizes: Sizes) -> None:
         if words and value not in words:
@@ -296,7 +296,7 @@ def named(codec: Codec) -> Codec:
             count = parts.attrs.get_id("order").shape
             if count != (len(parts),) or len(parts) > MOST_KEYS:
                 raise Invalid(where, "has not as many members as its `order` names")
-            keys = [str(key) for key in parts.attrs["order"]]
+            keys = [valid_text(str(key), where) for key in parts.attrs["order"]]
         if len(set(keys)) < len(keys):
             raise Invalid(where, "names a member twice in its `order`")
         return {key: codec.read(parts, escaped(key)) for key in keys}

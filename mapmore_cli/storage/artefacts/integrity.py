@@ -127,13 +127,20 @@ def texts_of(dataset: h5py.Dataset, where: str) -> tuple[str, ...]:
         count, step = len(dataset), _texts_at_once.get()
         found: list[str] = []
         for start in range(0, count, step):
-            part = [str(text) for text in dataset.asstr()[start : start + step]]
+            part = [valid_text(str(text), where) for text in dataset.asstr()[start : start + step]]
             left = _texts_left.get() - sum(map(len, part))
             if left < 0:
                 raise Invalid(where, "holds more text than the file can")
             _texts_left.set(left)
             found += part
         return tuple(found)
+
+
+def valid_text(text: str, where: str) -> str:
+    """The text; Invalid where its bytes are no UTF-8, which h5py passes on as lone surrogates."""
+    if any("\ud800" <= character <= "\udfff" for character in text):
+        raise Invalid(where, "is no text in UTF-8")
+    return text
 
 
 class Digest:
