@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from mapmore_cli.domain.models import Hold
-from mapmore_cli.domain.scores import REPEATABILITY
+from mapmore_cli.domain.scores import REPEATABILITY, deciding
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import pooled
 from mapmore_cli.reporting.campaign import CampaignScores, hindsight_table, nrmse_table, published_table
@@ -24,7 +24,7 @@ from mapmore_cli.spec.campaign import Entry, load_campaign
 from mapmore_cli.stages.campaigns.batch import Finished, Job, run_one
 from mapmore_cli.stages.campaigns.page import scores_of
 from mapmore_cli.stages.inspection.evidence import slack_foot
-from mapmore_cli.storage.artefacts import read_dataset, read_model
+from mapmore_cli.storage.artefacts import read_dataset, read_fit, read_model
 
 DOCS = Path(__file__).parent
 CONFIGS = DOCS.parent / "configs"
@@ -85,6 +85,44 @@ def has_foot(run: Path) -> bool:
     return slack_foot(pressure, strain, force) is not None
 
 
+def auto(scores: CampaignScores, runs: Path) -> Table:
+    """The backbone that `auto` chooses from the training data of each run, and what it comes to on the held-out data."""
+    entries = load_campaign(CONFIGS / "campaigns" / "measured_static.yaml")[1]
+    rows, to_sarosi, to_best = [], [], []
+    for entry in entries:
+        name = entry.config.stem
+        settings = (f"name={name}-auto", "model={type: mapmore, backbone: auto}", "validate.against=[]")
+        chosen = deciding(finished(Entry(entry.config, settings), runs).validation.scores)[0]
+        backbone = read_fit(runs / f"{name}-auto" / "fit.h5").backbone
+        run = scores.pooled[name]
+        best = min(run[model].rmse for model in scores.best_of)
+        to_sarosi.append(chosen.rmse / run["sarosi"].rmse)
+        to_best.append(chosen.rmse / best)
+        rows.append((name, "none" if backbone is None else backbone.name, 100 * chosen.nrmse, to_sarosi[-1], to_best[-1]))
+    means = (math.exp(sum(map(math.log, ratios)) / len(ratios)) for ratios in (to_sarosi, to_best))
+    rows += [("geometric mean", None, None, *means), ("worst", None, None, max(to_sarosi), max(to_best))]
+    ratios = (Column("ratio to sarosi", "", ".3g"), Column("ratio to the best formula", "", ".3g"))
+    columns = (Column("run"), Column("chosen"), Column("NRMSE", "%", ".3g"), *ratios)
+    return Table("auto", "`backbone: auto`, run by run", columns, tuple(rows))
+
+
+PRESSURES = (50, 100, 150, 200, 250)
+
+
+def pgm(runs: Path) -> Table:
+    """Every pressure of the gel muscle left out in turn: NRMSE by pressure, and the mean of the inner ones."""
+    overrides = ("name=pgm_force-left-out", "data.split={leave_one_level_out: true}")
+    found = finished(Entry(CONFIGS / "pgm" / "pgm_force.yaml", overrides), runs).validation.scores
+    held_out = [score for score in found if score.split == "validate"]
+    rows = []
+    for model in dict.fromkeys(score.model for score in held_out):
+        errors = {score.curve: 100 * score.nrmse for score in held_out if score.model == model}
+        inner = [errors[f"pressure={pressure}"] for pressure in PRESSURES]
+        rows.append((model, *inner, sum(inner) / len(inner), errors["pressure=0"], errors["pressure=300"]))
+    heads = (*(f"{pressure} kPa" for pressure in PRESSURES), "mean", "0 kPa", "300 kPa")
+    return Table("pgm", "Every pressure left out in turn", (Column("model"), *(Column(head, "%", ".3g") for head in heads)), tuple(rows))
+
+
 def hold(scores: CampaignScores, papers: CampaignScores, runs: Path) -> Table:
     """Held-out errors with segment functions held beyond their samples, and with M2 eq 9-11 to the letter: the same fits, fused anew."""
     rows = []
@@ -131,6 +169,8 @@ def tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
         "measured": lambda: nrmse_table(measured),
         "hindsight": lambda: hindsight_table(measured),
         "backbones": lambda: backbones(measured, runs),
+        "auto": lambda: auto(measured, runs),
+        "pgm": lambda: pgm(runs),
         "hold": lambda: hold(measured, m1, runs),
         "family": lambda: family(runs),
         "m1": lambda: nrmse_table(m1),

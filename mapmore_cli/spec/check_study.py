@@ -11,7 +11,7 @@ from mapmore_cli.spec.diagnostics import Finding, did_you_mean
 from mapmore_cli.spec.experiment import ExperimentSpec, TargetColumn
 from mapmore_cli.spec.sections.dictionary import entries_of, texts_in
 from mapmore_cli.spec.sections.logs import Logs
-from mapmore_cli.spec.sections.method import Cuts, Fuse
+from mapmore_cli.spec.sections.method import AUTO, Cuts, Fuse
 from mapmore_cli.spec.sections.results import Competitor
 from mapmore_cli.spec.tree import Loc
 from mapmore_cli.spec.units import CANONICAL, check_unit, convert, default_unit, is_canonical
@@ -98,6 +98,19 @@ def target(spec: ExperimentSpec) -> Iterator[Finding]:
             yield Finding(("segment", name), f"`{name}` is the target", remedy, on_key=True)
 
 
+def chosen_backbone(spec: ExperimentSpec) -> Iterator[Finding]:
+    """A backbone is chosen by levels that are left out, for segments that do not depend on it."""
+    if spec.model.backbone != AUTO:
+        return
+    loc, remedy = ("model", "backbone"), "name a formula, as `sarosi`"
+    if spec.has_memory:
+        yield Finding(loc, "`auto` chooses by left-out levels, and a model with memory has none", remedy)
+    elif any(isinstance(cut, Cuts) and cut.method == "optimal" for cut in spec.segment.values()):
+        yield Finding(loc, "`auto` chooses for given segments, and `optimal` ones depend on the backbone", f"{remedy}, or cut `even`")
+    elif spec.data.levels is None or spec.segment.get(spec.data.levels.of) == "none":
+        yield Finding(loc, "`auto` chooses by left-out levels, and the study has none", f"add `levels` to `data`, or {remedy}")
+
+
 def formulas(spec: ExperimentSpec) -> Iterator[Finding]:
     """Literature models exist, find their inputs in the study, and each has its own name in the scores."""
     from mapmore_cli.modelling import literature
@@ -145,8 +158,8 @@ def _starts(spec: ExperimentSpec) -> Iterator[Finding]:
 
 def formula_uses(spec: ExperimentSpec) -> Iterator[tuple[str, Loc]]:
     """Every formula that an experiment names, and where."""
-    if spec.model.backbone is not None:
-        yield spec.model.backbone, ("model", "backbone")
+    if spec.model.backbone not in (None, AUTO):
+        yield str(spec.model.backbone), ("model", "backbone")
     if spec.model.name is not None:
         yield spec.model.name, ("model", "name")
     for i, competitor in enumerate(spec.validation.against):

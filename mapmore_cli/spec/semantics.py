@@ -18,6 +18,7 @@ CHECKS = (
     check_study.after_cycles,
     check_study.boundaries_by_fits,
     check_study.joining,
+    check_study.chosen_backbone,
     check_study.held_out,
     check_study.target,
     check_study.formulas,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from mapmore_cli.spec.experiment import ExperimentSpec
+from mapmore_cli.spec.sections.method import AUTO
 from mapmore_cli.stages.kinds import maker_of
 from mapmore_cli.stages.kinds.choices import FitChoices, lengths_of
 from mapmore_cli.stages.pipeline.stage import Stage, Workspace
@@ -10,7 +11,8 @@ from mapmore_cli.stages.pipeline.stage import Stage, Workspace
 
 def reads(spec: ExperimentSpec) -> FitChoices:
     """The stage's slice of the spec."""
-    return FitChoices(spec.data.levels, spec.segment, spec.dictionary, spec.model, spec.fit, lengths_of(spec))
+    joining = spec.fuse if spec.model.backbone == AUTO else None
+    return FitChoices(spec.data.levels, spec.segment, spec.dictionary, spec.model, spec.fit, lengths_of(spec), joining)
 
 
 def run(part: FitChoices, workspace: Workspace) -> None:

@@ -21,6 +21,7 @@ def reads(spec: ExperimentSpec) -> ModelChoices:
         spec.model,
         spec.fit,
         lengths_of(spec),
+        None,
         spec.name,
         spec.fuse,
         signals_of(spec),

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature.backbone import fit_formula
@@ -40,24 +41,34 @@ def leave_out(
     curves: Sequence[Curve],
     recipe: Recipe,
     quantities: Mapping[str, Quantity],
-    backbone: str,
+    backbone: str | None,
     progress: Callable[[int, int], None] = lambda _done, _total: None,
+    numbers: Sequence[int] = (),
 ) -> LeftOut:
     """Predictions of left-out training data by models of the rest, backbone included.
 
-    Each inner level is left out in turn, since between levels is where a level-wise residual can do harm; with fewer than three training
-    levels, each inner block of the curves is.
+    The curves of these `numbers` are left out in turn. Where none are given, each inner level is, since between levels is where a
+    level-wise residual can do harm; with fewer than three training levels, each inner block of the curves is.
+
+    Raises
+    ------
+    FitError
+        Where the backbone cannot be fitted without some of the data.
     """
-    folds = _folds(curves, recipe)
+    folds = _levels(curves, numbers) if numbers else _folds(curves, recipe)
     found: list[tuple[Array, Array, Array]] = []
     for number, left_out in enumerate(folds):
         training = [replace(c, held_out=c.held_out | out) for c, out in zip(curves, left_out, strict=True)]
-        formula = fit_formula(backbone, training, recipe.target)
+        formula = None if backbone is None else fit_formula(backbone, training, recipe.target)
+        if formula is not None and formula.failed:
+            raise FitError(f"the fit of {formula.name} failed without some of the data", "take another backbone")
         model = build("fold", training, replace(recipe, fusing=replace(recipe.fusing, shrink=1.0)), quantities, formula)
         for curve, out in zip(curves, left_out, strict=True):
             if out.any():
                 rows = {name: x[out] for name, x in curve.columns.items()}
-                alone = literature.get(backbone).predict(formula.parameters, rows)
+                alone = np.zeros(int(out.sum()))
+                if formula is not None:
+                    alone = literature.get(formula.name).predict(formula.parameters, rows)
                 found.append((rows[recipe.target], alone, simulate(model, rows).values - alone))
         progress(number + 1, len(folds))
     measured, alone, residual = (np.concatenate(parts) for parts in zip(*found, strict=True))
@@ -68,14 +79,22 @@ def inner_levels(curves: Sequence[Curve], recipe: Recipe) -> list[int]:
     """Numbers of the curves whose level lies between two others of the training data."""
     if recipe.cutting.level is None:
         return []
-    return [number for number, curve in enumerate(curves) if curve.training.any()][1:-1]
+    return training_numbers(curves)[1:-1]
+
+
+def training_numbers(curves: Sequence[Curve]) -> list[int]:
+    """Numbers of the curves that train, in the order of their levels."""
+    return [number for number, curve in enumerate(curves) if curve.training.any()]
+
+
+def _levels(curves: Sequence[Curve], numbers: Sequence[int]) -> Folds:
+    return [tuple(curve.training & (number == left) for number, curve in enumerate(curves)) for left in numbers]
 
 
 def _folds(curves: Sequence[Curve], recipe: Recipe) -> Folds:
-    training = [curve.training for curve in curves]
     inner = inner_levels(curves, recipe)
     if inner:
-        return [tuple(mask & (number == left) for number, mask in enumerate(training)) for left in inner]
+        return _levels(curves, inner)
     along = next(iter(recipe.cutting.cuts), None) or next(
         name for name in sorted(curves[0].columns) if name not in (recipe.target, recipe.cutting.level)
     )

@@ -30,6 +30,10 @@ LEAST_RIDGE = 1e-9
 """Below which rounding decides."""
 
 
+AUTO = "auto"
+"""The backbone that left-out levels choose."""
+
+
 class Cuts(Section):
     """How one variable is cut into segments.
 
@@ -116,9 +120,10 @@ Summands = Annotated[list[Summand], Field(min_length=2), AfterValidator(one_kind
 class ModelChoice(StateSpaceKeys):
     """What kind of model the run builds.
 
-    `mapmore` with a `backbone` explains by pieces what that formula leaves; `literature` fits the formula `name` alone, by the `method`
-    and from the `starts` that a competitor may have; `sum` adds the static and the damping model that the spec needs, and is the default
-    for the target `dynamic`; with `sum: [...]` it adds these parts, with signs and renamed inputs.
+    `mapmore` with a `backbone` explains by pieces what that formula leaves; `backbone: auto` takes the static formula, or none, whose fused
+    model errs least on left-out inner levels of the training data (with three levels or fewer: `sarosi_hinged`). `literature` fits the
+    formula `name` alone, by the `method` and from the `starts` that a competitor may have; `sum` adds the static and the damping model
+    that the spec needs, and is the default for the target `dynamic`; with `sum: [...]` it adds these parts, with signs and renamed inputs.
 
     `state_space` is P's model of motion: linear sections of second order along an `input`. `sections` are the boundaries between them, or
     how many with equal shares of the samples; `direction` gives rise and fall sections of their own. With `switching: hard` every section

@@ -10,7 +10,7 @@ from mapmore_cli.domain.models import Signal
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.data import STEP_OF, STEP_PRESSURE, Levels
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry, remembers
-from mapmore_cli.spec.sections.method import CutByDirection, Cuts, Fit, Fuse, ModelChoice
+from mapmore_cli.spec.sections.method import AUTO, CutByDirection, Cuts, Fit, Fuse, ModelChoice
 
 SegmentSection = Mapping[str, Cuts | CutByDirection | Literal["none", "levels"]]
 
@@ -25,6 +25,7 @@ class FitChoices:
     model: ModelChoice
     fit: Fit
     lengths: Mapping[str, float | None]  # dimensions of the muscle (m) that the formula needs
+    joining: Fuse | None  # how pieces are joined, where the choice of a backbone depends on it
 
     @property
     def kind(self) -> str:
@@ -55,7 +56,7 @@ def lengths_of(spec: ExperimentSpec) -> dict[str, float | None]:
     from mapmore_cli.modelling import literature
 
     name = spec.model.name or spec.model.backbone
-    needed = literature.get(name).dimensions if name is not None else ()
+    needed = literature.get(name).dimensions if name not in (None, AUTO) else ()
     return {name: length for name, length in spec.muscle.lengths.items() if name in needed}
 
 

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from mapmore_cli.spec.sections.data import Levels
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry, remembers
-from mapmore_cli.spec.sections.method import BelowAbove, CutByDirection, Cuts, Fit, Fuse
+from mapmore_cli.spec.sections.method import AUTO, BelowAbove, CutByDirection, Cuts, Fit, Fuse
 from mapmore_cli.stages.kinds.choices import FitChoices, ModelChoices, SegmentSection, level_of
 from mapmore_cli.stages.kinds.dictionary import terms_of
 
 if TYPE_CHECKING:
+    from mapmore_cli.domain.fits import FormulaFit
     from mapmore_cli.domain.models import Model, Side
-    from mapmore_cli.domain.recording import Dataset
+    from mapmore_cli.domain.recording import Curve, Dataset
     from mapmore_cli.domain.results import FitResult
     from mapmore_cli.modelling.pieces.recipe import Cut, Recipe, Scale
     from mapmore_cli.stages.pipeline.stage import Workspace
@@ -81,12 +82,12 @@ def fit(part: FitChoices, dataset: Dataset, workspace: Workspace) -> FitResult:
     from mapmore_cli.domain.results import FitResult, PiecesFit
     from mapmore_cli.modelling.pieces import build as method
     from mapmore_cli.modelling.pieces.segmentation import trained_at
-    from mapmore_cli.stages.kinds.formula import fitted
     from mapmore_cli.storage.artefacts import read_segmentation
 
-    backbone = None if part.model.backbone is None else fitted(part.model.backbone, part, dataset)
+    curves = trained_at(dataset.curves, part.fit.train_level)
     segmentation = read_segmentation(workspace.run_dir / "segment.h5")
-    recipe = recipe_of(dataset.target, part.levels, part.segment, part.dictionary, part.fit, Fuse())
+    recipe = recipe_of(dataset.target, part.levels, part.segment, part.dictionary, part.fit, part.joining or Fuse())
+    backbone, notes = _backbone(part, dataset, curves, recipe, lambda done, of: workspace.progress("backbones", done, of))
     total = sum(len(curve.segments) for curve in segmentation)
     done = 0
 
@@ -95,8 +96,24 @@ def fit(part: FitChoices, dataset: Dataset, workspace: Workspace) -> FitResult:
         done += 1
         workspace.progress("segments", done, total)
 
-    segments = method.fit(trained_at(dataset.curves, part.fit.train_level), segmentation, recipe, backbone, tick)
-    return FitResult(PiecesFit(segments), backbone)
+    segments = method.fit(curves, segmentation, recipe, backbone, tick)
+    return FitResult(PiecesFit(segments), backbone, notes)
+
+
+def _backbone(
+    part: FitChoices, dataset: Dataset, curves: Sequence[Curve], recipe: Recipe, progress: Callable[[int, int], None]
+) -> tuple[FormulaFit | None, tuple[str, ...]]:
+    """The formula that the spec names, or the one that left-out levels choose, fitted; and on what grounds it was chosen."""
+    from mapmore_cli.stages.kinds.formula import fitted
+
+    name = part.model.backbone
+    notes: tuple[str, ...] = ()
+    if name == AUTO:
+        from mapmore_cli.modelling.pieces.backbone_choice import choose_backbone
+
+        choice = choose_backbone(curves, recipe, dataset.quantities, progress)
+        name, notes = choice.name, (choice.note,)
+    return (None if name is None else fitted(name, part, dataset)), notes
 
 
 def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:
@@ -121,11 +138,10 @@ def refit(part: ModelChoices, dataset: Dataset) -> Model:
     from mapmore_cli.modelling.pieces import build as method
     from mapmore_cli.modelling.pieces.segmentation import trained_at
     from mapmore_cli.modelling.pieces.shrinkage import with_trusted_residual
-    from mapmore_cli.stages.kinds.formula import fitted
 
     curves = trained_at(dataset.curves, part.fit.train_level)
-    backbone = None if part.model.backbone is None else fitted(part.model.backbone, part, dataset)
     recipe = recipe_of(dataset.target, part.levels, part.segment, part.dictionary, part.fit, part.fuse)
+    backbone, _ = _backbone(part, dataset, curves, recipe, lambda _done, _of: None)
     model = method.build(part.name, curves, recipe, dataset.quantities, backbone)
     if backbone is None or recipe.fusing.shrink is not None:
         return model
