@@ -98,6 +98,23 @@ def test_who_is_best_follows_from_the_first_table() -> None:
             assert float(row["ratio to repeatability"]) == pytest.approx(errors["mapmore"] / errors["repeatability"], rel=DIGITS)
 
 
+def test_the_choice_of_the_program_is_what_its_column_says() -> None:
+    """Where it takes the backbone of another column, it has that column's error; ratios are to Sarosi's formula and to the best."""
+    table = page_table("auto")
+    ratios: dict[str, list[float]] = {"ratio to sarosi": [], "ratio to the best formula": []}
+    for name, errors in measured().items():
+        row = numbers(table[name])
+        if table[name]["chosen"] == "sarosi_hinged":
+            assert row["NRMSE"] == pytest.approx(errors["on_sarosi_hinged"], rel=DIGITS)
+        for ratio, other in (("ratio to sarosi", errors["sarosi"]), ("ratio to the best formula", best_formula(errors))):
+            assert row[ratio] == pytest.approx(row["NRMSE"] / other, rel=2 * DIGITS)
+            ratios[ratio].append(row[ratio])
+    for ratio, values in ratios.items():
+        assert float(table["geometric mean"][ratio]) == pytest.approx(math.exp(sum(map(math.log, values)) / 11), rel=DIGITS)
+        assert float(table["worst"][ratio]) == pytest.approx(max(values), rel=DIGITS)
+    assert float(table["geometric mean"]["ratio to sarosi"]) <= 0.20
+
+
 def test_the_gel_muscle_is_what_its_recordings_say(measured_data: Path) -> None:
     """The polynomials, left out by least squares of their own; the means of all models."""
     table = {model: numbers(row) for model, row in page_table("pgm").items()}
