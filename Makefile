@@ -6,7 +6,7 @@ export OMP_NUM_THREADS := 1
 
 STUDIES := configs/m2/dmsp-20-88-static.yaml configs/m2/peano-static.yaml
 
-.PHONY: demo test lint schema datasets measured paper bench fuzz clean
+.PHONY: demo test lint schema datasets measured motion paper bench fuzz clean
 
 demo: .venv/program
 	$(BIN)/mapmore batch $(STUDIES)
@@ -37,6 +37,10 @@ measured: .venv/program  # the tables of docs/measured-static.md, memory.md, cam
 
 paper: .venv/program  # the simulated studies of M1 and M2 on one page, beside the published numbers
 	$(BIN)/mapmore batch configs/campaigns/paper.yaml
+
+motion: .venv/program  # the tables of docs/motion.md; one of them needs the measured recordings (docs/data.md)
+	$(BIN)/mapmore batch configs/campaigns/motion_sections.yaml configs/campaigns/coiled_motion.yaml configs/motion/dmsp-20-400-waveforms.yaml
+	$(BIN)/python docs/motion_tables.py runs
 
 bench: .venv/program .venv-bench/peers
 	$(BIN)/python tests/bench/run.py $(BENCH)

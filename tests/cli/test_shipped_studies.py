@@ -53,6 +53,9 @@ IN_CAMPAIGNS = {
 }
 """Studies that a campaign runs by another name: table and row of docs/memory.md."""
 
+IN_MOTION = {"coiled_steps_motion": "motion-steps-1-200g", "coiled_loops_motion": "motion-loops-1-200g"}
+"""The same in docs/motion.md."""
+
 
 def names(paths: list[Path]) -> list[str]:
     return [path.stem for path in paths]
@@ -113,6 +116,8 @@ def shown_of(study: str) -> dict[str, float]:
     if study in IN_CAMPAIGNS:
         table, row = IN_CAMPAIGNS[study]
         return numbers(page_table(table, MEMORY)[row])
+    if study in IN_MOTION:
+        return numbers(page_table("coiled_motion", MEMORY.with_name("motion.md"))[IN_MOTION[study]])
     return numbers(page_table("measured").get(study, {}))
 
 

@@ -1,0 +1,190 @@
+"""Write the tables of docs/motion.md: `python docs/motion_tables.py RUNS`. Runs are brought up to date first.
+
+The table of coiled muscles needs the measured recordings (docs/data.md); the others need nothing but the repository.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import sys
+from collections.abc import Callable, Mapping
+from itertools import pairwise
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+from measured_tables import CONFIGS, DOCS, campaign, finished, write_tables
+
+from mapmore_cli.domain.motion import HARD, Motion, MotionSection
+from mapmore_cli.modelling.memory import Record
+from mapmore_cli.modelling.motion import MotionRecipe, fit_motion, simulate
+from mapmore_cli.modelling.motion.bumpless import continued
+from mapmore_cli.modelling.motion.measures import motion_errors
+from mapmore_cli.reporting.campaign import nrmse_table
+from mapmore_cli.reporting.tables import Column, Table
+from mapmore_cli.spec.campaign import Entry
+from mapmore_cli.storage.artefacts import read_dataset, read_fit, read_validation
+
+PUBLISHED = DOCS.parent / "datasets" / "published"
+BOUNDARIES = (1.05, 2.35, 3.15, 3.95, 4.75)
+STEP = 0.05
+"""s; P does not print it."""
+NOISE = 0.05
+"""cm."""
+SEEDS = range(10)
+MODELS = ("linear", "inflate_deflate", "piecewise", "piecewise_inflate_deflate")
+TRIALS: Mapping[str, dict[str, object]] = {
+    "least_squares": {},
+    "swarm": {"solver": "swarm"},
+    "swarm, polished": {"solver": "swarm", "polish": True},
+    "swarm_projected": {"solver": "swarm_projected"},
+    "swarm_projected, polished": {"solver": "swarm_projected", "polish": True},
+    "differential_evolution": {"solver": "differential_evolution"},
+    "differential_evolution, 60 generations": {"solver": "differential_evolution", "iterations": 60},
+}
+
+
+def rows_of(name: str) -> list[dict[str, str]]:
+    """A published table."""
+    with (PUBLISHED / name).open(newline="", encoding="utf-8") as lines:
+        return list(csv.DictReader(lines))
+
+
+def published(model: str) -> Motion:
+    """One of P's models, used directly."""
+    rows = [row for row in rows_of("p_table_1.csv") if row["model"] == model]
+    sections = tuple(
+        MotionSection(
+            row["printed_section"],
+            max(int(row["section"]), 1),
+            row["direction"],
+            float(row["p1"]),
+            float(row["p2"]),
+            np.array([float(row["p3"])]),
+        )
+        for row in rows
+    )
+    boundaries = BOUNDARIES if len(rows) >= len(BOUNDARIES) else ()
+    return Motion("input", "displacement", STEP, HARD, boundaries, rows[0]["direction"] != "all", 0.0, ("input",), sections, (0.0, 5.0))
+
+
+def poles() -> Table:
+    """Poles and gains of the published rows."""
+    columns = (
+        Column("model"),
+        Column("sections"),
+        Column("largest pole", "", ".3f"),
+        Column("least steady output at 5 V", "cm", ".2f"),
+        Column("greatest", "cm", ".2f"),
+        Column("greatest jump at a boundary", "cm", ".2f"),
+        Column("the same on a slow ramp, hard", "cm", ".2f"),
+        Column("shared state", "cm", ".3f"),
+    )
+    rows = []
+    for name in MODELS:
+        model = published(name)
+        gains = [5 * section.gain for section in model.sections]
+        ways = 2 if model.directed else 1
+        lines = [model.sections[way::ways] for way in range(ways)]
+        steps = [abs(at * (b.gain - a.gain)) for line in lines for at, (a, b) in zip(model.boundaries, pairwise(line), strict=True)]
+        ramps = (None, None) if not model.boundaries else (ramp(model), ramp(continued(model)))
+        rows.append((name, len(gains), max(s.radius for s in model.sections), min(gains), max(gains), max(steps, default=None), *ramps))
+    return Table("poles", "The published parameters in discrete time", columns, tuple(rows))
+
+
+def ramp(model: Motion) -> float:
+    """Largest change from sample to sample while the input rises, and then falls, by 0.05 V/s; without the first second."""
+    up = np.arange(0.0, 5.0, 0.05 * STEP)
+    runs = [simulate(model, {"input": u}) for u in (up, up[::-1])]
+    return max(float(np.abs(np.diff(run))[round(1 / STEP) :].max()) for run in runs)
+
+
+def solvers() -> Table:
+    """Every solver on noisy data of P's linear row, from ten seeds."""
+    row = next(row for row in rows_of("p_table_1.csv") if row["model"] == "linear")
+    n = 4000
+    u = 2.5 - 2.5 * np.cos(2 * np.pi * 0.25 * STEP * np.arange(n))
+    clean = simulate(published("linear"), {"input": u})
+    y = clean + NOISE * np.random.default_rng(1).standard_normal(n)
+    record = Record({"input": u, "displacement": y}, np.ones(n, dtype=np.bool_))
+    found = {
+        name: [fit_motion([record], MotionRecipe("input", "displacement", STEP, seed=seed, **settings)).searches[0] for seed in SEEDS]  # type: ignore[arg-type]
+        for name, settings in TRIALS.items()
+    }
+    least = found["least_squares"][0].rmse
+    columns = (
+        Column("solver"),
+        Column("least RMSE, of that of least squares", "", ".3f"),
+        Column("median", "", ".3f"),
+        Column("greatest", "", ".3f"),
+        Column("seeds within 1 %"),
+        Column("simulations"),
+    )
+    rows = []
+    for name, searches in found.items():
+        ratios = [search.rmse / least for search in searches]
+        within = f"{sum(ratio <= 1.01 for ratio in ratios)} of {len(ratios)}"
+        rows.append((name, min(ratios), median(ratios), max(ratios), within, int(median(s.evaluations for s in searches))))
+    assert float(row["p1"]) == published("linear").sections[0].p1
+    return Table("solvers", "Solvers on data that the published linear row made, with noise", columns, tuple(rows))
+
+
+def waveforms(runs: Path) -> Table:
+    """RMSE over the last wavelength of every waveform, by model, with the greatest error."""
+    run = finished(Entry(CONFIGS / "motion" / "dmsp-20-400-waveforms.yaml", ()), runs).run_dir
+    dataset, found = read_dataset(run / "ingest.h5"), read_validation(run / "validate.h5").predictions
+    rows = []
+    for number, curve in enumerate(dataset.curves):
+        if not curve.held_out.all():
+            continue
+        measured, u = curve.columns["displacement"], curve.columns["input"]
+        errors = [motion_errors(measured, found[model][number], u, STEP) for model in found]
+        rows.append((curve.id.removeprefix("waveform_"), *(error.displacement_rmse for error in errors)))
+        rows.append((f"{curve.id.removeprefix('waveform_')}, largest", *(error.max_displacement for error in errors)))
+    columns = (Column("waveform"), *(Column(model, "cm", ".2f") for model in found))
+    return Table("waveforms", "Errors over one wavelength", columns, tuple(rows))
+
+
+def sections(runs: Path) -> Table:
+    """Errors against the number of sections."""
+    scores = campaign("motion_sections", runs)
+    rows = []
+    for name, run in scores.pooled.items():
+        fits = {model: read_fit(runs / folder / "fit.h5").motion for model, folder in (("hard", name), ("shared", f"{name}.shared_state"))}
+        hard = fits["hard"]
+        assert hard is not None
+        simulations = sum(search.evaluations for search in hard.searches)
+        seconds = [fit_seconds(runs / folder) for folder in (name, f"{name}.shared_state")]
+        errors = (run["mapmore"].rmse, run["shared_state"].rmse)
+        rows.append((name, len(hard.model.sections), *errors, simulations, *seconds))
+    columns = (
+        Column("run"),
+        Column("sections, rise and fall"),
+        Column("RMSE, hard", "cm", ".3f"),
+        Column("RMSE, shared state", "cm", ".3f"),
+        Column("simulations"),
+        Column("fit, hard", "s", ".1f"),
+        Column("fit, shared state", "s", ".1f"),
+    )
+    return Table("sections", "How many sections?", columns, tuple(rows))
+
+
+def fit_seconds(run: Path) -> float:
+    """What the fit took on the machine that made this page."""
+    return float(json.loads((run / "run.json").read_text(encoding="utf-8"))["stages"]["fit"]["seconds"])
+
+
+def tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
+    """Every table of the page, by its name there."""
+    return {
+        "poles": poles,
+        "solvers": solvers,
+        "waveforms": lambda: waveforms(runs),
+        "sections": lambda: sections(runs),
+        "coiled_motion": lambda: nrmse_table(campaign("coiled_motion", runs)),
+    }
+
+
+if __name__ == "__main__":
+    write_tables(DOCS / "motion.md", tables(Path(sys.argv[1])))

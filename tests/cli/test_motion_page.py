@@ -1,0 +1,115 @@
+"""docs/motion.md says what the models say: its tables are made again here, from the files alone where that is quick."""
+
+from __future__ import annotations
+
+import csv
+import re
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from page_tables import DOCS, numbers, page_table
+
+from mapmore_cli.modelling.memory import Record
+from mapmore_cli.modelling.motion import MotionRecipe, fit_motion, simulate
+from mapmore_cli.spec.campaign import load_campaign
+from mapmore_cli.spec.loader import load
+
+PAGE = DOCS / "motion.md"
+DATASETS = DOCS.parent / "datasets"
+CONFIGS = DOCS.parent / "configs"
+BOUNDARIES = (1.05, 2.35, 3.15, 3.95, 4.75)
+FULL, PARTS = ("full",), tuple(f"section_{place}" for place in range(1, 7))
+MODELS = {
+    "linear": (FULL, {"solver": "swarm"}),
+    "inflate_deflate": (FULL, {"solver": "swarm", "direction": True}),
+    "piecewise": (PARTS, {"solver": "swarm", "sections": BOUNDARIES}),
+    "piecewise_inflate_deflate": (PARTS, {"solver": "swarm", "sections": BOUNDARIES, "direction": True}),
+    "linear_least_squares": (FULL, {}),
+    "piecewise_inflate_deflate_least_squares": (PARTS, {"sections": BOUNDARIES, "direction": True}),
+}
+
+
+@cache
+def log(name: str) -> dict[str, np.ndarray]:
+    table = np.loadtxt(DATASETS / "waveforms" / f"{name}.csv", delimiter=",", skiprows=1)[::5]
+    return {"time": table[:, 0], "input": table[:, 1], "displacement": table[:, 3] / 10}
+
+
+def fitted(references, settings):
+    records = [Record(log(f"reference_{name}"), np.ones(len(log(f"reference_{name}")["time"]), dtype=bool)) for name in references]
+    return fit_motion(records, MotionRecipe("input", "displacement", 0.05, **settings)).model
+
+
+def table(name):
+    return page_table(name, PAGE)
+
+
+def test_the_worked_spec_is_one(tmp_path: Path) -> None:
+    block = re.search(r"```yaml\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    assert block
+    (tmp_path / "spec.yaml").write_text(block[1])
+    assert load(tmp_path / "spec.yaml").spec.model.type == "state_space"
+
+
+def test_poles_and_gains_are_those_of_the_published_rows() -> None:
+    with (DATASETS / "published" / "p_table_1.csv").open(newline="") as lines:
+        rows = list(csv.DictReader(lines))
+    for model, told in table("poles").items():
+        mine = [[float(row[name]) for name in ("p1", "p2", "p3")] for row in rows if row["model"] == model]
+        radii = [np.abs(np.linalg.eigvals([[0, 1], [p1, p2]])).max() for p1, p2, _ in mine]
+        gains = [5 * p3 / (1 - p1 - p2) for p1, p2, p3 in mine]
+        shown = numbers(told)
+        assert shown["sections"] == len(mine)
+        assert shown["largest pole"] == pytest.approx(max(radii), abs=6e-4)
+        assert shown["least steady output at 5 V"] == pytest.approx(min(gains), abs=6e-3)
+        assert shown["greatest"] == pytest.approx(max(gains), abs=6e-3)
+        if len(mine) > 2:
+            assert shown["shared state"] < 0.05 < 1 < shown["greatest jump at a boundary"]
+
+
+def test_least_squares_and_polished_swarms_reach_the_noise_and_the_published_swarm_does_not() -> None:
+    told = {name: numbers(row) for name, row in table("solvers").items()}
+    assert told["swarm"]["median"] > 5
+    assert told["swarm_projected, polished"]["greatest"] <= 1.01
+    assert told["least_squares"]["simulations"] < 60
+    within = {name: int(row["seeds within 1 %"].split()[0]) for name, row in table("solvers").items()}
+    assert within["least_squares"] == 10
+    assert within["swarm"] == 0
+    assert within["swarm_projected, polished"] >= 9
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_errors_by_waveform_are_made_again_from_the_recordings(model: str) -> None:
+    motion = fitted(*MODELS[model])
+    rows = table("waveforms")
+    assert len(rows) == 14
+    for name in (row for row in rows if not row.endswith(", largest")):
+        record = log(f"waveform_{name}")
+        tail = 20 if name == "rapid" else 80
+        error = (simulate(motion, record) - record["displacement"])[-tail:]
+        assert float(rows[name][model]) == pytest.approx(np.sqrt(np.mean(error**2)), rel=0.02, abs=6e-3)
+        assert float(rows[f"{name}, largest"][model]) == pytest.approx(np.abs(error).max(), rel=0.02, abs=6e-3)
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_errors_by_the_number_of_sections_are_made_again(count: int) -> None:
+    motion = fitted((*FULL, *PARTS), {"sections": count, "direction": True, "offset": True})
+    names = ("full_stroke", "lower_stroke", "upper_stroke", "triangle", "square", "rapid", "weighted")
+    logs = [log(f"waveform_{name}") for name in names]
+    error = np.concatenate([simulate(motion, record) - record["displacement"] for record in logs])
+    row = table("sections")[f"sections-{count}"]
+    assert float(row["RMSE, hard"]) == pytest.approx(np.sqrt(np.mean(error**2)), rel=0.02)
+    assert int(row["sections, rise and fall"]) == 2 * count
+
+
+def test_every_record_of_coiled_muscles_is_shown() -> None:
+    campaign, _ = load_campaign(CONFIGS / "campaigns" / "coiled_motion.yaml")
+    rows = table("coiled_motion")
+    names = [str(run.name) for run in campaign.runs]
+    assert len(names) == 15
+    for name in names:
+        assert {"mapmore", "linear", "inflate_deflate", "piecewise", "piecewise_inflate_deflate", "shared_state"} <= set(rows[name])
+    better = sum(numbers(rows[name])["mapmore"] < numbers(rows[name])["linear"] for name in names)
+    assert rows["runs better"]["mapmore"] == f"{better} of 15"
