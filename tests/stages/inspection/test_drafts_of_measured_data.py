@@ -1,4 +1,4 @@
-"""The table of what `init` proposes for measured data holds; the quick folders of it are drafted here, `docs/drafted_tables.py` makes all."""
+"""The table of what `init` proposes for measured data holds: its quick folders are drafted here, `docs/drafted_tables.py` drafts all."""
 
 from __future__ import annotations
 
