@@ -106,6 +106,29 @@ def test_the_page_shows_what_the_runs_say(study: str, muscle: tuple[str, Path]) 
         assert [float(per_cent) for per_cent in told] == pytest.approx([100 * found[model] for model in models], abs=0.051)
 
 
+@pytest.mark.parametrize(("name", "column"), [("dmsp-20-88", "McKibben"), ("peano", "Peano")])
+def test_the_page_says_what_the_static_study_from_80_kpa_costs(name: str, column: str, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    study = f"{name}-damping-from-80"
+    result = mapmore("validate", CONFIGS / f"{study}.yaml", "--runs", tmp_path, "-q")
+    assert result.exit_code == 0, result.stderr
+    found, table = pooled(tmp_path / study), page_table("from80", DAMPING)
+    told = {model: float(cells[column].strip("*")) for model, cells in table.items()}
+    assert told == pytest.approx({model: 100 * found[model] for model in told}, abs=0.051)
+    if name == "dmsp-20-88":
+        fall = next(one for one in read_model(tmp_path / study / "model.h5").body.segments if "fall" in one.id)
+        assert fall.terms == ("strain_rate^2",)
+
+
+@pytest.mark.parametrize("study", SHOWN)
+def test_the_least_in_a_table_is_bold(study: str) -> None:
+    for column in ("McKibben", "Peano"):
+        cells = {row: re.sub(r"\([^)]*\)", "", cells[column]) for row, cells in page_table(study, DAMPING).items()}
+        least = min(float(value) for cell in cells.values() for value in cell.replace("*", "").split("/"))
+        assert {row for row, cell in cells.items() if "**" in cell} == {
+            row for row, cell in cells.items() if least in [float(value) for value in cell.replace("*", "").split("/")]
+        }
+
+
 def test_the_report_shows_records_over_time_and_equations_in_the_papers_units(muscle: tuple[str, Path]) -> None:
     name, runs = muscle
     report = runs / f"{name}-damping" / "report"
