@@ -163,7 +163,9 @@ def test_a_table_of_time_pressure_and_strain_predicts_what_was_validated(
     assert np.allclose(found, wanted, rtol=1e-9, atol=1e-9)
     first = dataset.curves[0].columns
     model = mapmore_cli.load_model(run_dir / "model.h5")
-    assert np.allclose(model(time=first["time"], pressure=first["pressure"], strain=first["strain"]), wanted[: len(first["time"])])
+    with pytest.warns(UserWarning, match="outside of the training range"):  # rates of the held-out step, and strains before it
+        said = model(time=first["time"], pressure=first["pressure"], strain=first["strain"])
+    assert np.allclose(said, wanted[: len(first["time"])])
 
 
 def test_the_dynamic_model_is_the_sum_of_the_two(muscle: tuple[str, Path]) -> None:
