@@ -127,6 +127,8 @@ def _origin(loaded: LoadedSpec, run_dir: Path, campaign: Path | None) -> Origin:
     """Where the run comes from now; WriteError where its folder holds a run of the same name from elsewhere, which still exists."""
     here = Origin(_from(run_dir, loaded.path), _from(run_dir, campaign) if campaign else "", tuple(loaded.overrides) if campaign else ())
     before = load_origin(run_dir)
+    if before is not None and loaded.path.name == RESOLVED_SPEC and loaded.path.resolve().parent.parent == run_dir.resolve().parent:
+        return before  # the resolved spec of a run of this folder is that run's own
     rival = here.rival_of(before, run_dir) if before is not None else None
     if rival is not None:
         raise WriteError(
