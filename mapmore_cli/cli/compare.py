@@ -34,7 +34,10 @@ def compare(
     runs: Runs = RUNS,
     as_json: AsJson = False,
 ) -> None:
-    """Compare models of one muscle: the first with each of the others, which come in the order of time."""
+    """Say whether a muscle has changed.
+
+    The first model is compared with each of the others, which come in the order of time.
+    """
     from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.views.compared import of_comparisons
     from mapmore_cli.modelling import comparison

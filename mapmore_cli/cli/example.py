@@ -20,7 +20,9 @@ def example(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write a small study to start from, with recordings of a simulated muscle."""
+    """Write a small study to start from.
+
+    Its recordings are of a simulated muscle."""
     from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.cli.views.view import View

@@ -30,7 +30,10 @@ def figure(
     data: Annotated[Path | None, typer.Option("--data", metavar="FILE", help="Also write what the panel was drawn from (CSV).")] = None,
     runs: Runs = RUNS,
 ) -> None:
-    """Draw one figure of a finished run, or one panel of it, as the spec's report.style says."""
+    """Draw one figure of a run as a file.
+
+    All of it, or the panel of one curve by itself; sizes, fonts and colours are those of the spec's report.style.
+    """
     from mapmore_cli.stages.report import drawn_figure
     from mapmore_cli.storage.atomic import write_bytes, write_text
 

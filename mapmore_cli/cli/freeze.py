@@ -21,7 +21,10 @@ def freeze(
     archive: Archive = ARCHIVE,
     runs: Runs = RUNS,
 ) -> None:
-    """Keep the model of a finished run, its scores, spec and hashes, as ARCHIVE/NAME@TAG."""
+    """Keep the model of a run under a tag.
+
+    Its scores, spec and hashes go with it, to ARCHIVE/NAME@TAG, where no later run writes.
+    """
     from mapmore_cli.stages.campaigns import archive as frozen
 
     print(frozen.freeze(run if run.is_dir() else runs / run, tag, archive))
