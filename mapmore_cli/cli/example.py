@@ -22,7 +22,8 @@ def example(
 ) -> None:
     """Write a small study to start from.
 
-    Its recordings are of a simulated muscle."""
+    Its recordings are of a simulated muscle.
+    """
     from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.cli.views.view import View

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -76,7 +77,8 @@ def test_batch_goes_on_after_a_failure_and_ends_with_the_highest_code(tmp_path: 
     (tmp_path / "broken_200.csv").write_text("")
     done = shell("batch", broken, good, tmp_path / "none.yaml", "--runs", tmp_path / "runs", "--jobs", 2)
     assert done.returncode == 4
-    assert "good  mapmore       validate" in done.stdout
+    assert re.search(r"^good +mapmore +validate", done.stdout, re.MULTILINE)
+    assert re.search(r"^none +– +failed", done.stdout, re.MULTILINE)
     assert done.stdout.endswith(f"page: {tmp_path / 'runs/good/report/index.html'}\n")
     assert "broken_200.csv" in done.stderr
     assert "none.yaml" in done.stderr

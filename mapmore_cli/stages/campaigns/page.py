@@ -68,7 +68,8 @@ def run_names(entries: Sequence[Entry], campaigns: Sequence[Expanded]) -> list[s
         try:
             name = load(entry.config, entry.overrides).spec.name
         except SpecError:  # its own run will say so
-            names.append(called.get(number, str(entry.config)))
+            short = called.get(number, entry.config.stem)
+            names.append(str(entry.config) if short in names else short)
             continue
         if name in places:
             raise UsageError(f"{places[name]} and {entry.config} have the same name, '{name}'", "give each spec a `name` of its own")
