@@ -12,7 +12,23 @@ from typing import Annotated, Any, cast
 import typer
 from typer.core import TyperGroup
 
-from mapmore_cli.cli import batch, check, compare, example, exits, export, figure, freeze, init, pipeline, predict, schema, show, simulate
+from mapmore_cli.cli import (
+    batch,
+    check,
+    compare,
+    example,
+    exits,
+    export,
+    figure,
+    freeze,
+    init,
+    invert,
+    pipeline,
+    predict,
+    schema,
+    show,
+    simulate,
+)
 
 AS_JSON = "mapmore.json"
 """Key of the context: whether the line asks for JSON, in which errors are then told too."""
@@ -63,6 +79,11 @@ def _common(
 pipeline.add_to(app)
 batch.add_to(app)
 predict.add_to(app)
+invert.add_to(app)
+export.add_to(app)
+simulate.add_to(app)
+show.add_to(app)
+figure.add_to(app)
 freeze.add_to(app)
 compare.add_to(app)
 export.add_to(app)

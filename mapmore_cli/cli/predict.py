@@ -44,6 +44,7 @@ def predict(
             "--grid", metavar="AXES", help="Make a lookup table instead: pressure=0:600:25,strain=0:0.25:0.01.", show_default=False
         ),
     ] = None,
+    derivatives: Annotated[bool, typer.Option("--derivatives", help="Add the derivative for every input, <output>_by_<input>.")] = False,
     unverified: Unverified = False,
     quiet: Quiet = False,
 ) -> None:
@@ -65,7 +66,7 @@ def predict(
     with Reporter(quiet) as reporter:
         model = read_model(model_file, reporter.warn, unverified)
         lines, label = _input(model, table, grid, reporter)
-        _write(predicted_lines(model, lines, label, warn=reporter.warn), output)
+        write_lines(predicted_lines(model, lines, label, warn=reporter.warn, derivatives=derivatives), output)
 
 
 def _input(model: Model, table: Path | None, grid: str | None, reporter: Reporter) -> tuple[Iterator[str], str]:
@@ -84,7 +85,8 @@ def _input(model: Model, table: Path | None, grid: str | None, reporter: Reporte
     return lines_of(table, lambda read, size: reporter.progress("MB read", read // MEGABYTE, -(-size // MEGABYTE))), str(table)
 
 
-def _write(lines: Iterator[str], output: Path) -> None:
+def write_lines(lines: Iterator[str], output: Path) -> None:
+    """Write lines to a file as they come, or to stdout."""
     from mapmore_cli.storage.text_streams import TEXT_ERRORS, replaced
 
     if output == STANDARD:

@@ -8,11 +8,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.models import Body, Equation, Formula, Memory, Model, Pieces, StateSpace, Sum
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.assignments import model as written
+from mapmore_cli.modelling.assignments.slopes import with_slopes
 from mapmore_cli.modelling.assignments.statements import Assignments
+from mapmore_cli.modelling.assignments.values import results_of
 from mapmore_cli.modelling.assignments.writing import Writer
 from mapmore_cli.modelling.literature import model as formula
 from mapmore_cli.modelling.memory import model as memory
@@ -120,6 +124,21 @@ def assignments(model: Model) -> Assignments:
         Where a part of the model is no closed expression.
     """
     return written.assignments_of(model, _write)
+
+
+def slopes(model: Model, columns: Columns) -> dict[str, Array]:
+    """Derivative of the output for every input by its name, (n,) each; NaN where an input is not finite.
+
+    At a boundary it is that of the piece that holds there.
+
+    Raises
+    ------
+    DataError
+        For a model with memory, and where a part of the model is no closed expression.
+    """
+    _, *found = results_of(with_slopes(assignments(model)), columns)
+    finite = np.logical_and.reduce([np.isfinite(columns[quantity.name]) for quantity in model.inputs])
+    return {quantity.name: np.where(finite, slope, np.nan) for quantity, slope in zip(model.inputs, found, strict=True)}
 
 
 def _write(writer: Writer, model: Model, inputs: written.Inputs) -> Expression:

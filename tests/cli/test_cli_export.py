@@ -40,3 +40,28 @@ def test_what_is_refused_writes_nothing(
     assert result.exit_code == 2
     assert said in result.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_invert_finds_what_predict_gave(mapmore: Callable[..., Any], model_file: Path, tmp_path: Path) -> None:
+    (tmp_path / "at.csv").write_text("pressure,strain\n120,0.05\n180,0.1\n")
+    predicted = mapmore("predict", model_file, tmp_path / "at.csv", "--derivatives")
+    assert predicted.exit_code == 0
+    header, *rows = [line.split(",") for line in predicted.stdout.splitlines()]
+    assert header == ["pressure", "strain", "force_predicted", "outside_range", "force_by_pressure", "force_by_strain"]
+    wanted = "force,strain\n" + "".join(f"{row[2]},{row[1]}\n" for row in rows) + "1e12,0.1\n,0.1\n"
+    (tmp_path / "wanted.csv").write_text(wanted)
+    found = mapmore("invert", model_file, tmp_path / "wanted.csv", "--for", "pressure")
+    assert found.exit_code == 0
+    header, *answers = [line.split(",") for line in found.stdout.splitlines()]
+    assert header == ["force", "strain", "pressure_found", "pressure_solutions", "pressure_status"]
+    for row, answer in zip(rows, answers, strict=False):
+        assert any(abs(float(one) - float(row[0])) < 1e-5 for one in answer[3].split())
+    assert answers[2][2:] == ["", "", "none"]
+    assert answers[3][2:] == ["", "", ""]
+
+
+def test_invert_for_an_input_that_the_model_has_not(mapmore: Callable[..., Any], model_file: Path, tmp_path: Path) -> None:
+    (tmp_path / "wanted.csv").write_text("force,pressure,strain\n100,150,0.1\n")
+    result = mapmore("invert", model_file, tmp_path / "wanted.csv", "--for", "volume")
+    assert result.exit_code == 2
+    assert "no input 'volume'" in result.stderr

@@ -66,7 +66,7 @@ def across_levels(
 ) -> Expression:
     """The interpolated value.
 
-    At a level the bands to both sides agree, since each is exact there; the band to its right is taken.
+    At a level the bands to both sides agree, since each is exact there; the band to its right is taken, and to the left of the last.
     """
     last = len(levels) - 1
     below, above = (_beyond(lines, level, levels, end, side, fusion, curve_at) for end, side in ((0, sides[0]), (last, sides[1])))
@@ -74,9 +74,9 @@ def across_levels(
         return lines.choose("across", _outer_cases(level, levels, below, above), _alone(lines, 0, curve_at))
     inner = [_between(lines, level, levels, i, fusion, curve_at) for i in range(last)]
     cases = [(Condition(level, "<", Number(float(levels[0]))), below)]
-    cases += [(Condition(level, "<", Number(float(levels[i + 1]))), block) for i, block in enumerate(inner)]
-    cases += [(Condition(level, ">", Number(float(levels[last]))), above)]
-    return lines.choose("across", cases, _alone(lines, last, curve_at))
+    cases += [(Condition(level, "<", Number(float(levels[i + 1]))), block) for i, block in enumerate(inner[:-1])]
+    cases += [(Condition(level, "<=", Number(float(levels[last]))), inner[-1])]
+    return lines.choose("across", cases, above)
 
 
 def _outer_cases(level: Expression, levels: Array, below: Block, above: Block) -> list[tuple[Condition, Block]]:

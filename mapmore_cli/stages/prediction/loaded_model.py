@@ -14,8 +14,9 @@ from numpy.typing import ArrayLike
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.models import Equation, Model
 from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.modelling.inverse import LOWEST, Inverse, invert
 from mapmore_cli.modelling.kinds import equations as model_equations
-from mapmore_cli.modelling.kinds import outside_range, predict
+from mapmore_cli.modelling.kinds import outside_range, predict, slopes
 from mapmore_cli.modelling.signals.rates import with_signals
 from mapmore_cli.stages.prediction.reading import reading_of
 
@@ -95,6 +96,19 @@ class LoadedModel:
         """True where an input lies beyond the training range, in the shape of the output."""
         flat, shape = self._flattened(columns)
         return outside_range(self.model, flat).reshape(shape)
+
+    def derivatives(self, **columns: ArrayLike) -> dict[str, Array]:
+        """Derivative of the output for every input by its name, in the shape of the output; not for models with memory."""
+        flat, shape = self._flattened(columns)
+        return {name: slope.reshape(shape) for name, slope in slopes(self.model, flat).items()}
+
+    def invert(self, name: str, wanted: ArrayLike, rule: str = LOWEST, **given: ArrayLike) -> Inverse:
+        """Every value of the input `name` within its training range for a `wanted` output at the other inputs, row by row.
+
+        `lowest` picks the lowest solution, `nearest` the one nearest to that of the row before. Not for models with memory.
+        """
+        target, *others = (np.asarray(x, dtype=np.float64).ravel() for x in np.broadcast_arrays(wanted, *given.values()))
+        return invert(self.model, target, dict(zip(given, others, strict=True)), name, rule)
 
     def _flattened(self, columns: dict[str, ArrayLike]) -> tuple[dict[str, Array], tuple[int, ...]]:
         given = columns if "time" in columns else [*columns, *(signal.name for signal in self.model.signals)]

@@ -12,7 +12,7 @@ from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.results import Run
-from mapmore_cli.modelling.kinds import outside_range, simulate
+from mapmore_cli.modelling.kinds import outside_range, simulate, slopes
 from mapmore_cli.modelling.memory import AtSample, numbered
 from mapmore_cli.modelling.signals.rates import with_signals
 from mapmore_cli.stages.prediction.reading import Reading, reading_of
@@ -27,13 +27,20 @@ FLAG = "outside_range"
 
 
 def predicted_lines(
-    model: Model, lines: Iterable[str], label: str, chunk: int = CHUNK, warn: Callable[[str], None] = lambda _: None
+    model: Model,
+    lines: Iterable[str],
+    label: str,
+    chunk: int = CHUNK,
+    warn: Callable[[str], None] = lambda _: None,
+    derivatives: bool = False,
 ) -> Iterator[str]:
     """Yield the lines of a CSV table with `<output>_predicted` and `outside_range` added to each.
 
     The header holds canonical names; the numbers are in the model's units. The prediction has 12 significant digits; `outside_range` is
     `true` or `false`. Both are empty where an input is empty or not finite. Blank lines stay as they are. `label` names the table in
     messages; `chunk` has no influence on the result.
+
+    With `derivatives`, one more column for every input, `<output>_by_<input>`, in the units of the model.
 
     Rates and directions that the table lacks follow from its `time`, recording by recording: one ends where the column `recording`
     changes or time is set back, and after a gap all starts anew; what is too short for a rate has no prediction. A model with memory runs
@@ -54,7 +61,8 @@ def predicted_lines(
     reading = reading_of(model, names)
     read = tuple(dict.fromkeys((*reading.columns, *reading.outputs)))
     places = locate_columns(TableRequest(label, read, header=True), names, len(names))
-    added = (f"{model.output.name}_predicted", FLAG)
+    by_input = tuple(f"{model.output.name}_by_{quantity.name}" for quantity in model.inputs) if derivatives else ()
+    added = (f"{model.output.name}_predicted", FLAG, *by_input)
     for name in added:
         if name in names:
             raise DataError(f"{label}: already has a column {name}", "rename or remove it")
@@ -63,7 +71,7 @@ def predicted_lines(
     for block in recordings(rows, names) if reading.over_time else _chunks(rows, chunk):
         fields = [fields_of(row, len(names), label) for row in block]
         columns = {name: values_of(block, fields, places[name], name, label) for name in read}
-        cells_of, diverged = _added_cells(model, reading, columns, block, label)
+        cells_of, diverged = _added_cells(model, reading, columns, block, label, derivatives)
         for start in diverged:
             warn(f"{label}:row {block[start].line}: the free run diverges; there is no prediction until it starts anew")
         predicted += sum(cells != "," for cells in cells_of)
@@ -86,28 +94,37 @@ def _named(model: Model) -> str:
 
 
 def _added_cells(
-    model: Model, reading: Reading, columns: dict[str, Array], block: Sequence[Row], label: str
+    model: Model, reading: Reading, columns: dict[str, Array], block: Sequence[Row], label: str, derivatives: bool
 ) -> tuple[list[str], tuple[int, ...]]:
-    """The two new fields of every row of a block, and the rows at which a free run diverges."""
+    """The new fields of every row of a block, and the rows at which a free run diverges."""
     known = np.flatnonzero(np.logical_and.reduce([np.isfinite(columns[name]) for name in reading.columns]))
-    added = [","] * len(block)
+    added = ["," + "," * len(model.inputs) * derivatives] * len(block)
     if not len(known):
         return added, ()
     try:
-        run, outside = _evaluated(model, reading, {name: x[known] for name, x in columns.items()}, known)
+        run, outside, gradient = _evaluated(model, reading, {name: x[known] for name, x in columns.items()}, known, derivatives)
     except AtSample as error:
         raise DataError(f"{label}:row {block[error.sample].line}: {error.fault}", error.remedy) from error
-    for i, value, flag in zip(known, run.values, outside, strict=True):
-        added[i] = f"{format(value, '.12g') if math.isfinite(value) else ''},{'true' if flag else 'false'}"
+    for i, value, flag, own in zip(known, run.values, outside, gradient, strict=True):
+        added[i] = ",".join([_digits(value), "true" if flag else "false", *map(_digits, own)])
     return added, run.diverged
 
 
-def _evaluated(model: Model, reading: Reading, columns: dict[str, Array], rows: IntArray) -> tuple[Run, BoolArray]:
-    """Predictions and flags of complete rows, (n,) each; those of a recording stretch by stretch where signals follow from others.
+def _digits(value: float) -> str:
+    return format(value, ".12g") if math.isfinite(value) else ""
+
+
+def _evaluated(
+    model: Model, reading: Reading, columns: dict[str, Array], rows: IntArray, derivatives: bool
+) -> tuple[Run, BoolArray, Array]:
+    """Predictions and flags of complete rows, (n,) each, and derivatives, (n, inputs) or (n, 0).
+
+    Those of a recording go stretch by stretch where signals follow from others.
 
     `rows` are the numbers by which rows are told where a run diverges, or in a mistake.
     """
-    found, flags, diverged = [], [], list[int]()
+    found, flags, diverged, gradients = [], [], list[int](), []
+    width = len(model.inputs) * derivatives
     for part in stretches(columns["time"]) if reading.signals else [slice(None)]:
         stretch = {name: x[part] for name, x in columns.items()}
         try:
@@ -115,10 +132,12 @@ def _evaluated(model: Model, reading: Reading, columns: dict[str, Array], rows: 
         except DataError:  # too few samples for the window of a rate
             found.append(np.full(len(stretch["time"]), np.nan))
             flags.append(np.zeros(len(stretch["time"]), dtype=bool))
+            gradients.append(np.full((len(stretch["time"]), width), np.nan))
             continue
         with np.errstate(all="ignore"), numbered(rows[part]):  # far outside of the range a term may overflow; the flag says so
             run = simulate(model, inputs)
             found.append(run.values)
             flags.append(outside_range(model, inputs))
+            gradients.append(np.stack(list(slopes(model, inputs).values()), axis=1) if width else np.empty((len(run.values), 0)))
         diverged += rows[part][list(run.diverged)].tolist()
-    return Run(np.concatenate(found), tuple(diverged)), np.concatenate(flags)
+    return Run(np.concatenate(found), tuple(diverged)), np.concatenate(flags), np.concatenate(gradients)

@@ -1,0 +1,202 @@
+"""The input for a wanted output, as the pressure for a force at a strain: every solution within the training range.
+
+The map is not monotone everywhere (measured muscles: on up to a tenth of the grid), so that there may be none, one, several, or a range of
+them where a slack muscle gives the same force at every pressure. Between knots (levels, boundaries, limits) and the places where the slope
+changes its sign the map is monotone, and each part holds at most one solution, which bisection finds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
+from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.domain.models import CurveRange, Formula, Model, Pieces, Sum
+from mapmore_cli.modelling.assignments.slopes import with_slopes
+from mapmore_cli.modelling.assignments.statements import Assignments
+from mapmore_cli.modelling.assignments.values import results_of
+from mapmore_cli.modelling.kinds import assignments, predict
+from mapmore_cli.modelling.pieces.weights import zones
+
+LOWEST, NEAREST = "lowest", "nearest"
+"""Rules that pick one of several solutions: the lowest, or the one that is nearest to that of the row before."""
+
+NONE, ONE, SEVERAL, FLAT = "none", "one", "several", "flat"
+"""How many solutions there are; `flat` where they fill a range, of which the low end counts."""
+
+SCAN, PARTS = 2, 96
+"""The slope is looked at in so many parts of every interval between knots at least, and in so many parts of all of them together."""
+
+CHUNK = 500
+"""Rows that are scanned at a time."""
+
+BISECTIONS = 50
+"""Halve an interval down to rounding."""
+
+SAME = 1e-9
+"""Of the span of outputs in a row's scan: what is so near to the wanted output equals it."""
+
+
+@dataclass(frozen=True)
+class Inverse:
+    """Solutions of n rows, row by row: `values` and `rows` (m,) of all, ascending in each row; `status` and `picked` (n,), NaN for none."""
+
+    values: Array
+    rows: IntArray
+    status: tuple[str, ...]
+    picked: Array
+
+
+def invert(model: Model, wanted: Array, given: Columns, name: str, rule: str = LOWEST) -> Inverse:
+    """Every value of the input `name` at which the model gives the `wanted` output, (n,), at the `given` other inputs, (n,) each.
+
+    Raises
+    ------
+    UsageError
+        For an input that the model has not, or a rule that there is none of.
+    DataError
+        For a model with memory.
+    """
+    names = [quantity.name for quantity in model.inputs]
+    if name not in names:
+        raise UsageError(f"the model has no input '{name}'", f"it has {', '.join(names)}")
+    if rule not in (LOWEST, NEAREST):
+        raise UsageError(f"there is no rule '{rule}'", f"take {LOWEST} or {NEAREST}")
+    slopes, ends = with_slopes(assignments(model)), knots(model, name)
+    found = []
+    for start in range(0, len(wanted), CHUNK):
+        part = slice(start, start + CHUNK)
+        line = _Line(model, slopes, name, names, wanted[part], {one: np.asarray(x)[part] for one, x in given.items()})
+        values, rows, flat = line.solutions(line.with_turning_points(ends))
+        found.append((values, rows + start, flat))
+    values, rows, flat = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    order = np.lexsort([values, rows])
+    values, rows = values[order], rows[order]
+    counts = np.bincount(rows, minlength=len(wanted))
+    status = tuple(FLAT if is_flat else (NONE, ONE, SEVERAL)[min(count, 2)] for is_flat, count in zip(flat, counts.tolist(), strict=True))
+    return Inverse(values, rows, status, _picked(values, rows, len(wanted), rule))
+
+
+def knots(model: Model, name: str) -> Array:
+    """Ascending values of an input between which the model is smooth along it, and the ends of its training range.
+
+    Raises
+    ------
+    UsageError
+        Where the range is not known, as of an input that a sum renames.
+    """
+    found = sorted({edge for edge in _knots(model, name) if np.isfinite(edge)})
+    if len(found) < 2:
+        raise UsageError(f"the training range of '{name}' is not known", "invert for an input that was varied in training")
+    return np.array(found)
+
+
+def _knots(model: Model, name: str) -> list[float]:
+    match model.body:
+        case Pieces(level, variables, curves):
+            ends = [float(end) for curve in curves for v, b in zip(variables, curve.boundaries, strict=True) if v == name for end in b]
+            inner = [
+                float(edge)
+                for curve in curves
+                for v, b in zip(variables, curve.boundaries, strict=True)
+                if v == name
+                for side in zones(b, model.body.fusion.z_s)
+                for edge in side
+            ]
+            return ends + inner + _range(model.body.ranges, level, name)
+        case Formula(_, level, ranges):
+            return _range(ranges, level, name)
+        case Sum(parts):
+            return [edge for part in parts if name not in part.inputs for edge in _knots(part.model, name)]
+    return []
+
+
+def _range(ranges: tuple[CurveRange, ...], level: str | None, name: str) -> list[float]:
+    if name == level:
+        return [one.level for one in ranges if one.level is not None]
+    return [end for one in ranges if name in one.limits for end in one.limits[name]]
+
+
+@dataclass(frozen=True)
+class _Line:
+    """The model along one input at each of n rows."""
+
+    model: Model
+    slopes: Assignments
+    name: str
+    names: list[str]
+    wanted: Array
+    given: Mapping[str, Array]
+
+    def missing(self, x: Array, rows: IntArray) -> Array:
+        """What is missing to the wanted output, (m,), at values of the input in some of the rows."""
+        return predict(self.model, self._columns(x, rows)) - self.wanted[rows]
+
+    def slope(self, x: Array, rows: IntArray) -> Array:
+        """Derivative along the input there, (m,)."""
+        return results_of(self.slopes, self._columns(x, rows))[1 + self.names.index(self.name)]
+
+    def _columns(self, x: Array, rows: IntArray) -> dict[str, Array]:
+        return {name: x if name == self.name else np.asarray(self.given[name], dtype=np.float64)[rows] for name in self.names}
+
+    def with_turning_points(self, knots: Array) -> Array:
+        """Ends of the monotone parts, (n, e) ascending in every row."""
+        n = len(self.wanted)
+        parts = max(SCAN, -(-PARTS // (len(knots) - 1)))
+        inner = [np.linspace(low, high, parts + 1)[:-1] for low, high in pairwise(knots.tolist())]
+        places = np.concatenate([*inner, knots[-1:]])
+        grid = np.broadcast_to(places, (n, len(places)))
+        inside = np.stack([np.nextafter(grid[:, :-1], np.inf), np.nextafter(grid[:, 1:], -np.inf)])
+        row = np.broadcast_to(np.arange(n)[:, None], inside.shape[1:])
+        left, right = (self.slope(side.ravel(), row.ravel()).reshape(row.shape) for side in inside)
+        turns = np.sign(left) * np.sign(right) < 0
+        found = _bisected(lambda x, which: self.slope(x, row[turns][which]), inside[0][turns], inside[1][turns])
+        between = np.full(turns.shape, np.nan)
+        between[turns] = found
+        return np.sort(np.concatenate([grid, np.where(turns, between, grid[:, :-1])], axis=1), axis=1)
+
+    def solutions(self, edges: Array) -> tuple[Array, IntArray, BoolArray]:
+        """Solutions and their rows, (m,) each, and the rows, (n,), in which they fill a range."""
+        n = len(edges)
+        row = np.broadcast_to(np.arange(n)[:, None], edges.shape)
+        missing = self.missing(edges.ravel(), row.ravel()).reshape(edges.shape)
+        near = SAME * np.maximum(np.ptp(missing, axis=1, keepdims=True), np.abs(self.wanted)[:, None])
+        hit = np.abs(missing) <= near
+        apart = np.diff(edges, axis=1) > 0
+        flat = (hit[:, :-1] & hit[:, 1:] & apart).any(axis=1)
+        first = hit & ~np.concatenate([np.zeros((n, 1), dtype=np.bool_), hit[:, :-1]], axis=1)
+        crosses = (np.sign(missing[:, :-1]) * np.sign(missing[:, 1:]) < 0) & ~hit[:, :-1] & ~hit[:, 1:] & apart
+        where = row[:, :-1][crosses]
+        crossed = _bisected(lambda x, which: self.missing(x, where[which]), edges[:, :-1][crosses], edges[:, 1:][crosses])
+        # where the map jumps across the wanted output, there is no solution
+        real = np.abs(self.missing(crossed, where)) <= np.maximum(1e-6 * np.abs(self.wanted[where]), near[where, 0])
+        return np.concatenate([edges[first], crossed[real]]), np.concatenate([row[first], where[real]]), flat
+
+
+def _bisected(f: Callable[[Array, IntArray], Array], low: Array, high: Array) -> Array:
+    """Where a function changes its sign between `low` and `high`, (m,), of places and their numbers."""
+    which = np.arange(len(low))
+    if not len(low):
+        return low
+    start = np.sign(f(low, which))
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        same = np.sign(f(middle, which)) == start
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    return np.asarray((low + high) / 2)
+
+
+def _picked(values: Array, rows: IntArray, n: int, rule: str) -> Array:
+    """One solution for each row, NaN where there is none."""
+    picked, before = np.full(n, np.nan), np.nan
+    starts = np.searchsorted(rows, np.arange(n + 1))
+    for row in range(n):
+        own = values[starts[row] : starts[row + 1]]
+        if len(own):
+            nearest = rule == NEAREST and not np.isnan(before)
+            before = picked[row] = own[np.argmin(np.abs(own - before))] if nearest else own[0]
+    return picked

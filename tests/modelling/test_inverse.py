@@ -1,0 +1,110 @@
+"""The inverse finds every solution that a brute-force scan finds; derivatives agree with differences."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "exporting"))
+from agreement import edges_of, points
+from export_samples import FORMULAS, STATIC, WITH_MEMORY
+
+from mapmore_cli.domain.errors import DataError, UsageError
+from mapmore_cli.modelling.inverse import invert, knots
+from mapmore_cli.modelling.kinds import predict, slopes
+
+INVERTED = [("smooth levels", "pressure"), ("smooth levels", "strain"), ("backbone, shrunken", "pressure")]
+
+
+@pytest.mark.parametrize(("name", "of"), INVERTED)
+def test_every_solution_of_a_fine_scan_is_found(name: str, of: str) -> None:
+    model = STATIC[name]
+    rng = np.random.default_rng(4)
+    ends = knots(model, of)
+    other = "strain" if of == "pressure" else "pressure"
+    given = {other: rng.uniform(*{"strain": (0.03, 0.2), "pressure": (110.0, 480.0)}[other], 8)}
+    at = {of: rng.uniform(ends[0], ends[-1], 8), **given}
+    wanted = predict(model, at)
+    found = invert(model, wanted, given, of)
+    back = predict(model, {of: found.values, other: given[other][found.rows]})
+    assert np.all(np.abs(back - wanted[found.rows]) <= 1e-6 * np.maximum(np.abs(wanted[found.rows]), 1.0))
+    fine = np.linspace(ends[0], ends[-1], 4_001)
+    for row in range(8):
+        own = found.values[found.rows == row]
+        assert np.all(np.diff(own) > 0)
+        values = predict(model, {of: fine, other: np.full(len(fine), given[other][row])}) - wanted[row]
+        crossings = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0)
+        step = np.abs(np.diff(values))
+        for i in crossings:
+            if step[i] < 20 * np.median(step) + 1e-9:  # a jump is no solution
+                assert np.min(np.abs(own - fine[i])) <= 2 * (fine[1] - fine[0]), (row, fine[i], own)
+        assert found.status[row] in ("one", "several", "flat")
+        assert found.picked[row] == own[0]
+
+
+def test_out_of_reach_flat_and_the_nearest_rule() -> None:
+    model = STATIC["values"]
+    none = invert(model, np.array([1e9]), {"strain": np.array([0.1])}, "pressure")
+    assert none.status == ("none",)
+    assert np.isnan(none.picked).all()
+    slack = STATIC["no levels"]
+    assert invert(slack, predict(slack, {"strain": np.array([0.1])}), {}, "strain").status[0] in ("one", "several")
+    several = invert(STATIC["smooth levels"], np.full(12, 200.0), {"strain": np.linspace(0.02, 0.2, 12)}, "pressure", "nearest")
+    jumps = np.abs(np.diff(several.picked[~np.isnan(several.picked)]))
+    lowest = invert(STATIC["smooth levels"], np.full(12, 200.0), {"strain": np.linspace(0.02, 0.2, 12)}, "pressure")
+    assert np.nansum(jumps) <= np.nansum(np.abs(np.diff(lowest.picked[~np.isnan(lowest.picked)])))
+
+
+def test_a_slack_range_is_flat_and_its_low_end_counts() -> None:
+    model = FORMULAS["sarosi"]
+    flat = STATIC["widest zones, zero"]  # nothing beyond the curves: zero at every pressure
+    found = invert(flat, np.array([0.0]), {"strain": np.array([0.9])}, "pressure")
+    assert found.status == ("flat",)
+    assert found.picked[0] == 100.0
+    assert invert(model, np.array([np.pi]), {"strain": np.array([0.1])}, "pressure").status[0] in ("none", "one", "several")
+
+
+def test_what_cannot_be_inverted() -> None:
+    with pytest.raises(UsageError, match="no input"):
+        invert(STATIC["steps"], np.ones(1), {"strain": np.ones(1)}, "volume")
+    with pytest.raises(UsageError, match="no rule"):
+        invert(STATIC["steps"], np.ones(1), {"strain": np.ones(1)}, "pressure", "highest")
+    with pytest.raises(DataError, match="memory"):
+        invert(WITH_MEMORY["lags"], np.ones(1), {"strain": np.ones(1)}, "pressure")
+
+
+@pytest.mark.parametrize("name", [*STATIC, "sarosi_hinged", "kerscher", "polynomial_5", "tondu_lopez_corrected", "peternel"])
+def test_derivatives_against_central_differences(name: str) -> None:
+    """Away from boundaries, where the differences to both sides agree."""
+    model = {**STATIC, **FORMULAS}[name]
+    columns = points(model, 500)
+    found = slopes(model, columns)
+    for quantity in model.inputs:
+        x = columns[quantity.name]
+        h = 1e-6 * np.ptp(x)
+        with np.errstate(all="ignore"):
+            up, here, down = (predict(model, {**columns, quantity.name: x + way}) for way in (h, 0.0, -h))
+        left, right, central = (here - down) / h, (up - here) / h, (up - down) / (2 * h)
+        size = np.maximum(np.abs(central), np.nanmedian(np.abs(central)))
+        smooth = np.isfinite(central) & (np.abs(left - right) <= 1e-4 * size)
+        smooth &= np.min(np.abs(x[:, None] - np.array([*edges_of(model, quantity.name), 0.0])), axis=1) > 2 * h
+        assert smooth.mean() > 0.2
+        noise = 1e-15 * np.abs(here) / h
+        assert np.all(np.abs(found[quantity.name] - central)[smooth] <= (1e-4 * size + 20 * noise)[smooth] + 1e-9)
+
+
+def test_transitions_are_as_smooth_as_they_promise() -> None:
+    """Across a zone's ends the slope jumps with linear transitions and does not with quadratic and cubic ones."""
+    from export_samples import pieces
+
+    jumps = {}
+    for transition in ("linear", "quadratic", "cubic"):
+        model = pieces(transition=transition, levels=None, counts={"strain": 3}, sides=("continue", "continue"), z_s=0.3)
+        ends = knots(model, "strain")[1:-1]
+        sides = [slopes(model, {"strain": ends + way})["strain"] for way in (-1e-9, 1e-9)]
+        jumps[transition] = np.max(np.abs(sides[0] - sides[1]))
+    assert jumps["linear"] > 1.0
+    assert max(jumps["quadratic"], jumps["cubic"]) < 1e-3 * jumps["linear"]
