@@ -119,6 +119,19 @@ def test_the_page_says_what_the_static_study_from_80_kpa_costs(name: str, column
         assert fall.terms == ("strain_rate^2",)
 
 
+@pytest.mark.parametrize(("name", "column"), [("dmsp-20-88", "McKibben: mapmore, none, reynolds, peternel"), ("peano", "Peano")])
+def test_the_page_says_what_a_sensor_in_the_muscle_shows(name: str, column: str, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    models = ("mapmore", "none", "reynolds", "peternel")
+    settings = ["name=in-muscle", "validate.against=[none, reynolds, peternel]", "report.published=null", "data.columns.pressure.column=Pm"]
+    chosen = [word for setting in settings for word in ("--set", setting)]
+    result = mapmore("validate", CONFIGS / f"{name}-damping.yaml", "--runs", tmp_path, "-q", *chosen)
+    assert result.exit_code == 0, result.stderr
+    found = pooled(tmp_path / "in-muscle")
+    cell = page_table("untried", DAMPING)["pressure taken in the muscle"][column]
+    told = [float(number) for number in re.sub(r"\([^)]*\)", "", cell).split(",")]
+    assert told == pytest.approx([100 * found[model] for model in models], abs=0.051)
+
+
 @pytest.mark.parametrize("study", SHOWN)
 def test_the_least_in_a_table_is_bold(study: str) -> None:
     for column in ("McKibben", "Peano"):
