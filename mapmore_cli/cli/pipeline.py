@@ -14,9 +14,10 @@ import typer
 from mapmore_cli.cli.ci import CiFiles, Junit, Summary
 from mapmore_cli.cli.console import print_view
 from mapmore_cli.cli.options import NO_OVERRIDES, RUNS, AsJson, Config, Explain, Force, Overrides, Quiet, Rehash, Runs, Verbose
-from mapmore_cli.cli.views.files import RESULTS, of_stage, page_lines
+from mapmore_cli.cli.views.files import of_stage, page_lines
 from mapmore_cli.cli.views.view import View
 from mapmore_cli.domain.errors import LimitMissed, told
+from mapmore_cli.storage.run_files import RunFiles
 
 if TYPE_CHECKING:
     from mapmore_cli.reporting.ci import RunReport
@@ -169,9 +170,8 @@ def _print_scores(
     """Print the scores, and then fail where the spec's limits are missed."""
     from mapmore_cli.cli.views.scored import of_scores
     from mapmore_cli.stages.validate import limits
-    from mapmore_cli.storage.artefacts import read_validation
 
-    validation = read_validation(run_dir / RESULTS["validate"])
+    validation = RunFiles(run_dir).validation()
     published = loaded.spec.report.published
     scores = of_scores(validation, published.numbers if published else None)
     held_to = limits(loaded.spec.validation.require, validation.scores)

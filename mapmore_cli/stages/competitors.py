@@ -27,7 +27,8 @@ from mapmore_cli.modelling.sums.joint import fit_jointly
 from mapmore_cli.spec.sections.results import Competitor
 from mapmore_cli.stages.ingestion.steps import DAMPING, STATIC_FORCE
 from mapmore_cli.stages.kinds.sums import summands_of
-from mapmore_cli.storage.artefacts import read_dataset, read_fit, read_model
+from mapmore_cli.storage.artefacts import read_model
+from mapmore_cli.storage.run_files import RunFiles
 
 Forecasts = tuple[Forecast, ...]
 """Of one model, for every curve of the dataset."""
@@ -76,7 +77,7 @@ class Contest:
             competitor = Competitor(model=competitor)
         if competitor.run is not None or competitor.set is not None:
             folder = self.needed[competitor.run or competitor.label]
-            return Rival(competitor.label, self._of_run(folder), motion=read_fit(folder / "fit.h5").motion)
+            return Rival(competitor.label, self._of_run(folder), motion=RunFiles(folder).fit().motion)
         if competitor.is_file:
             return Rival(competitor.label, self._of_model(read_model(self.spec_dir / str(competitor.model))))
         if competitor.static is not None:
@@ -102,7 +103,7 @@ class Contest:
         return replace(fit, rivals=tuple(scored(rival) for rival in fit.rivals))
 
     def _of_run(self, run_dir: Path) -> Forecasts:
-        return self._of_model(read_model(run_dir / "model.h5") if self.refit is None else self.refit(run_dir, self.dataset))
+        return self._of_model(RunFiles(run_dir).model() if self.refit is None else self.refit(run_dir, self.dataset))
 
     def _of_model(self, other: Model) -> Forecasts:
         quantities = self.dataset.quantities
@@ -161,11 +162,11 @@ class Contest:
 
     @cached_property
     def _static_dataset(self) -> Dataset:
-        return read_dataset(self._static_folder / "ingest.h5")
+        return RunFiles(self._static_folder).dataset()
 
     @cached_property
     def _static_model(self) -> Model:
-        return read_model(self._static_folder / "model.h5")
+        return RunFiles(self._static_folder).model()
 
     @property
     def _static_folder(self) -> Path:

@@ -7,6 +7,7 @@ from mapmore_cli.spec.sections.method import AUTO
 from mapmore_cli.stages.kinds import maker_of
 from mapmore_cli.stages.kinds.choices import FitChoices, lengths_of
 from mapmore_cli.stages.pipeline.stage import Stage, Workspace
+from mapmore_cli.storage.run_files import FIT
 
 
 def reads(spec: ExperimentSpec) -> FitChoices:
@@ -17,14 +18,14 @@ def reads(spec: ExperimentSpec) -> FitChoices:
 
 def run(part: FitChoices, workspace: Workspace) -> None:
     """Fit what the kind of model asks for: every segment, one model with memory, a formula, or nothing where models are added up."""
-    from mapmore_cli.storage.artefacts import read_dataset, units_of, write_fit
+    from mapmore_cli.storage.artefacts import units_of, write_fit
 
-    dataset = read_dataset(workspace.run_dir / "ingest.h5")
+    dataset = workspace.files.dataset()
     result = maker_of(part).fit(part, dataset, workspace)
     for piece in result.pieces:
         if piece.selection.tied.any():
             workspace.warn(f"segment {piece.id}: candidates tie within 1e-9; the first of the dictionary was taken")
-    write_fit(workspace.out / "fit.h5", result, units_of(dataset))
+    write_fit(workspace.out / FIT, result, units_of(dataset))
 
 
-STAGE = Stage(name="fit", revision=6, outputs=("fit.h5",), reads=reads, run=run)
+STAGE = Stage(name="fit", revision=6, outputs=(FIT,), reads=reads, run=run)

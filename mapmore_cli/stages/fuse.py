@@ -10,6 +10,7 @@ from mapmore_cli.stages.kinds.choices import ModelChoices, lengths_of
 from mapmore_cli.stages.kinds.signals import signals_of
 from mapmore_cli.stages.pipeline.fingerprint import plain
 from mapmore_cli.stages.pipeline.stage import Stage, Workspace
+from mapmore_cli.storage.run_files import MODEL
 
 
 def reads(spec: ExperimentSpec) -> ModelChoices:
@@ -39,14 +40,14 @@ def needs(spec: ExperimentSpec) -> list[str]:
 def run(part: ModelChoices, workspace: Workspace) -> None:
     """Build the model and write it."""
     from mapmore_cli.modelling.signals.rates import needed_signals
-    from mapmore_cli.storage.artefacts import read_dataset, write_model
+    from mapmore_cli.storage.artefacts import write_model
 
-    dataset = read_dataset(workspace.run_dir / "ingest.h5")
+    dataset = workspace.files.dataset()
     model = maker_of(part).build(part, dataset, workspace)
     model = replace(model, signals=needed_signals(part.signals, [quantity.name for quantity in model.inputs]))
     for note in model.notes:
         workspace.warn(note)
-    write_model(workspace.out / "model.h5", model, _provenance(part))
+    write_model(workspace.out / MODEL, model, _provenance(part))
 
 
 def _provenance(part: ModelChoices) -> dict[str, str]:
@@ -58,4 +59,4 @@ def _provenance(part: ModelChoices) -> dict[str, str]:
     return {**tool_versions(), "spec": json.dumps(plain(part), indent=1)}
 
 
-STAGE = Stage(name="fuse", revision=6, outputs=("model.h5",), reads=reads, run=run, needs=needs)
+STAGE = Stage(name="fuse", revision=6, outputs=(MODEL,), reads=reads, run=run, needs=needs)

@@ -8,6 +8,7 @@ from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.stages.ingestion.files import find_sources
 from mapmore_cli.stages.ingestion.slice import IngestSlice, slice_of
 from mapmore_cli.stages.pipeline.stage import Stage, Workspace
+from mapmore_cli.storage.run_files import DATASET
 
 
 def run(part: IngestSlice, workspace: Workspace) -> None:
@@ -17,7 +18,7 @@ def run(part: IngestSlice, workspace: Workspace) -> None:
 
     static_run = workspace.needed[part.static] if part.static is not None else None
     dataset = build_dataset(part, workspace.spec_dir, static_run=static_run, progress=workspace.progress, warn=workspace.warn)
-    write_dataset(workspace.out / "ingest.h5", dataset)
+    write_dataset(workspace.out / DATASET, dataset)
 
 
 def sources(spec: ExperimentSpec, folder: Path) -> list[Path]:
@@ -31,4 +32,4 @@ def needs(spec: ExperimentSpec) -> list[str]:
     return [spec.needs.static] if spec.target == "damping" and spec.needs.static is not None else []
 
 
-STAGE = Stage(name="ingest", revision=4, outputs=("ingest.h5",), reads=slice_of, run=run, sources=sources, needs=needs)
+STAGE = Stage(name="ingest", revision=4, outputs=(DATASET,), reads=slice_of, run=run, sources=sources, needs=needs)

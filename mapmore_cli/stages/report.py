@@ -10,6 +10,7 @@ from mapmore_cli.domain.errors import DataError, SpecError, UsageError
 from mapmore_cli.spec.experiment import ExperimentSpec, Muscle
 from mapmore_cli.spec.sections.results import Report, Style, Validate
 from mapmore_cli.stages.pipeline.stage import Stage, Workspace
+from mapmore_cli.storage.run_files import VALIDATION, RunFiles
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -94,21 +95,20 @@ def collected(part: Slice, run_dir: Path, spec_text: str = "") -> ReportInputs:
     """The results of the stages before, with what the spec says of the report."""
     from mapmore_cli.modelling.kinds import equations as model_equations
     from mapmore_cli.reporting.inputs import ReportInputs
-    from mapmore_cli.storage import artefacts
     from mapmore_cli.storage.provenance import tool_versions
 
-    dataset = artefacts.read_dataset(run_dir / "ingest.h5")
-    model = artefacts.read_model(run_dir / "model.h5")
+    dataset = RunFiles(run_dir).dataset()
+    model = RunFiles(run_dir).model()
     published = part.report.published
     return ReportInputs(
         name=part.name,
         muscle=_labels(part.muscle),
         target=dataset.quantities[dataset.target],
         dataset=dataset,
-        segmentation=artefacts.read_segmentation(run_dir / "segment.h5"),
-        fit=artefacts.read_fit(run_dir / "fit.h5"),
+        segmentation=RunFiles(run_dir).segmentation(),
+        fit=RunFiles(run_dir).fit(),
         model=model,
-        validation=artefacts.read_validation(run_dir / "validate.h5"),
+        validation=RunFiles(run_dir).validation(),
         equations=model_equations(model),
         other_equations=_in_units(model, part.report.units),
         published=published.numbers if published else None,
@@ -157,7 +157,7 @@ def drawn_figure(run_dir: Path, name: str, key: str | None, suffix: str) -> tupl
     from mapmore_cli.reporting.report import data_csv
     from mapmore_cli.spec.loader import load
 
-    if not (run_dir / "validate.h5").is_file():
+    if not (run_dir / VALIDATION).is_file():
         raise DataError(f"{run_dir}: holds no finished run", "give a folder that `mapmore run` wrote, as runs/NAME")
     inputs = collected(reads(load(run_dir / "experiment.yaml").spec), run_dir)
     faults_of(inputs.style)

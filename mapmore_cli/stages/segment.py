@@ -11,6 +11,7 @@ from mapmore_cli.spec.sections.method import Cuts, Fit, Fuse, ModelChoice
 from mapmore_cli.stages.kinds.choices import SegmentSection
 from mapmore_cli.stages.kinds.pieces import recipe_of
 from mapmore_cli.stages.pipeline.stage import Stage, Workspace
+from mapmore_cli.storage.run_files import SEGMENTATION
 
 
 @dataclass(frozen=True)
@@ -44,9 +45,9 @@ def run(part: Slice, workspace: Workspace) -> None:
     from mapmore_cli.modelling.pieces.build import segment
     from mapmore_cli.modelling.pieces.recipe import Even
     from mapmore_cli.modelling.pieces.segmentation import trained_at
-    from mapmore_cli.storage.artefacts import read_dataset, units_of, write_segmentation
+    from mapmore_cli.storage.artefacts import units_of, write_segmentation
 
-    dataset = read_dataset(workspace.run_dir / "ingest.h5")
+    dataset = workspace.files.dataset()
     trial = part.trial or Trial([], ModelChoice(), Fit())
     recipe = recipe_of(dataset.target, part.levels, part.segment, trial.dictionary, trial.fit, Fuse())
     backbone = trial.model.backbone
@@ -58,7 +59,7 @@ def run(part: Slice, workspace: Workspace) -> None:
             if wanted is not None and len(boundaries) <= wanted:
                 why = ": neighbours with too few samples are joined" if isinstance(recipe.cutting.cuts[name], Even) else ""
                 workspace.warn(f"curve {curve.curve}: {len(boundaries) - 1} segment(s) along {name} instead of {wanted}{why}")
-    write_segmentation(workspace.out / "segment.h5", segmentation, units_of(dataset))
+    write_segmentation(workspace.out / SEGMENTATION, segmentation, units_of(dataset))
 
 
-STAGE = Stage(name="segment", revision=4, outputs=("segment.h5",), reads=reads, run=run)
+STAGE = Stage(name="segment", revision=4, outputs=(SEGMENTATION,), reads=reads, run=run)

@@ -17,6 +17,7 @@ from mapmore_cli.spec.sections.results import Competitor
 from mapmore_cli.stages import fuse
 from mapmore_cli.stages.kinds.choices import ModelChoices
 from mapmore_cli.stages.pipeline.stage import Compared, Need, Stage, Variation, Workspace
+from mapmore_cli.storage.run_files import VALIDATION
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.recording import Dataset
@@ -65,10 +66,10 @@ def run(part: Slice, workspace: Workspace) -> None:
     from mapmore_cli.modelling.scores.rows import divisor
     from mapmore_cli.reporting.model_tables import rival_minima
     from mapmore_cli.stages.competitors import Contest
-    from mapmore_cli.storage.artefacts import read_dataset, read_model, write_scores, write_validation
+    from mapmore_cli.storage.artefacts import write_scores, write_validation
 
-    dataset = read_dataset(workspace.run_dir / "ingest.h5")
-    model = read_model(workspace.run_dir / "model.h5")
+    dataset = workspace.files.dataset()
+    model = workspace.files.model()
     static_run = workspace.needed[part.static] if part.static is not None else None
     contest = Contest(dataset, model, workspace.needed, static_run, part.lengths, workspace.spec_dir)
     rivals = _rivals(contest, part, workspace)
@@ -88,7 +89,7 @@ def run(part: Slice, workspace: Workspace) -> None:
     motions = {one.name: one.motion for one in rivals if one.motion is not None}
     predictions = {name: tuple(one.values for one in found) for name, found in forecasts.items()}
     validation = Validation(predictions, formulas, tuple(scores), {part.target: dataset.unit(dataset.target)}, motions)
-    write_validation(workspace.out / "validate.h5", validation)
+    write_validation(workspace.out / VALIDATION, validation)
     write_scores(workspace.out, validation, model.name)
 
 
@@ -187,5 +188,5 @@ def sources(spec: ExperimentSpec, folder: Path) -> list[Path]:
 
 
 STAGE = Stage(
-    name="validate", revision=5, outputs=("validate.h5", "scores.csv", "scores.json"), reads=reads, run=run, sources=sources, needs=needs
+    name="validate", revision=5, outputs=(VALIDATION, "scores.csv", "scores.json"), reads=reads, run=run, sources=sources, needs=needs
 )

@@ -13,12 +13,10 @@ from typing import TYPE_CHECKING, Any
 from mapmore_cli.cli.views.view import View
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.page import RUN_PAGE
+from mapmore_cli.storage.run_files import RESULTS
 
 if TYPE_CHECKING:
     from mapmore_cli.reporting.tables import Table
-
-RESULTS = {"ingest": "ingest.h5", "segment": "segment.h5", "fit": "fit.h5", "fuse": "model.h5", "validate": "validate.h5"}
-"""The file that shows what a stage found; `report` has a page instead."""
 
 
 def of_file(path: Path, warn: Callable[[str], None], unverified: bool) -> View:

@@ -12,9 +12,10 @@ from mapmore_cli import __version__
 from mapmore_cli.domain.errors import DataError, UsageError, WriteError
 from mapmore_cli.storage.atomic import TEMPORARY, refusals_told, sync_tree, write_text
 from mapmore_cli.storage.provenance import take_stamp
+from mapmore_cli.storage.run_files import MODEL
 from mapmore_cli.storage.run_record import RUN_RECORD, load_records
 
-KEPT = ("model.h5", "scores.json", "scores.csv", "experiment.yaml", RUN_RECORD)
+KEPT = (MODEL, "scores.json", "scores.csv", "experiment.yaml", RUN_RECORD)
 FROZEN = "frozen.json"
 TAG = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
 READ_ONLY = 0o444
@@ -90,20 +91,20 @@ def find_model(text: str, runs: Path, archive: Path) -> Path:
         return path
     tagged = sorted(archive.glob(f"*@{text}")) if TAG.fullmatch(text) else []
     places = [path, runs / text, archive / text, *tagged]
-    found = list(dict.fromkeys(place for place in places if (place / "model.h5").is_file()))
+    found = list(dict.fromkeys(place for place in places if (place / MODEL).is_file()))
     if not found:
         raise DataError(f"{text}: there is no model of this name", f"name a model file, a run in {runs}, or a tag in {archive}")
     if len(found) > 1 and found[0].parent == archive:
         names = ", ".join(place.name for place in found)
         raise UsageError(f"{text}: several frozen models have this tag: {names}", "name one of them in full")
     _check_frozen(found[0])
-    return found[0] / "model.h5"
+    return found[0] / MODEL
 
 
 def _check_frozen(folder: Path) -> None:
     record = folder / FROZEN
     if not record.is_file():
         return
-    expected = json.loads(record.read_text(encoding="utf-8"))["sha256"]["model.h5"]
-    if take_stamp(folder / "model.h5").sha256 != expected:
+    expected = json.loads(record.read_text(encoding="utf-8"))["sha256"][MODEL]
+    if take_stamp(folder / MODEL).sha256 != expected:
         raise DataError(f"{folder / 'model.h5'}: is not the model that was frozen", "take the folder from a backup, or freeze the run anew")

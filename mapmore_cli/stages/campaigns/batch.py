@@ -12,6 +12,8 @@ from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mapmore_cli.storage.run_files import RunFiles
+
 if TYPE_CHECKING:
     from mapmore_cli.domain.scores import Limit, Published, Validation
 
@@ -96,13 +98,12 @@ def run_one(job: Job) -> Finished:
     from mapmore_cli.spec.loader import load
     from mapmore_cli.stages.pipeline.runner import bring_up_to_date
     from mapmore_cli.stages.validate import limits
-    from mapmore_cli.storage.artefacts import read_validation
 
     started = time.perf_counter()
     loaded = load(job.config, job.overrides)
     warnings: list[str] = []
     outcome = bring_up_to_date(loaded, job.runs, force=job.force, rehash=job.rehash, warn=warnings.append, campaign=job.campaign)
-    validation = read_validation(outcome.run_dir / "validate.h5")
+    validation = RunFiles(outcome.run_dir).validation()
     held_to = limits(loaded.spec.validation.require, validation.scores)
     published = loaded.spec.report.published
     printed = published.numbers if published else None

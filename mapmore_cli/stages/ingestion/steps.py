@@ -18,7 +18,7 @@ from mapmore_cli.modelling.signals.plateau import find_plateau, without_steady_s
 from mapmore_cli.spec.sections.data import STEP_OF, STEP_PRESSURE
 from mapmore_cli.spec.units import convert
 from mapmore_cli.stages.ingestion.samples import located
-from mapmore_cli.storage.artefacts import read_model
+from mapmore_cli.storage.run_files import RunFiles
 
 PLATEAU = "plateau"
 """1 on the plateau of a step response, else 0."""
@@ -66,7 +66,7 @@ def static_model(run_dir: Path, force: Quantity, units: Mapping[str, str]) -> Mo
     SpecError
         Where it is of another quantity or unit, or has an input that the recordings lack or hold in another unit.
     """
-    model = read_model(run_dir / "model.h5")
+    model = RunFiles(run_dir).model()
     if model.output != force:
         found = f"{model.output.name} in {model.output.unit}"
         raise SpecError(f"needs.static: the model of {model.name} is of {found}, not of {force.name} in {force.unit}", "need another run")

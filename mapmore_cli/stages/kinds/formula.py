@@ -12,7 +12,6 @@ from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.pieces.segmentation import segment_curve, trained_at, training_curves
 from mapmore_cli.stages.kinds.choices import FitChoices, ModelChoices, level_of
 from mapmore_cli.stages.pipeline.stage import Workspace
-from mapmore_cli.storage.artefacts import read_fit, read_segmentation
 
 
 def fit(part: FitChoices, dataset: Dataset, workspace: Workspace) -> FitResult:
@@ -24,9 +23,9 @@ def fit(part: FitChoices, dataset: Dataset, workspace: Workspace) -> FitResult:
 
 def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:
     """The fitted formula as a model."""
-    found = read_fit(workspace.run_dir / "fit.h5").formula
+    found = workspace.files.fit().formula
     assert found is not None
-    training = read_segmentation(workspace.run_dir / "segment.h5")
+    training = workspace.files.segmentation()
     level = level_of(part.levels, part.segment)
     return formula.build(part.name, dataset.quantities[dataset.target], found, level, training, dataset.quantities)
 

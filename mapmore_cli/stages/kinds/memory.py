@@ -12,7 +12,6 @@ from mapmore_cli.stages.kinds.choices import FitChoices, ModelChoices
 from mapmore_cli.stages.kinds.dictionary import Clock, terms_of
 from mapmore_cli.stages.kinds.formula import fitted
 from mapmore_cli.stages.pipeline.stage import Workspace
-from mapmore_cli.storage.artefacts import read_fit, read_segmentation
 
 
 def fit(part: FitChoices, dataset: Dataset, workspace: Workspace) -> FitResult:
@@ -49,7 +48,7 @@ def fit(part: FitChoices, dataset: Dataset, workspace: Workspace) -> FitResult:
 
 def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:
     """The model, with the training range of its inputs."""
-    result = read_fit(workspace.run_dir / "fit.h5")
+    result = workspace.files.fit()
     assert result.memory is not None
-    training = read_segmentation(workspace.run_dir / "segment.h5")
+    training = workspace.files.segmentation()
     return memory.build(part.name, result.memory.model, result.backbone, training, dataset.quantities, result.notes)

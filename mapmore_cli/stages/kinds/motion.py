@@ -11,7 +11,6 @@ from mapmore_cli.modelling.motion import model as motion
 from mapmore_cli.spec.sections.method import ModelChoice
 from mapmore_cli.stages.kinds.choices import FitChoices, ModelChoices
 from mapmore_cli.stages.pipeline.stage import Workspace
-from mapmore_cli.storage.artefacts import read_fit, read_segmentation
 
 
 def fit(part: FitChoices, dataset: Dataset, workspace: Workspace) -> FitResult:
@@ -55,7 +54,7 @@ def recipe_of(choice: ModelChoice, target: str, step: float) -> MotionRecipe:
 
 def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:
     """The model, with the training range of its inputs."""
-    result = read_fit(workspace.run_dir / "fit.h5")
+    result = workspace.files.fit()
     assert result.motion is not None
-    training = read_segmentation(workspace.run_dir / "segment.h5")
+    training = workspace.files.segmentation()
     return motion.build(part.name, result.motion.model, training, dataset.quantities, result.notes)

@@ -82,10 +82,9 @@ def fit(part: FitChoices, dataset: Dataset, workspace: Workspace) -> FitResult:
     from mapmore_cli.domain.results import FitResult, PiecesFit
     from mapmore_cli.modelling.pieces import build as method
     from mapmore_cli.modelling.pieces.segmentation import trained_at
-    from mapmore_cli.storage.artefacts import read_segmentation
 
     curves = trained_at(dataset.curves, part.fit.train_level)
-    segmentation = read_segmentation(workspace.run_dir / "segment.h5")
+    segmentation = workspace.files.segmentation()
     recipe = recipe_of(dataset.target, part.levels, part.segment, part.dictionary, part.fit, part.joining or Fuse())
     backbone, notes = _backbone(part, dataset, curves, recipe, lambda done, of: workspace.progress("backbones", done, of))
     total = sum(len(curve.segments) for curve in segmentation)
@@ -121,11 +120,10 @@ def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:
     from mapmore_cli.modelling.pieces import build as method
     from mapmore_cli.modelling.pieces.segmentation import trained_at
     from mapmore_cli.modelling.pieces.shrinkage import with_trusted_residual
-    from mapmore_cli.storage.artefacts import read_fit, read_segmentation
 
     curves = trained_at(dataset.curves, part.fit.train_level)
-    segmentation = read_segmentation(workspace.run_dir / "segment.h5")
-    result = read_fit(workspace.run_dir / "fit.h5")
+    segmentation = workspace.files.segmentation()
+    result = workspace.files.fit()
     recipe = recipe_of(dataset.target, part.levels, part.segment, part.dictionary, part.fit, part.fuse)
     model = method.fuse(part.name, curves, segmentation, result, recipe, dataset.quantities)
     if result.backbone is None or recipe.fusing.shrink is not None:

@@ -18,7 +18,7 @@ from mapmore_cli.modelling.terms import Name, parse
 from mapmore_cli.spec.sections import method
 from mapmore_cli.stages.kinds.choices import FitChoices, ModelChoices
 from mapmore_cli.stages.pipeline.stage import Workspace
-from mapmore_cli.storage.artefacts import read_fit, read_model
+from mapmore_cli.storage.run_files import RunFiles
 
 
 def fit(part: FitChoices, dataset: Dataset, workspace: Workspace) -> FitResult:
@@ -44,14 +44,14 @@ def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:
     """The sum: static plus damping, or the parts that the spec names."""
     output, quantities = dataset.quantities[dataset.target], dataset.quantities
     if part.model.sum is None:
-        models = [read_model(workspace.needed[path] / "model.h5") for path in part.summands]
+        models = [RunFiles(workspace.needed[path]).model() for path in part.summands]
         return sum_of(part.name, [Part(model) for model in models], output, quantities)
     formulas = summands_of(part.model.sum)
     if formulas:
-        joint = read_fit(workspace.run_dir / "fit.h5").formula
+        joint = workspace.files.fit().formula
         assert joint is not None
         return sum_of(part.name, formula_parts(formulas, joint, dataset), output, quantities)
-    parts = [Part(read_model(workspace.needed[str(one.model)] / "model.h5"), float(one.sign), dict(one.inputs)) for one in part.model.sum]
+    parts = [Part(RunFiles(workspace.needed[str(one.model)]).model(), float(one.sign), dict(one.inputs)) for one in part.model.sum]
     refuse_shared_names([(one.model.name, [q.name for q in one.model.inputs], one.inputs) for one in parts])
     return sum_of(part.name, parts, output, quantities)
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from mapmore_cli.spec.experiment import ExperimentSpec
+from mapmore_cli.storage.run_files import RunFiles
 
 Progress = Callable[[str, int, int], None]
 """`progress(what, done, total)`: called as long work goes on."""
@@ -45,6 +46,11 @@ class Workspace:
     warn: Callable[[str], None]
     needed: Mapping[str, Path] = field(default_factory=dict)
     spec_text: str = ""
+
+    @property
+    def files(self) -> RunFiles:
+        """The results of the stages before."""
+        return RunFiles(self.run_dir)
 
 
 Need = str | Compared | Variation
