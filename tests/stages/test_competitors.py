@@ -41,7 +41,8 @@ def model_of(name: str, dataset: Dataset = DATASET, **changes: Any) -> Model:
 
 def contest(**changes: Any) -> Contest:
     lengths = {"length": None, "diameter": None}
-    return replace(Contest(DATASET, model_of("polynomial_2"), {}, None, lengths), **changes)
+    plain = Contest(dataset=DATASET, model=model_of("polynomial_2"), needed={}, static_run=None, lengths=lengths, spec_dir=Path())
+    return replace(plain, **changes)
 
 
 def test_a_formula_is_fitted_to_the_training_samples_alone() -> None:
