@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -86,6 +87,12 @@ def pieces(
     return Model("dmsp-20", FORCE, tuple(Quantity(name, units[name]) for name in names), body)
 
 
+def fused(model: Model, **changes: Any) -> Model:
+    """The model joined in another way."""
+    assert isinstance(model.body, Pieces)
+    return replace(model, body=replace(model.body, fusion=replace(model.body.fusion, **changes)))
+
+
 def fit(name: str, **parameters: float) -> FormulaFit:
     formula = literature.get(name)
     rng = np.random.default_rng(5)
@@ -163,6 +170,7 @@ STATIC = {
         counts={"speed": 2, "strain": 3},
         terms=("strain*speed", "abs(speed)", "sign(speed)*strain^2", "speed^5", "1/(2 + strain)"),
     ),
+    "not held, ends of the whole domain": fused(pieces(sides=("saturate", "continue_linear")), hold="none", domain={"strain": (0.02, 0.3)}),
     "no levels": pieces(levels=None, counts={"strain": 4}),
     "one level": pieces(levels=(200.0,), level_sides=("zero", "continue_linear")),
     "two smooth levels": pieces(levels=(100.0, 300.0), scheme="pchip"),

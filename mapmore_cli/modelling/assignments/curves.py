@@ -49,7 +49,8 @@ def curve_function(
 
 
 def _along(lines: Lines, curve: CurveFunction, fusion: Fusion, name: str) -> Along:
-    asked, sides, ends = Name(lines.names.fresh(f"at_{name}")), fusion.extrapolation[name], curve.limits[name]
+    asked, sides = Name(lines.names.fresh(f"at_{name}")), fusion.extrapolation[name]
+    ends = fusion.domain.get(name, curve.limits[name])
     cases = [
         (Condition(asked, sign, Number(end)), Number(held_at(side, end)))
         for sign, side, end in zip("<>", sides, ends, strict=True)
@@ -142,6 +143,8 @@ class _Curve:
 
     def _reach(self, segment: SegmentFunction) -> Iterator[tuple[str, float | None, float | None]]:
         """Where a segment function is held, where that lies within the zones in which it counts; see `pieces.curve`."""
+        if self.fusion.hold == "none":
+            return
         for name, boundaries, place in zip(self.variables, self.curve.boundaries, segment.cell, strict=True):
             low, high = segment.limits.get(name, (-inf, inf))
             reach = self.fusion.z_s * (high - low)
