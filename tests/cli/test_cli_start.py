@@ -22,6 +22,7 @@ COMMANDS = [
     "run",
     "batch",
     "predict",
+    "invert",
     "freeze",
     "compare",
     "export",
