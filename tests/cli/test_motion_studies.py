@@ -132,6 +132,18 @@ def test_the_page_says_what_a_sensor_in_the_muscle_shows(name: str, column: str,
     assert told == pytest.approx([100 * found[model] for model in models], abs=0.051)
 
 
+def test_the_page_says_what_rates_are_worth_on_a_measured_muscle(measured_data: Path, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    del measured_data  # absent where the recordings are
+    result = mapmore("validate", CONFIGS.parent / "coiled" / "coiled_steps_rates.yaml", "--runs", tmp_path, "-q")
+    assert result.exit_code == 0, result.stderr
+    scores = json.loads((tmp_path / "coiled_steps_rates" / "scores.json").read_text())["scores"]
+    found = {(row["model"], row["split"]): 100 * row["nrmse"] for row in scores if row["curve"] == "all"}
+    table = page_table("rates", DAMPING)
+    for row, model in zip(table, ("static_map", "rise_and_fall_maps", "mapmore", "rates_without_direction"), strict=True):
+        told = [float(table[row][column].strip("*")) for column in ("validation", "training")]
+        assert told == pytest.approx([found[model, "validate"], found[model, "train"]], abs=0.051), row
+
+
 @pytest.mark.parametrize("study", SHOWN)
 def test_the_least_in_a_table_is_bold(study: str) -> None:
     for column in ("McKibben", "Peano"):
