@@ -155,7 +155,7 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, monkeypat
 
     monkeypatch.setattr(Path, "replace", full)
     with pytest.raises(WriteError, match=r"cannot be written.*No space left"):
-        simulate(spec, tmp_path, silent)
+        simulate(spec, tmp_path, silent, force=True)
     assert [path.name for path in tmp_path.iterdir()] == ["load_cycle_080.csv"]
     assert (tmp_path / "load_cycle_080.csv").read_text() == "old"
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from surfaces import recipe as settings_of
 
 from mapmore_cli.domain.errors import DataError, SpecError
-from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.models import Model, Part
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling.kinds import equations as model_equations
 from mapmore_cli.modelling.kinds import outside_range, predict
@@ -104,10 +104,13 @@ def test_the_steady_state_is_taken_from_each_recording_by_itself() -> None:
 
 def test_a_sum_adds_its_models_and_their_ranges() -> None:
     static = build(
-        "s", [curve(100.0, force=np.full(400, 5.0))], Recipe("force", None, {}, ("strain",), scaling="max_abs", max_terms=1), QUANTITIES
+        "s",
+        [curve(100.0, force=np.full(400, 5.0))],
+        settings_of(target="force", level=None, cuts={}, dictionary=("strain",), scaling="max_abs"),
+        QUANTITIES,
     )
     damping = build("d", [curve(350.0)], recipe(None, ("strain_rate",)), QUANTITIES)
-    total = sum_of("t", [static, damping], QUANTITIES["force"], QUANTITIES)
+    total = sum_of("t", [Part(static), Part(damping)], QUANTITIES["force"], QUANTITIES)
     columns = curve(350.0, seed=5).columns
     assert [quantity.name for quantity in total.inputs] == ["direction", "strain", "strain_rate"]
     assert np.array_equal(predict(total, columns), predict(static, columns) + predict(damping, columns))
@@ -118,6 +121,6 @@ def test_a_sum_adds_its_models_and_their_ranges() -> None:
 def test_a_sum_of_two_units_is_refused() -> None:
     damping = build("d", [curve(350.0)], recipe(None, ("strain_rate",)), QUANTITIES)
     with pytest.raises(SpecError, match="in N, the force of this study in kN"):
-        sum_of("t", [damping], Quantity("force", "kN"), QUANTITIES)
+        sum_of("t", [Part(damping)], Quantity("force", "kN"), QUANTITIES)
     with pytest.raises(SpecError, match="function of direction"):
-        sum_of("t", [damping], QUANTITIES["force"], {})
+        sum_of("t", [Part(damping)], QUANTITIES["force"], {})

@@ -161,7 +161,7 @@ def test_losses_are_warned_of(ingest: Ingest) -> None:
     ingest({"a.csv": steps(80, 40), "b.csv": steps(80, 5)}, warnings=warnings, keep=[{"quantity": "time", "below": 1.0}])
     assert warnings == [
         "a.csv: 75% of 40 samples left out (30: time >= 1 s)",
-        "b.csv: only 5 of 5 samples kept (the file has no more)",
+        "b.csv: holds only 5 samples",
     ]
 
 

@@ -11,7 +11,7 @@ import pytest
 from ingest_samples import COLUMNS, csv_text, spec_of
 
 from mapmore_cli.domain.errors import DataError, SpecError
-from mapmore_cli.domain.models import Formula, Model
+from mapmore_cli.domain.models import CurveRange, Formula, Model
 from mapmore_cli.domain.recording import Dataset, Quantity
 from mapmore_cli.modelling import literature
 from mapmore_cli.stages.ingestion.dataset import build_dataset
@@ -37,7 +37,9 @@ def step(height: float, extra: float = 0.0, **changes: np.ndarray) -> str:
 def sarosi_model(**changes: Any) -> Model:
     fit = literature.get("sarosi").fit(GRID, FORCE)
     inputs = (Quantity("pressure", "kPa"), Quantity("strain", "1"))
-    return replace(Model("s", Quantity("force", "N"), inputs, Formula(fit, None, ())), **changes)
+    limits = {quantity.name: (0.0, 1000.0) for quantity in changes.get("inputs", inputs)}
+    body = Formula(fit, None, (CurveRange("all", None, limits),))
+    return replace(Model("s", Quantity("force", "N"), inputs, body), **changes)
 
 
 def ingest(folder: Path, recordings: dict[str, str], model: Model | None = None, **data: Any) -> Dataset:
