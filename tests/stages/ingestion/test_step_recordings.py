@@ -104,7 +104,10 @@ def test_a_recording_without_a_plateau_is_refused(recording: str, data: dict[str
         ({"output": Quantity("force", "kN")}, "force in kN, not of force in N"),
         ({"output": Quantity("displacement", "m")}, "displacement in m, not of force in N"),
         ({"inputs": (Quantity("pressure", "bar"), Quantity("strain", "1"))}, "pressure in bar; this study has it in kPa"),
-        ({"inputs": (Quantity("length", "m"),)}, "length in m; this study has it not at all"),
+        (
+            {"inputs": (Quantity("length", "m"), Quantity("pressure", "kPa"), Quantity("strain", "1"))},
+            "length in m; this study has it not at all",
+        ),
     ],
     ids=["unit", "quantity", "unit of an input", "absent input"],
 )
