@@ -14,7 +14,6 @@ from mapmore_cli.domain.motion import MotionFit
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.domain.scores import Published, Validation, deciding
-from mapmore_cli.modelling.kinds import runs_over_time
 from mapmore_cli.reporting.table import Table
 
 MOST_LINES = 7
@@ -156,6 +155,8 @@ class ReportInputs:
     @property
     def has_memory(self) -> bool:
         """True where the model runs along recordings, by itself or as a part of a sum."""
+        from mapmore_cli.modelling.kinds import runs_over_time  # here, so that a table of scores is shown without the kinds of models
+
         return runs_over_time(self.model)
 
     @property
