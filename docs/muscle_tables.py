@@ -22,8 +22,7 @@ from mapmore_cli.domain.scores import Score
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.literature.identifiability import half_width
-from mapmore_cli.modelling.scores.bands import bands
-from mapmore_cli.modelling.scores.metrics import uncentred
+from mapmore_cli.modelling.scores.metrics import bands, uncentred
 from mapmore_cli.reporting.tables import Cell, Column, Table, bands_table
 from mapmore_cli.spec.loader import load
 from mapmore_cli.stages.pipeline.runner import bring_up_to_date

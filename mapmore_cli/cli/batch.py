@@ -107,7 +107,7 @@ def _joint(ordered: dict[str, Result], pages: Sequence[CampaignPage], alone: dic
 
 
 def _document(config: Path, name: str, result: Result) -> dict[str, Any]:
-    from mapmore_cli.cli.views.scored import of_scores
+    from mapmore_cli.cli.views.compared import of_scores
 
     head: dict[str, Any] = {"config": str(config), "name": name, "exit_code": _code(result)}
     if isinstance(result, BaseException):

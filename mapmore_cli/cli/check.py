@@ -32,14 +32,14 @@ def check(
     """Check a spec and its data, or a campaign; compute nothing."""
     from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.progress import Reporter
-    from mapmore_cli.cli.views import inspected
+    from mapmore_cli.cli.views import measured
     from mapmore_cli.stages.campaigns.page import expanded
 
     campaigns, entries = expanded([config], overrides)
     with Reporter(quiet) as reporter:
         if not campaigns:
             name, inspection = _inspected(entries[0], reporter)
-            print_view(inspected.of_inspection(inspection).under({"name": name}), as_json)
+            print_view(measured.of_inspection(inspection).under({"name": name}), as_json)
             if inspection.verdict is not None:  # its issues stand in the document
                 print(message(inspection.verdict), file=sys.stderr)
                 raise typer.Exit(exit_code(inspection.verdict))
@@ -51,7 +51,7 @@ def check(
                 results[run] = _inspected(entry, reporter)[1]
             except MapmoreError as fault:
                 results[run] = fault
-    print_view(inspected.of_campaign(results).under({"campaign": campaigns[0].campaign.campaign}), as_json)
+    print_view(measured.of_campaign(results).under({"campaign": campaigns[0].campaign.campaign}), as_json)
     verdicts = [result if isinstance(result, MapmoreError) else result.verdict for result in results.values()]
     if code := max((exit_code(verdict) for verdict in verdicts if verdict is not None), default=0):
         raise typer.Exit(code)

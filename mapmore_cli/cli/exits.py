@@ -11,8 +11,7 @@ import sys
 import traceback
 
 from mapmore_cli.cli.console import print_document
-from mapmore_cli.domain.errors import LimitMissed, MapmoreError, WriteError, told
-from mapmore_cli.domain.plain_text import printable
+from mapmore_cli.domain.errors import LimitMissed, MapmoreError, WriteError, printable, told
 
 INTERNAL_FAULT = 1
 INTERRUPTED = 130  # 128 + SIGINT, as shells report it

@@ -17,7 +17,7 @@ from mapmore_cli.cli.options import NO_OVERRIDES, RUNS, AsJson, Config, Explain,
 from mapmore_cli.cli.views.files import of_stage, page_lines
 from mapmore_cli.cli.views.view import View
 from mapmore_cli.domain.errors import LimitMissed, told
-from mapmore_cli.storage.run_files import RunFiles
+from mapmore_cli.storage.run_folder import RunFiles
 
 if TYPE_CHECKING:
     from mapmore_cli.reporting.ci import RunReport
@@ -168,7 +168,7 @@ def _print_scores(
     loaded: LoadedSpec, run_dir: Path, head: Mapping[str, Any], ended: RunReport, lines: tuple[str, ...], options: Options
 ) -> None:
     """Print the scores, and then fail where the spec's limits are missed."""
-    from mapmore_cli.cli.views.scored import of_scores
+    from mapmore_cli.cli.views.compared import of_scores
     from mapmore_cli.stages.validate import limits
 
     validation = RunFiles(run_dir).validation()

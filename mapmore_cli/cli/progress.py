@@ -9,8 +9,7 @@ from contextlib import ExitStack
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-from mapmore_cli.domain.errors import RunWarning, UsageError
-from mapmore_cli.domain.plain_text import printable
+from mapmore_cli.domain.errors import RunWarning, UsageError, printable
 
 if TYPE_CHECKING:
     from rich.progress import Progress

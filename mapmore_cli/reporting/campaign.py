@@ -9,7 +9,7 @@ from statistics import median
 
 from mapmore_cli.domain.scores import OWN, REPEATABILITY, Published, Score, deciding
 from mapmore_cli.reporting.figures.catalogue import RenderedFigure
-from mapmore_cli.reporting.page import SCREEN_SCALE, environment
+from mapmore_cli.reporting.report import SCREEN_SCALE, environment
 from mapmore_cli.reporting.table import Cell, Column, Table
 
 Pooled = Mapping[str, Score]

@@ -1,4 +1,4 @@
-"""Writes a report: page, figures, tables."""
+"""Writes a report: figures, tables, and one self-contained HTML page without scripts and network."""
 
 from __future__ import annotations
 
@@ -10,12 +10,54 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mapmore_cli.domain.page import FIGURES
+from mapmore_cli.reporting.comparison_tables import verdict
+from mapmore_cli.reporting.figures.catalogue import RenderedFigure
 from mapmore_cli.reporting.inputs import ReportInputs
-from mapmore_cli.reporting.table import Table, number_text
+from mapmore_cli.reporting.table import Table, number_text, to_html
 from mapmore_cli.reporting.tables import all_tables, to_csv, to_latex
 
 if TYPE_CHECKING:
+    from jinja2 import Environment
+if TYPE_CHECKING:
     from mapmore_cli.reporting.figures.drawing import Drawing
+
+
+LONG_TABLE = 40
+"""Rows from which a table starts folded on the screen; it is always printed."""
+
+SCREEN_SCALE = 1.35
+"""Figures are made for paper; a screen is read from further away."""
+
+
+def render_page(inputs: ReportInputs, tables: Sequence[Table], figures: Mapping[str, Sequence[RenderedFigure]]) -> str:
+    """The page, from the template `templates/page.html`, with `figures` by section; every text of the user's is escaped."""
+    return (
+        environment()
+        .get_template("page.html")
+        .render(
+            inputs=inputs,
+            verdict=verdict(inputs.validation.scores, inputs.own, inputs.target, inputs.failed),
+            tables={table.name: table for table in tables},
+            figures=figures,
+            held_out=any(curve.held_out.any() for curve in inputs.dataset.curves),
+            long_table=LONG_TABLE,
+            scale=SCREEN_SCALE,
+        )
+    )
+
+
+def environment() -> Environment:
+    """The templates of the package, with tables and figures as filters."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from markupsafe import Markup
+
+    templates = Environment(
+        loader=PackageLoader("mapmore_cli.reporting"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    templates.filters["table"] = lambda table: Markup(to_html(table))
+    templates.filters["svg"] = lambda figure: Markup(figure.svg)
+    return templates
+
 
 TABLE_FILES: Mapping[str, Callable[[Table], str]] = {"csv": to_csv, "tex": to_latex}
 """What is written of a table, by format."""
@@ -48,7 +90,7 @@ def write_report(inputs: ReportInputs, out: Path, figures: Sequence[str], format
         return
     from mapmore_cli.reporting.figures.catalogue import drawings, rendered, rendered_by_section
     from mapmore_cli.reporting.figures.saving import SVG_PROLOGUE
-    from mapmore_cli.reporting.page import render_page
+    from mapmore_cli.reporting.report import render_page
 
     drawn = [(name, drawing) for name in FIGURES if name in figures for drawing in drawings(name, inputs)]
     if {"html", "svg"} & set(formats):

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 
-from mapmore_cli.domain.plain_text import csv_cell
+from mapmore_cli.domain.errors import csv_cell
 
 Cell = str | int | float | None
 """What stands in a table; None (and NaN) is a number that there is not."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.scores import REPEATABILITY, Published, Score
-from mapmore_cli.modelling.scores.bands import Band, bands
+from mapmore_cli.modelling.scores.metrics import Band, bands
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.memory_tables import sizes_table, states_table, substitutes_table
 from mapmore_cli.reporting.model_tables import (

@@ -11,12 +11,11 @@ from functools import cached_property
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.rig.air import ATMOSPHERE
+from mapmore_cli.rig.chamber import ATMOSPHERE
 from mapmore_cli.rig.closed_muscle import ClosedMuscle
-from mapmore_cli.rig.hysteresis import stop_rates
 from mapmore_cli.rig.mckibben import volume, volume_slope
-from mapmore_cli.rig.muscle import SLACK_WIDTH, softplus
-from mapmore_cli.rig.observation import low_pass
+from mapmore_cli.rig.muscle import SLACK_WIDTH, softplus, stop_rates
+from mapmore_cli.rig.sensors import low_pass
 from mapmore_cli.rig.waveform import Regulator
 from mapmore_cli.rig.wet_muscle import integrate
 

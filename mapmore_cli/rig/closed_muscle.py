@@ -10,11 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.rig.air import ATMOSPHERE
-from mapmore_cli.rig.hysteresis import Hysteresis
+from mapmore_cli.rig.chamber import ATMOSPHERE
 from mapmore_cli.rig.mckibben import McKibben, volume
-from mapmore_cli.rig.muscle import SLACK_WIDTH, softplus, zero_force_strain
-from mapmore_cli.rig.observation import low_pass
+from mapmore_cli.rig.muscle import SLACK_WIDTH, Hysteresis, softplus, zero_force_strain
+from mapmore_cli.rig.sensors import low_pass
 from mapmore_cli.rig.wet_muscle import Rubber
 
 

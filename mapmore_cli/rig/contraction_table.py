@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.rig.hysteresis import Hysteresis
-from mapmore_cli.rig.muscle import StaticMuscle, zero_force_strain
+from mapmore_cli.rig.muscle import Hysteresis, StaticMuscle, zero_force_strain
 from mapmore_cli.rig.step_response import GRAVITY
 
 

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.rig.hysteresis import Hysteresis
-from mapmore_cli.rig.muscle import SLACK_WIDTH, StaticMuscle, softplus, zero_force_strain
+from mapmore_cli.rig.muscle import SLACK_WIDTH, Hysteresis, StaticMuscle, softplus, zero_force_strain
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.rig.muscle import zero_force_strain
-from mapmore_cli.rig.observation import observe
+from mapmore_cli.rig.sensors import observe
 from mapmore_cli.rig.wet_muscle import TOLERANCE, WetMuscle, integrate
 
 

@@ -12,9 +12,9 @@ from itertools import pairwise
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.rig.air import Reservoir
+from mapmore_cli.rig.chamber import Reservoir
 from mapmore_cli.rig.muscle import zero_force_strain
-from mapmore_cli.rig.observation import observe
+from mapmore_cli.rig.sensors import observe
 from mapmore_cli.rig.wet_muscle import TOLERANCE, WetMuscle, integrate
 
 GRAVITY = 9.81

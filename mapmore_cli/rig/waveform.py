@@ -13,10 +13,9 @@ from math import ceil
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.rig.air import ATMOSPHERE, valve_flow
-from mapmore_cli.rig.hysteresis import Hysteresis, stop_rates
+from mapmore_cli.rig.chamber import ATMOSPHERE, valve_flow
 from mapmore_cli.rig.mckibben import McKibben, volume, volume_slope
-from mapmore_cli.rig.muscle import zero_force_strain
+from mapmore_cli.rig.muscle import Hysteresis, stop_rates, zero_force_strain
 from mapmore_cli.rig.step_response import GRAVITY
 from mapmore_cli.rig.wet_muscle import Rubber, integrate
 

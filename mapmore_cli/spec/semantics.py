@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mapmore_cli.spec import check_dictionary, check_memory, check_motion, check_names, check_state_space, check_study, check_sums
+from mapmore_cli.spec import check_dictionary, check_memory, check_models, check_names, check_study
 from mapmore_cli.spec.diagnostics import Finding
 from mapmore_cli.spec.experiment import ExperimentSpec
 
@@ -24,19 +24,19 @@ CHECKS = (
     check_study.formulas,
     check_study.metrics,
     check_study.units,
-    check_sums.sums,
-    check_motion.needed_runs,
-    check_motion.plateaus,
-    check_motion.directions,
-    check_motion.training_level,
-    check_motion.load_cycle_formulas,
-    check_motion.composites,
+    check_models.sums,
+    check_models.needed_runs,
+    check_models.plateaus,
+    check_models.directions,
+    check_models.training_level,
+    check_models.load_cycle_formulas,
+    check_models.composites,
     check_memory.time,
     check_memory.segments,
     check_memory.settings,
-    check_state_space.time,
-    check_state_space.quantities,
-    check_state_space.sections,
+    check_models.time,
+    check_models.quantities,
+    check_models.sections,
 )
 
 

@@ -11,10 +11,8 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from mapmore_cli.spec.fields import Name, Positive, Section
-from mapmore_cli.spec.muscle_rigs import Antagonists, ContractionTable, RandomVelocity
-from mapmore_cli.spec.simulated_experiments import LoadCycles, NonNegative, Perturbations, StepResponses
-from mapmore_cli.spec.simulated_muscles import McKibbenMuscle, PeanoMuscle
-from mapmore_cli.spec.waveform_rig import Waveforms
+from mapmore_cli.spec.muscle_rigs import Antagonists, ContractionTable, McKibbenMuscle, PeanoMuscle, RandomVelocity
+from mapmore_cli.spec.simulated_experiments import LoadCycles, NonNegative, Perturbations, StepResponses, Waveforms
 
 
 class Stop(Section):

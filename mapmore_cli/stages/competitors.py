@@ -28,7 +28,7 @@ from mapmore_cli.spec.sections.results import Competitor
 from mapmore_cli.stages.ingestion.steps import DAMPING, STATIC_FORCE
 from mapmore_cli.stages.kinds.sums import summands_of
 from mapmore_cli.storage.artefacts import read_model
-from mapmore_cli.storage.run_files import RunFiles
+from mapmore_cli.storage.run_folder import RunFiles
 
 Forecasts = tuple[Forecast, ...]
 """Of one model, for every curve of the dataset."""

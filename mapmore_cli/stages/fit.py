@@ -7,7 +7,7 @@ from mapmore_cli.spec.sections.method import AUTO
 from mapmore_cli.stages.kinds import maker_of
 from mapmore_cli.stages.kinds.choices import FitChoices, lengths_of
 from mapmore_cli.stages.pipeline.stage import Stage, Workspace
-from mapmore_cli.storage.run_files import FIT
+from mapmore_cli.storage.run_folder import FIT
 
 
 def reads(spec: ExperimentSpec) -> FitChoices:

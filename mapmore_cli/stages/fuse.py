@@ -7,10 +7,10 @@ from dataclasses import replace
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.stages.kinds import maker_of
 from mapmore_cli.stages.kinds.choices import ModelChoices, lengths_of
-from mapmore_cli.stages.kinds.signals import signals_of
+from mapmore_cli.stages.kinds.dictionary import signals_of
 from mapmore_cli.stages.pipeline.fingerprint import plain
 from mapmore_cli.stages.pipeline.stage import Stage, Workspace
-from mapmore_cli.storage.run_files import MODEL
+from mapmore_cli.storage.run_folder import MODEL
 
 
 def reads(spec: ExperimentSpec) -> ModelChoices:
@@ -54,7 +54,7 @@ def _provenance(part: ModelChoices) -> dict[str, str]:
     """What made the model, for a reader who has nothing but the file: versions, and the spec's sections that decide about it."""
     import json
 
-    from mapmore_cli.storage.provenance import tool_versions
+    from mapmore_cli.storage.run_record import tool_versions
 
     return {**tool_versions(), "spec": json.dumps(plain(part), indent=1)}
 

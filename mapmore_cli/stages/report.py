@@ -10,7 +10,7 @@ from mapmore_cli.domain.errors import DataError, SpecError, UsageError
 from mapmore_cli.spec.experiment import ExperimentSpec, Muscle
 from mapmore_cli.spec.sections.results import Report, Style, Validate
 from mapmore_cli.stages.pipeline.stage import Stage, Workspace
-from mapmore_cli.storage.run_files import VALIDATION, RunFiles
+from mapmore_cli.storage.run_folder import VALIDATION, RunFiles
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -95,7 +95,7 @@ def collected(part: Slice, run_dir: Path, spec_text: str = "") -> ReportInputs:
     """The results of the stages before, with what the spec says of the report."""
     from mapmore_cli.modelling.kinds import equations as model_equations
     from mapmore_cli.reporting.inputs import ReportInputs
-    from mapmore_cli.storage.provenance import tool_versions
+    from mapmore_cli.storage.run_record import tool_versions
 
     dataset = RunFiles(run_dir).dataset()
     model = RunFiles(run_dir).model()

@@ -11,7 +11,7 @@ from mapmore_cli.spec.sections.method import Cuts, Fit, Fuse, ModelChoice
 from mapmore_cli.stages.kinds.choices import SegmentSection
 from mapmore_cli.stages.kinds.pieces import recipe_of
 from mapmore_cli.stages.pipeline.stage import Stage, Workspace
-from mapmore_cli.storage.run_files import SEGMENTATION
+from mapmore_cli.storage.run_folder import SEGMENTATION
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from mapmore_cli.spec.sections.results import Competitor
 from mapmore_cli.stages import fuse
 from mapmore_cli.stages.kinds.choices import ModelChoices
 from mapmore_cli.stages.pipeline.stage import Compared, Need, Stage, Variation, Workspace
-from mapmore_cli.storage.run_files import VALIDATION
+from mapmore_cli.storage.run_folder import VALIDATION
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.recording import Dataset

@@ -10,14 +10,69 @@ import json
 import os
 import re
 import shutil
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import mkdtemp
+from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.storage.atomic import TEMPORARY, refusals_told, sync_folder, sync_tree
 from mapmore_cli.storage.run_record import RUN_RECORD
+
+if TYPE_CHECKING:
+    from mapmore_cli.domain.fits import SegmentedCurve
+    from mapmore_cli.domain.models import Model
+    from mapmore_cli.domain.recording import Dataset
+    from mapmore_cli.domain.results import FitResult
+    from mapmore_cli.domain.scores import Validation
+
+
+DATASET, SEGMENTATION, FIT, MODEL, VALIDATION = "ingest.h5", "segment.h5", "fit.h5", "model.h5", "validate.h5"
+RESULTS: Mapping[str, str] = MappingProxyType(
+    {"ingest": DATASET, "segment": SEGMENTATION, "fit": FIT, "fuse": MODEL, "validate": VALIDATION}
+)
+"""The file that shows what a stage found; `report` has a page instead."""
+
+
+@dataclass(frozen=True)
+class RunFiles:
+    """The results in the folder of a run, read when they are asked for; raises as `artefacts.read_*`."""
+
+    folder: Path
+
+    def dataset(self) -> Dataset:
+        """What `ingest` handed on."""
+        from mapmore_cli.storage.artefacts import read_dataset
+
+        return read_dataset(self.folder / DATASET)
+
+    def segmentation(self) -> tuple[SegmentedCurve, ...]:
+        """Where the training curves are cut."""
+        from mapmore_cli.storage.artefacts import read_segmentation
+
+        return read_segmentation(self.folder / SEGMENTATION)
+
+    def fit(self) -> FitResult:
+        """What was fitted."""
+        from mapmore_cli.storage.artefacts import read_fit
+
+        return read_fit(self.folder / FIT)
+
+    def model(self) -> Model:
+        """The model that stands alone."""
+        from mapmore_cli.storage.artefacts import read_model
+
+        return read_model(self.folder / MODEL)
+
+    def validation(self) -> Validation:
+        """Predictions and scores."""
+        from mapmore_cli.storage.artefacts import read_validation
+
+        return read_validation(self.folder / VALIDATION)
+
 
 ASIDE = ".old-"
 """How the name of a folder that makes way starts."""

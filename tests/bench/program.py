@@ -12,7 +12,7 @@ from timing import median_seconds, medians_in_turn
 
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces.evaluation import level_values
-from mapmore_cli.modelling.pieces.segment_function import prepared
+from mapmore_cli.modelling.pieces.scaling import prepared
 from mapmore_cli.modelling.pieces.weights import cell_weights, level_weights
 from mapmore_cli.storage.artefacts import read_model
 

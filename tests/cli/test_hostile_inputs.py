@@ -11,8 +11,7 @@ from pathlib import Path
 import pytest
 
 import mapmore_cli
-from mapmore_cli.domain.errors import DataError, WriteError
-from mapmore_cli.domain.plain_text import csv_cell, printable
+from mapmore_cli.domain.errors import DataError, WriteError, csv_cell, printable
 from mapmore_cli.storage.atomic import write_text
 from mapmore_cli.storage.globs import expand
 from mapmore_cli.storage.readers import READERS, TableRequest

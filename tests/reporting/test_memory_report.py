@@ -17,7 +17,7 @@ from mapmore_cli.reporting.figures.catalogue import drawings
 from mapmore_cli.reporting.figures.drawing import compose
 from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import ReportInputs
-from mapmore_cli.reporting.page import render_page
+from mapmore_cli.reporting.report import render_page
 from mapmore_cli.reporting.tables import all_tables, score_table
 
 STEP = 0.01

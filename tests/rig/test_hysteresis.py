@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import trapezoid
 
-from mapmore_cli.rig.hysteresis import Hysteresis, stop
+from mapmore_cli.rig.muscle import Hysteresis, stop
 
 YIELDS = np.array([0.001, 0.004, 0.016])
 FRICTION = Hysteresis(base=3.0, per_pressure=6e-5, yield_strains=YIELDS, shares=np.array([0.4, 0.35, 0.25]))

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from scipy.integrate import trapezoid
 
-from mapmore_cli.rig.hysteresis import Hysteresis
 from mapmore_cli.rig.load_cycle import LoadCycle, Regulation, load_cycle, regulated_pressure, strain_path
-from mapmore_cli.rig.muscle import free_strain
-from mapmore_cli.spec.simulated_muscles import McKibbenMuscle, PeanoMuscle
+from mapmore_cli.rig.muscle import Hysteresis, free_strain
+from mapmore_cli.spec.muscle_rigs import McKibbenMuscle, PeanoMuscle
 from mapmore_cli.stages.simulation.rig_parts import muscle_of
 
 MUSCLES = {"mckibben": muscle_of(McKibbenMuscle(kind="mckibben")), "peano": muscle_of(PeanoMuscle(kind="peano"))}

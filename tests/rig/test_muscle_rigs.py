@@ -13,11 +13,11 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.rig.air import ATMOSPHERE
 from mapmore_cli.rig.antagonists import driven, swung
+from mapmore_cli.rig.chamber import ATMOSPHERE
 from mapmore_cli.rig.contraction_table import resting_strains
-from mapmore_cli.rig.hysteresis import Hysteresis
 from mapmore_cli.rig.mckibben import volume
+from mapmore_cli.rig.muscle import Hysteresis
 from mapmore_cli.rig.random_velocity import random_velocity
 from mapmore_cli.rig.sensors import recording_generator
 from mapmore_cli.spec.loader import load_as

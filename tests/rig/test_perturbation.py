@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.integrate import trapezoid
 
-from mapmore_cli.rig.observation import low_pass
 from mapmore_cli.rig.perturbation import Strokes, perturbation
+from mapmore_cli.rig.sensors import low_pass
 from mapmore_cli.spec.loader import load_as
 from mapmore_cli.spec.simulation import SimulationSpec
 from mapmore_cli.stages.simulation.rig_parts import wet_muscle_of

@@ -12,8 +12,8 @@ from pydantic import ValidationError
 
 from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.spec.loader import load_as
+from mapmore_cli.spec.muscle_rigs import McKibbenMuscle, PeanoMuscle
 from mapmore_cli.spec.simulated_experiments import pressure_label
-from mapmore_cli.spec.simulated_muscles import McKibbenMuscle, PeanoMuscle
 from mapmore_cli.spec.simulation import SimulationSpec
 from mapmore_cli.stages.simulation.simulate import csv_text, decimals, recording, sensors, simulate
 

@@ -12,7 +12,7 @@ from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.rig.mckibben import McKibben, energy, energy_slope, volume, volume_slope
 from mapmore_cli.rig.muscle import effective_pressure, free_strain, softplus
 from mapmore_cli.rig.peano import Peano
-from mapmore_cli.spec.simulated_muscles import McKibbenMuscle, PeanoMuscle
+from mapmore_cli.spec.muscle_rigs import McKibbenMuscle, PeanoMuscle
 from mapmore_cli.stages.simulation.rig_parts import muscle_of
 
 MCKIBBEN = muscle_of(McKibbenMuscle(kind="mckibben"))

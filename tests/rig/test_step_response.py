@@ -13,10 +13,9 @@ from scipy.integrate import quad, trapezoid
 from scipy.signal import find_peaks
 
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.rig.air import ATMOSPHERE
-from mapmore_cli.rig.chamber import Braid, Tubes
-from mapmore_cli.rig.hysteresis import stop, stop_rates
+from mapmore_cli.rig.chamber import ATMOSPHERE, Braid, Tubes
 from mapmore_cli.rig.mckibben import volume
+from mapmore_cli.rig.muscle import stop, stop_rates
 from mapmore_cli.rig.step_response import Bumper, StepTimes, step_response
 from mapmore_cli.rig.wet_muscle import Wall, integrate
 from mapmore_cli.spec.loader import load_as

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mapmore_cli.rig.air import ATMOSPHERE, Reservoir, bubble_compliance, valve_flow
-from mapmore_cli.rig.water import WATER_DENSITY, WATER_VISCOSITY, Pipe
+from mapmore_cli.rig.chamber import ATMOSPHERE, Reservoir, bubble_compliance, valve_flow
+from mapmore_cli.rig.wet_muscle import WATER_DENSITY, WATER_VISCOSITY, Pipe
 
 TUBE = Pipe(length=0.5, diameter=0.0045, loss=0.0)
 RESERVOIR = Reservoir(air_volume=2e-4, polytropic=1.2, supply_conductance=0.4e-8, exhaust_conductance=1e-8, critical_ratio=0.3)

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 from scipy.integrate import trapezoid
 
-from mapmore_cli.rig.air import ATMOSPHERE
+from mapmore_cli.rig.chamber import ATMOSPHERE
 from mapmore_cli.rig.waveform import Waveform, waveform_response
 from mapmore_cli.spec.loader import load_as
 from mapmore_cli.spec.simulation import SimulationSpec

@@ -10,8 +10,7 @@ import pytest
 from pydantic import BaseModel
 
 from mapmore_cli.spec.experiment import ExperimentSpec
-from mapmore_cli.spec.sections.dictionary import Families
-from mapmore_cli.spec.sections.operators import OperatorFamily
+from mapmore_cli.spec.sections.dictionary import Families, OperatorFamily
 from mapmore_cli.spec.tree import Kind, kinds
 
 PACKAGE = Path(__file__).parents[2] / "mapmore_cli"

@@ -8,8 +8,8 @@ import pytest
 from spec_examples import load_text, refusal
 
 from mapmore_cli.spec.sections.method import CutByDirection
+from mapmore_cli.stages.kinds.dictionary import signals_of, units_of
 from mapmore_cli.stages.kinds.pieces import recipe_of
-from mapmore_cli.stages.kinds.signals import signals_of, units_of
 
 DAMPING = """\
 schema_version: 1

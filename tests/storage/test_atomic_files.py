@@ -12,8 +12,8 @@ import pytest
 from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.storage import run_folder
 from mapmore_cli.storage.atomic import refusals_told, write_bytes, write_text
-from mapmore_cli.storage.provenance import stamps_of, take_stamp
 from mapmore_cli.storage.run_folder import open_run_folder, recover, run_lock, stage_folder, swap_in
+from mapmore_cli.storage.run_record import stamps_of, take_stamp
 
 
 def test_write_replaces_the_whole_file(tmp_path: Path) -> None:

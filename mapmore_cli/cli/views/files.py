@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from mapmore_cli.cli.views.view import View
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.page import RUN_PAGE
-from mapmore_cli.storage.run_files import RESULTS
+from mapmore_cli.storage.run_folder import RESULTS
 
 if TYPE_CHECKING:
     from mapmore_cli.reporting.tables import Table
@@ -71,7 +71,7 @@ def page_lines(run_dir: Path) -> tuple[str, ...]:
 
 
 def _of_hdf5(path: Path, warn: Callable[[str], None] = lambda _message: None, unverified: bool = False) -> View:
-    from mapmore_cli.cli.views import fitted, measured, models, scored
+    from mapmore_cli.cli.views import compared, fitted, measured, models
     from mapmore_cli.storage import artefacts
 
     match artefacts.kind_of(path):
@@ -84,7 +84,7 @@ def _of_hdf5(path: Path, warn: Callable[[str], None] = lambda _message: None, un
         case "model":
             return models.of_model(artefacts.read_model(path, warn, unverified))
         case _:
-            return scored.of_validation(artefacts.read_validation(path, warn, unverified))
+            return compared.of_validation(artefacts.read_validation(path, warn, unverified))
 
 
 def _of_json(path: Path) -> View:

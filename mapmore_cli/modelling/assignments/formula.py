@@ -9,10 +9,10 @@ from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.assignments.statements import Block, Condition
 from mapmore_cli.modelling.assignments.writing import Lines, times, total
+from mapmore_cli.modelling.literature.cells import Region
 from mapmore_cli.modelling.literature.formula import Formula
 from mapmore_cli.modelling.literature.hysteresis_loss import HysteresisLoss
 from mapmore_cli.modelling.literature.piecewise import PiecewiseFormula
-from mapmore_cli.modelling.literature.regions import Region
 from mapmore_cli.modelling.terms import Expression, Name, Number
 from mapmore_cli.modelling.terms.syntax import Call, Power, Product, Sum
 

@@ -7,13 +7,12 @@ from numpy.typing import ArrayLike
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import Selection
-from mapmore_cli.modelling.frols.basis import SMALL, BasisRemainders, column_squares
+from mapmore_cli.modelling.frols.basis import SMALL, BasisRemainders, column_squares, triangle
 from mapmore_cli.modelling.frols.blocks import Blocks, checked, gathered, row_blocks, safe_scale, scaled
 from mapmore_cli.modelling.frols.gram import GramRemainders
-from mapmore_cli.modelling.frols.products import Gram, gram
+from mapmore_cli.modelling.frols.moments import Gram, gram
 from mapmore_cli.modelling.frols.result import finished
 from mapmore_cli.modelling.frols.select import DigitsLost, Stopping, greedy
-from mapmore_cli.modelling.frols.triangle import triangle
 
 GRAM_COLUMNS_PER_TERM = 16
 """One `syrk` over 16 columns takes about as long as one matrix-vector product with them, of which the basis needs one a term."""

@@ -10,7 +10,7 @@ from scipy.linalg import solve_triangular
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.frols.blocks import Blocks
-from mapmore_cli.modelling.frols.products import residual_products
+from mapmore_cli.modelling.frols.moments import residual_products
 from mapmore_cli.modelling.frols.select import TIE_TOLERANCE, DigitsLost, ratios
 
 PIVOT_TOLERANCE = 1e-6

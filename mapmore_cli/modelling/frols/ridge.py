@@ -1,4 +1,4 @@
-"""Regularised FROLS: orthogonal selection on the covariance matrix plus a ridge, and backward pruning.
+"""Regularised FROLS: orthogonal selection on the covariance matrix plus a ridge, backward pruning, and the choice of the ridge.
 
 With z the centred columns divided by their standard deviations, `G = Z'Z/n + ridge I` and `h = Z'y/n`, selection minimises
 `theta' G theta - 2 h' theta` greedily (regularised orthogonal least squares, with one ridge for all terms). Any `Q` with `Q'Q = G` stands
@@ -7,6 +7,7 @@ for the data, therefore the engine for plain data does the selection.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +15,10 @@ from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
 
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.fits import Selection
+from mapmore_cli.modelling.frols.blocks import Blocks
+from mapmore_cli.modelling.frols.criteria import FULL_LEVERAGE
 from mapmore_cli.modelling.frols.engine import frols
+from mapmore_cli.modelling.frols.moments import Moments
 
 LEAST_RIDGE = 1e-9
 """A smaller ridge, but for zero, would drown in the rounding of G."""
@@ -122,3 +126,47 @@ def substitutes(data: Regularised, chosen: IntArray) -> tuple[IntArray, Array]:
             best[place] = int(np.argmax(reductions))
             share[place] = reductions[best[place]] / own if own > 0 else np.nan
     return best, share
+
+
+RIDGES = (1e-5, 1e-4, 5e-4, 2e-3, 1e-2, 5e-2)
+"""Candidates, as fractions of a standardised candidate's own variance."""
+
+
+def choose_ridge(total: Moments, blocks: Sequence[Moments], forward: int, max_terms: int) -> float:
+    """The ridge whose models predict left-out blocks of samples best, the weaker of equals.
+
+    For each ridge and each block a model of `max_terms` terms is selected (forward, then pruned) on the other blocks. Everything comes from
+    sums of products, so the rows are not read again.
+    """
+    errors = [sum(_left_out_error(total.without(block), block, ridge, forward, max_terms) for block in blocks) for ridge in RIDGES]
+    return RIDGES[int(np.argmin(errors))]
+
+
+def _left_out_error(training: Moments, held: Moments, ridge: float, forward: int, max_terms: int) -> float:
+    data = Regularised(training.covariance, training.samples, ridge)
+    chosen = select(data, forward).chosen
+    if not len(chosen):
+        return float(held.products[-1, -1])
+    kept = prune(data, chosen)[:max_terms][-1]
+    combination = np.zeros(len(held.sums))  # residual = combination'z - constant
+    combination[kept] = -data.coefficients(kept)
+    combination[-1] = 1.0
+    constant = float(combination @ training.mean)
+    return float(combination @ held.products @ combination - 2 * constant * (combination @ held.sums) + held.samples * constant**2)
+
+
+def ridge_press(blocks: Blocks, data: Regularised, subsets: Sequence[IntArray]) -> Array:
+    """`PRESS = sum_i (r_i / (1 - h_i))^2` of each subset, (m,), in one pass over standardised blocks; infinite where a leverage is one.
+
+    The leverage is `h_i = 1/n + z_i' G^-1 z_i / n`: of the mean, and of the terms. A ridge makes it exact but for the change of means and
+    standard deviations by one sample.
+    """
+    factors = [cho_factor(data.gram[np.ix_(kept, kept)]) for kept in subsets]
+    thetas = [data.coefficients(kept) for kept in subsets]
+    total = np.zeros(len(subsets))
+    for P, y in blocks():
+        for place, (kept, factor, theta) in enumerate(zip(subsets, factors, thetas, strict=True)):
+            Z = P[:, kept]
+            left = 1 - (1 + np.einsum("ij,ji->i", Z, cho_solve(factor, Z.T))) / data.samples
+            total[place] += np.square((y - Z @ theta) / np.where(left > FULL_LEVERAGE, left, np.nan)).sum()
+    return np.where(np.isnan(total), np.inf, total)

@@ -14,8 +14,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.literature import linear, trust_region
 from mapmore_cli.modelling.literature.multistart import STARTS, draw, lowest, rivals
-from mapmore_cli.modelling.literature.problem import Problem
-from mapmore_cli.modelling.literature.solution import Solution, at_limit, failure
+from mapmore_cli.modelling.literature.problem import Problem, Solution, at_limit, failure
 from mapmore_cli.modelling.terms import NotFinite
 
 if TYPE_CHECKING:

@@ -1,12 +1,60 @@
-"""Many values as few: means over the cells of a grid for searches over long recordings, and the levels of a quantity that was held."""
+"""Cells of the inputs: means over a grid for long searches, levels that were held, and regions with parameters of their own."""
 
 from __future__ import annotations
 
+import operator
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns
+from mapmore_cli.domain.errors import DataError
+
+_COMPARISONS: Mapping[str, Callable[[Array, float], BoolArray]] = {">": operator.gt, "<": operator.lt, "<=": operator.le}
+
+
+@dataclass(frozen=True)
+class Condition:
+    """`quantity comparison value`, with `>`, `<` or `<=`."""
+
+    quantity: str
+    comparison: str
+    value: float
+
+    def __str__(self) -> str:
+        return f"{self.quantity} {self.comparison} {self.value:g}"
+
+    def holds(self, columns: Columns) -> BoolArray:
+        """Rows on which it holds, `(n,)`; False where the quantity is NaN."""
+        return _COMPARISONS[self.comparison](needed(self.quantity, columns), self.value)
+
+
+@dataclass(frozen=True)
+class Region:
+    """Rows on which all `conditions` hold; `label` ends the names of its parameters."""
+
+    label: str
+    conditions: tuple[Condition, ...]
+
+    def __and__(self, other: Region) -> Region:
+        return Region(f"{self.label}_{other.label}", (*self.conditions, *other.conditions))
+
+    def __str__(self) -> str:
+        return ", ".join(map(str, self.conditions))
+
+    def parameter(self, name: str) -> str:
+        """What the parameter `name` is called in this region, as `B0_rise`."""
+        return f"{name}_{self.label}"
+
+    def rows(self, columns: Columns) -> BoolArray:
+        """True on the rows in the region, `(n,)`."""
+        return np.asarray(np.all([condition.holds(columns) for condition in self.conditions], axis=0))
+
+
+DIRECTIONS = (Region("rise", (Condition("direction", ">", 0.0),)), Region("fall", (Condition("direction", "<", 0.0),)))
+"""Rise and fall of the pressure, `direction` +1 and -1 (M2 eq 16); where it is 0 the muscle has not moved yet, which is neither."""
+
 
 LIMIT = 4096
 """Most cells; tables of no more rows are left as they are."""
@@ -74,3 +122,19 @@ def nominal(column: Array) -> Array:
 def _place(column: Array) -> Array:
     """Place of every row within the range of the column, 0 to 1."""
     return np.asarray((column - column.min()) / (float(np.ptp(column)) or 1.0))
+
+
+def needed(name: str, columns: Columns) -> Array:
+    """The column `name`; raises `DataError` where it is absent."""
+    if name not in columns:
+        raise DataError(f"there is no column `{name}` among the inputs", "declare it under `columns` or `derive`")
+    return np.asarray(columns[name], dtype=float)
+
+
+def finite(name: str, column: Array) -> Array:
+    """The column; raises `DataError` with the first row in which it is not finite."""
+    values = np.asarray(column, dtype=float)
+    if not np.isfinite(values).all():
+        row = int(np.argmin(np.isfinite(values)))
+        raise DataError(f"{name} is not finite in row {row}: {values[row]}", "drop the sample (`missing: drop`) or mend the recording")
+    return values

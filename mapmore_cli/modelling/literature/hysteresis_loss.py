@@ -12,7 +12,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import FormulaFit
-from mapmore_cli.modelling.literature.checks import finite, needed
+from mapmore_cli.modelling.literature.cells import finite, needed
 from mapmore_cli.modelling.literature.formulas.sarosi import FORMULA as SAROSI
 from mapmore_cli.modelling.literature.lehr import lehr, sarosi_at
 from mapmore_cli.modelling.literature.literature_model import LOAD_CYCLES, LiteratureModel

@@ -9,8 +9,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.literature.multistart import SEED, STARTS, draw, lowest
-from mapmore_cli.modelling.literature.problem import Problem
-from mapmore_cli.modelling.literature.solution import Solution, failure
+from mapmore_cli.modelling.literature.problem import Problem, Solution, failure
 from mapmore_cli.modelling.terms import NotFinite
 
 METHOD = "simplex"

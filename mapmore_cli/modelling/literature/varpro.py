@@ -14,8 +14,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.literature import bounded, linear
 from mapmore_cli.modelling.literature.multistart import DISTINCT, RIVAL
-from mapmore_cli.modelling.literature.problem import Problem
-from mapmore_cli.modelling.literature.solution import Solution, at_limit
+from mapmore_cli.modelling.literature.problem import Problem, Solution, at_limit
 
 METHOD = "variable projection"
 

@@ -5,7 +5,7 @@
 """
 
 from mapmore_cli.modelling.motion.fitting import fit_motion
-from mapmore_cli.modelling.motion.recipe import Box, MotionRecipe
+from mapmore_cli.modelling.motion.problem import Box, MotionRecipe
 from mapmore_cli.modelling.motion.simulation import simulate
 
 __all__ = ["Box", "MotionRecipe", "fit_motion", "simulate"]

@@ -8,7 +8,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.modelling.pieces.recipe import Gradient
-from mapmore_cli.modelling.signals.smoothing import STEPS, running_median
+from mapmore_cli.modelling.signals.rates import STEPS, running_median
 
 DEFAULT_WINDOW = 0.1
 """Of the curve's range."""

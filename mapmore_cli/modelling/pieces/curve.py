@@ -16,7 +16,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Value
 from mapmore_cli.domain.models import CurveFunction, Fusion, SegmentFunction
-from mapmore_cli.modelling.pieces.segment_function import prepared, segment_slope
+from mapmore_cli.modelling.pieces.scaling import prepared, segment_slope
 from mapmore_cli.modelling.pieces.weights import TRANSITIONS, held_at, zones
 
 Interval = tuple[float, float]

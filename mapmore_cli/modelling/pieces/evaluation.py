@@ -15,8 +15,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, Columns, IntArray, Value
 from mapmore_cli.domain.models import Pieces as Body
 from mapmore_cli.domain.models import SegmentFunction
-from mapmore_cli.modelling.pieces.alignment import aligned
-from mapmore_cli.modelling.pieces.bands import Band, alone, bands
+from mapmore_cli.modelling.pieces.bands import Band, aligned, alone, bands
 from mapmore_cli.modelling.pieces.curve import FusedCurve, Pieces
 from mapmore_cli.modelling.pieces.weights import clamped
 

@@ -11,9 +11,8 @@ from tempfile import mkdtemp
 from mapmore_cli import __version__
 from mapmore_cli.domain.errors import DataError, UsageError, WriteError
 from mapmore_cli.storage.atomic import TEMPORARY, refusals_told, sync_tree, write_text
-from mapmore_cli.storage.provenance import take_stamp
-from mapmore_cli.storage.run_files import MODEL
-from mapmore_cli.storage.run_record import RUN_RECORD, load_records
+from mapmore_cli.storage.run_folder import MODEL
+from mapmore_cli.storage.run_record import RUN_RECORD, load_records, take_stamp
 
 KEPT = (MODEL, "scores.json", "scores.csv", "experiment.yaml", RUN_RECORD)
 FROZEN = "frozen.json"

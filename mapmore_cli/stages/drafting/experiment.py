@@ -12,7 +12,7 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.modelling.signals.cycles import split_cycles, turning_points
-from mapmore_cli.modelling.signals.levels import default_within, find_levels, match_levels
+from mapmore_cli.modelling.signals.plateau import default_within, find_levels, match_levels
 from mapmore_cli.spec.units import default_unit
 from mapmore_cli.stages.drafting.draft import Draft
 from mapmore_cli.stages.inspection.evidence import Settling, settling, two_digits

@@ -11,7 +11,7 @@ from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve, Recording, united
 from mapmore_cli.modelling.signals.cycles import split_cycles
-from mapmore_cli.modelling.signals.levels import default_within, find_levels, match_levels
+from mapmore_cli.modelling.signals.plateau import default_within, find_levels, match_levels
 from mapmore_cli.spec.sections.data import Cycles, Levels
 from mapmore_cli.stages.ingestion.samples import located
 from mapmore_cli.stages.ingestion.steps import PLATEAU

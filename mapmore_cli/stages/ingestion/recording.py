@@ -19,7 +19,7 @@ from mapmore_cli.spec.units import convert
 from mapmore_cli.stages.ingestion.clock import Clocked, clocked, in_time_order
 from mapmore_cli.stages.ingestion.files import Log, Meter, Source
 from mapmore_cli.stages.ingestion.samples import Samples, located, read_tables, without_missing
-from mapmore_cli.stages.kinds.signals import signal_of
+from mapmore_cli.stages.kinds.dictionary import signal_of
 
 
 def joined(tables: Sequence[Samples], source: Source, data: Data, units: Mapping[str, str], meter: Meter) -> list[Samples]:

@@ -18,7 +18,7 @@ from mapmore_cli.modelling.signals.plateau import find_plateau, without_steady_s
 from mapmore_cli.spec.sections.data import STEP_OF, STEP_PRESSURE
 from mapmore_cli.spec.units import convert
 from mapmore_cli.stages.ingestion.samples import located
-from mapmore_cli.storage.run_files import RunFiles
+from mapmore_cli.storage.run_folder import RunFiles
 
 PLATEAU = "plateau"
 """1 on the plateau of a step response, else 0."""

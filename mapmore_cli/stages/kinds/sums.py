@@ -18,7 +18,7 @@ from mapmore_cli.modelling.terms import Name, parse
 from mapmore_cli.spec.sections import method
 from mapmore_cli.stages.kinds.choices import FitChoices, ModelChoices
 from mapmore_cli.stages.pipeline.stage import Workspace
-from mapmore_cli.storage.run_files import RunFiles
+from mapmore_cli.storage.run_folder import RunFiles
 
 
 def fit(part: FitChoices, dataset: Dataset, workspace: Workspace) -> FitResult:

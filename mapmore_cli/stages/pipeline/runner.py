@@ -19,9 +19,8 @@ from mapmore_cli.stages.pipeline.needs import MODEL_STAGE, Needed, needed_runs, 
 from mapmore_cli.stages.pipeline.stage import Progress, Stage, Workspace
 from mapmore_cli.stages.pipeline.staleness import Plan, plan_stages
 from mapmore_cli.storage.atomic import refusals_told, write_text
-from mapmore_cli.storage.provenance import stamps_of, tool_versions
 from mapmore_cli.storage.run_folder import is_tidy, open_run_folder, recover, run_lock, stage_folder, swap_in
-from mapmore_cli.storage.run_record import Origin, StageRecord, load_origin, load_records, save_records
+from mapmore_cli.storage.run_record import Origin, StageRecord, load_origin, load_records, save_records, stamps_of, tool_versions
 
 if TYPE_CHECKING:
     from mapmore_cli.spec.loader import LoadedSpec

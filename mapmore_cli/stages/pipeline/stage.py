@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from mapmore_cli.spec.experiment import ExperimentSpec
-from mapmore_cli.storage.run_files import RunFiles
+from mapmore_cli.storage.run_folder import RunFiles
 
 Progress = Callable[[str, int, int], None]
 """`progress(what, done, total)`: called as long work goes on."""

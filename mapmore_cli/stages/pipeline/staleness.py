@@ -12,8 +12,7 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.stages.pipeline.fingerprint import fingerprint, plain, slice_differences
 from mapmore_cli.stages.pipeline.needs import MODEL_STAGE, Needed, needed_runs
 from mapmore_cli.stages.pipeline.stage import Stage
-from mapmore_cli.storage.provenance import Stamp, take_stamp
-from mapmore_cli.storage.run_record import StageRecord, load_records
+from mapmore_cli.storage.run_record import StageRecord, Stamp, load_records, take_stamp
 
 if TYPE_CHECKING:
     from mapmore_cli.spec.loader import LoadedSpec

@@ -18,7 +18,7 @@ from mapmore_cli.modelling.inverse import LOWEST, Inverse, invert
 from mapmore_cli.modelling.kinds import equations as model_equations
 from mapmore_cli.modelling.kinds import outside_range, predict, slopes
 from mapmore_cli.modelling.signals.rates import with_signals
-from mapmore_cli.stages.prediction.reading import reading_of
+from mapmore_cli.stages.prediction.records import reading_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -15,9 +15,7 @@ from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.kinds import outside_range, simulate, slopes
 from mapmore_cli.modelling.memory import AtSample, numbered
 from mapmore_cli.modelling.signals.rates import with_signals
-from mapmore_cli.stages.prediction.reading import Reading, reading_of
-from mapmore_cli.stages.prediction.records import Row, fields_of, records, values_of
-from mapmore_cli.stages.prediction.stretches import recordings, stretches
+from mapmore_cli.stages.prediction.records import Reading, Row, fields_of, reading_of, recordings, records, stretches, values_of
 from mapmore_cli.storage.tables.table import TableRequest, locate_columns
 
 CHUNK = 20_000

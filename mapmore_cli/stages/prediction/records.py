@@ -1,17 +1,91 @@
-"""Records of a CSV table, with their text as it stands."""
+"""Records of a CSV table, with their text as it stands; the stretches that belong together, and what has to be known to predict."""
 
 from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.models import Model, Signal
+from mapmore_cli.modelling.kinds import fed_back, runs_over_time
+from mapmore_cli.modelling.signals.sampling import find_gaps, pieces, typical_step
 from mapmore_cli.storage.tables.lines import open_quote, quote_left_open
+
+RECORDING = "recording"
+"""The column that tells recordings apart, where a table has it."""
+
+GAP = 10
+"""Times the usual step: a longer one is a gap, after which nothing of the past is known."""
+
+
+def recordings(rows: Iterator[Row], names: Sequence[str]) -> Iterator[list[Row]]:
+    """Yield the rows of one recording at a time: it ends where the column `recording` changes, or where time is set back."""
+    mark = names.index(RECORDING) if RECORDING in names else None
+    clock = names.index("time")
+    block: list[Row] = []
+    last: tuple[str | None, float] = (None, -np.inf)
+    for row in rows:
+        if len(row.cells) == len(names):
+            name, time = None if mark is None else row.cells[mark], _time(row.cells[clock])
+            if block and (name != last[0] or time < last[1]):
+                yield block
+                block = []
+            last = (name, last[1] if np.isnan(time) and block else time)
+        block.append(row)
+    if block:
+        yield block
+
+
+def _time(cell: str) -> float:
+    """The time in a field; NaN for what the later, strict reading will report."""
+    try:
+        return float(cell)
+    except ValueError:
+        return np.nan
+
+
+def stretches(time: Array) -> list[slice]:
+    """The parts of a recording between its gaps, by its finite times, (n,) and never decreasing."""
+    if len(time) < 2:
+        return [slice(0, len(time))]
+    return pieces(len(time), find_gaps(time, GAP * typical_step(time)).after)
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What is read of a table.
+
+    Attributes
+    ----------
+    columns
+        Quantities without which a row has no prediction.
+    signals
+        Quantities that follow from the columns over time.
+    outputs
+        Measured outputs that a model with memory goes on from; they may be empty once it runs.
+    over_time
+        Whether rows belong to recordings, and `time` is among the columns.
+    """
+
+    columns: tuple[str, ...]
+    signals: tuple[Signal, ...] = ()
+    outputs: tuple[str, ...] = ()
+    over_time: bool = False
+
+
+def reading_of(model: Model, given: Collection[str]) -> Reading:
+    """Every input by its own name where it is `given`, else by the signal that it is; `time` where there are signals or memory."""
+    signals = tuple(signal for signal in model.signals if signal.name not in given)
+    over_time = bool(signals) or runs_over_time(model)
+    wanted = [quantity.name for quantity in model.inputs] + [signal.of for signal in signals]
+    derived = {signal.name for signal in signals}
+    columns = dict.fromkeys(name for name in (["time"] if over_time else []) + wanted if name not in derived)
+    return Reading(tuple(columns), signals, fed_back(model), over_time)
 
 
 @dataclass(frozen=True)

@@ -4,27 +4,30 @@ from __future__ import annotations
 
 import numpy as np
 
-from mapmore_cli.rig.air import Reservoir
 from mapmore_cli.rig.antagonists import Joint, Swing
-from mapmore_cli.rig.chamber import Braid, Chamber, Tubes
+from mapmore_cli.rig.chamber import Braid, Chamber, Reservoir, Tubes
 from mapmore_cli.rig.closed_muscle import Air, ClosedMuscle
 from mapmore_cli.rig.contraction_table import Loading
-from mapmore_cli.rig.hysteresis import Hysteresis
 from mapmore_cli.rig.load_cycle import LoadCycle, Regulation
 from mapmore_cli.rig.mckibben import McKibben
-from mapmore_cli.rig.muscle import StaticMuscle
+from mapmore_cli.rig.muscle import Hysteresis, StaticMuscle
 from mapmore_cli.rig.peano import Peano
 from mapmore_cli.rig.perturbation import Strokes
 from mapmore_cli.rig.random_velocity import RandomMotion
 from mapmore_cli.rig.step_response import Bumper, StepRig, StepTimes
-from mapmore_cli.rig.water import Pipe
 from mapmore_cli.rig.waveform import Regulator, Waveform, WaveformRig
-from mapmore_cli.rig.wet_muscle import Plumbing, Rubber, Wall, WetMuscle
-from mapmore_cli.spec.muscle_rigs import Antagonists, ContractionTable, RandomVelocity, RestLength
-from mapmore_cli.spec.simulated_experiments import LoadCycles, Perturbations, StepResponses, WaterRig
-from mapmore_cli.spec.simulated_muscles import McKibbenMuscle, PeanoMuscle
+from mapmore_cli.rig.wet_muscle import Pipe, Plumbing, Rubber, Wall, WetMuscle
+from mapmore_cli.spec.muscle_rigs import Antagonists, ContractionTable, McKibbenMuscle, PeanoMuscle, RandomVelocity, RestLength
+from mapmore_cli.spec.simulated_experiments import (
+    LoadCycles,
+    Perturbations,
+    RegulatorSpec,
+    StepResponses,
+    WaterRig,
+    Waveforms,
+    WaveformSpec,
+)
 from mapmore_cli.spec.simulation import HysteresisSpec, SimulationSpec
-from mapmore_cli.spec.waveform_rig import RegulatorSpec, Waveforms, WaveformSpec
 
 KPA = 1e3
 """Pa; the rig computes in Pa, specs and recordings say kPa."""

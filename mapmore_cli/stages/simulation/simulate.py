@@ -21,11 +21,9 @@ from mapmore_cli.rig.random_velocity import random_velocity
 from mapmore_cli.rig.sensors import Sensor, measure, recording_generator
 from mapmore_cli.rig.step_response import step_response
 from mapmore_cli.rig.waveform import waveform_response
-from mapmore_cli.spec.muscle_rigs import Antagonists, ContractionTable, RandomVelocity
-from mapmore_cli.spec.simulated_experiments import LoadCycles, Perturbations, StepResponses, pressure_label
-from mapmore_cli.spec.simulated_muscles import McKibbenMuscle
+from mapmore_cli.spec.muscle_rigs import Antagonists, ContractionTable, McKibbenMuscle, RandomVelocity
+from mapmore_cli.spec.simulated_experiments import LoadCycles, Perturbations, StepResponses, Waveforms, WaveformSpec, pressure_label
 from mapmore_cli.spec.simulation import SensorSpec, SimulationSpec
-from mapmore_cli.spec.waveform_rig import Waveforms, WaveformSpec
 from mapmore_cli.stages.pipeline.stage import Progress
 from mapmore_cli.stages.simulation.rig_parts import (
     KPA,

@@ -25,7 +25,7 @@ from mapmore_cli.storage.artefacts.layout import DATASET, FIT_RESULT, MODEL, SEG
 from mapmore_cli.storage.artefacts.layout.legacy import FIT_RESULT_1, MODEL_1
 from mapmore_cli.storage.artefacts.schema import Schema
 from mapmore_cli.storage.atomic import replacing
-from mapmore_cli.storage.provenance import refuse_newer
+from mapmore_cli.storage.run_record import refuse_newer
 
 if TYPE_CHECKING:
     import h5py

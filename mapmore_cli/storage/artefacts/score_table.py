@@ -11,7 +11,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from mapmore_cli.domain.plain_text import csv_cell
+from mapmore_cli.domain.errors import csv_cell
 from mapmore_cli.domain.scores import Score, Validation
 from mapmore_cli.storage.atomic import write_text
 

@@ -9,7 +9,7 @@ from closeness import nrmse_by_range
 from memory_samples import recipe_of, record
 
 from mapmore_cli.modelling.memory import fit_with_memory, free_run
-from mapmore_cli.modelling.memory.families import operated, products
+from mapmore_cli.modelling.memory.resolution import operated, products
 from mapmore_cli.modelling.signals.cycles import last_cycles
 from mapmore_cli.modelling.signals.sampling import find_gaps, pieces, resample
 from mapmore_cli.modelling.terms import to_text

@@ -11,7 +11,7 @@ from closeness import rmse, rrse
 from memory_samples import recipe_of, record
 
 from mapmore_cli.modelling.memory import fit_with_memory, free_run, one_step_ahead
-from mapmore_cli.modelling.memory.families import lags, products
+from mapmore_cli.modelling.memory.resolution import lags, products
 from mapmore_cli.modelling.terms import to_text
 
 

@@ -10,11 +10,11 @@ from closeness import nrmse_by_range
 from memory_samples import recipe_of, record
 
 from mapmore_cli.modelling.memory import fit_with_memory, free_run
-from mapmore_cli.modelling.memory.families import operated, products
+from mapmore_cli.modelling.memory.resolution import operated, products
 from mapmore_cli.modelling.terms import to_text
 from mapmore_cli.modelling.terms.operators.play import spread_widths
-from mapmore_cli.rig.hysteresis import Hysteresis
-from mapmore_cli.spec.simulated_muscles import McKibbenMuscle, PeanoMuscle
+from mapmore_cli.rig.muscle import Hysteresis
+from mapmore_cli.spec.muscle_rigs import McKibbenMuscle, PeanoMuscle
 from mapmore_cli.stages.simulation.rig_parts import muscle_of
 
 MUSCLES = {"mckibben": (muscle_of(McKibbenMuscle(kind="mckibben")), 0.2), "peano": (muscle_of(PeanoMuscle(kind="peano")), 0.27)}

@@ -13,7 +13,7 @@ from mapmore_cli.modelling.terms.operators.play import play
 from mapmore_cli.modelling.terms.operators.resonance import resonance, resonance_velocity
 from mapmore_cli.modelling.terms.operators.slow import slow
 from mapmore_cli.modelling.terms.operators.stop import stop
-from mapmore_cli.rig.hysteresis import stop as rig_stop
+from mapmore_cli.rig.muscle import stop as rig_stop
 
 PATHS = arrays(float, st.integers(1, 60), elements=st.floats(-10, 10, width=32))
 

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from mapmore_cli.modelling.frols import frols
 from mapmore_cli.modelling.frols.moments import moments, standard, standardised
-from mapmore_cli.modelling.frols.ridge import Regularised, prune, select, substitutes
-from mapmore_cli.modelling.frols.ridge_choice import RIDGES, choose_ridge, ridge_press
+from mapmore_cli.modelling.frols.ridge import RIDGES, Regularised, choose_ridge, prune, ridge_press, select, substitutes
 
 
 def blocks_of(P, y, *cuts):

@@ -13,7 +13,7 @@ from mapmore_cli.domain.motion import BUMPLESS
 from mapmore_cli.modelling.motion import Box, fit_motion, simulate
 from mapmore_cli.modelling.motion.plane import stable
 from mapmore_cli.modelling.motion.solvers import NAMES
-from mapmore_cli.modelling.motion.solvers.particles import fly
+from mapmore_cli.modelling.motion.solvers.swarm import fly
 
 NOISE = 0.05
 SEEDS = range(10)

@@ -12,7 +12,7 @@ from surfaces import QUANTITIES, curves, recipe
 
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.kinds import predict
-from mapmore_cli.modelling.pieces.alignment import aligned, threshold
+from mapmore_cli.modelling.pieces.bands import aligned, threshold
 from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import Even
 

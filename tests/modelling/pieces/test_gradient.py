@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from mapmore_cli.modelling.pieces.boundaries import gradient_boundaries, slope_change
 from mapmore_cli.modelling.pieces.recipe import Gradient
-from mapmore_cli.modelling.signals.smoothing import running_median
+from mapmore_cli.modelling.signals.rates import running_median
 
 SEEDS = 100
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from mapmore_cli.modelling.signals.levels import default_within, find_levels, match_levels
+from mapmore_cli.modelling.signals.plateau import default_within, find_levels, match_levels
 
 
 def held(levels: list[float], ripple: float, seed: int, samples: int = 2500) -> np.ndarray:

@@ -11,8 +11,7 @@ from ingest_samples import spec_of
 
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.spec.loader import load
-from mapmore_cli.stages.ingestion.dataset import build_dataset
-from mapmore_cli.stages.ingestion.slice import slice_of
+from mapmore_cli.stages.ingestion.dataset import build_dataset, slice_of
 
 CONFIGS = Path(__file__).resolve().parents[3] / "configs"
 

@@ -1,8 +1,8 @@
 """Reynolds' damping in two pressure regions, up to 200 kPa and above, for rise and fall each (Cao et al.). The pressure must be in kPa."""
 
+from mapmore_cli.modelling.literature.cells import DIRECTIONS, Condition, Region
 from mapmore_cli.modelling.literature.formula import Formula
 from mapmore_cli.modelling.literature.piecewise import by_region
-from mapmore_cli.modelling.literature.regions import DIRECTIONS, Condition, Region
 
 PRESSURES = (Region("low", (Condition("pressure", "<=", 200.0),)), Region("high", (Condition("pressure", ">", 200.0),)))
 

@@ -1,8 +1,8 @@
 """First-order pressure-dependent viscous damping, fitted to rise and fall by themselves (Reynolds et al.)."""
 
+from mapmore_cli.modelling.literature.cells import DIRECTIONS
 from mapmore_cli.modelling.literature.formula import Formula
 from mapmore_cli.modelling.literature.piecewise import by_region
-from mapmore_cli.modelling.literature.regions import DIRECTIONS
 
 FORMULA = by_region(
     Formula(

@@ -21,9 +21,16 @@ from mapmore_cli.storage.artefacts.layout.model import (
     SIGNAL,
 )
 from mapmore_cli.storage.artefacts.layout.motion import MOTION, MOTION_FIT, MOTION_SECTION, SECTION_SEARCH
-from mapmore_cli.storage.artefacts.layout.results import FIT_RESULT, PIECES_FIT
-from mapmore_cli.storage.artefacts.layout.scores import SCORE, VALIDATION
-from mapmore_cli.storage.artefacts.layout.segmentation import SEGMENT, SEGMENTATION, SEGMENTED_CURVE, SegmentationFile
+from mapmore_cli.storage.artefacts.layout.results import (
+    FIT_RESULT,
+    PIECES_FIT,
+    SCORE,
+    SEGMENT,
+    SEGMENTATION,
+    SEGMENTED_CURVE,
+    VALIDATION,
+    SegmentationFile,
+)
 
 __all__ = ["DATASET", "FIT_RESULT", "MODEL", "SCHEMAS", "SEGMENTATION", "VALIDATION", "SegmentationFile"]
 
