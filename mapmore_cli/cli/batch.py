@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -50,15 +51,18 @@ def batch(
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.stages.campaigns.batch import Job, run_all
     from mapmore_cli.stages.campaigns.page import expanded, run_names, write_page
+    from mapmore_cli.stages.campaigns.processes import LocalWorkers
 
     campaigns, entries = expanded(configs, overrides)
     names = run_names(entries, campaigns)
     todo = [Job(entry.config, runs, entry.overrides, force, rehash, entry.campaign) for entry in entries]
     results: dict[int, Result] = {}
     with Reporter(quiet) as reporter:
-        for number, result in run_all(todo, jobs):
-            results[number] = result
-            _tell(reporter, names[number], result, f"{len(results)} of {len(todo)}")
+        workers = LocalWorkers(jobs, lambda number, message: reporter.warn(RunWarning.of(names[number], message)))
+        with closing(run_all(todo, workers)) as ended:
+            for number, result in ended:
+                results[number] = result
+                _tell(reporter, names[number], result, f"{len(results)} of {len(todo)}")
     ordered = {names[number]: results[number] for number in range(len(entries))}
     pages = [write_page(one.campaign, {names[number]: results[number] for number in one.jobs}, runs) for one in campaigns]
     taken = {names[number] for one in campaigns for number in one.jobs}

@@ -11,7 +11,7 @@ import sys
 import traceback
 
 from mapmore_cli.cli.console import print_document
-from mapmore_cli.domain.errors import LimitMissed, MapmoreError, WriteError, printable, told
+from mapmore_cli.domain.errors import LimitMissed, MapmoreError, Stopped, WriteError, printable, told
 
 INTERNAL_FAULT = 1
 INTERRUPTED = 130  # 128 + SIGINT, as shells report it
@@ -49,13 +49,15 @@ def exit_code(error: BaseException) -> int:
     """The code that a command ends with."""
     if isinstance(error, MapmoreError):
         return error.exit_code
+    if isinstance(error, Stopped):
+        return 128 + error.number
     return INTERRUPTED if isinstance(error, KeyboardInterrupt) else INTERNAL_FAULT
 
 
 def message(error: BaseException) -> str:
     """What a user is told; an internal fault is one line."""
     if isinstance(error, KeyboardInterrupt):
-        return "interrupted"
+        return str(error) or "interrupted"
     return f"error: {told(error)}" if isinstance(error, MapmoreError) else told(error)
 
 

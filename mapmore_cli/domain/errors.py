@@ -7,6 +7,7 @@ anything else into an internal fault.
 from __future__ import annotations
 
 import re
+from signal import Signals
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
 """What a terminal obeys instead of showing it, all but tabs and line feeds; and marks that turn the order of letters."""
@@ -83,6 +84,14 @@ class WriteError(MapmoreError):
     """A result cannot be written: folder, full disk, or a lock held by another process (exit 7)."""
 
     exit_code = 7
+
+
+class Stopped(KeyboardInterrupt):
+    """The process was asked to end, by the signal `number`; the exit code is the one that shells report, 128 + number."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(f"ended by {Signals(number).name}")
+        self.number = number
 
 
 class RunWarning(str):

@@ -1,17 +1,15 @@
-"""Many runs at once, each in a worker process; one that fails does not stop the rest."""
+"""Many runs at once, wherever the workers are; one that fails does not stop the rest."""
 
 from __future__ import annotations
 
-import signal
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from contextlib import contextmanager, suppress
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mapmore_cli.stages.campaigns.processes import Workers, stoppable
 from mapmore_cli.storage.run_folder import RunFiles
 
 if TYPE_CHECKING:
@@ -49,37 +47,16 @@ class Finished:
         return tuple(limit.sentence for limit in self.limits if not limit.kept)
 
 
-def run_all(jobs: Sequence[Job], workers: int) -> Iterator[tuple[int, Finished | BaseException]]:
-    """Do the jobs and yield the number of each with what came of it, as they end; an interrupt ends them all.
+def run_all(jobs: Sequence[Job], workers: Workers) -> Generator[tuple[int, Finished | BaseException], None, None]:
+    """Do the jobs and yield the number of each with what came of it, as they end; a signal to end ends them all.
 
     The runs that they need come first, one after the other: two jobs may need the same one.
     """
-    # Spawned, not forked: a fork of a process with BLAS threads or an open HDF5 file may hang.
-    pool = ProcessPoolExecutor(min(workers, len(jobs)), mp_context=get_context("spawn"))
-    try:
-        with _deaf_to_interrupts():
-            prepared = pool.submit(prepare_all, jobs)
-        prepared.result()
-        with _deaf_to_interrupts():
-            futures: dict[Future[Finished], int] = {pool.submit(run_one, job): number for number, job in enumerate(jobs)}
-        for future in as_completed(futures):
-            yield futures[future], future.exception() or future.result()
-    except KeyboardInterrupt:
-        for worker in active_children():
-            worker.terminate()  # run folders can bear that at any instant
-        raise
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
-
-
-@contextmanager
-def _deaf_to_interrupts() -> Iterator[None]:
-    """Ignore Ctrl-C, which processes that start meanwhile inherit: else each of them would answer it with a traceback."""
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
+    with stoppable(), workers:
+        for _, failure in workers.each(prepare_all, [jobs]):
+            if failure is not None:
+                raise failure
+        yield from workers.each(run_one, jobs)
 
 
 def prepare_all(jobs: Sequence[Job]) -> None:
