@@ -16,6 +16,7 @@ class Target(StrEnum):
     """What a model can be written as."""
 
     C = "c"
+    FMU = "fmu"
     CSV = "csv"
     TEX = "tex"
     PY = "py"
@@ -28,7 +29,7 @@ def add_to(app: typer.Typer) -> None:
 
 def export(
     model_file: Annotated[Path, typer.Argument(metavar="MODEL", help="A model.h5.", show_default=False)],
-    to: Annotated[Target, typer.Option("--to", help="C99 source, a lookup table, equations in LaTeX, or a module of NumPy.")],
+    to: Annotated[Target, typer.Option("--to", help="C99 source, an FMU, a lookup table, equations in LaTeX, or a module of NumPy.")],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the files.")] = Path(),
     single: Annotated[bool, typer.Option("--float", help="C in single precision.")] = False,
     grid: Annotated[
@@ -40,11 +41,13 @@ def export(
     """Write a model in another language.
 
     The files are called after the model. C needs nothing but math.h: no allocation, no global state. A small program to try it
-    is beside it.
+    is beside it. An FMU is for co-simulation by FMI 2.0: it holds that source, and its binary for this machine where a C compiler
+    is found.
     """
+    from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.stages.exports import exported
     from mapmore_cli.storage.artefacts import read_model
-    from mapmore_cli.storage.atomic import write_text
+    from mapmore_cli.storage.atomic import refusals_told, write_bytes
 
     if single and to is not Target.C:
         raise UsageError("--float is for C alone", "leave it out, or write --to c")
@@ -52,9 +55,11 @@ def export(
         raise UsageError(
             "--grid goes with --to csv, and the other way round", "as in: --to csv --grid pressure=0:600:25,strain=0:0.25:0.01"
         )
-    files = exported(read_model(model_file), to.value, single=single, grid=grid)
-    output.mkdir(parents=True, exist_ok=True)
-    for name, text in files.items():
-        write_text(output / name, text)
-        if not quiet:
-            typer.echo(str(output / name))
+    with Reporter(quiet) as reporter:
+        files = exported(read_model(model_file, reporter.warn), to.value, single=single, grid=grid, warn=reporter.warn)
+        with refusals_told(output):
+            output.mkdir(parents=True, exist_ok=True)
+        for name, data in files.items():
+            write_bytes(output / name, data)
+            if not quiet:
+                typer.echo(str(output / name))

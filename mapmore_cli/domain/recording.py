@@ -22,6 +22,18 @@ class Quantity:
 
 
 @dataclass(frozen=True)
+class BaseUnits:
+    """A unit by the base units of the SI: `x` of it are `factor x + offset` of their product.
+
+    `powers` of the base units, by their names: kg, m, s, A, K, mol, cd, rad.
+    """
+
+    factor: float
+    offset: float
+    powers: Mapping[str, int]
+
+
+@dataclass(frozen=True)
 class Recording:
     """One file as read, in the units of the model.
 

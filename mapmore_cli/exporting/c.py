@@ -110,7 +110,7 @@ class _Source:
             lines += [f"#define {self.prefix}_SECONDS {self.code.step!r} /* between samples */", "", *self._state(), ""]
             lines += [f"void {self.name}_reset({self.name}_state *s);"]
         lines += ["", f"{self.call};"]
-        lines += [f"void {self.name}_measured({self.name}_state *s, {self.real} value);"] * bool(self.code.fed_back)
+        lines += [f"void {self.name}_measured({self.name}_state *s, {self.real} value);"] * bool(self.code.kept.fed_back)
         return "\n".join([*lines, "", "#endif", ""])
 
     def _about(self) -> Iterator[str]:
@@ -125,7 +125,7 @@ class _Source:
         yield "Where an input is not finite, its bit is set and *out is NAN" + (", and memory starts anew." if self.with_memory else ".")
         if self.with_memory:
             yield f"Before there is history, and once a run has diverged, bit {self.prefix}_NO_VALUE is set and *out is NAN."
-        for output in self.code.fed_back:
+        for output in self.code.kept.fed_back:
             yield f"The model goes on from its own {output}. As long as {self.prefix}_NO_VALUE is returned after a reset, tell it the"
             yield f"measured {output} of the same sample by {self.name}_measured; later this may be done to correct it."
         for signal in model.signals:
@@ -133,8 +133,8 @@ class _Source:
         yield "No allocation, no global state; needs math.h alone."
 
     def _state(self) -> list[str]:
-        numbers = [f"{self.real} {name};" for name in self.code.kept]
-        queues = [line for name, size in self.code.queues.items() for line in (f"{self.real} {name}[{size}];", f"int {name}_at;")]
+        numbers = [f"{self.real} {name};" for name in self.code.kept.numbers]
+        queues = [line for name, size in self.code.kept.queues.items() for line in (f"{self.real} {name}[{size}];", f"int {name}_at;")]
         return ["typedef struct {", *indented([*numbers, *queues]), f"}} {self.name}_state;"]
 
     def source(self) -> str:
@@ -186,29 +186,33 @@ class _Source:
         yield f"if (beyond({value}, {', '.join(ends)})) bits |= {bits};"
 
     def _reset(self) -> list[str]:
-        numbers = [f"s->{name} = {self._number(value)};" for name, value in self.code.kept.items()]
+        numbers = [f"s->{name} = {self._number(value)};" for name, value in self.code.kept.numbers.items()]
         queues = [
             line
-            for name, size in self.code.queues.items()
+            for name, size in self.code.kept.queues.items()
             for line in (f"for (int i = 0; i < {size}; i++) s->{name}[i] = 0;", f"s->{name}_at = 0;")
         ]
         lines = [f"void {self.name}_reset({self.name}_state *s)", "{", *indented([*numbers, *queues]), "}", ""]
-        for queue in self.code.fed_back.values():
-            size = self.code.queues[queue]
-            last = f"s->{queue}[(s->{queue}_at + {size - 1}) % {size}] = value;"
-            lines += [f"void {self.name}_measured({self.name}_state *s, {self.real} value)", "{", *indented([last]), "}", ""]
+        for queues in self.code.kept.fed_back.values():
+            last = [f"s->{queue}[{self._last(queue)}] = value;" for queue in queues]
+            lines += [f"void {self.name}_measured({self.name}_state *s, {self.real} value)", "{", *indented(last), "}", ""]
         return lines
+
+    def _last(self, queue: str) -> str:
+        """The place of what came into a queue last."""
+        size = self.code.kept.queues[queue]
+        return f"(s->{queue}_at + {size - 1}) % {size}"
 
     def program(self) -> str:
         """A program that reads a sample a line, and prints the output and the bits of each."""
-        measured = bool(self.code.fed_back)
+        measured = bool(self.code.kept.fed_back)
         read = f'scanf("%{"f" if self.single else "lf"}", &in[i]) == 1'
         state = [f"{self.name}_state s;"] if self.with_memory else []
         start = [f"{self.name}_reset(&s);"] if self.with_memory else []
         call = f"{self.name}_step(&s, in, &out)" if self.with_memory else f"{self.name}_eval(in, &out)"
         given = f"{self.prefix}_INPUTS{' + 1' * measured}"
         tell = [f"if (bits & {self.prefix}_NO_VALUE) {self.name}_measured(&s, in[{self.prefix}_INPUTS]);"] if measured else []
-        columns = " ".join([*(quantity.name for quantity in self.model.inputs), *(f"{name}_measured" for name in self.code.fed_back)])
+        columns = " ".join([*(quantity.name for quantity in self.model.inputs), *(f"{name}_measured" for name in self.code.kept.fed_back)])
         body = [
             f"{self.real} in[{given}], out;",
             *state,

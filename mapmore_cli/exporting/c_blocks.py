@@ -56,7 +56,7 @@ class CBlocks:
         return Expressions(self.dialect, self._name, lambda stem: f"{stem}{next(numbers)}")
 
     def _name(self, name: str) -> str:
-        return f"s->{name}" if name in self.model.kept else name
+        return f"s->{name}" if name in self.model.kept.numbers else name
 
     def _statements(self, statements: Sequence[Statement], expressions: Expressions) -> list[str]:
         """The lines of some statements, which `expressions` goes on with."""
@@ -71,13 +71,13 @@ class CBlocks:
                 case Choose():
                     self._choose(statement, expressions)
                 case Recall(name, queue, steps):
-                    size = self.model.queues[queue]
+                    size = self.model.kept.queues[queue]
                     lines.append(self.dialect.constant(name, f"s->{queue}[(s->{queue}_at + {size - steps}) % {size}]"))
                 case Keep(kept, value):
                     lines.append(f"s->{kept} = {expressions.text(value)};")
                 case Queue(queue, value):
                     lines.append(f"s->{queue}[s->{queue}_at] = {expressions.text(value)};")
-                    lines.append(f"s->{queue}_at = (s->{queue}_at + 1) % {self.model.queues[queue]};")
+                    lines.append(f"s->{queue}_at = (s->{queue}_at + 1) % {self.model.kept.queues[queue]};")
         return lines
 
     def _use(self, names: Sequence[str], function: str, arguments: Sequence[str]) -> list[str]:

@@ -69,7 +69,7 @@ class _Module:
         return f'{about}\n\nimport numpy as np\n\nINPUTS = ({names},)\nOUTPUT = "{model.output.name}"\n'
 
     def _expressions(self, kept: bool = False) -> Expressions:
-        named: Callable[[str], str] = lambda name: f"s.{name}" if kept and name in self.code.kept else name  # noqa: E731 - short
+        named: Callable[[str], str] = lambda name: f"s.{name}" if kept and name in self.code.kept.numbers else name  # noqa: E731 - short
         return Expressions(NUMPY, named, lambda stem: f"{stem}{next(self.numbers)}")
 
     def _function(self, function: Function) -> str:
@@ -130,16 +130,16 @@ class _Module:
         return "\n".join([f"def evaluate({names}):", *indented([about, *body]), ""])
 
     def _state(self) -> str:
-        numbers = [f"self.{name} = {value!r}" for name, value in self.code.kept.items()]
-        queues = [f"self.{name} = [0.0] * {size}" for name, size in self.code.queues.items()]
+        numbers = [f"self.{name} = {value!r}" for name, value in self.code.kept.numbers.items()]
+        queues = [f"self.{name} = [0.0] * {size}" for name, size in self.code.kept.queues.items()]
         reset = ["def reset(self):", *indented(['"""Begin anew."""', *numbers, *queues])]
         measured = [
             line
-            for output, queue in self.code.fed_back.items()
+            for output, queues in self.code.kept.fed_back.items()
             for line in (
                 "",
                 "def measured(self, value):",
-                *indented([f'"""Tell the measured {output} of the last sample."""', f"self.{queue}[-1] = value"]),
+                *indented([f'"""Tell the measured {output} of the last sample."""', *(f"self.{queue}[-1] = value" for queue in queues)]),
             )
         ]
         begin = ["def __init__(self):", *indented(["self.reset()"]), ""]

@@ -16,6 +16,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.domain.recording import BaseUnits
 
 CANONICAL: Mapping[str, str] = MappingProxyType(
     {"time": "s", "pressure": "kPa", "strain": "1", "force": "N", "length": "m", "displacement": "m", "load": "N", "input": "V"}
@@ -37,6 +38,9 @@ _NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 _FACTOR = r"\(*(?:1|%|[^\W\d]\w*|°[CF])(?:(?:\^|\*\*)-?\d)?\)*"
 _UNIT = re.compile(rf"{_FACTOR}(?:\s*[*/]\s*{_FACTOR})*")
 _LONGEST_UNIT = 60
+_BASE = {
+    "kilogram": "kg", "meter": "m", "second": "s", "ampere": "A", "kelvin": "K", "mole": "mol", "candela": "cd", "radian": "rad",
+}  # fmt: skip
 
 
 def default_unit(name: str, changes: Mapping[str, str] = _NO_CHANGES, rates: Mapping[str, str] = _NO_CHANGES) -> str:
@@ -122,6 +126,20 @@ def check_unit(unit: str) -> None:
     """Raise SpecError for a unit that nobody knows."""
     if unit not in _COMMON:
         _parsed(unit)
+
+
+def base_units(unit: str) -> BaseUnits | None:
+    """A unit in base units of the SI; None for one that nobody knows, or of broken powers."""
+    try:
+        parsed = _parsed(unit)
+    except SpecError:
+        return None
+    zero, one = (_registry().Quantity(value, parsed).to_base_units() for value in (0.0, 1.0))
+    powers = {_BASE.get(name, name): power for name, power in one.unit_items()}
+    if not all(name in _BASE.values() and float(power).is_integer() for name, power in powers.items()):
+        return None
+    offset = float(zero.magnitude)
+    return BaseUnits(float(f"{float(one.magnitude) - offset:.15g}"), offset, {name: int(power) for name, power in sorted(powers.items())})
 
 
 @functools.cache

@@ -2,19 +2,33 @@
 
 from __future__ import annotations
 
+import io
+import zipfile
+from collections.abc import Callable, Mapping
+
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.exporting.c import c_source
+from mapmore_cli.exporting.compiler import CompilerMissing, library_place, shared_library
+from mapmore_cli.exporting.fmu import fmu_sources
 from mapmore_cli.exporting.names import identifier
 from mapmore_cli.exporting.numpy_module import numpy_module
 from mapmore_cli.exporting.tex import tex_equations
 from mapmore_cli.modelling.kinds import runs_over_time
+from mapmore_cli.spec.units import base_units
 from mapmore_cli.stages.prediction.grid import grid_lines
 from mapmore_cli.stages.prediction.predict import FLAG, predicted_lines
 
+Warn = Callable[[str], None]
 
-def exported(model: Model, to: str, *, single: bool = False, grid: str | None = None) -> dict[str, str]:
-    """The files of a model as `c` (in `single` precision or not), `tex`, `py`, or as `csv` at the points of a `grid`.
+OLDEST = (1980, 1, 1, 0, 0, 0)
+"""The date of every file in an archive, so that the same model gives the same bytes."""
+
+
+def exported(model: Model, to: str, *, single: bool = False, grid: str | None = None, warn: Warn = lambda _text: None) -> dict[str, bytes]:
+    """The files of a model as `c` (in `single` precision or not), `fmu`, `tex`, `py`, or as `csv` at the points of a `grid`.
+
+    `warn` is told where a unit has no binary for this machine.
 
     Raises
     ------
@@ -25,13 +39,45 @@ def exported(model: Model, to: str, *, single: bool = False, grid: str | None = 
     """
     match to:
         case "c":
-            return c_source(model, single).files
+            texts = c_source(model, single).files
+        case "fmu":
+            return {f"{identifier(model.name)}.fmu": _unit(model, warn)}
         case "tex":
-            return dict([tex_equations(model)])
+            texts = dict([tex_equations(model)])
         case "py":
-            return dict([numpy_module(model)])
-    assert grid is not None
-    return {f"{identifier(model.name)}.csv": _table(model, grid)}
+            texts = dict([numpy_module(model)])
+        case _:
+            assert grid is not None
+            texts = {f"{identifier(model.name)}.csv": _table(model, grid)}
+    return {name: text.encode() for name, text in texts.items()}
+
+
+def _unit(model: Model, warn: Warn) -> bytes:
+    """A functional mock-up unit: its sources, and the binary of this machine where there is a compiler."""
+    units = dict.fromkeys(quantity.unit for quantity in (*model.inputs, model.output))
+    known = {unit: base for unit in units if (base := base_units(unit)) is not None}
+    unit = fmu_sources(model, known)
+    files = {name: text.encode() for name, text in unit.files.items()}
+    try:
+        place = library_place(unit.name)
+        sources = {name.removeprefix("sources/"): text for name, text in unit.files.items() if name.startswith("sources/")}
+        files[place] = shared_library(sources, unit.compiled)
+    except CompilerMissing as reason:
+        warn(f"{reason}: the unit has sources and no binary, so that the tool that imports it has to compile them")
+    return _archive(files)
+
+
+def _archive(files: Mapping[str, bytes]) -> bytes:
+    """A zip file without dates."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        for name, data in files.items():
+            entry = zipfile.ZipInfo(name, OLDEST)
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.create_system = 3  # Unix, wherever it is written
+            entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
+            archive.writestr(entry, data)
+    return stream.getvalue()
 
 
 def _table(model: Model, grid: str) -> str:

@@ -93,9 +93,9 @@ def refusals_told(folder: Path) -> Iterator[None]:
         ours = place == folder or folder in place.parents or place in folder.parents
         if fault.errno in _FULL or (fault.errno in _REFUSED and ours):
             remedy = (
-                "make room on the disk, or choose another folder with --runs"
+                "make room on the disk, or choose another folder with --runs or -o"
                 if fault.errno in _FULL
-                else "choose another folder with --runs"
+                else "choose another folder with --runs or -o"
             )
             raise WriteError(f"{place}: cannot be written ({os.strerror(fault.errno or 0)})", remedy) from fault
         raise

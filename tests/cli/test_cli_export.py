@@ -24,10 +24,37 @@ def test_one_file(mapmore: Callable[..., Any], model_file: Path, tmp_path: Path,
     assert [path.suffix for path in tmp_path.iterdir()] == [f".{to}"]
 
 
+def test_a_unit_without_a_compiler_is_told_on_stderr(
+    mapmore: Callable[..., Any], model_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CC", "no-such-compiler")
+    result = mapmore("export", model_file, "--to", "fmu", "-o", tmp_path)
+    assert result.exit_code == 0
+    (file,) = tmp_path.iterdir()
+    assert file.suffix == ".fmu"
+    assert result.stdout == f"{file}\n"
+    assert "no C compiler here (no-such-compiler)" in result.stderr
+    assert mapmore("export", model_file, "--to", "fmu", "-o", tmp_path, "-q").stderr == ""
+
+
+@pytest.mark.parametrize("to", ["c", "fmu", "py"])
+def test_a_folder_that_cannot_be_made(
+    mapmore: Callable[..., Any], model_file: Path, tmp_path: Path, to: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CC", "no-such-compiler")
+    (tmp_path / "file").write_text("in the way")
+    result = mapmore("export", model_file, "--to", to, "-o", tmp_path / "file" / "out")
+    assert result.exit_code == 7
+    assert "cannot be written" in result.stderr
+    assert "-o" in result.stderr
+    assert (tmp_path / "file").read_text() == "in the way"
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
         (["--to", "py", "--float"], "--float is for C alone"),
+        (["--to", "fmu", "--float"], "--float is for C alone"),
         (["--to", "csv"], "--grid goes with --to csv"),
         (["--to", "csv", "--grid", "pressure=0:90000:100,strain=0.1"], "outside of the training range"),
         (["--to", "java"], "java"),

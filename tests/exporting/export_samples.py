@@ -215,5 +215,16 @@ WITH_MEMORY = {
     "motion, hard": motion("hard", directed=True, dead_band=0.0),
     "motion, handed on": motion("bumpless", directed=True, dead_band=25.0),
     "motion, whatever the direction": motion("bumpless", directed=False, dead_band=0.0),
+    "a sum of two that are fed back": Model(
+        "two",
+        FORCE,
+        (PRESSURE,),
+        Sum(
+            (
+                Part(memory(FED_BACK, ("force[k-1]", "pressure"), gain=60.0)),
+                Part(memory(FED_BACK, ("force[k-3]", "pressure"), gain=9.0), -1.0),
+            )
+        ),
+    ),
     "a sum": Model("a sum", FORCE, (PRESSURE, STRAIN), Sum((Part(pieces()), Part(memory(OPERATORS, OPERATORS), -1.0)))),
 }

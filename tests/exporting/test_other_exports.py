@@ -61,7 +61,7 @@ def test_one_sample_and_a_sample_that_is_not_finite(tmp_path: Path) -> None:
 
 def test_a_table_has_the_points_of_its_grid() -> None:
     files = exported(pieces(), "csv", grid="pressure=100:500:100,strain=0.03:0.19:0.04")
-    header, *rows = files["dmsp_20.csv"].splitlines()
+    header, *rows = files["dmsp_20.csv"].decode().splitlines()
     assert header == "pressure,strain,force_predicted"
     assert len(rows) == 25
     numbers = np.array([[float(cell) for cell in row.split(",")] for row in rows])
@@ -77,6 +77,6 @@ def test_a_grid_beyond_the_training_range_is_refused() -> None:
 
 
 def test_equations_in_latex() -> None:
-    text = exported(pieces(), "tex")["dmsp_20.tex"]
+    text = exported(pieces(), "tex")["dmsp_20.tex"].decode()
     assert text.count(r"\[") == text.count(r"\]") == 12
     assert text.startswith("% dmsp-20: force in N, pressure in kPa, strain in 1")

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.memory import MemoryModel
-from mapmore_cli.modelling.assignments.statements import NOTHING, Condition, Keep, Queue, Recall
-from mapmore_cli.modelling.assignments.writing import Kept, Lines, less, renamed_all, times, total
+from mapmore_cli.modelling.assignments.statements import NOTHING, Condition, Keep, Kept, Queue, Recall
+from mapmore_cli.modelling.assignments.writing import Lines, kept_number, less, renamed_all, times, total
 from mapmore_cli.modelling.memory.evaluation import setting_of
 from mapmore_cli.modelling.memory.feedback import fed_back_states, parted
 from mapmore_cli.modelling.memory.simulation import bounds_of
@@ -85,7 +85,7 @@ def history_of(found: State) -> int:
 def memory_value(lines: Lines, model: MemoryModel, inputs: Mapping[str, Expression], kept: Kept) -> Expression:
     """The model's output at a sample in free run; nothing before there is history, and once it has diverged."""
     lags = fed_back_states(model.states, model.output)
-    seen = kept.number(lines, "seen")
+    seen = kept_number(kept, lines, "seen")
     states = _States(lines, model, inputs, kept, seen)
     names = {name: _scaled(lines, model, place, states.value(state(name))) for place, name in enumerate(model.states.names)}
     start = max([0, *lags.values(), *(history_of(state(name)) for name in model.states.names)])
@@ -93,14 +93,14 @@ def memory_value(lines: Lines, model: MemoryModel, inputs: Mapping[str, Expressi
     value = _output(ready, model, lags, names)
     early = Condition(seen, "<", Number(float(start)))
     if lags:
-        lost = kept.number(lines, "lost")
+        lost = kept_number(kept, lines, "lost")
         value = _bounded(ready, model, lost, value)
     found = lines.choose("memory", [(early, NOTHING)], ready.block(value))
     if lags:
         lines.statements.append(Keep(lost.name, lines.choose("lost", [(early, ZERO), (Condition(found, "==", found), ZERO)], ONE)))
     states.queued(model.output, found)
     if lags:
-        kept.fed_back[model.output] = states.queues[model.output]
+        kept.fed_back.setdefault(model.output, []).append(states.queues[model.output])
     counted = lines.choose("seen", [(Condition(seen, "<=", Number(float(start))), add(seen, ONE))], seen)
     lines.statements.append(Keep(seen.name, counted))
     return found
@@ -165,8 +165,8 @@ def _resonance_velocity(states: _States, x: Expression, setting: Setting, rest: 
 def _filtered(states: _States, x: Expression, rest: Condition, gain: float, past: tuple[float, ...]) -> tuple[Expression, Expression]:
     """`y[k] = gain x[k] + sum_i past_i y[k-i]` of deviations from where x began, and its value a sample before."""
     lines, kept = states.lines, states.kept
-    began = kept.number(lines, "began")
-    own = [kept.number(lines, "own") for _ in past]
+    began = kept_number(kept, lines, "began")
+    own = [kept_number(kept, lines, "own") for _ in past]
     origin = lines.choose("origin", [(rest, x)], began)
     moving = Lines(lines.names)
     before = moving.let("before", total([times(Number(factor), y) for factor, y in zip(past, own, strict=True)]))
@@ -181,7 +181,7 @@ def _filtered(states: _States, x: Expression, rest: Condition, gain: float, past
 
 def _play(states: _States, x: Expression, setting: Setting, rest: Condition) -> Expression:
     lines = states.lines
-    w = states.kept.number(lines, "play")
+    w = kept_number(states.kept, lines, "play")
     low, high = lines.let("low", less(x, Number(setting.width))), lines.let("high", add(x, Number(setting.width)))
     value = lines.choose("play", [(rest, x), (Condition(low, ">", w), low), (Condition(high, "<", w), high)], w)
     lines.statements.append(Keep(w.name, value))

@@ -35,7 +35,7 @@ def assignments_of(model: Model, write: Write) -> Assignments:
     Raises
     ------
     DataError
-        Where parts have different times between samples, or one is no closed expression.
+        Where parts have different times between samples or go on from different outputs, or one is no closed expression.
     """
     writer = Writer(Lines(Names()))
     names = {quantity.name: Name(f"{INPUT}{quantity.name}") for quantity in model.inputs}
@@ -45,6 +45,8 @@ def assignments_of(model: Model, write: Write) -> Assignments:
         raise DataError(
             f"the parts of {model.name} count samples of {min(steps):g} s and of {max(steps):g} s", "train them at the same time steps"
         )
+    if len(writer.kept.fed_back) > 1:
+        raise DataError(f"the parts of {model.name} go on from {', '.join(writer.kept.fed_back)}", "export the parts one by one")
     functions = {function.name: function for function in writer.functions}
     return pruned(
         Assignments(
@@ -52,10 +54,7 @@ def assignments_of(model: Model, write: Write) -> Assignments:
             functions=tuple(functions.values()),
             body=writer.lines.block(value),
             limits=tuple(writer.limits),
-            kept=writer.kept.numbers,
-            queues=writer.kept.queues,
-            step=writer.kept.steps[0] if writer.kept.steps else None,
-            fed_back=writer.kept.fed_back,
+            kept=writer.kept,
         )
     )
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from mapmore_cli.domain.motion import HARD, Motion, MotionSection
-from mapmore_cli.modelling.assignments.statements import Block, Condition, Keep
-from mapmore_cli.modelling.assignments.writing import Kept, Lines, less, renamed_all, times, total
+from mapmore_cli.modelling.assignments.statements import Block, Condition, Keep, Kept
+from mapmore_cli.modelling.assignments.writing import Lines, kept_number, less, renamed_all, times, total
 from mapmore_cli.modelling.terms import Expression, Number, add, parse, power
 from mapmore_cli.modelling.terms.syntax import ONE, ZERO
 
 
 def motion_value(lines: Lines, motion: Motion, inputs: Mapping[str, Expression], kept: Kept) -> Expression:
     """The model's output at a sample; it begins at rest under the first one's input."""
-    seen = kept.number(lines, "seen")
+    seen = kept_number(kept, lines, "seen")
     first = Condition(seen, "==", ZERO)
     drives = [lines.let("drive", one) for one in renamed_all(map(parse, motion.drives), inputs)]
     section = _section(lines, motion, inputs[motion.input], kept, first)
@@ -35,7 +35,7 @@ def _section(lines: Lines, motion: Motion, u: Expression, kept: Kept, first: Con
 
 def _falls(lines: Lines, u: Expression, kept: Kept, first: Condition) -> Expression:
     """1 unless the input is above the one before (P eq 16)."""
-    before = kept.number(lines, "input")
+    before = kept_number(kept, lines, "input")
     falls = lines.choose("falls", [(first, ONE), (Condition(u, ">", before), ZERO)], ONE)
     lines.statements.append(Keep(before.name, u))
     return falls
@@ -43,7 +43,7 @@ def _falls(lines: Lines, u: Expression, kept: Kept, first: Condition) -> Express
 
 def _falls_latched(lines: Lines, motion: Motion, u: Expression, kept: Kept, first: Condition) -> Expression:
     """1 once the input has turned down by more than the dead band, up to when it has turned up as far."""
-    play, falling = kept.number(lines, "play"), kept.number(lines, "falling")
+    play, falling = kept_number(kept, lines, "play"), kept_number(kept, lines, "falling")
     half = Number(0.5 * motion.dead_band)
     low, high = lines.let("low", less(u, half)), lines.let("high", add(u, half))
     up, down = Condition(low, ">", play), Condition(high, "<", play)
@@ -57,7 +57,7 @@ def _separate(lines: Lines, motion: Motion, section: Expression, drives: list[Ex
     """Every section runs on the whole input; the output is that of the section that holds."""
     outputs = []
     for one in motion.sections:
-        origin, now, later = (kept.number(lines, stem) for stem in ("origin", "now", "later"))
+        origin, now, later = (kept_number(kept, lines, stem) for stem in ("origin", "now", "later"))
         drive = lines.let("driven", _driven(one, drives))
         began = lines.choose("began", [(first, drive)], origin)
         x1, z = (lines.choose(stem, [(first, ZERO)], name) for stem, name in (("moved", now), ("ahead", later)))
@@ -71,7 +71,7 @@ def _separate(lines: Lines, motion: Motion, section: Expression, drives: list[Ex
 
 def _shared(lines: Lines, motion: Motion, section: Expression, drives: list[Expression], kept: Kept, first: Condition) -> Expression:
     """The section that holds drives one state on."""
-    now, later = kept.number(lines, "now"), kept.number(lines, "later")
+    now, later = kept_number(kept, lines, "now"), kept_number(kept, lines, "later")
 
     def of_each(result: Callable[[Lines, MotionSection], Expression]) -> list[Expression | Block]:
         blocks: list[Expression | Block] = []

@@ -119,29 +119,47 @@ class Limit:
     high: Array
 
 
+@dataclass
+class Kept:
+    """What a model keeps from sample to sample.
+
+    Attributes
+    ----------
+    numbers
+        Single numbers by name, and what they are after a reset.
+    queues
+        Delayed values by name, and how many of them.
+    fed_back
+        The queues of its own outputs, by the name of the output, where the model goes on from them; several where several summands do.
+    steps
+        Times between samples of the parts with memory, s; none for a model without memory.
+    """
+
+    numbers: dict[str, float] = field(default_factory=dict)
+    queues: dict[str, int] = field(default_factory=dict)
+    fed_back: dict[str, list[str]] = field(default_factory=dict)
+    steps: list[float] = field(default_factory=list)
+
+    @property
+    def step(self) -> float | None:
+        """Time between samples, s; None for a model without memory."""
+        return self.steps[0] if self.steps else None
+
+
 @dataclass(frozen=True)
 class Assignments:
     """A model, ready to be written in another language; its inputs are names in the statements.
 
-    Attributes
-    ----------
-    body
-        Its one result is the output.
-    kept
-        Numbers that are kept from sample to sample, by name, and what they are after a reset.
-    queues
-        Delayed values, by name, and how many of them.
-    step
-        Time between samples, s; None for a model without memory.
-    fed_back
-        The queue of its own outputs, by the name of the output, where the model goes on from them.
+    The one result of its body is the output.
     """
 
     inputs: tuple[str, ...]
     functions: tuple[Function, ...]
     body: Block
     limits: tuple[Limit, ...]
-    kept: dict[str, float] = field(default_factory=dict)
-    queues: dict[str, int] = field(default_factory=dict)
-    step: float | None = None
-    fed_back: dict[str, str] = field(default_factory=dict)
+    kept: Kept = field(default_factory=Kept)
+
+    @property
+    def step(self) -> float | None:
+        """Time between samples, s; None for a model without memory."""
+        return self.kept.step

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import count
 
-from mapmore_cli.modelling.assignments.statements import Block, Choose, Condition, Function, Let, Limit, Statement, Use
+from mapmore_cli.modelling.assignments.statements import Block, Choose, Condition, Function, Kept, Let, Limit, Statement, Use
 from mapmore_cli.modelling.terms import Expression, Name, Number, add, substitute
 from mapmore_cli.modelling.terms.syntax import Product, Sum, negate
 
@@ -62,22 +62,6 @@ class Lines:
         return Block(tuple(self.statements), results)
 
 
-@dataclass
-class Kept:
-    """What a model keeps from sample to sample, in the making; as `Assignments` has it."""
-
-    numbers: dict[str, float] = field(default_factory=dict)
-    queues: dict[str, int] = field(default_factory=dict)
-    fed_back: dict[str, str] = field(default_factory=dict)
-    steps: list[float] = field(default_factory=list)  # times between samples of the parts with memory, s
-
-    def number(self, lines: Lines, stem: str) -> Name:
-        """A new number that is kept, zero after a reset."""
-        name = lines.names.fresh(f"kept_{stem}")
-        self.numbers[name] = 0.0
-        return Name(name)
-
-
 @dataclass(frozen=True)
 class Writer:
     """A model in the making: its main statements, and all that goes with them."""
@@ -86,6 +70,13 @@ class Writer:
     kept: Kept = field(default_factory=Kept)
     functions: list[Function] = field(default_factory=list)
     limits: list[Limit] = field(default_factory=list)
+
+
+def kept_number(kept: Kept, lines: Lines, stem: str) -> Name:
+    """A new number that is kept, zero after a reset."""
+    name = lines.names.fresh(f"kept_{stem}")
+    kept.numbers[name] = 0.0
+    return Name(name)
 
 
 def block_of(value: Block | Expression) -> Block:
