@@ -156,10 +156,10 @@ class _Unit:
             if base is None:
                 yield f"  <Unit{_attributes(name=unit)}/>"
                 continue
-            numbers = {"factor": base.factor} if base.factor != 1.0 else {}
-            numbers |= {"offset": base.offset} if base.offset != 0.0 else {}
+            numbers: dict[str, float] = {**base.powers}
+            numbers |= {name: value for name, value, same in (("factor", base.factor, 1.0), ("offset", base.offset, 0.0)) if value != same}
             yield f"  <Unit{_attributes(name=unit)}>"
-            yield f"    <BaseUnit{_attributes(**{name: repr(number) for name, number in (base.powers | numbers).items()})}/>"
+            yield f"    <BaseUnit{_attributes(**{name: repr(number) for name, number in numbers.items()})}/>"
             yield "  </Unit>"
         yield "</UnitDefinitions>"
 
