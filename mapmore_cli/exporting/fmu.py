@@ -10,7 +10,6 @@ from importlib.resources import files
 from uuid import UUID
 from xml.sax.saxutils import quoteattr
 
-from mapmore_cli import __version__
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import BaseUnits, Quantity
 from mapmore_cli.exporting.c import c_source
@@ -36,8 +35,8 @@ class UnitSources:
     compiled: tuple[str, ...]
 
 
-def fmu_sources(model: Model, units: Mapping[str, BaseUnits]) -> UnitSources:
-    """The texts of a unit; `units` says what is known of the units of the model.
+def fmu_sources(model: Model, units: Mapping[str, BaseUnits], tool: str) -> UnitSources:
+    """The texts of a unit; `units` says what is known of the units of the model, `tool` with which version of what it is made.
 
     Raises
     ------
@@ -46,7 +45,7 @@ def fmu_sources(model: Model, units: Mapping[str, BaseUnits]) -> UnitSources:
     DataError
         Where a part of the model is no closed expression.
     """
-    unit = _Unit(model, assignments(model), units)
+    unit = _Unit(model, assignments(model), units, tool)
     sources = {f"sources/{name}": text for name, text in {**unit.texts, CONFIGURATION: unit.configuration()}.items()}
     return UnitSources(unit.name, {"modelDescription.xml": unit.description(), **sources}, (f"{unit.name}.c", WRAPPER[1]))
 
@@ -56,6 +55,7 @@ class _Unit:
     model: Model
     code: Assignments
     units: Mapping[str, BaseUnits]
+    tool: str
 
     @property
     def name(self) -> str:
@@ -80,7 +80,7 @@ class _Unit:
     @property
     def guid(self) -> str:
         """The same for the same unit, another one for any other."""
-        about = repr([self.model.name, self.model.inputs, self.model.output, __version__, *self.texts.values()])
+        about = repr([self.model.name, self.model.inputs, self.model.output, self.tool, *self.texts.values()])
         return str(UUID(bytes=hashlib.sha256(about.encode()).digest()[:16]))
 
     def configuration(self) -> str:
@@ -117,7 +117,7 @@ class _Unit:
             modelName=self.model.name,
             guid=self.guid,
             description=self._about(),
-            generationTool=f"mapmore {__version__}",
+            generationTool=self.tool,
             variableNamingConvention="flat",
         )
         parts = (self._simulation(), self._units(), self._experiment(), self._variables(), self._structure())

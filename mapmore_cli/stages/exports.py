@@ -6,6 +6,7 @@ import io
 import zipfile
 from collections.abc import Callable, Mapping
 
+from mapmore_cli import __version__
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.exporting.c import c_source
@@ -56,7 +57,7 @@ def _unit(model: Model, warn: Warn) -> bytes:
     """A functional mock-up unit: its sources, and the binary of this machine where there is a compiler."""
     units = dict.fromkeys(quantity.unit for quantity in (*model.inputs, model.output))
     known = {unit: base for unit in units if (base := base_units(unit)) is not None}
-    unit = fmu_sources(model, known)
+    unit = fmu_sources(model, known, f"mapmore {__version__}")
     files = {name: text.encode() for name, text in unit.files.items()}
     try:
         place = library_place(unit.name)

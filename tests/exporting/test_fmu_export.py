@@ -123,7 +123,7 @@ def test_the_same_model_gives_the_same_bytes_and_another_one_another_guid() -> N
     ((_, again),) = exported(FORMULAS["reynolds"], "fmu").items()
     assert one == again
     assert {entry.date_time for entry in zipfile.ZipFile(io.BytesIO(one)).infolist()} == {(1980, 1, 1, 0, 0, 0)}
-    guids = {fmu_sources(model, {}).files["modelDescription.xml"].split('guid="')[1][:36] for model in (pieces(), pieces(z_s=0.1))}
+    guids = {fmu_sources(model, {}, "tool").files["modelDescription.xml"].split('guid="')[1][:36] for model in (pieces(), pieces(z_s=0.1))}
     assert len(guids) == 2
 
 
@@ -299,7 +299,7 @@ int main(void)
     "model", [STATIC["one level"], WITH_MEMORY["operators"], WITH_MEMORY["fed back"]], ids=["static", "memory", "fed back"]
 )
 def test_the_sources_are_clean_by_warnings_and_sanitizers(tmp_path: Path, model: Model) -> None:
-    unit = fmu_sources(model, {})
+    unit = fmu_sources(model, {}, "tool")
     for name, text in unit.files.items():
         (tmp_path / Path(name).name).write_text(text)
     (tmp_path / "driver.c").write_text(DRIVER)
@@ -313,7 +313,7 @@ def test_the_sources_are_clean_by_warnings_and_sanitizers(tmp_path: Path, model:
 
 @needs_compiler
 def test_units_linked_into_one_program_take_a_prefix(tmp_path: Path) -> None:
-    unit = fmu_sources(pieces(), {})
+    unit = fmu_sources(pieces(), {}, "tool")
     for name, text in unit.files.items():
         (tmp_path / Path(name).name).write_text(text)
     subprocess.run(
