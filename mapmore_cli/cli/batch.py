@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,7 +14,7 @@ import typer
 from mapmore_cli.cli.ci import CiFiles, Junit, Summary
 from mapmore_cli.cli.exits import error_document, exit_code, message
 from mapmore_cli.cli.options import NO_OVERRIDES, RUNS, AsJson, Force, Overrides, Quiet, Rehash, Runs
-from mapmore_cli.domain.errors import LimitMissed, RunWarning, told
+from mapmore_cli.domain.errors import LimitMissed, RunWarning, UsageError, told
 
 if TYPE_CHECKING:
     from mapmore_cli.cli.progress import Reporter
@@ -35,6 +36,12 @@ def batch(
     configs: Annotated[list[Path], typer.Argument(metavar="CONFIG...", help="Experiment specs or campaigns (YAML).", show_default=False)],
     runs: Runs = RUNS,
     jobs: Annotated[int, typer.Option("--jobs", "-j", metavar="N", min=1, help="Runs at a time.")] = os.cpu_count() or 1,
+    cluster: Annotated[
+        str | None, typer.Option("--cluster", metavar="ADDRESS", help="Scheduler of a Dask cluster to run on, as tcp://host:8786.")
+    ] = None,
+    cluster_file: Annotated[
+        Path | None, typer.Option("--cluster-file", metavar="FILE", help="The same, by the file that the scheduler wrote.")
+    ] = None,
     overrides: Overrides = NO_OVERRIDES,
     force: Force = False,
     rehash: Rehash = False,
@@ -50,18 +57,26 @@ def batch(
     from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.stages.campaigns.batch import Job, run_all
+    from mapmore_cli.stages.campaigns.cluster import ClusterWorkers
     from mapmore_cli.stages.campaigns.page import expanded, run_names, write_page
     from mapmore_cli.stages.campaigns.processes import LocalWorkers
 
+    if cluster is not None and cluster_file is not None:
+        raise UsageError("--cluster and --cluster-file exclude each other", "leave one of them out")
     campaigns, entries = expanded(configs, overrides)
     names = run_names(entries, campaigns)
     todo = [Job(entry.config, runs, entry.overrides, force, rehash, entry.campaign) for entry in entries]
     results: dict[int, Result] = {}
     with Reporter(quiet) as reporter:
-        workers = LocalWorkers(jobs, lambda number, message: reporter.warn(RunWarning.of(names[number], message)))
-        with closing(run_all(todo, workers)) as ended:
+
+        def tell(number: int, message: str) -> None:
+            reporter.warn(RunWarning.of(names[number], message))
+
+        local = cluster is None and cluster_file is None
+        workers = LocalWorkers(jobs, tell) if local else ClusterWorkers(cluster, cluster_file, runs, tell, reporter.say, reporter.warn)
+        with closing(run_all(todo if local else [job.elsewhere() for job in todo], workers)) as ended:
             for number, result in ended:
-                results[number] = result
+                results[number] = result if isinstance(result, BaseException) else replace(result, run_dir=runs / result.name)
                 _tell(reporter, names[number], result, f"{len(results)} of {len(todo)}")
     ordered = {names[number]: results[number] for number in range(len(entries))}
     pages = [write_page(one.campaign, {names[number]: results[number] for number in one.jobs}, runs) for one in campaigns]

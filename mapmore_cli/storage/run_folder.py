@@ -84,11 +84,11 @@ _UNFINISHED = re.compile(re.escape(TEMPORARY) + r"(?:[0-9a-f]{12}-.+|[a-z]+-[a-z
 
 
 @contextmanager
-def run_lock(run_dir: Path) -> Iterator[None]:
-    """Hold the run; WriteError at once where another process holds it. The system frees it when its holder dies."""
+def run_lock(run_dir: Path, patient: bool = False) -> Iterator[None]:
+    """Hold the run; where another process holds it, wait or raise WriteError at once. The system frees it when its holder dies."""
     from filelock import FileLock, Timeout
 
-    lock = FileLock(run_dir / LOCK, timeout=0)
+    lock = FileLock(run_dir / LOCK, timeout=-1 if patient else 0)
     if (run_dir / LOCK).is_dir():
         raise WriteError(f"{run_dir / LOCK}: is a folder, where the lock of the run belongs", "move it away")
     try:

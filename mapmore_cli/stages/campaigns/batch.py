@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Job:
-    """One run to do."""
+    """One run to do; a `patient` one waits where another process writes it."""
 
     config: Path
     runs: Path
@@ -26,6 +26,12 @@ class Job:
     force: bool = False
     rehash: bool = False
     campaign: Path | None = None
+    patient: bool = False
+
+    def elsewhere(self) -> Job:
+        """The same run on another machine: paths from the root, and patience with what an earlier, lost start of it still writes."""
+        campaign = None if self.campaign is None else self.campaign.absolute()
+        return replace(self, config=self.config.absolute(), runs=self.runs.absolute(), campaign=campaign, patient=True)
 
 
 @dataclass(frozen=True)
@@ -79,7 +85,9 @@ def run_one(job: Job) -> Finished:
     started = time.perf_counter()
     loaded = load(job.config, job.overrides)
     warnings: list[str] = []
-    outcome = bring_up_to_date(loaded, job.runs, force=job.force, rehash=job.rehash, warn=warnings.append, campaign=job.campaign)
+    outcome = bring_up_to_date(
+        loaded, job.runs, force=job.force, rehash=job.rehash, warn=warnings.append, campaign=job.campaign, patient=job.patient
+    )
     validation = RunFiles(outcome.run_dir).validation()
     held_to = limits(loaded.spec.validation.require, validation.scores)
     published = loaded.spec.report.published

@@ -79,12 +79,13 @@ def bring_up_to_date(
     stages: Sequence[Stage] | None = None,
     heirs: tuple[Path, ...] = (),
     campaign: Path | None = None,
+    patient: bool = False,
 ) -> RunOutcome:
     """Run the stages up to `until` that are not up to date (all of them with `force`), in the folder `runs/NAME`.
 
     `rehash` reads sources and outputs again even where size and time are as they were. `stages` are those of `pipeline()` by default.
     Runs whose models a stage needs come first, in the same folder of runs; `heirs` are the specs that need this one. `campaign` is the file
-    that the run belongs to.
+    that the run belongs to. A `patient` one waits for another process that is writing the run.
 
     Raises
     ------
@@ -96,7 +97,7 @@ def bring_up_to_date(
     every = stages or pipeline()
     run_dir = runs / loaded.spec.name
     open_run_folder(run_dir)
-    with run_lock(run_dir):
+    with run_lock(run_dir, patient):
         recover(run_dir, _outputs(every))
         origin = _origin(loaded, run_dir, campaign)
         records = load_records(run_dir, warn)

@@ -1,0 +1,106 @@
+"""Runs on a real Dask scheduler with two workers, on loopback."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from subprocess import PIPE, Popen
+
+import pytest
+from run_studies import wait_until, write_slow_study, write_study
+
+from mapmore_cli.domain.errors import UsageError, WriteError
+from mapmore_cli.stages.campaigns.batch import Job, run_one
+from mapmore_cli.stages.campaigns.cluster import ClusterWorkers, Shared
+
+pytestmark = pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="looks into /proc for the worker that does a run")
+
+DASK = [sys.executable, "-W", "ignore", "-m"]
+
+
+@pytest.fixture
+def scheduler_file(tmp_path: Path) -> Iterator[Path]:
+    """A scheduler and two workers, one thread each, that nobody starts again."""
+    file = tmp_path / "scheduler.json"
+    common = ["--scheduler-file", str(file), "--host", "127.0.0.1", "--no-dashboard"]
+    worker = [*DASK, "distributed.cli.dask_worker", *common, "--nthreads", "1", "--no-nanny", "--local-directory", str(tmp_path)]
+    with (tmp_path / "dask.log").open("wb") as log:
+        commands = [[*DASK, "distributed.cli.dask_scheduler", *common, "--port", "0"], worker, worker]
+        processes = [Popen(command, stdout=log, stderr=log) for command in commands]
+        try:
+            yield file
+        finally:
+            for process in processes:
+                process.kill()
+                process.wait()
+
+
+def holder_of(lock: Path) -> int | None:
+    """The process that has a file open."""
+    for link in Path("/proc").glob("[0-9]*/fd/*"):
+        try:
+            if link.readlink() == lock:
+                return int(link.parts[2])
+        except OSError:
+            continue
+    return None
+
+
+def batch(specs: list[Path], runs: Path, file: Path) -> Popen[str]:
+    command = [sys.executable, "-m", "mapmore_cli", "batch", *map(str, specs), "--runs", str(runs), "--cluster-file", str(file), "--json"]
+    return Popen(command, stdout=PIPE, stderr=PIPE, text=True)
+
+
+def test_a_campaign_on_a_cluster(tmp_path: Path, scheduler_file: Path) -> None:
+    """The command is killed and started again, a worker is killed, and a run raises: every other run is done, once, as it is alone."""
+    slow = write_slow_study(tmp_path, "slow")
+    quick = [write_study(tmp_path, f"quick{number}") for number in range(3)]
+    broken = write_study(tmp_path, "broken")
+    broken.write_text(broken.read_text().replace("rig_*.csv", "none_*.csv"))
+    runs, alone = tmp_path / "runs", tmp_path / "alone"
+    with batch(quick, runs, scheduler_file) as first:
+        for spec in (slow, *quick[:2]):
+            run_one(Job(spec, alone))
+        wait_until(lambda: (runs / "quick0" / "report").is_dir() or first.poll() is not None, 60)
+        first.kill()
+    before = (runs / "quick0" / "run.json").stat().st_mtime_ns
+    with batch([slow, *quick, broken], runs, scheduler_file) as second:
+        wait_until(lambda: (runs / "slow" / "ingest.h5").is_file() or second.poll() is not None, 60)
+        worker = holder_of(runs / "slow" / ".lock")
+        assert worker is not None
+        os.kill(worker, signal.SIGKILL)
+        stdout, stderr = second.communicate(timeout=120)
+    assert second.returncode == 4, stderr
+    assert "slow: its worker died or was lost; it is started again" in stderr
+    assert "broken: error:" in stderr
+    documents = {run["name"]: run for run in json.loads(stdout)["runs"]}
+    assert {name for name, run in documents.items() if run["exit_code"]} == {"broken"}
+    assert set(documents["quick0"]["stages"].values()) == {"up-to-date"}
+    assert (runs / "quick0" / "run.json").stat().st_mtime_ns == before
+    for name in ("slow", "quick0", "quick1"):
+        assert documents[name]["run_dir"] == str(runs / name)
+        assert (runs / name / "scores.json").read_bytes() == (alone / name / "scores.json").read_bytes()
+    assert len(list(runs.glob(".tmp-*-shared"))) < 2  # of the command that was killed, if any
+
+
+def test_workers_that_see_another_folder_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "token").write_text("another client's")
+    for token in (tmp_path / "token", tmp_path / "missing"):
+        with pytest.raises(WriteError, match="does not see this folder"):
+            Shared(token, "word", {}).check()
+
+
+def silent(*_: object) -> None:
+    pass
+
+
+def test_a_cluster_that_is_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("mapmore_cli.stages.campaigns.cluster.CONNECT", "50ms")
+    for address, file, words in (("tcp://127.0.0.1:9", None, "no Dask scheduler"), (None, tmp_path / "none.json", "no such file")):
+        with pytest.raises(UsageError, match=words), ClusterWorkers(address, file, tmp_path / "runs", silent, silent, silent):
+            pass
+    assert not list((tmp_path / "runs").iterdir())
