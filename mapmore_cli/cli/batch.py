@@ -58,13 +58,14 @@ def batch(
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.stages.campaigns.batch import Job, run_all
     from mapmore_cli.stages.campaigns.cluster import ClusterWorkers
-    from mapmore_cli.stages.campaigns.page import expanded, run_names, write_page
+    from mapmore_cli.stages.campaigns.page import expanded, refuse_foreign_folders, run_names, write_page
     from mapmore_cli.stages.campaigns.processes import LocalWorkers
 
     if cluster is not None and cluster_file is not None:
         raise UsageError("--cluster and --cluster-file exclude each other", "leave one of them out")
     campaigns, entries = expanded(configs, overrides)
     names = run_names(entries, campaigns)
+    refuse_foreign_folders(campaigns, runs)
     todo = [Job(entry.config, runs, entry.overrides, force, rehash, entry.campaign) for entry in entries]
     results: dict[int, Result] = {}
     with Reporter(quiet) as reporter:

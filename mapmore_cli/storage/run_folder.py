@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.storage.atomic import TEMPORARY, refusals_told, sync_folder, sync_tree
-from mapmore_cli.storage.run_record import RUN_RECORD
+from mapmore_cli.storage.run_record import CAMPAIGN_RECORD, RUN_RECORD
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.fits import SegmentedCurve
@@ -79,6 +79,9 @@ ASIDE = ".old-"
 
 LOCK = ".lock"
 
+_FOLDERS = {RUN_RECORD: "a run of that name", CAMPAIGN_RECORD: "the page of a campaign of that name"}
+"""What the folders are that mapmore writes, by the record in them."""
+
 _UNFINISHED = re.compile(re.escape(TEMPORARY) + r"(?:[0-9a-f]{12}-.+|[a-z]+-[a-z0-9_]{8})", re.DOTALL)
 """Names of files and of folders that `storage.atomic` and `stage_folder` have begun."""
 
@@ -124,8 +127,10 @@ def refuse_foreign(folder: Path, record: str) -> None:
         raise WriteError(f"{folder}: cannot be read ({fault.strerror})", "change its permissions, or choose another folder") from fault
     others = sorted(name for name in names if name != LOCK and not _UNFINISHED.fullmatch(name))
     if others and (record not in names or not _is_ours(folder / record)):
+        found = f"files that mapmore did not write ({', '.join(others[:3])}{', ...' if len(others) > 3 else ''})"
+        held = next((what for file, what in _FOLDERS.items() if file in names and _is_ours(folder / file)), found)
         raise WriteError(
-            f"{folder}: holds files that mapmore did not write ({', '.join(others[:3])}{', ...' if len(others) > 3 else ''})",
+            f"{folder}: holds {held}",
             "give it another `name`, or choose another folder with --runs",
         )
 

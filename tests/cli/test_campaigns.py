@@ -128,3 +128,32 @@ def test_the_papers_studies_are_ten_runs_with_published_numbers() -> None:
     assert len(set(names)) == len(entries) == 10
     printed = [load(entry.config, entry.overrides).spec.report.published for entry in entries]
     assert [name for name, paper in zip(names, printed, strict=True) if paper is None] == [name for name in names if "hysteresis" in name]
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("sweep", ["campaign 'sweep'", "other.yaml"]), ("one.plain", ["bench.yaml as 'plain'", "other.yaml"])],
+)
+def test_folders_of_one_name_are_refused_at_start(name: str, words: list[str], campaign: Path, mapmore: Callable[..., Any]) -> None:
+    spec = campaign.with_name("bench.yaml")
+    spec.write_text(spec.read_text().replace("[polynomial_2]", "[{set: {fit.max_terms: 1}, as: plain}]"))
+    other = campaign.with_name("other.yaml")
+    other.write_text(spec.read_text().replace("name: bench", f"name: {name}"))
+    campaign.write_text(CAMPAIGN[: CAMPAIGN.index("  - {name: two")])
+    result = mapmore("batch", campaign, other, "--runs", campaign.with_name("runs"))
+    assert (result.exit_code, campaign.with_name("runs").exists()) == (2, False)
+    assert f"the same name, '{name}'" in result.stderr
+    for word in words:
+        assert word in result.stderr
+
+
+@pytest.mark.parametrize(("record", "what"), [("run.json", "a run of that name"), ("notes.txt", "files that mapmore did not write")])
+def test_a_campaign_without_a_place_for_its_page_is_refused_at_start(
+    record: str, what: str, campaign: Path, tmp_path: Path, mapmore: Callable[..., Any]
+) -> None:
+    place = tmp_path / "runs" / "sweep"
+    place.mkdir(parents=True)
+    (place / record).write_text("{}")
+    result = mapmore("batch", campaign, "--runs", tmp_path / "runs")
+    assert (result.exit_code, [path.name for path in (tmp_path / "runs").iterdir()]) == (7, ["sweep"])
+    assert f"holds {what}" in result.stderr

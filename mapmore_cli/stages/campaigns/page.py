@@ -12,15 +12,13 @@ from mapmore_cli.domain.errors import SpecError, UsageError, told
 from mapmore_cli.domain.page import RUN_PAGE
 from mapmore_cli.spec.campaign import Campaign, Entry, is_campaign, load_campaign
 from mapmore_cli.spec.loader import load
+from mapmore_cli.spec.sections.results import Competitor
+from mapmore_cli.storage.run_record import CAMPAIGN_RECORD
 
 if TYPE_CHECKING:
     from mapmore_cli.reporting.campaign import CampaignScores
     from mapmore_cli.reporting.table import Table
     from mapmore_cli.stages.campaigns.batch import Finished
-
-
-CAMPAIGN_RECORD = "campaign.json"
-"""What tells the folder of a campaign from one of the user."""
 
 
 @dataclass(frozen=True)
@@ -59,23 +57,40 @@ def run_names(entries: Sequence[Entry], campaigns: Sequence[Expanded]) -> list[s
     Raises
     ------
     UsageError
-        Where two runs have one name, which would write the same folder.
+        Where two of the runs, their variations and the campaigns have one name, which would be the same folder.
     """
     called = {number: name for campaign in campaigns for number, name in zip(campaign.jobs, campaign.names, strict=True)}
     names: list[str] = []
-    places: dict[str, Path] = {}
+    owners: dict[str, str] = {}
+
+    def claim(folder: str, owner: str) -> None:
+        if folder in owners:
+            raise UsageError(f"{owners[folder]} and {owner} have the same name, '{folder}'", "give each a `name` of its own")
+        owners[folder] = owner
+
+    for campaign in campaigns:
+        claim(campaign.campaign.campaign, f"the campaign '{campaign.campaign.campaign}'")
     for number, entry in enumerate(entries):
         try:
-            name = load(entry.config, entry.overrides).spec.name
+            spec = load(entry.config, entry.overrides).spec
         except SpecError:  # its own run will say so
             short = called.get(number, entry.config.stem)
             names.append(str(entry.config) if short in names else short)
             continue
-        if name in places:
-            raise UsageError(f"{places[name]} and {entry.config} have the same name, '{name}'", "give each spec a `name` of its own")
-        places[name] = entry.config
-        names.append(name)
+        claim(spec.name, str(entry.config))
+        for rival in spec.validation.against:
+            if isinstance(rival, Competitor) and rival.set is not None:
+                claim(f"{spec.name}.{rival.label}", f"{entry.config} as '{rival.label}'")
+        names.append(spec.name)
     return names
+
+
+def refuse_foreign_folders(campaigns: Sequence[Expanded], runs: Path) -> None:
+    """Raise WriteError where the page of a campaign has no place: better before its runs are done."""
+    from mapmore_cli.storage.run_folder import refuse_foreign
+
+    for one in campaigns:
+        refuse_foreign(runs / one.campaign.campaign, CAMPAIGN_RECORD)
 
 
 @dataclass(frozen=True)
