@@ -28,6 +28,7 @@ from mapmore_cli.cli import (
     schema,
     show,
     simulate,
+    tune,
 )
 
 AS_JSON = "mapmore.json"
@@ -78,6 +79,7 @@ def _common(
 
 pipeline.add_to(app)
 batch.add_to(app)
+tune.add_to(app)
 predict.add_to(app)
 invert.add_to(app)
 freeze.add_to(app)

@@ -43,6 +43,8 @@ class Kind:
         The model as equations in physical units, given how many of the model's units one unit of a quantity is.
     write
         The model as assignments: writes it down, and returns its output.
+    parameters
+        How many numbers the fit was free to choose.
     one_step
         Prediction of every row from the measured past, (n,); None for kinds that know no past.
     fed_back
@@ -53,6 +55,7 @@ class Kind:
     outside_range: Callable[[Model, Columns], BoolArray]
     equations: Callable[[Model, Mapping[str, float]], tuple[Equation, ...]]
     write: written.Write
+    parameters: Callable[[Model], int]
     one_step: Callable[[Model, Columns], Array] | None = None
     fed_back: Callable[[Model], tuple[str, ...]] = lambda _model: ()
 
@@ -95,6 +98,11 @@ def outside_range(model: Model, columns: Columns) -> BoolArray:
 def equations(model: Model, units: Mapping[str, float] = MODEL_UNITS) -> tuple[Equation, ...]:
     """The model as equations, in its units or in others: of a sum, those of each summand."""
     return kind_of(model).equations(model, units)
+
+
+def parameters(model: Model) -> int:
+    """How many numbers the fit was free to choose: coefficients of terms and parameters of formulas, of a sum those of all its parts."""
+    return kind_of(model).parameters(model)
 
 
 def one_step_ahead(model: Model, columns: Columns) -> Array:
@@ -146,15 +154,18 @@ def _write(writer: Writer, model: Model, inputs: written.Inputs) -> Expression:
 
 
 KINDS: Mapping[type[Body], Kind] = {
-    Pieces: Kind(pieces.simulate, pieces.outside_range, pieces.equations, written.pieces),
-    Formula: Kind(formula.simulate, formula.outside_range, formula.equations, written.formula),
-    Memory: Kind(memory.simulate, memory.outside_range, memory.equations, written.memory, memory.one_step, memory.fed_back),
-    StateSpace: Kind(motion.simulate, motion.outside_range, motion.equations, written.motion, motion.one_step),
+    Pieces: Kind(pieces.simulate, pieces.outside_range, pieces.equations, written.pieces, pieces.parameters),
+    Formula: Kind(formula.simulate, formula.outside_range, formula.equations, written.formula, formula.parameters),
+    Memory: Kind(
+        memory.simulate, memory.outside_range, memory.equations, written.memory, memory.parameters, memory.one_step, memory.fed_back
+    ),
+    StateSpace: Kind(motion.simulate, motion.outside_range, motion.equations, written.motion, motion.parameters, motion.one_step),
     Sum: Kind(
         lambda model, columns: sums.simulate(model, columns, simulate),
         lambda model, columns: sums.outside_range(model, columns, outside_range),
         lambda model, units: sums.equations(model, units, equations),
         lambda writer, model, inputs: written.sums(writer, model, inputs, _write),
+        lambda model: sums.parameters(model, parameters),
         lambda model, columns: sums.one_step(model, columns, one_step_ahead),
         lambda model: sums.fed_back(model, fed_back),
     ),

@@ -48,7 +48,7 @@ def left_out(choices: ModelChoices, contest: Contest, compare: Compare, progress
 def refitted(choices: ModelChoices, dataset: Dataset) -> Model:
     """A model of the training samples of a dataset, made in one go."""
     refit = maker_of(choices).refit
-    if refit is None:
+    if refit is None or choices.over_time:
         raise SpecError("split.leave_one_level_out: a model over time cannot be fitted without a level", "hold out recordings instead")
     return refit(choices, dataset)
 

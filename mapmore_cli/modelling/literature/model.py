@@ -39,6 +39,12 @@ def simulate(model: Model, columns: Columns) -> Run:
     return Run(by_blocks(model.inputs, columns, lambda inputs, n: backbone_values(body.fit, inputs, n)))
 
 
+def parameters(model: Model) -> int:
+    """The parameters of the formula."""
+    assert isinstance(model.body, Formula)
+    return len(model.body.fit.parameters)
+
+
 def outside_range(model: Model, columns: Columns) -> BoolArray:
     """True where an input lies beyond its training range, (n,)."""
     assert isinstance(model.body, Formula)

@@ -59,6 +59,13 @@ def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
     return tuple(printed(name, equation) for name, equation in parts)
 
 
+def parameters(model: Model) -> int:
+    """The coefficients of the terms, with the model's own constant where it has one, and the parameters of the backbone."""
+    body = _body(model)
+    own = len(body.model.theta) + (body.model.constant != 0.0)
+    return own + (0 if body.backbone is None else len(body.backbone.parameters))
+
+
 def fed_back(model: Model) -> tuple[str, ...]:
     """The output, where the model goes on from it."""
     memory = _body(model).model

@@ -61,6 +61,11 @@ def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
     return tuple(printed(section.id, _equation(motion, section, units)) for section in motion.sections)
 
 
+def parameters(model: Model) -> int:
+    """P1, P2 and the weights of every section."""
+    return sum(2 + len(section.weights) for section in _motion(model).sections)
+
+
 def _equation(motion: Motion, section: MotionSection, units: Mapping[str, float]) -> Expression:
     delayed: dict[str, Expression] = {name: Name(f"{name}[k-2]") for name in motion_inputs(motion)}
     scaled = {name: multiply(Number(units[name]), past) if name in units else past for name, past in delayed.items()}

@@ -40,6 +40,12 @@ def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
     return tuple(printed(name, equation) for name, equation in (*formula_equations(body.backbone, units), *pieces))
 
 
+def parameters(model: Model) -> int:
+    """The coefficients of all segments, and the parameters of the backbone."""
+    body = _body(model)
+    return sum(len(one.theta) for one in body.segments) + (0 if body.backbone is None else len(body.backbone.parameters))
+
+
 def segment_equation(segment: SegmentFunction, units: Mapping[str, float]) -> Expression:
     """`y_slope sum_k theta_k D_k(slope x + intercept) + y_intercept` with the scaling put in (M2 eq 8).
 

@@ -143,6 +143,11 @@ def segment_curve(curve: Curve, cuts: Mapping[str, Cut], target: str, cost: Inte
     )
 
 
+def uncut(curves: Sequence[Curve], by_level: bool, target: str) -> list[SegmentedCurve]:
+    """The training curves whole, for models that have no segments: they say the range of the inputs."""
+    return [segment_curve(curve, {}, target, lambda _curve, _rows: 0.0) for curve in training_curves(curves, by_level)]
+
+
 def segment_id(curve: str, variables: Sequence[str], cell: Sequence[int]) -> str:
     """`<curve>/strain:2`, with `;` between variables, `<curve>;direction=rise/...` for directions; `<curve>/all` where nothing is cut."""
     places = dict(zip(variables, cell, strict=True))

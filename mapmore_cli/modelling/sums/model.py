@@ -43,6 +43,11 @@ def equations(
     return whole + tuple(replace(one, id=f"{part.model.name}: {one.id}") for part in _body(model).parts for one in of(part.model, units))
 
 
+def parameters(model: Model, of: Callable[[Model], int]) -> int:
+    """The parameters of all parts."""
+    return sum(of(part.model) for part in _body(model).parts)
+
+
 def fed_back(model: Model, of: Callable[[Model], tuple[str, ...]]) -> tuple[str, ...]:
     """The measured outputs that any part begins from."""
     return tuple(dict.fromkeys(name for part in _body(model).parts for name in of(part.model)))

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 class Maker:
     """How a kind is fitted (the fit stage), and how the model is made of the fits (the fuse stage).
 
-    `refit` does all of it in one go on the training samples of another dataset, as cross-validation does, every choice included; None for
-    kinds that know no levels.
+    `refit` does all of it in one go on the training samples of another dataset, as cross-validation does, every choice included; None where
+    the models of other runs are needed.
     """
 
     fit: Callable[[FitChoices, Dataset, Workspace], FitResult]
@@ -33,8 +33,8 @@ def maker_of(part: FitChoices) -> Maker:
 
     makers = {
         "pieces": Maker(pieces.fit, pieces.build, pieces.refit),
-        "memory": Maker(memory.fit, memory.build),
-        "motion": Maker(motion.fit, motion.build),
+        "memory": Maker(memory.fit, memory.build, memory.refit),
+        "motion": Maker(motion.fit, motion.build, motion.refit),
         "formula": Maker(formula.fit, formula.build, formula.refit),
         "sum": Maker(sums.fit, sums.build),
     }

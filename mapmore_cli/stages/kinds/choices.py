@@ -40,6 +40,11 @@ class FitChoices:
             case _:
                 return "memory" if remembers(self.dictionary) else "pieces"
 
+    @property
+    def over_time(self) -> bool:
+        """Whether the model runs along recordings, and is fitted to them whole."""
+        return self.kind in ("memory", "motion")
+
 
 @dataclass(frozen=True)
 class ModelChoices(FitChoices):

@@ -9,7 +9,7 @@ from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.modelling.literature import model as formula
 from mapmore_cli.modelling.literature.backbone import fit_formula
-from mapmore_cli.modelling.pieces.segmentation import segment_curve, trained_at, training_curves
+from mapmore_cli.modelling.pieces.segmentation import trained_at, uncut
 from mapmore_cli.stages.kinds.choices import FitChoices, ModelChoices, level_of
 from mapmore_cli.stages.pipeline.stage import Workspace
 
@@ -34,8 +34,7 @@ def refit(part: ModelChoices, dataset: Dataset) -> Model:
     """The formula fitted to the training samples of a dataset, as a model; raises as `fitted`."""
     assert part.model.name is not None
     level = level_of(part.levels, part.segment)
-    curves = training_curves(trained_at(dataset.curves, part.fit.train_level), level is not None)
-    training = [segment_curve(curve, {}, dataset.target, lambda _curve, _rows: 0.0) for curve in curves]
+    training = uncut(trained_at(dataset.curves, part.fit.train_level), level is not None, dataset.target)
     found = fitted(part.model.name, part, dataset)
     return formula.build(part.name, dataset.quantities[dataset.target], found, level, training, dataset.quantities)
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.modelling.literature.backbone import residual_of
 from mapmore_cli.modelling.memory import MemoryRecipe, fit_with_memory, records_of, time_step
 from mapmore_cli.modelling.memory import model as memory
-from mapmore_cli.stages.kinds.choices import FitChoices, ModelChoices
+from mapmore_cli.modelling.pieces.segmentation import uncut
+from mapmore_cli.stages.kinds.choices import FitChoices, ModelChoices, level_of
 from mapmore_cli.stages.kinds.dictionary import Clock, terms_of
 from mapmore_cli.stages.kinds.formula import fitted
 from mapmore_cli.stages.pipeline.stage import Workspace
@@ -24,6 +27,10 @@ def fit(part: FitChoices, dataset: Dataset, workspace: Workspace) -> FitResult:
     FitError
         Where the fit of the backbone failed.
     """
+    return _fitted(part, dataset, lambda done, total: workspace.progress("models", done, total))
+
+
+def _fitted(part: FitChoices, dataset: Dataset, progress: Callable[[int, int], None]) -> FitResult:
     backbone = None if part.model.backbone is None else fitted(part.model.backbone, part, dataset)
     curves = [residual_of(curve, dataset.target, backbone) for curve in dataset.curves]
     step = time_step(curves)
@@ -43,7 +50,7 @@ def fit(part: FitChoices, dataset: Dataset, workspace: Workspace) -> FitResult:
         criterion=part.fit.criterion,
         select=part.fit.select,
     )
-    return FitResult(fit_with_memory(records, recipe, lambda done, total: workspace.progress("models", done, total)), backbone)
+    return FitResult(fit_with_memory(records, recipe, progress), backbone)
 
 
 def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:
@@ -51,4 +58,12 @@ def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:
     result = workspace.files.fit()
     assert result.memory is not None
     training = workspace.files.segmentation()
+    return memory.build(part.name, result.memory.model, result.backbone, training, dataset.quantities, result.notes)
+
+
+def refit(part: ModelChoices, dataset: Dataset) -> Model:
+    """The model of the training samples of a dataset, in one go; raises as `fit`."""
+    result = _fitted(part, dataset, lambda _done, _total: None)
+    assert result.memory is not None
+    training = uncut(dataset.curves, level_of(part.levels, part.segment) is not None, dataset.target)
     return memory.build(part.name, result.memory.model, result.backbone, training, dataset.quantities, result.notes)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.motion import MotionFit
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.modelling.memory import records_of, time_step
 from mapmore_cli.modelling.motion import Box, MotionRecipe, fit_motion
 from mapmore_cli.modelling.motion import model as motion
+from mapmore_cli.modelling.pieces.segmentation import uncut
 from mapmore_cli.spec.sections.method import ModelChoice
-from mapmore_cli.stages.kinds.choices import FitChoices, ModelChoices
+from mapmore_cli.stages.kinds.choices import FitChoices, ModelChoices, level_of
 from mapmore_cli.stages.pipeline.stage import Workspace
 
 
@@ -23,9 +27,12 @@ def fit(part: FitChoices, dataset: Dataset, workspace: Workspace) -> FitResult:
     SpecError, FitError
         Where the solver refuses the sections, or finds no stable one.
     """
+    return FitResult(_fitted(part, dataset, lambda done, total: workspace.progress("sections", done, total)))
+
+
+def _fitted(part: FitChoices, dataset: Dataset, progress: Callable[[int, int], None]) -> MotionFit:
     step = time_step(dataset.curves)
-    recipe = recipe_of(part.model, dataset.target, step)
-    return FitResult(fit_motion(records_of(dataset.curves, step), recipe, lambda done, total: workspace.progress("sections", done, total)))
+    return fit_motion(records_of(dataset.curves, step), recipe_of(part.model, dataset.target, step), progress)
 
 
 def recipe_of(choice: ModelChoice, target: str, step: float) -> MotionRecipe:
@@ -58,3 +65,15 @@ def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:
     assert result.motion is not None
     training = workspace.files.segmentation()
     return motion.build(part.name, result.motion.model, training, dataset.quantities, result.notes)
+
+
+def refit(part: ModelChoices, dataset: Dataset) -> Model:
+    """The model of the training samples of a dataset, in one go; raises as `fit`."""
+    found = _fitted(part, dataset, lambda _done, _total: None)
+    return motion.build(
+        part.name,
+        found.model,
+        uncut(dataset.curves, level_of(part.levels, part.segment) is not None, dataset.target),
+        dataset.quantities,
+        found.notes,
+    )

@@ -1,0 +1,113 @@
+"""`mapmore tune`: which of some settings, by training data that were left out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from mapmore_cli.cli.options import NO_OVERRIDES, RUNS, AsJson, Config, Overrides, Quiet, Runs
+from mapmore_cli.domain.errors import UsageError
+
+if TYPE_CHECKING:
+    from mapmore_cli.domain.tuning import Tuning
+
+FIGURES, TABLES = ("svg", "pdf", "png", "pgf"), ("csv", "tex")
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(tune)
+
+
+def tune(
+    config: Config,
+    over: Annotated[
+        list[str],
+        typer.Option("--over", metavar="KEY=V1,V2,...", help="A setting with the values to try, as fit.max_terms=2,4,8. Repeatable."),
+    ],
+    output: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--output", "-o", metavar="FILE", help="Also write the figure (.svg .pdf .png .pgf) or the table (.csv .tex). Repeatable."
+        ),
+    ] = None,
+    runs: Runs = RUNS,
+    overrides: Overrides = NO_OVERRIDES,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Try settings out on training data, and name the simplest that is as good as the best.
+
+    Every combination is fitted without a level (or a block) of the training data and judged on it; held-out data are not used.
+    """
+    from mapmore_cli.cli.console import print_view
+    from mapmore_cli.cli.progress import Reporter
+    from mapmore_cli.cli.views.tuned import of_tuning
+    from mapmore_cli.spec.loader import load
+    from mapmore_cli.stages import tuning
+
+    wanted = values_of(over)
+    _refuse_unknown(output or [])
+    with Reporter(quiet) as reporter:
+        found = tuning.tune(load(config, overrides), wanted, runs, progress=reporter.progress, warn=reporter.warn, on_stage=reporter.stage)
+    for path in output or []:
+        _write(path, found)
+    print_view(of_tuning(found), as_json)
+
+
+def values_of(over: Sequence[str]) -> dict[str, list[Any]]:
+    """The values of every setting: `fit.max_terms=2,4,8`, each of them YAML.
+
+    Raises
+    ------
+    UsageError
+        Where one has another form, or no value.
+    """
+    from mapmore_cli.domain.errors import SpecError
+    from mapmore_cli.spec.diagnostics import Mistake
+    from mapmore_cli.spec.tree import SourceText, plain
+    from mapmore_cli.spec.yaml_loader import parse
+
+    found: dict[str, list[Any]] = {}
+    for text in over:
+        key, _, listed = text.partition("=")
+        problems: list[Mistake] = []
+        try:
+            values = plain(parse(SourceText(f"--over {text}", Path(), f"[{listed}]", numbered=False), problems))
+        except SpecError as fault:
+            raise UsageError(f"--over {text}: {fault.message}", "write, for example, `--over fit.max_terms=2,4,8`") from fault
+        if problems or not all(key.strip().split(".")) or not values or not isinstance(values, list):
+            raise UsageError(f"--over {text}: not of the form KEY=V1,V2,...", "write, for example, `--over fit.max_terms=2,4,8`")
+        if key.strip() in found:
+            raise UsageError(f"--over {key.strip()} is given twice", "name all its values at once, with commas between")
+        found[key.strip()] = values
+    return found
+
+
+def _refuse_unknown(paths: Sequence[Path]) -> None:
+    endings = (*FIGURES, *TABLES)
+    for path in paths:
+        if path.suffix.removeprefix(".") not in endings:
+            raise UsageError(f"{path}: neither a figure nor a table ends so", f"choose .{', .'.join(endings)}")
+
+
+def _write(path: Path, found: Tuning) -> None:
+    from mapmore_cli.cli.views.tuned import tuning_table
+    from mapmore_cli.reporting.table import to_csv, to_latex
+    from mapmore_cli.storage.atomic import write_bytes, write_text
+
+    suffix = path.suffix.removeprefix(".")
+    if suffix in TABLES:
+        write_text(path, (to_csv if suffix == "csv" else to_latex)(tuning_table(found)))
+        return
+    from mapmore_cli.reporting.figures.drawing import compose
+    from mapmore_cli.reporting.figures.saving import WRITERS
+    from mapmore_cli.reporting.figures.style import figure_style
+    from mapmore_cli.reporting.figures.tuning import tuning_drawing
+
+    drawing = tuning_drawing(found)
+    with figure_style():
+        write_bytes(path, WRITERS[suffix](compose(drawing), drawing.name, drawing.alt))
