@@ -20,11 +20,11 @@ from mapmore_cli.modelling.scores.rows import divisor
 from mapmore_cli.modelling.scores.simplest import simplest_of
 from mapmore_cli.spec.layers import as_overrides
 from mapmore_cli.stages import fuse
-from mapmore_cli.stages.ingestion.slice import slice_of
+from mapmore_cli.stages.ingestion.dataset import slice_of
 from mapmore_cli.stages.kinds import maker_of
 from mapmore_cli.stages.kinds.choices import ModelChoices, level_of
 from mapmore_cli.stages.pipeline.runner import OnStage, Warn, bring_up_to_date
-from mapmore_cli.storage.run_files import RunFiles
+from mapmore_cli.storage.run_folder import RunFiles
 
 if TYPE_CHECKING:
     from mapmore_cli.spec.loader import LoadedSpec
