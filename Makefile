@@ -3,6 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
+unexport PYTHONDONTWRITEBYTECODE  # a set one has each of some hundred processes compile the program anew
 
 STUDIES := configs/m2/dmsp-20-88-static.yaml configs/m2/peano-static.yaml
 

@@ -1,6 +1,7 @@
 """Units, at the spec's boundary only: inside, every array is in the model's unit and carries that unit's name.
 
-pint is imported when two units differ, since it takes longer to load than a spec does.
+The units that loggers write every day are converted by a table of exact factors, which a test compares with pint. pint knows all others; it
+is imported for these alone, since it takes longer to load than a spec does.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ import functools
 import re
 from collections.abc import Mapping
 from difflib import get_close_matches
+from fractions import Fraction
 from types import MappingProxyType
 from typing import Any, overload
 
@@ -33,6 +35,23 @@ _COMMON = [
     *("mN", "N", "kN", "lbf", "kgf", "mV", "V", "g", "kg", "%", "1", "degC", "K", "kPa/ms"),
     *(f"{unit}/s" for unit in ("1", "%", "mm", "m", "N", "V", "Pa", "kPa", "bar", "psi")),
 ]
+
+_EVERYDAY: Mapping[str, tuple[str, Fraction]] = MappingProxyType(
+    {
+        unit: (dimension, Fraction(factor))
+        for dimension, factors in {
+            "pressure": {"Pa": "1", "hPa": "100", "kPa": "1000", "MPa": "1e6", "mbar": "100", "bar": "1e5"},
+            "length": {"m": "1", "cm": "0.01", "mm": "0.001", "um": "1e-6"},
+            "time": {"s": "1", "ms": "0.001", "us": "1e-6", "min": "60", "h": "3600"},
+            "force": {"N": "1", "mN": "0.001", "kN": "1000"},
+            "voltage": {"V": "1", "mV": "0.001"},
+            "mass": {"kg": "1", "g": "0.001"},
+            "number": {"1": "1", "%": "0.01"},
+        }.items()
+        for unit, factor in factors.items()
+    }
+)
+"""Dimension, and factor to its first unit."""
 
 _NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)  # one way to match: no backtracking
 _FACTOR = r"\(*(?:1|%|[^\W\d]\w*|°[CF])(?:(?:\^|\*\*)-?\d)?\)*"
@@ -78,6 +97,9 @@ def convert(values: float | Array, source_unit: str, target_unit: str) -> float 
     """
     if source_unit == target_unit:
         return values
+    factor = _everyday_factor(source_unit, target_unit)
+    if factor is not None:
+        return values * factor
     source, target = _parsed(source_unit), _parsed(target_unit)
     if source.dimensionality != target.dimensionality:
         raise SpecError(
@@ -86,6 +108,26 @@ def convert(values: float | Array, source_unit: str, target_unit: str) -> float 
         )
     converted = _registry().Quantity(values, source).to(target).magnitude
     return np.asarray(converted, dtype=np.float64) if isinstance(values, np.ndarray) else float(converted)
+
+
+def _everyday_factor(source_unit: str, target_unit: str) -> float | None:
+    """The factor between two units of the table, or two rates `unit/time` of them; None where pint has to be asked."""
+    source, target = _everyday(source_unit), _everyday(target_unit)
+    if source is None or target is None or source[0] != target[0]:
+        return None
+    return float(source[1] / target[1])
+
+
+def _everyday(unit: str) -> tuple[tuple[str, ...], Fraction] | None:
+    """Dimensions and factor of a unit of the table, or of a rate `unit/time`; None for any other."""
+    found = [_EVERYDAY.get(part) for part in unit.split("/")]
+    match found:
+        case [(dimension, factor)]:
+            return (dimension,), factor
+        case [(dimension, factor), ("time", duration)]:
+            return (dimension, "time"), factor / duration
+        case _:
+            return None
 
 
 def is_quantity(text: str) -> bool:

@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from mapmore_cli.spec.experiment import ExperimentSpec
-from mapmore_cli.stages.ingestion.dataset import IngestSlice, slice_of
-from mapmore_cli.stages.ingestion.files import find_sources
+from mapmore_cli.stages.ingestion.files import IngestSlice, find_sources, slice_of
 from mapmore_cli.stages.pipeline.stage import Stage, Workspace
 from mapmore_cli.storage.run_folder import DATASET
 

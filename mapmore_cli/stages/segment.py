@@ -9,7 +9,6 @@ from mapmore_cli.spec.sections.data import Levels
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry
 from mapmore_cli.spec.sections.method import Cuts, Fit, Fuse, ModelChoice
 from mapmore_cli.stages.kinds.choices import SegmentSection
-from mapmore_cli.stages.kinds.pieces import recipe_of
 from mapmore_cli.stages.pipeline.stage import Stage, Workspace
 from mapmore_cli.storage.run_folder import SEGMENTATION
 
@@ -45,6 +44,7 @@ def run(part: Slice, workspace: Workspace) -> None:
     from mapmore_cli.modelling.pieces.build import segment
     from mapmore_cli.modelling.pieces.recipe import Even
     from mapmore_cli.modelling.pieces.segmentation import trained_at
+    from mapmore_cli.stages.kinds.pieces import recipe_of
     from mapmore_cli.storage.artefacts import units_of, write_segmentation
 
     dataset = workspace.files.dataset()

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.spec import units
 from mapmore_cli.spec.units import check_unit, convert, default_unit, is_quantity, parse_quantity
 
 
@@ -57,8 +58,8 @@ def test_a_temperature_has_an_offset() -> None:
     assert convert(20.0, "°C", "K") == pytest.approx(293.15)
 
 
-def test_equal_units_need_no_pint() -> None:
-    code = "import sys; from mapmore_cli.spec.units import convert; convert(1.0, 'kPa', 'kPa'); assert 'pint' not in sys.modules"
+def test_everyday_units_need_no_pint() -> None:
+    code = "import sys; from mapmore_cli.spec.units import convert; convert(1.0, 'kPa', 'kPa'); convert(88.0, 'mm', 'm'); assert 'pint' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
@@ -139,3 +140,13 @@ def test_a_rate_of_a_rate_has_the_unit_of_neither_name() -> None:
     assert [default_unit(name, {}, rates) for name in ("v", "a")] == ["m/s", "m/s/s"]
     assert default_unit("a", {"v": "mm/s"}, rates) == "mm/s/s"
     assert default_unit("b", {}, {"b": "c", "c": "b"})  # a circle is reported elsewhere
+
+
+def test_the_table_of_everyday_units_is_pints():
+    rates = [f"{unit}/{time}" for unit in units._EVERYDAY for time in ("s", "ms", "min")]
+    known = [*units._EVERYDAY, *rates]
+    factors = [(a, b, factor) for a in known for b in known if (factor := units._everyday_factor(a, b)) is not None]
+    assert len(factors) > 500
+    for source, target, factor in factors:
+        expected = units._registry().Quantity(1.0, units._parsed(source)).to(units._parsed(target)).magnitude
+        assert factor == pytest.approx(expected, rel=1e-15)

@@ -17,7 +17,8 @@ from mapmore_cli.modelling.frols.criteria import fewest, information_criterion
 from mapmore_cli.modelling.frols.moments import Moments, Standard, moments, standard, standardised
 from mapmore_cli.modelling.frols.ridge import LEAST_RIDGE, Regularised, choose_ridge, prune, ridge_press, select, substitutes
 from mapmore_cli.modelling.memory.recipe import MemoryRecipe, Stop
-from mapmore_cli.modelling.memory.regressors import Regressors, fits_whole, refuse_beyond_memory
+from mapmore_cli.modelling.memory.regressors import Regressors
+from mapmore_cli.modelling.terms.families import fits_whole, refuse_beyond_memory
 
 FOLDS = 4
 """Blocks of samples that are left out in turn where the ridge is chosen."""

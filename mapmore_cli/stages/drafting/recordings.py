@@ -17,7 +17,8 @@ from mapmore_cli.spec.units import convert, default_unit
 from mapmore_cli.stages.drafting.columns import LARGEST_FRACTION, Guess
 from mapmore_cli.stages.drafting.draft import Draft
 from mapmore_cli.stages.drafting.groups import Group, number_in, patterns
-from mapmore_cli.stages.ingestion.dataset import IngestSlice, build_dataset
+from mapmore_cli.stages.ingestion.dataset import build_dataset
+from mapmore_cli.stages.ingestion.files import IngestSlice
 from mapmore_cli.storage.globs import relative_name
 
 MOST_FILES = 5

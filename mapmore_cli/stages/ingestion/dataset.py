@@ -5,51 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset, Quantity, Recording
-from mapmore_cli.spec.experiment import ExperimentSpec
-from mapmore_cli.spec.fields import Section
-from mapmore_cli.spec.sections.data import Data, Split
+from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.spec.sections.logs import FileEntry
 from mapmore_cli.stages.ingestion.curves import cut_by_level, join_branches, joined_curves, level_set, with_scatter
-from mapmore_cli.stages.ingestion.files import Meter, Source, find_sources
+from mapmore_cli.stages.ingestion.files import IngestSlice, Meter, Source, find_sources
 from mapmore_cli.stages.ingestion.recording import ReadLog, read_recordings
 from mapmore_cli.stages.ingestion.split import held_out
 from mapmore_cli.stages.ingestion.steps import DAMPING, PLATEAU, STATIC_FORCE, static_model, with_damping, with_plateau
-from mapmore_cli.stages.kinds.dictionary import derivations_of, units_of
 from mapmore_cli.stages.pipeline.stage import Progress
-
-
-class IngestSlice(Section):
-    """What ingest depends on: the quantity that is `measured`, its `component` to model, and the model's unit of every quantity.
-
-    `static` is the spec of the run whose model leaves the damping force.
-    """
-
-    data: Data
-    measured: str
-    component: Literal["static", "hysteresis", "damping"]
-    units: dict[str, str]
-    static: str | None = None
-
-
-def slice_of(spec: ExperimentSpec) -> IngestSlice:
-    """Return the part of the spec that ingest reads; cross-validation is no business of its."""
-    split = Split(validate=spec.data.split.hold_out)
-    component: Literal["static", "hysteresis", "damping"] = "static"
-    if spec.target in ("hysteresis", "damping"):
-        component = "hysteresis" if spec.target == "hysteresis" else "damping"
-    return IngestSlice(
-        data=spec.data.model_copy(update={"split": split, "derive": derivations_of(spec)}),
-        measured=spec.target_quantity,
-        component=component,
-        units=units_of(spec),
-        static=spec.needs.static if component == "damping" else None,
-    )
-
 
 FEW = 10  # samples kept, below which a recording is worth a warning
 MUCH = 0.5  # fraction dropped, above which it is

@@ -10,7 +10,8 @@ from mapmore_cli.domain.errors import DataError, MapmoreError, SpecError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.spec.loader import LoadedSpec
 from mapmore_cli.spec.sections.data import Split
-from mapmore_cli.stages.ingestion.dataset import build_dataset, slice_of
+from mapmore_cli.stages.ingestion.dataset import build_dataset
+from mapmore_cli.stages.ingestion.files import slice_of
 from mapmore_cli.stages.inspection.rules import OF_CURVES, OF_RECORDINGS
 from mapmore_cli.stages.inspection.subject import ORDER, Cause, Issue, Subject
 from mapmore_cli.stages.pipeline.needs import needed_runs

@@ -84,10 +84,10 @@ def _terms(entry: DictionaryEntry, clock: Clock | None, *, constant: bool) -> Se
     if isinstance(family, Polynomial):
         return _monomials(of, family, constant=constant)
     if isinstance(family, Lags):
-        from mapmore_cli.modelling.memory.resolution import lags
+        from mapmore_cli.modelling.terms.families import lags
 
         return _monomials(lags(of, list(dict.fromkeys(family.steps))), family, constant=constant)
-    from mapmore_cli.modelling.memory.resolution import delays, operated
+    from mapmore_cli.modelling.terms.families import delays, operated
 
     assert clock is not None
     if isinstance(family, Delays):
@@ -102,15 +102,15 @@ def _canonical(text: str) -> str:
 
 
 def _monomials(of: Sequence[str], family: Polynomial | Lags, *, constant: bool) -> list[str]:
-    from mapmore_cli.modelling.memory.resolution import products
     from mapmore_cli.modelling.terms import to_text
+    from mapmore_cli.modelling.terms.families import products
 
     return [to_text(term) for term in products(of, family.order, constant=family.constant and constant)]
 
 
 def _products(family: Products, clock: Clock | None, *, constant: bool) -> list[str]:
-    from mapmore_cli.modelling.memory.resolution import products
     from mapmore_cli.modelling.terms import to_text
+    from mapmore_cli.modelling.terms.families import products
 
     parts = [[_canonical(part)] if isinstance(part, str) else _terms(part, clock, constant=False) for part in family.of]
     of = list(dict.fromkeys(term for part in parts for term in part))

@@ -11,10 +11,10 @@ from closeness import nrmse_by_range, rmse, rrse
 from memory_samples import STEP, narx_truth, recipe_of, record, wandering
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.modelling.memory import fit_with_memory, free_run, regressors
+from mapmore_cli.modelling.memory import fit_with_memory, free_run
 from mapmore_cli.modelling.memory.model import memory_equation
-from mapmore_cli.modelling.memory.resolution import lags, operated, products
-from mapmore_cli.modelling.terms import evaluate, to_text
+from mapmore_cli.modelling.terms import evaluate, families, to_text
+from mapmore_cli.modelling.terms.families import lags, operated, products
 from mapmore_cli.modelling.terms.operators.play import play
 from mapmore_cli.modelling.terms.operators.slow import slow
 
@@ -119,11 +119,11 @@ def test_the_ridge_may_be_left_to_the_data():
 def test_a_dictionary_beyond_memory_is_built_block_by_block(recipe, monkeypatch):
     records = narx_records(noise=0.01, n=5000)
     whole = fit_with_memory(records, recipe)
-    monkeypatch.setattr(regressors, "usable_memory", lambda: regressors.products_bytes(len(NARX)))
+    monkeypatch.setattr(families, "usable_memory", lambda: families.products_bytes(len(NARX)))
     blocks = fit_with_memory(records, recipe)
     assert blocks.model.terms == whole.model.terms
     np.testing.assert_allclose(blocks.model.theta, whole.model.theta, rtol=1e-9)
-    monkeypatch.setattr(regressors, "usable_memory", lambda: regressors.products_bytes(len(NARX)) - 1)
+    monkeypatch.setattr(families, "usable_memory", lambda: families.products_bytes(len(NARX)) - 1)
     with pytest.raises(DataError, match="a dictionary of 15 candidates needs"):
         fit_with_memory(records, recipe)
 
@@ -138,7 +138,7 @@ def test_a_regularised_fit_never_holds_its_dictionary():
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert len(dictionary) == 91
-    assert peak < 0.8 * regressors.dictionary_bytes(n, len(dictionary))
+    assert peak < 0.8 * families.dictionary_bytes(n, len(dictionary))
 
 
 def test_a_free_run_on_held_out_samples_passes_over_models_that_diverge():

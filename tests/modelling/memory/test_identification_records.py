@@ -11,8 +11,8 @@ from closeness import rmse, rrse
 from memory_samples import recipe_of, record
 
 from mapmore_cli.modelling.memory import fit_with_memory, free_run, one_step_ahead
-from mapmore_cli.modelling.memory.resolution import lags, products
 from mapmore_cli.modelling.terms import to_text
+from mapmore_cli.modelling.terms.families import lags, products
 
 
 @pytest.fixture(scope="module")

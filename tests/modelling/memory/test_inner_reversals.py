@@ -10,8 +10,8 @@ from closeness import nrmse_by_range
 from memory_samples import recipe_of, record
 
 from mapmore_cli.modelling.memory import fit_with_memory, free_run
-from mapmore_cli.modelling.memory.resolution import operated, products
 from mapmore_cli.modelling.terms import to_text
+from mapmore_cli.modelling.terms.families import operated, products
 from mapmore_cli.modelling.terms.operators.play import spread_widths
 from mapmore_cli.rig.muscle import Hysteresis
 from mapmore_cli.spec.muscle_rigs import McKibbenMuscle, PeanoMuscle

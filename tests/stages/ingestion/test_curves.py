@@ -10,7 +10,8 @@ from ingest_samples import Ingest, csv_text, spec_of, steps
 from mapmore_cli.domain.errors import DataError, MapmoreError, SpecError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.stages.ingest import STAGE
-from mapmore_cli.stages.ingestion.dataset import build_dataset, slice_of
+from mapmore_cli.stages.ingestion.dataset import build_dataset
+from mapmore_cli.stages.ingestion.files import slice_of
 
 REPEATS = {f"{level}_{repeat}.csv": steps(level, F=100 * level + repeat) for level in (80, 150, 250) for repeat in (1, 2)}
 LEVELS = {"of": "pressure", "at": "auto"}

@@ -7,15 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.modelling.memory import regressors
-from mapmore_cli.modelling.memory.resolution import (
+from mapmore_cli.modelling.terms import families, monomials, to_text
+from mapmore_cli.modelling.terms.families import (
     count_products,
     delays,
     lags,
     operated,
     products,
 )
-from mapmore_cli.modelling.terms import monomials, to_text
 from mapmore_cli.modelling.terms.operators.play import spread_widths
 from mapmore_cli.modelling.terms.operators.slow import spread_times
 
@@ -69,13 +68,13 @@ def test_more_products_than_memory_allows_are_refused_with_numbers_before_they_a
     count = count_products(60, 8, 60)
     with pytest.raises(DataError, match=rf"a dictionary of {count} candidates needs .* GB of memory .* may be used"):
         products(names, 8)
-    monkeypatch.setattr(regressors, "usable_memory", lambda: regressors.products_bytes(10))
+    monkeypatch.setattr(families, "usable_memory", lambda: families.products_bytes(10))
     assert len(products(["p", "q", "r"], 2)) == 10
     with pytest.raises(DataError, match=r"a dictionary of 15 candidates needs 0\.00614 MB of memory .* 0\.0029 MB may be used"):
         products(["p", "q", "r", "s"], 2)
 
 
 def test_bytes_are_those_of_the_arrays():
-    assert regressors.dictionary_bytes(1000, 50) == 1000 * 50 * 8
-    assert regressors.products_bytes(99) == 3 * 100 * 100 * 8
-    assert regressors.usable_memory() > 1e8
+    assert families.dictionary_bytes(1000, 50) == 1000 * 50 * 8
+    assert families.products_bytes(99) == 3 * 100 * 100 * 8
+    assert families.usable_memory() > 1e8
