@@ -59,7 +59,10 @@ def test_a_temperature_has_an_offset() -> None:
 
 
 def test_everyday_units_need_no_pint() -> None:
-    code = "import sys; from mapmore_cli.spec.units import convert; convert(1.0, 'kPa', 'kPa'); convert(88.0, 'mm', 'm'); assert 'pint' not in sys.modules"
+    code = (
+        "import sys; from mapmore_cli.spec.units import convert; convert(1.0, 'kPa', 'kPa'); convert(88.0, 'mm', 'm'); "
+        "assert 'pint' not in sys.modules"
+    )
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
