@@ -49,6 +49,18 @@ def faulty(error: ValidationError, root: Node) -> list[Loc]:
     return [_split(details["loc"], root)[0] for details in error.errors(include_url=False)]
 
 
+def unknown_keys(error: ValidationError, root: Node, model: type[BaseModel]) -> dict[Loc, Loc | None]:
+    """The ways to unknown keys, each with that to the key which it stands for; None where it is near to no key that the spec lacks."""
+    found: dict[Loc, Loc | None] = {}
+    for details in error.errors(include_url=False):
+        if details["type"] == "extra_forbidden":
+            loc, _ = _split(details["loc"], root)
+            section = nearest(root, loc[:-1])
+            near = get_close_matches(str(loc[-1]), keys_at(model, loc[:-1]), n=1)
+            found[loc] = (*loc[:-1], near[0]) if near and section.child(near[0]) is None else None
+    return found
+
+
 def _problem(details: ErrorDetails, root: Node, model: type[BaseModel]) -> Mistake:
     loc, rest = _split(details["loc"], root)
     node = nearest(root, loc)

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ValidationError
 from mapmore_cli.spec import semantics
 from mapmore_cli.spec.diagnostics import Finding, Mistake, locate, new_places, raise_if_any
 from mapmore_cli.spec.experiment import ExperimentSpec
-from mapmore_cli.spec.explain import explain, faulty
+from mapmore_cli.spec.explain import explain, faulty, unknown_keys
 from mapmore_cli.spec.fields import PARTIAL
 from mapmore_cli.spec.layers import apply, read
 from mapmore_cli.spec.quantities import moved, resolve
@@ -99,8 +99,10 @@ def _beyond(error: ValidationError, root: Node, model: type[M], check: Check[M])
     """What `check` finds in a spec without its parts of wrong form, so that all mistakes are seen at once."""
     lost = set[str | int]()
     while True:
+        unknown = unknown_keys(error, root, model)
         for loc in sorted(faulty(error, root), key=_last_items_first, reverse=True):
-            if _echoes(loc):
+            meant = unknown.get(loc, loc)
+            if meant is not None and _echoes(meant):
                 return []
             root = without(root, loc)
             lost.add(loc[0])

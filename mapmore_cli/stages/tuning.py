@@ -20,7 +20,7 @@ from mapmore_cli.modelling.scores.rows import divisor
 from mapmore_cli.modelling.scores.simplest import simplest_of
 from mapmore_cli.spec.layers import as_overrides
 from mapmore_cli.stages import fuse
-from mapmore_cli.stages.ingestion.dataset import slice_of
+from mapmore_cli.stages.ingestion.files import slice_of
 from mapmore_cli.stages.kinds import maker_of
 from mapmore_cli.stages.kinds.choices import ModelChoices, level_of
 from mapmore_cli.stages.pipeline.runner import OnStage, Warn, bring_up_to_date

@@ -254,3 +254,15 @@ def test_terms_that_are_wrong_hide_no_other_mistake(tmp_path: Path) -> None:
 def test_what_follows_from_a_broken_section_is_not_reported(tmp_path: Path) -> None:
     message = refusal(tmp_path, STATIC.replace("columns:", "colums:"))
     assert message.count("spec.yaml:") == 1, message
+
+
+def test_an_unknown_key_hides_no_other_mistake(tmp_path: Path) -> None:
+    message = refusal(tmp_path, STATIC.replace("sarosi", "sarosy") + "taget: 3\n")
+    assert message.count("spec.yaml:") == 2, message
+    assert "no literature model `sarosy`" in message
+    assert "did you mean `target`?" in message
+
+
+def test_what_follows_from_a_misspelt_key_is_not_reported(tmp_path: Path) -> None:
+    message = refusal(tmp_path, STATIC.replace("levels: {", "levls: {"))
+    assert message.count("spec.yaml:") == 1, message
