@@ -20,6 +20,7 @@ from mapmore_cli.domain.errors import LimitMissed, told
 from mapmore_cli.storage.run_folder import RunFiles
 
 if TYPE_CHECKING:
+    from mapmore_cli.domain.scores import Validation
     from mapmore_cli.reporting.ci import RunReport
     from mapmore_cli.spec.loader import LoadedSpec
 
@@ -156,27 +157,29 @@ def _bring_up_to_date(loaded: LoadedSpec, command: str, options: Options) -> Non
             warn=warn,
             on_stage=reporter.stage,
         )
+        validation = RunFiles(outcome.run_dir).validation() if command in ("validate", "run") else None
+        for message in () if validation is None else validation.warnings:
+            reporter.warn(message)
     head = {"name": outcome.name, "run_dir": str(outcome.run_dir), "stages": outcome.stages}
-    if command not in ("validate", "run"):
+    if validation is None:
         print_view(of_stage(command, outcome.run_dir).under(head), options.as_json)
         return
-    ended = RunReport(outcome.name, time.perf_counter() - started, None, (), tuple(warnings))
-    _print_scores(loaded, outcome.run_dir, head, ended, page_lines(outcome.run_dir) if command == "run" else (), options)
+    ended = RunReport(outcome.name, time.perf_counter() - started, None, (), (*validation.warnings, *warnings))
+    _print_scores(loaded, validation, head, ended, page_lines(outcome.run_dir) if command == "run" else (), options)
 
 
 def _print_scores(
-    loaded: LoadedSpec, run_dir: Path, head: Mapping[str, Any], ended: RunReport, lines: tuple[str, ...], options: Options
+    loaded: LoadedSpec, validation: Validation, head: Mapping[str, Any], ended: RunReport, lines: tuple[str, ...], options: Options
 ) -> None:
     """Print the scores, and then fail where the spec's limits are missed."""
     from mapmore_cli.cli.views.compared import of_scores
     from mapmore_cli.stages.validate import limits
 
-    validation = RunFiles(run_dir).validation()
     published = loaded.spec.report.published
     scores = of_scores(validation, published.numbers if published else None)
     held_to = limits(loaded.spec.validation.require, validation.scores)
     missed = [limit.sentence for limit in held_to if not limit.kept]
-    print_view(View({**head, **scores.document, "missed": missed}, scores.tables, lines), options.as_json)
+    print_view(View({**head, **scores.document, "missed": missed, "warnings": ended.warnings}, scores.tables, lines), options.as_json)
     options.files.write([replace(ended, limits=held_to)], scores.tables)
     if missed:
         raise LimitMissed("; ".join(missed), "the results are complete; see validate.require in the spec")

@@ -112,7 +112,7 @@ class Validation:
     """Predictions of the run's own model (`mapmore`) and of its competitors.
 
     `predictions[model][c]` is `(n_c,)`, row for row of the dataset's curve number c. `formulas` and `motions` are
-    the fits behind competitors.
+    the fits behind competitors. `warnings` say what must be known of the run's own model before its scores are read.
     """
 
     predictions: Mapping[str, tuple[Array, ...]]
@@ -120,6 +120,7 @@ class Validation:
     scores: tuple[Score, ...]
     units: Mapping[str, str]
     motions: Mapping[str, MotionFit] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
 
 
 def deciding(scores: Iterable[Score]) -> list[Score]:

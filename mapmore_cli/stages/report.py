@@ -99,6 +99,7 @@ def collected(part: Slice, run_dir: Path, spec_text: str = "") -> ReportInputs:
 
     dataset = RunFiles(run_dir).dataset()
     model = RunFiles(run_dir).model()
+    validation = RunFiles(run_dir).validation()
     published = part.report.published
     return ReportInputs(
         name=part.name,
@@ -108,12 +109,13 @@ def collected(part: Slice, run_dir: Path, spec_text: str = "") -> ReportInputs:
         segmentation=RunFiles(run_dir).segmentation(),
         fit=RunFiles(run_dir).fit(),
         model=model,
-        validation=RunFiles(run_dir).validation(),
+        validation=validation,
         equations=model_equations(model),
         other_equations=_in_units(model, part.report.units),
         published=published.numbers if published else None,
         spec_text=spec_text,
         provenance=tool_versions(),
+        warnings=validation.warnings,
         notes=(*([LEFT_OUT] if part.left_out else []), *dataset.notes, *model.notes),
         style=_style(part.report.style),
     )

@@ -63,6 +63,7 @@ def run(part: Slice, workspace: Workspace) -> None:
     """Fit the competitors to the same training data, predict every sample, and score."""
     from mapmore_cli.domain.scores import Validation
     from mapmore_cli.modelling.forecast import forecast
+    from mapmore_cli.modelling.scores.alarms import alarms
     from mapmore_cli.modelling.scores.rows import divisor
     from mapmore_cli.reporting.model_tables import rival_minima
     from mapmore_cli.stages.competitors import Contest
@@ -88,7 +89,9 @@ def run(part: Slice, workspace: Workspace) -> None:
     formulas = {name: fit for one in rivals for name, fit in one.formulas.items()}
     motions = {one.name: one.motion for one in rivals if one.motion is not None}
     predictions = {name: tuple(one.values for one in found) for name, found in forecasts.items()}
-    validation = Validation(predictions, formulas, tuple(scores), {part.target: dataset.unit(dataset.target)}, motions)
+    units = {part.target: dataset.unit(dataset.target)}
+    loud = alarms(model, dataset, predictions[OWN], scores)
+    validation = Validation(predictions, formulas, tuple(scores), units, motions, loud)
     write_validation(workspace.out / VALIDATION, validation)
     write_scores(workspace.out, validation, model.name)
 
@@ -188,5 +191,5 @@ def sources(spec: ExperimentSpec, folder: Path) -> list[Path]:
 
 
 STAGE = Stage(
-    name="validate", revision=5, outputs=(VALIDATION, "scores.csv", "scores.json"), reads=reads, run=run, sources=sources, needs=needs
+    name="validate", revision=6, outputs=(VALIDATION, "scores.csv", "scores.json"), reads=reads, run=run, sources=sources, needs=needs
 )

@@ -33,7 +33,8 @@ def of_validation(validation: Validation) -> View:
     unit = next(iter(validation.units.values()), "")
     lines = tuple(told for name, formula in validation.formulas.items() for told in rival_minima(name, formula, unit))
     tables = (*pooled.tables, curve_scores_table(validation.scores, validation.units))
-    return View({**pooled.document, "formulas": formulas}, tables, lines)
+    loud = tuple(f"warning: {warning}" for warning in validation.warnings)
+    return View({**pooled.document, "formulas": formulas, "warnings": validation.warnings}, tables, (*loud, *lines))
 
 
 def pooled_table(validation: Validation, published: Published | None = None) -> Table:

@@ -93,4 +93,4 @@ def run_one(job: Job) -> Finished:
     published = loaded.spec.report.published
     printed = published.numbers if published else None
     seconds = time.perf_counter() - started
-    return Finished(outcome.name, outcome.run_dir, outcome.stages, validation, printed, held_to, tuple(warnings), seconds)
+    return Finished(outcome.name, outcome.run_dir, outcome.stages, validation, printed, held_to, (*validation.warnings, *warnings), seconds)

@@ -97,6 +97,7 @@ VALIDATION = Schema(
         Field("scores", rows(SCORE), "score table", NO_UNIT),
         Field("units", pairs(TEXTS), "unit of every target", NO_UNIT),
         Field("motions", added(named(record(MOTION_FIT)), {}), "models of motion among the competitors, and how they were found", NO_UNIT),
+        Field("warnings", added(TEXTS, ()), "what must be known of the run's own model before its scores are read", NO_UNIT),
     ),
     units=lambda validation: {**validation.units, **({"target": next(iter(validation.units.values()))} if validation.units else {})},
 )
