@@ -2,51 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import UsageError
-from mapmore_cli.domain.models import Model, Signal
-from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.exporting.c_blocks import CBlocks, comment, indented
-from mapmore_cli.exporting.dialect import DOUBLE, SINGLE, Expressions
+from mapmore_cli.domain.models import Model
+from mapmore_cli.exporting.c_inverse import InverseSource
+from mapmore_cli.exporting.c_source import Source
 from mapmore_cli.exporting.names import identifier
-from mapmore_cli.modelling.assignments.model import INPUT
-from mapmore_cli.modelling.assignments.statements import Assignments, Limit
+from mapmore_cli.modelling.assignments.slopes import with_slopes
 from mapmore_cli.modelling.kinds import assignments
-from mapmore_cli.modelling.ranges import OUTSIDE_TOLERANCE
 
 MOST_INPUTS = 14
 """Bits of the returned number, one for every input and one more: an `int` may have 16."""
-
-SIGN = """\
-static {real} sign_of({real} x)
-{{
-    return ({real})((x > 0) - (x < 0));
-}}
-"""
-
-BEYOND = """\
-/* Whether x lies beyond a range; what is within {tolerance} of it counts as inside. */
-static int beyond({real} x, {real} low, {real} high)
-{{
-    const {real} margin = {tolerance} * fmax{f}(high - low, fmax{f}(fabs{f}(low), fabs{f}(high)));
-    return x < low - margin || x > high + margin;
-}}
-"""
-
-BETWEEN = """\
-/* The end of a range at a level, linear between n levels. */
-static {real} end_at({real} level, int n, const {real} *levels, const {real} *ends)
-{{
-    int i = 0;
-    if (level <= levels[0]) return ends[0];
-    if (level >= levels[n - 1]) return ends[n - 1];
-    while (level >= levels[i + 1]) i++;
-    return (ends[i + 1] - ends[i]) / (levels[i + 1] - levels[i]) * (level - levels[i]) + ends[i];
-}}
-"""
 
 
 @dataclass(frozen=True)
@@ -60,6 +27,8 @@ class CSource:
 def c_source(model: Model, single: bool = False) -> CSource:
     """Header, source and a small program to try the model with; in single precision if so wished.
 
+    For a model without memory a second header and source have its derivatives and its inverse.
+
     Raises
     ------
     UsageError
@@ -70,191 +39,8 @@ def c_source(model: Model, single: bool = False) -> CSource:
     name = identifier(model.name)
     if len(model.inputs) > MOST_INPUTS:
         raise UsageError(f"{model.name} has {len(model.inputs)} inputs; one bit each leaves room for {MOST_INPUTS}", "export its parts")
-    written = _Source(model, assignments(model), name, single)
-    return CSource(name, {f"{name}.h": written.header(), f"{name}.c": written.source(), f"{name}_main.c": written.program()})
-
-
-@dataclass(frozen=True)
-class _Source:
-    model: Model
-    code: Assignments
-    name: str
-    single: bool
-
-    @property
-    def real(self) -> str:
-        return "float" if self.single else "double"
-
-    @property
-    def prefix(self) -> str:
-        return self.name.upper()
-
-    @property
-    def with_memory(self) -> bool:
-        return self.code.step is not None
-
-    @property
-    def call(self) -> str:
-        """Head of the function that computes the output."""
-        given = f"const {self.real} in[{self.prefix}_INPUTS], {self.real} *out"
-        return f"int {self.name}_step({self.name}_state *s, {given})" if self.with_memory else f"int {self.name}_eval({given})"
-
-    def header(self) -> str:
-        """The declarations, with names and units."""
-        lines = [f"/* {comment(line)}".rstrip() if i == 0 else f" * {comment(line)}".rstrip() for i, line in enumerate(self._about())]
-        lines += [" */", f"#ifndef {self.prefix}_H", f"#define {self.prefix}_H", ""]
-        lines += [f"#define {self.prefix}_INPUTS {len(self.model.inputs)}"]
-        lines += [f"#define {self.prefix}_IN_{q.name.upper()} {i} /* {comment(_unit(q))} */" for i, q in enumerate(self.model.inputs)]
-        if self.with_memory:
-            lines += [f"#define {self.prefix}_NO_VALUE {1 << len(self.model.inputs)} /* bit: no history yet, or the run has diverged */"]
-            lines += [f"#define {self.prefix}_SECONDS {self.code.step!r} /* between samples */", "", *self._state(), ""]
-            lines += [f"void {self.name}_reset({self.name}_state *s);"]
-        lines += ["", f"{self.call};"]
-        lines += [f"void {self.name}_measured({self.name}_state *s, {self.real} value);"] * bool(self.code.kept.fed_back)
-        return "\n".join([*lines, "", "#endif", ""])
-
-    def _about(self) -> Iterator[str]:
-        model = self.model
-        yield f"{model.name}: {_unit(model.output)} from {', '.join(map(_unit, model.inputs)) or 'nothing'}."
-        yield ""
-        if not self.with_memory:
-            yield f"{self.name}_eval writes the {model.output.name} to *out."
-        else:
-            yield f"{self.name}_reset once, then {self.name}_step every {self.code.step!r} s: it writes the {model.output.name} to *out."
-        yield "It returns 0, or bit i for every input i outside of its training range; there the value is extrapolated."
-        yield "Where an input is not finite, its bit is set and *out is NAN" + (", and memory starts anew." if self.with_memory else ".")
-        if self.with_memory:
-            yield f"Before there is history, and once a run has diverged, bit {self.prefix}_NO_VALUE is set and *out is NAN."
-        for output in self.code.kept.fed_back:
-            yield f"The model goes on from its own {output}. As long as {self.prefix}_NO_VALUE is returned after a reset, tell it the"
-            yield f"measured {output} of the same sample by {self.name}_measured; later this may be done to correct it."
-        for signal in model.signals:
-            yield _of_signal(signal)
-        yield "No allocation, no global state; needs math.h alone."
-
-    def _state(self) -> list[str]:
-        numbers = [f"{self.real} {name};" for name in self.code.kept.numbers]
-        queues = [line for name, size in self.code.kept.queues.items() for line in (f"{self.real} {name}[{size}];", f"int {name}_at;")]
-        return ["typedef struct {", *indented([*numbers, *queues]), f"}} {self.name}_state;"]
-
-    def source(self) -> str:
-        """The functions."""
-        dialect = SINGLE if self.single else DOUBLE
-        blocks = CBlocks(self.code, dialect, self.real)
-        functions = [line for function in self.code.functions for line in blocks.function(function)]
-        main = [self.call, "{", *indented(self._main(blocks)), "}", ""]
-        reset = self._reset() if self.with_memory else []
-        fill = {"real": self.real, "f": "f" * self.single, "tolerance": dialect.number(OUTSIDE_TOLERANCE)}
-        body = "\n".join([*functions, *reset, *main])
-        helpers = [(SIGN, "sign_of("), (BEYOND, "beyond("), (BETWEEN, "end_at(")]
-        return "\n".join(
-            [f'#include "{self.name}.h"', "", "#include <math.h>", ""]
-            + [text.format(**fill) for text, used in helpers if used in body]
-            + [body]
-        )
-
-    def _main(self, blocks: CBlocks) -> list[str]:
-        place = {quantity.name: self._place(quantity) for quantity in self.model.inputs}
-        lines = [f"const {self.real} {INPUT}{name} = in[{place[name]}];" for name in place]
-        lines.append("int bits = 0;")
-        lines += [f"if (!isfinite({INPUT}{name})) bits |= 1 << {place[name]};" for name in place]
-        given_up = [f"{self.name}_reset(s);"] if self.with_memory else []
-        no_value = f" | {self.prefix}_NO_VALUE" if self.with_memory else ""
-        lines += ["if (bits) {", *indented([*given_up, "*out = NAN;", f"return bits{no_value};"]), "}"]
-        statements, expressions = blocks.body()
-        result = expressions.text(self.code.body.results[0])
-        checks = [
-            line
-            for number, limit in enumerate(self.code.limits)
-            for line in self._check(number, limit, expressions, [place[name] for name in place if name in limit.inputs])
-        ]
-        nothing = [f"if (!isfinite(*out)) bits |= {self.prefix}_NO_VALUE;"] if self.with_memory else []
-        return [*lines, *statements, *checks, f"*out = {result};", *nothing, "return bits;"]
-
-    def _check(self, number: int, limit: Limit, expressions: Expressions, places: Sequence[str]) -> Iterator[str]:
-        """Sets the bits of the inputs that are beyond a range."""
-        bits = " | ".join(f"1 << {place}" for place in places)
-        value = expressions.text(limit.value)
-        if limit.at is None or len(limit.levels) == 1:
-            ends = [self._number(float(end)) for end in (limit.low[0], limit.high[0])]
-        else:
-            tables = {"levels": limit.levels, "low": limit.low, "high": limit.high}
-            for name, values in tables.items():
-                yield f"static const {self.real} {name}{number}[] = {{{self._numbers(values)}}};"
-            at, count = expressions.text(limit.at), len(limit.levels)
-            ends = [f"end_at({at}, {count}, levels{number}, {name}{number})" for name in ("low", "high")]
-        yield f"if (beyond({value}, {', '.join(ends)})) bits |= {bits};"
-
-    def _reset(self) -> list[str]:
-        numbers = [f"s->{name} = {self._number(value)};" for name, value in self.code.kept.numbers.items()]
-        queues = [
-            line
-            for name, size in self.code.kept.queues.items()
-            for line in (f"for (int i = 0; i < {size}; i++) s->{name}[i] = 0;", f"s->{name}_at = 0;")
-        ]
-        lines = [f"void {self.name}_reset({self.name}_state *s)", "{", *indented([*numbers, *queues]), "}", ""]
-        for queues in self.code.kept.fed_back.values():
-            last = [f"s->{queue}[{self._last(queue)}] = value;" for queue in queues]
-            lines += [f"void {self.name}_measured({self.name}_state *s, {self.real} value)", "{", *indented(last), "}", ""]
-        return lines
-
-    def _last(self, queue: str) -> str:
-        """The place of what came into a queue last."""
-        size = self.code.kept.queues[queue]
-        return f"(s->{queue}_at + {size - 1}) % {size}"
-
-    def program(self) -> str:
-        """A program that reads a sample a line, and prints the output and the bits of each."""
-        measured = bool(self.code.kept.fed_back)
-        read = f'scanf("%{"f" if self.single else "lf"}", &in[i]) == 1'
-        state = [f"{self.name}_state s;"] if self.with_memory else []
-        start = [f"{self.name}_reset(&s);"] if self.with_memory else []
-        call = f"{self.name}_step(&s, in, &out)" if self.with_memory else f"{self.name}_eval(in, &out)"
-        given = f"{self.prefix}_INPUTS{' + 1' * measured}"
-        tell = [f"if (bits & {self.prefix}_NO_VALUE) {self.name}_measured(&s, in[{self.prefix}_INPUTS]);"] if measured else []
-        columns = " ".join([*(quantity.name for quantity in self.model.inputs), *(f"{name}_measured" for name in self.code.kept.fed_back)])
-        body = [
-            f"{self.real} in[{given}], out;",
-            *state,
-            *start,
-            "for (;;) {",
-            *indented(
-                [
-                    "int bits;",
-                    f"for (int i = 0; i < {given}; i++) {{",
-                    *indented([f"if (!({read})) return 0;"]),
-                    "}",
-                    f"bits = {call};",
-                    *tell,
-                    'printf("%.17g %d\\n", (double)out, bits);',
-                ]
-            ),
-            "}",
-        ]
-        head = f"/* Reads {columns} from each line of stdin; prints {self.model.output.name} and the bits of inputs out of range. */"
-        return "\n".join([head, f'#include "{self.name}.h"', "", "#include <stdio.h>", "", "int main(void)", "{", *indented(body), "}", ""])
-
-    def _place(self, quantity: Quantity) -> str:
-        return f"{self.prefix}_IN_{quantity.name.upper()}"
-
-    def _number(self, value: float) -> str:
-        return (SINGLE if self.single else DOUBLE).number(value)
-
-    def _numbers(self, values: Array) -> str:
-        return ", ".join(self._number(value) for value in values.tolist())
-
-
-def _unit(quantity: Quantity) -> str:
-    return f"{quantity.name} [{quantity.unit}]"
-
-
-def _of_signal(signal: Signal) -> str:
-    if signal.kind == "direction":
-        return (
-            f"{signal.name} is an input: +1 while {signal.of} is above {signal.dead_band!r}, -1 while it is below -{signal.dead_band!r}, "
-            "the last one in between; +1 at the start."
-        )
-    return (
-        f"{signal.name} is an input: the model was trained on the derivative of {signal.of} over a centred window of {signal.window!r} s, "
-        "which looks ahead; on a controller give the derivative over the last samples."
-    )
+    code = assignments(model)
+    source = Source(model, code, name, single)
+    files = {f"{name}.h": source.header(), f"{name}.c": source.source(), f"{name}_main.c": source.program()}
+    inverse = {} if source.with_memory else InverseSource(Source(model, with_slopes(code), name, single)).files()
+    return CSource(name, {**files, **inverse})

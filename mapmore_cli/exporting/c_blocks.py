@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import count
 
 from mapmore_cli.exporting.dialect import Dialect, Expressions
@@ -31,6 +31,8 @@ class CBlocks:
     model: Assignments
     dialect: Dialect
     real: str
+    places: dict[str, str] = field(default_factory=dict)
+    """Where results lie that have no name of their own."""
 
     def function(self, function: Function) -> list[str]:
         """A function that no other file sees; several results are written where the last argument points."""
@@ -56,7 +58,7 @@ class CBlocks:
         return Expressions(self.dialect, self._name, lambda stem: f"{stem}{next(numbers)}")
 
     def _name(self, name: str) -> str:
-        return f"s->{name}" if name in self.model.kept.numbers else name
+        return f"s->{name}" if name in self.model.kept.numbers else self.places.get(name, name)
 
     def _statements(self, statements: Sequence[Statement], expressions: Expressions) -> list[str]:
         """The lines of some statements, which `expressions` goes on with."""
@@ -84,8 +86,8 @@ class CBlocks:
         if len(names) == 1:
             return [self.dialect.constant(names[0], f"{function}({', '.join(arguments)})")]
         results = f"{names[0]}_all"
-        given = [f"{self.real} {results}[{len(names)}];", f"{function}({', '.join([*arguments, results])});"]
-        return [*given, *(self.dialect.constant(name, f"{results}[{i}]") for i, name in enumerate(names))]
+        self.places.update({name: f"{results}[{i}]" for i, name in enumerate(names)})
+        return [f"{self.real} {results}[{len(names)}];", f"{function}({', '.join([*arguments, results])});"]
 
     def _choose(self, choice: Choose, expressions: Expressions) -> None:
         conditions = [expressions.condition(condition) for condition, _ in choice.cases]

@@ -12,7 +12,7 @@ from xml.sax.saxutils import quoteattr
 
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import BaseUnits, Quantity
-from mapmore_cli.exporting.c import c_source
+from mapmore_cli.exporting.c_source import Source
 from mapmore_cli.exporting.names import identifier
 from mapmore_cli.modelling.assignments.statements import Assignments
 from mapmore_cli.modelling.kinds import assignments
@@ -73,9 +73,9 @@ class _Unit:
     @cached_property
     def texts(self) -> dict[str, str]:
         """The model in C, and what is around it, by name."""
-        code = c_source(self.model).files
-        around = {name: files(__package__).joinpath("fmi", name).read_text(encoding="utf-8") for name in WRAPPER}
-        return {**{name: code[name] for name in (f"{self.name}.h", f"{self.name}.c")}, **around}
+        source = Source(self.model, self.code, self.name, single=False)
+        around = {name: files(__package__).joinpath("sources", name).read_text(encoding="utf-8") for name in WRAPPER}
+        return {f"{self.name}.h": source.header(), f"{self.name}.c": source.source(), **around}
 
     @property
     def guid(self) -> str:

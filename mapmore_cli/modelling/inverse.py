@@ -40,6 +40,9 @@ BISECTIONS = 50
 SAME = 1e-9
 """Of the span of outputs in a row's scan: what is so near to the wanted output equals it."""
 
+REACHED = 1e-6
+"""Of the wanted output: where a bisection ends farther away than that, the map jumps across it."""
+
 
 @dataclass(frozen=True)
 class Inverse:
@@ -95,6 +98,11 @@ def knots(model: Model, name: str) -> Array:
     return np.array(found)
 
 
+def parts_between(knots: Array) -> int:
+    """In how many parts of every interval between knots the slope is looked at."""
+    return max(SCAN, -(-PARTS // (len(knots) - 1)))
+
+
 def _knots(model: Model, name: str) -> list[float]:
     match model.body:
         case Pieces(level, variables, curves):
@@ -146,8 +154,7 @@ class _Line:
     def with_turning_points(self, knots: Array) -> Array:
         """Ends of the monotone parts, (n, e) ascending in every row."""
         n = len(self.wanted)
-        parts = max(SCAN, -(-PARTS // (len(knots) - 1)))
-        inner = [np.linspace(low, high, parts + 1)[:-1] for low, high in pairwise(knots.tolist())]
+        inner = [np.linspace(low, high, parts_between(knots) + 1)[:-1] for low, high in pairwise(knots.tolist())]
         places = np.concatenate([*inner, knots[-1:]])
         grid = np.broadcast_to(places, (n, len(places)))
         inside = np.stack([np.nextafter(grid[:, :-1], np.inf), np.nextafter(grid[:, 1:], -np.inf)])
@@ -173,7 +180,7 @@ class _Line:
         where = row[:, :-1][crosses]
         crossed = _bisected(lambda x, which: self.missing(x, where[which]), edges[:, :-1][crosses], edges[:, 1:][crosses])
         # where the map jumps across the wanted output, there is no solution
-        real = np.abs(self.missing(crossed, where)) <= np.maximum(1e-6 * np.abs(self.wanted[where]), near[where, 0])
+        real = np.abs(self.missing(crossed, where)) <= np.maximum(REACHED * np.abs(self.wanted[where]), near[where, 0])
         return np.concatenate([edges[first], crossed[real]]), np.concatenate([row[first], where[real]]), flat
 
 

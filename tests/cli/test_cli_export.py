@@ -13,7 +13,7 @@ def test_c_files_are_named_after_the_model(mapmore: Callable[..., Any], model_fi
     result = mapmore("export", model_file, "--to", "c", "-o", tmp_path / "out")
     assert result.exit_code == 0
     written = sorted(path.name for path in (tmp_path / "out").iterdir())
-    assert len(written) == 3
+    assert len(written) == 5
     assert {name.rsplit(".", 1)[1] for name in written} == {"c", "h"}
     assert all(name in result.stdout for name in written)
 

@@ -1,6 +1,6 @@
 """Exported C beside `predict`: compiles a model, runs it, and says by how much they differ.
 
-python tests/exporting/agreement.py RUNS     every model of a folder of runs, as the table of docs/export.md
+python tests/exporting/agreement.py RUNS [POINTS]     every model of a folder of runs, as the table of docs/export.md
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ import numpy as np
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.models import CurveFunction, CurveRange, Formula, Memory, Model, Pieces, StateSpace, Sum
 from mapmore_cli.exporting.c import c_source
+from mapmore_cli.exporting.c_inverse import STATUS
+from mapmore_cli.modelling.inverse import NEAREST
 from mapmore_cli.modelling.kinds import assignments, fed_back, outside_range, runs_over_time, simulate
 from mapmore_cli.modelling.pieces.weights import zones
 from mapmore_cli.modelling.terms import parse
@@ -49,6 +51,50 @@ void batch(const {real} *in, int n, double *out, int *bits, const {real} *measur
     }}
 }}
 """
+SLOPES = """
+void differentiate(const {real} *in, int n, double *out, int *bits)
+{{
+    for (int i = 0; i < n; i++) {{
+        {real} y, slopes[{inputs}];
+        bits[i] = {name}_derivatives(in + i * {inputs}, &y, slopes);
+        for (int j = 0; j < {inputs}; j++) out[i * {inputs} + j] = slopes[j];
+    }}
+}}
+"""
+INVERSE = """
+void invert_{input}({real} *in, int n, const {real} *wanted, int nearest, double *found, int *status)
+{{
+    {real} last = NAN;
+    for (int i = 0; i < n; i++) {{
+        {real} x;
+        in[i * {inputs} + {place}] = nearest ? last : ({real})NAN;
+        status[i] = {name}_invert_{input}(in + i * {inputs}, wanted[i], &x);
+        found[i] = x;
+        if (status[i]) last = x;
+    }}
+}}
+"""
+SANITIZED = """
+#include <stdio.h>
+#include <stdlib.h>
+
+int main(int argc, char **argv)
+{{
+    const int n = atoi(argv[1]), columns = {columns};
+    double *given = malloc(sizeof *given * n * columns), *in = malloc(sizeof *in * n * {inputs} + 1);
+    double *measured = calloc(n, sizeof *measured), *out = malloc(sizeof *out * n);
+    int *bits = malloc(sizeof *bits * n);
+    if (argc != 2 || fread(given, sizeof *given * columns, n, stdin) != (size_t)n) return 1;
+    for (int i = 0; i < n; i++) {{
+        for (int j = 0; j < {inputs}; j++) in[i * {inputs} + j] = given[i * columns + j];
+        if (columns > {inputs}) measured[i] = given[i * columns + {inputs}];
+    }}
+    {calls}
+    fwrite(out, sizeof *out, n, stdout);
+    free(given); free(in); free(measured); free(out); free(bits);
+    return 0;
+}}
+"""
 
 
 @dataclass
@@ -61,32 +107,89 @@ class Compiled:
 
     def run(self, columns: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """Outputs and bits of every row."""
-        kind = np.float32 if self.single else np.float64
-        given = np.ascontiguousarray(np.stack([columns[q.name] for q in self.model.inputs], axis=1), dtype=kind)
+        given, measured = self._rows(columns), []
         out, bits = np.empty(len(given)), np.empty(len(given), dtype=np.int32)
-        arguments = [given.ctypes, len(given), out.ctypes, bits.ctypes]
         if runs_over_time(self.model):
-            measured = np.ascontiguousarray(columns.get(next(iter(fed_back(self.model)), ""), np.zeros(len(given))), dtype=kind)
-            arguments.append(measured.ctypes)
-        self.library.batch(*arguments)
+            told = columns.get(next(iter(fed_back(self.model)), ""), np.zeros(len(given)))
+            measured = [np.ascontiguousarray(told, dtype=given.dtype)]
+        self.library.batch(given.ctypes, len(given), out.ctypes, bits.ctypes, *(one.ctypes for one in measured))
         return out, bits
 
+    def slopes(self, columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Derivatives of every row by each input."""
+        given = self._rows(columns)
+        out, bits = np.empty(given.shape), np.empty(len(given), dtype=np.int32)
+        self.library.differentiate(given.ctypes, len(given), out.ctypes, bits.ctypes)
+        assert np.array_equal(bits, self.run(columns)[1]), "derivatives have the bits of values"
+        return {quantity.name: out[:, place] for place, quantity in enumerate(self.model.inputs)}
 
-def compiled(model: Model, folder: Path, *, single: bool = False, more: tuple[str, ...] = ("-O1",)) -> Compiled:
-    """Write, compile and load a model; any warning is an error."""
-    source = c_source(model, single)
-    for name, text in source.files.items():
-        (folder / name).write_text(text)
-    name, real = source.name, "float" if single else "double"
-    tell = f"if (bits[i] & {name.upper()}_NO_VALUE) {name}_measured(&s, measured[i]);" if fed_back(model) else ""
-    batch = (STEPS if runs_over_time(model) else STATIC).format(name=name, real=real, inputs=len(model.inputs), tell=tell)
-    (folder / "batch.c").write_text(f'#include "{name}.h"\n' + batch)
+    def invert(self, wanted: np.ndarray, given: Mapping[str, np.ndarray], name: str, rule: str) -> tuple[np.ndarray, tuple[str, ...]]:
+        """What is picked, and the status of every row."""
+        rows = self._rows({**given, name: np.zeros(len(wanted))})
+        wished = np.ascontiguousarray(wanted, dtype=rows.dtype)
+        found, status = np.empty(len(rows)), np.empty(len(rows), dtype=np.int32)
+        getattr(self.library, f"invert_{name}")(rows.ctypes, len(rows), wished.ctypes, int(rule == NEAREST), found.ctypes, status.ctypes)
+        return found, tuple(STATUS[number] for number in status)
+
+    def _rows(self, columns: Mapping[str, np.ndarray]) -> np.ndarray:
+        kind = np.float32 if self.single else np.float64
+        return np.ascontiguousarray(np.stack([columns[q.name] for q in self.model.inputs], axis=1), dtype=kind)
+
+
+def compiled(
+    model: Model, folder: Path, *, single: bool = False, more: tuple[str, ...] = ("-O1",), inverse: tuple[str, ...] | None = None
+) -> Compiled:
+    """Write, compile and load a model, with its derivatives and the `inverse` for some inputs if so wished; any warning is an error."""
+    name = _written(model, folder, single, inverse)
+    sources = [f"{name}.c", *([f"{name}_inverse.c"] if inverse is not None else [])]
+    subprocess.run(["gcc", *FLAGS, *more, "-c", *sources, "-fPIC"], cwd=folder, check=True)
+    objects = [source.replace(".c", ".o") for source in sources]
     library = folder / f"{name}.so"
-    subprocess.run(["gcc", *FLAGS, *more, "-c", f"{name}.c", "-o", f"{name}.o", "-fPIC"], cwd=folder, check=True)
-    subprocess.run(
-        ["gcc", "-std=c99", "-shared", "-fPIC", "-O1", f"{name}.o", "batch.c", "-o", library.name, "-lm"], cwd=folder, check=True
-    )
+    subprocess.run(["gcc", "-std=c99", "-shared", "-fPIC", "-O1", *objects, "batch.c", "-o", library.name, "-lm"], cwd=folder, check=True)
     return Compiled(model, ctypes.CDLL(str(library)), single)
+
+
+def _written(model: Model, folder: Path, single: bool, inverse: tuple[str, ...] | None) -> str:
+    """Write a model, and `batch.c` around it; returns its name."""
+    source = c_source(model, single)
+    for file, text in source.files.items():
+        (folder / file).write_text(text)
+    name, real, inputs = source.name, "float" if single else "double", len(model.inputs)
+    tell = f"if (bits[i] & {name.upper()}_NO_VALUE) {name}_measured(&s, measured[i]);" if fed_back(model) else ""
+    batch = (STEPS if runs_over_time(model) else STATIC).format(name=name, real=real, inputs=inputs, tell=tell)
+    if inverse is None:
+        head = f'#include "{name}.h"\n'
+    else:
+        head = f'#include "{name}_inverse.h"\n#include <math.h>\n'
+        places = {quantity.name: place for place, quantity in enumerate(model.inputs)}
+        batch += SLOPES.format(name=name, real=real, inputs=inputs)
+        batch += "".join(INVERSE.format(name=name, real=real, inputs=inputs, input=one, place=places[one]) for one in inverse)
+    (folder / "batch.c").write_text(head + batch)
+    return name
+
+
+def sanitized(model: Model, folder: Path, columns: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Outputs of every row by a program under the address and undefined-behaviour sanitizers, which takes the derivatives too.
+
+    Raises `CalledProcessError` where they find something.
+    """
+    inverse = None if runs_over_time(model) else ()
+    name = _written(model, folder, False, inverse)
+    given = [columns[quantity.name] for quantity in model.inputs] + [columns[output] for output in fed_back(model)]
+    calls = ["batch(in, n, out, bits, measured);"] if inverse is None else []
+    if inverse is not None:
+        calls += [f"double *slopes = malloc(sizeof *slopes * n * {len(model.inputs)});", "differentiate(in, n, slopes, bits);"]
+        calls += ["free(slopes);", "batch(in, n, out, bits);"]
+    text = SANITIZED.format(columns=len(given), inputs=len(model.inputs), calls=" ".join(calls))
+    (folder / "batch.c").write_text((folder / "batch.c").read_text() + text)
+    sources = [f"{name}.c", *([] if inverse is None else [f"{name}_inverse.c"])]
+    sanitize = ["-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    subprocess.run(["gcc", *FLAGS, *sanitize, "-c", *sources], cwd=folder, check=True)
+    objects = [source.replace(".c", ".o") for source in sources]
+    subprocess.run(["gcc", "-std=c99", *sanitize, *objects, "batch.c", "-o", "clean", "-lm"], cwd=folder, check=True)
+    rows = np.ascontiguousarray(np.stack(given, axis=1))
+    done = subprocess.run(["./clean", str(len(rows))], input=rows.tobytes(), cwd=folder, check=True, stdout=subprocess.PIPE)
+    return np.frombuffer(done.stdout)
 
 
 def difference(found: np.ndarray, expected: np.ndarray) -> float:
@@ -110,6 +213,8 @@ def points(model: Model, n: int, seed: int = 1) -> dict[str, np.ndarray]:
         near = np.concatenate([edges, np.nextafter(edges, -np.inf), np.nextafter(edges, np.inf), np.zeros(1)])
         at = rng.random(n) < 0.4
         x[at] = rng.choice(near, at.sum())
+        own = rng.permutation(n)[: len(near)]
+        x[own] = near[: len(own)]
         columns[quantity.name] = x
     return columns
 
@@ -170,35 +275,63 @@ def recording(model: Model, n: int, seed: int = 1) -> dict[str, np.ndarray]:
 
 def compare(model: Model, folder: Path, n: int = POINTS, **how: object) -> tuple[float, int]:
     """The largest relative difference between C and `predict`, and the number of points."""
-    built = compiled(model, folder, **how)
     columns = recording(model, n) if runs_over_time(model) else points(model, n)
-    with np.errstate(all="ignore"):
-        expected = simulate(model, columns).values
-    found, bits = built.run(columns)
-    flags = outside_range(model, columns)
-    inputs = (1 << len(model.inputs)) - 1
-    assert np.array_equal((bits & inputs) != 0, flags), "the bits of inputs out of range"
+    found, expected = outputs(model, folder, columns, **how)
     return difference(found, expected), n
 
 
-def main(runs: Path) -> None:
+def outputs(model: Model, folder: Path, columns: Mapping[str, np.ndarray], **how: object) -> tuple[np.ndarray, np.ndarray]:
+    """Outputs by C and by `predict`; the bits of inputs out of range have to be those that Python flags."""
+    found, bits = compiled(model, folder, **how).run(columns)
+    with np.errstate(all="ignore"):
+        expected = simulate(model, columns).values
+    inputs = (1 << len(model.inputs)) - 1
+    assert np.array_equal((bits & inputs) != 0, outside_range(model, columns)), "the bits of inputs out of range"
+    return found, expected
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """A row of the table."""
+
+    study: str
+    kind: str
+    points: int
+    worst: float
+    kilobytes: float
+
+    def __str__(self) -> str:
+        return f"| {self.study} | {self.kind} | {self.points} | {self.worst:.1e} | {self.kilobytes:.0f} |"
+
+
+def agreement(study: str, model: Model, n: int = POINTS) -> Agreement:
+    """Compile a model without a warning, compare it, and run it at the same points under the sanitizers.
+
+    Raises `AssertionError` or `CalledProcessError` where any of that fails.
+    """
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        columns = recording(model, n) if runs_over_time(model) else points(model, n)
+        found, expected = outputs(model, folder, columns, more=("-O2",))
+        assert difference(sanitized(model, folder, columns), found) < 1e-12, "the sanitizers' program has other numbers"
+        kilobytes = len(c_source(model).files[f"{c_source(model).name}.c"]) / 1000
+        return Agreement(study, type(model.body).__name__.lower(), n, difference(found, expected), kilobytes)
+
+
+def main(runs: Path, n: int) -> None:
     """The table of docs/export.md."""
     from mapmore_cli.storage.artefacts import read_model
 
     print("| study | kind | points | largest relative difference | source, kB |\n|---|---|---:|---:|---:|")
     for file in sorted(runs.glob("*/model.h5")):
-        model = read_model(file)
-        with tempfile.TemporaryDirectory() as folder:
-            kind = type(model.body).__name__.lower()
-            try:
-                worst, n = compare(model, Path(folder))
-                size = sum(path.stat().st_size for path in Path(folder).glob("*.c") if path.name != "batch.c") / 1000
-                print(f"| {file.parent.name} | {kind} | {n} | {worst:.1e} | {size:.0f} |")
-            except MapmoreError as error:
-                print(f"| {file.parent.name} | {kind} | | refused: {error.message} | |")
-            except (AssertionError, subprocess.CalledProcessError) as error:
-                print(f"| {file.parent.name} | {kind} | | FAILED: {error} | |")
+        study, model = file.parent.name, read_model(file)
+        try:
+            print(agreement(study, model, n), flush=True)
+        except MapmoreError as error:
+            print(f"| {study} | {type(model.body).__name__.lower()} | | refused: {error.message} | |")
+        except (AssertionError, subprocess.CalledProcessError) as error:
+            print(f"| {study} | {type(model.body).__name__.lower()} | | FAILED: {error} | |")
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else POINTS)

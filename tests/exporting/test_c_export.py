@@ -33,7 +33,7 @@ def test_formulas(tmp_path: Path, name: str) -> None:
 
 @pytest.mark.parametrize("name", WITH_MEMORY)
 def test_whole_recordings_in_free_run(tmp_path: Path, name: str) -> None:
-    assert compare(WITH_MEMORY[name], tmp_path, 10_000)[0] < 1e-12
+    assert compare(WITH_MEMORY[name], tmp_path, 3_000)[0] < 1e-12
 
 
 def test_a_run_that_diverges_has_no_value_up_to_a_reset(tmp_path: Path) -> None:
