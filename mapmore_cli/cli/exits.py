@@ -11,7 +11,7 @@ import sys
 import traceback
 
 from mapmore_cli.cli.console import print_document
-from mapmore_cli.domain.errors import LimitMissed, MapmoreError, Stopped, WriteError, printable, told
+from mapmore_cli.domain.errors import LimitMissed, MapmoreError, Stopped, WriteError, explained, printable, told
 
 INTERNAL_FAULT = 1
 INTERRUPTED = 130  # 128 + SIGINT, as shells report it
@@ -40,6 +40,7 @@ def settle(error: BaseException, debug: bool, as_json: bool) -> int:
 
 def error_document(error: BaseException) -> dict[str, object]:
     """An error as a member of a JSON document."""
+    error = explained(error)
     if isinstance(error, MapmoreError):
         return {"message": error.message, "remedy": error.remedy, "exit_code": error.exit_code}
     return {"message": told(error), "remedy": None, "exit_code": exit_code(error)}
@@ -47,6 +48,7 @@ def error_document(error: BaseException) -> dict[str, object]:
 
 def exit_code(error: BaseException) -> int:
     """The code that a command ends with."""
+    error = explained(error)
     if isinstance(error, MapmoreError):
         return error.exit_code
     if isinstance(error, Stopped):
@@ -56,6 +58,7 @@ def exit_code(error: BaseException) -> int:
 
 def message(error: BaseException) -> str:
     """What a user is told; an internal fault is one line."""
+    error = explained(error)
     if isinstance(error, KeyboardInterrupt):
         return str(error) or "interrupted"
     return f"error: {told(error)}" if isinstance(error, MapmoreError) else told(error)

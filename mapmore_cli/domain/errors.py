@@ -43,8 +43,16 @@ class MapmoreError(Exception):
         return self.message if self.remedy is None else f"{self.message}\n  {self.remedy}"
 
 
+def explained(error: BaseException) -> BaseException:
+    """The error itself; for a file or folder that may not be read, wherever that turned out, the one that says so."""
+    if isinstance(error, PermissionError) and error.filename is not None:
+        return DataError(f"{error.filename}: cannot be read (permission denied)", "change its permissions, or leave it out")
+    return error
+
+
 def told(error: BaseException) -> str:
     """What a user is told of an error; a fault of the program itself is one line."""
+    error = explained(error)
     if isinstance(error, MapmoreError):
         return str(error)
     return f"internal fault: {f'{type(error).__name__}: {error}'.splitlines()[0]}; run again with --debug to see where"

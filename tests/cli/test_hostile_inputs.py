@@ -6,9 +6,12 @@ import os
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
+from cli_samples import write_study
 
 import mapmore_cli
 from mapmore_cli.domain.errors import DataError, WriteError, csv_cell, printable
@@ -136,7 +139,7 @@ def test_devices_and_links_are_not_replaced(tmp_path: Path) -> None:
     assert (tmp_path / "real.csv").read_text() == "new"
 
 
-def mapmore(*arguments: str, shell_suffix: str = "", folder: Path) -> subprocess.CompletedProcess[str]:
+def in_a_shell(*arguments: str, shell_suffix: str = "", folder: Path) -> subprocess.CompletedProcess[str]:
     line = f'"$0" -m mapmore_cli "$@" {shell_suffix}'
     environment = {**os.environ, "PYTHONPATH": str(Path(mapmore_cli.__file__).parents[1])}
     command = ["sh", "-c", line, sys.executable, *arguments]
@@ -144,12 +147,12 @@ def mapmore(*arguments: str, shell_suffix: str = "", folder: Path) -> subprocess
 
 
 def test_a_closed_stdout_is_no_internal_fault(tmp_path: Path) -> None:
-    done = mapmore("schema", shell_suffix=">&-", folder=tmp_path)
+    done = in_a_shell("schema", shell_suffix=">&-", folder=tmp_path)
     assert done.returncode == 0
     assert done.stderr == ""
 
 
-def test_hostile_json_files_are_wrong_data(tmp_path: Path) -> None:
+def test_hostile_json_files_are_wrong_data(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
     for name, text in [
         ("run.json", '{"stages": 3}'),
         ("run.json", '{"stages": {"fit": 3}}'),
@@ -159,9 +162,77 @@ def test_hostile_json_files_are_wrong_data(tmp_path: Path) -> None:
         ("scores.json", "[" * 100_000),
     ]:
         (tmp_path / name).write_text(text)
-        done = mapmore("show", name, folder=tmp_path)
-        assert done.returncode == 4, (text[:50], done.stderr)
+        done = mapmore("show", tmp_path / name)
+        assert done.exit_code == 4, (text[:50], done.stderr)
         assert done.stderr.startswith("error: ")
+
+
+def without_privileges(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """The command as a user whom permissions bind: root is not."""
+    drop = [] if os.getuid() else ["setpriv", "--bounding-set=-dac_override,-dac_read_search", "--inh-caps=-dac_override,-dac_read_search"]
+    environment = {**os.environ, "PYTHONPATH": str(Path(mapmore_cli.__file__).parents[1])}
+    command = [*drop, sys.executable, "-m", "mapmore_cli", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, cwd=folder, env=environment, check=False)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="permissions of files are those of POSIX")
+@pytest.mark.parametrize(
+    ("dark", "command", "code"),
+    [
+        ("runs/bench", ["show", "runs/bench/model.h5"], 4),
+        ("logs", ["check", "logs.yaml"], 4),
+    ],
+)
+def test_what_may_not_be_read_is_no_internal_fault(dark: str, command: list[str], code: int, tmp_path: Path) -> None:
+    shown = write_study(tmp_path).read_text()
+    (tmp_path / "logs.yaml").write_text(shown.replace("bench_*.csv", "logs/bench_*.csv"))
+    (tmp_path / "logs").mkdir()
+    (tmp_path / "runs" / "bench" / "report").mkdir(parents=True)
+    for name in ("model.h5", "run.json", "report/index.html"):
+        (tmp_path / "runs" / "bench" / name).write_text('{"stages": {}}')
+    (tmp_path / dark).chmod(0)
+    try:
+        done = without_privileges(*command, folder=tmp_path)
+    finally:
+        (tmp_path / dark).chmod(0o755)
+    assert done.returncode == code, done.stderr
+    assert "error: " in done.stderr
+    assert str(Path(dark)) in done.stderr
+
+
+def cut_log(end: str, decimal: str = ".") -> str:
+    rows = [f"{i};{(20 * i % 113 + 101.25):.2f}".replace(".", decimal) for i in range(30)]
+    return "\n".join(["n;F", *rows, f"30;{end}"])
+
+
+@pytest.mark.parametrize(
+    ("text", "decimal", "doubt"),
+    [
+        (cut_log("254.1"), ".", "its last number, 254.1, has fewer digits"),
+        (cut_log("2"), ".", "its last number, 2, has"),
+        (cut_log("2,1", ","), ",", "its last number, 2,1, has"),
+        (cut_log("254.12"), ".", None),
+        (cut_log("2\n"), ".", None),
+        ("n;F\n" + "".join(f"{i};{i + 240}\n" for i in range(20)) + "20;2", ".", "its last number, 2, has"),
+        ("n;F\n" + "".join(f"{i};{119 - i}\n" for i in range(20)) + "20;99", ".", None),
+        ("n;F\n" + "".join(f"{i};{i / 8}\n" for i in range(20)) + "20;2", ".", "its last number, 2, has"),
+        ("n;F\n1;2.55\n2;3.55\n3;4", ".", None),
+    ],
+    ids=str,
+)
+def test_a_file_that_was_cut_within_its_last_number_is_told(text: str, decimal: str, doubt: str | None, tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(text)
+    (table,) = READERS["csv"].read(tmp_path / "a.csv", TableRequest("a.csv", ("F",), delimiter=";", decimal=decimal))
+    assert len(table.doubts) == (doubt is not None)
+    assert doubt is None or doubt in table.doubts[0]
+
+
+def test_what_a_reader_doubts_is_a_warning_of_the_run(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    spec = write_study(tmp_path)
+    log = tmp_path / "bench_100.csv"
+    log.write_text(log.read_text()[:-5])
+    assert "bench_100.csv: the last line has no end" in mapmore("ingest", spec, "--runs", tmp_path / "runs").stderr
+    assert "bench_100.csv: the last line has no end" in mapmore("check", spec).stderr
 
 
 def test_commands_to_a_terminal_in_names_are_shown_and_not_obeyed() -> None:

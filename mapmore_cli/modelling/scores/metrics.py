@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
@@ -62,8 +63,9 @@ def score(
     """
     known = np.ones(len(measured), dtype=np.bool_) if ready is None else ready
     y, error = measured[known], (predicted - measured)[known]
-    spread = float(np.sum((y - y.mean()) ** 2))
-    rmse = float(np.sqrt(np.mean(error**2)))
+    unit = _unit_of(error, y)
+    spread = float(np.sum(((y - y.mean()) / unit) ** 2))
+    rmse = unit * float(np.sqrt(np.mean((error / unit) ** 2)))
     worst = float(np.abs(error).max())
     return Score(
         model=model,
@@ -77,7 +79,7 @@ def score(
         normaliser_name=scale.name,
         max_abs_error=worst,
         max_abs_error_fs=scale.fraction(worst),
-        r2=1 - float(np.sum(error**2)) / spread if spread > 0 else float("nan"),
+        r2=1 - float(np.sum((error / unit) ** 2)) / spread if spread > 0 else float("nan"),
         rrse=relative(error, measured),
         rrse_one_step=float("nan") if one_step is None else relative((one_step - measured)[known], measured),
         r_uncentred=uncentred(y, predicted[known]),
@@ -86,14 +88,16 @@ def score(
 
 def uncentred(measured: Array, predicted: Array) -> float:
     """`sum y yhat / sqrt(sum y^2 sum yhat^2)`: W's correlation index, not Pearson's; NaN where either is zero throughout."""
+    measured, predicted = measured / _unit_of(measured), predicted / _unit_of(predicted)
     size = float(np.linalg.norm(measured) * np.linalg.norm(predicted))
     return float(measured @ predicted) / size if size > 0 else float("nan")
 
 
 def relative(error: Array, measured: Array) -> float:
     """`sqrt(sum error^2 / sum (y - mean y)^2)`, of errors of some or all of the measured samples; NaN for a constant y."""
-    spread = float(np.sum((measured - measured.mean()) ** 2))
-    return float(np.sqrt(np.sum(error**2) / spread)) if spread > 0 else float("nan")
+    unit = _unit_of(error, measured)
+    spread = float(np.sum(((measured - measured.mean()) / unit) ** 2))
+    return float(np.sqrt(np.sum((error / unit) ** 2) / spread)) if spread > 0 else float("nan")
 
 
 EDGES = (0.0, 0.1, 0.25, 0.5, 1.0)
@@ -136,3 +140,9 @@ def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tup
 def _rmse(error: Array) -> float:
     known = error[np.isfinite(error)]
     return float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")
+
+
+def _unit_of(*values: Array) -> float:
+    """A power of two next to the largest value, in which squares neither vanish nor overflow; dividing by it changes no digit."""
+    largest = max(float(np.abs(array).max(initial=0.0)) for array in values)
+    return math.ldexp(0.5, math.frexp(largest)[1]) if 0 < largest < math.inf else 1.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import graphlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -36,7 +36,13 @@ def joined(tables: Sequence[Samples], source: Source, data: Data, units: Mapping
                 "Join a file that holds as many, or one.",
             )
         pairs = zip(found, others if len(others) > 1 else others * len(found), strict=True)
-        found = [_by_row(first, second, join) if join.on == "row" else _by_time(first, second, join, units) for first, second in pairs]
+        found = [
+            replace(
+                _by_row(first, second, join) if join.on == "row" else _by_time(first, second, join, units),
+                doubts=(*first.doubts, *second.doubts),
+            )
+            for first, second in pairs
+        ]
     return found
 
 
@@ -99,7 +105,7 @@ def _reading(samples: Samples, source: Source, data: Data, units: Mapping[str, s
     names = [f"{name}#{number}" for number in range(1, len(left) + 1)] if len(whole.pieces) > 1 else [name]
     log = name if len(names) > 1 or names != [name] else ""
     recordings = tuple(_recording(name, source.name, piece, log) for name, piece in zip(names, left, strict=True))
-    return ReadLog(recordings, whole.notes, (*whole.warnings, *_emptied(whole, left)))
+    return ReadLog(recordings, whole.notes, (*samples.doubts, *whole.warnings, *_emptied(whole, left)))
 
 
 def _emptied(whole: Clocked, left: list[Samples]) -> list[str]:

@@ -33,6 +33,8 @@ class Samples:
         Number of the recording in its file, or the title of its sheet; None where the file holds a single one.
     merged
         How many samples fewer there are since resampling.
+    doubts
+        What its reader warns of.
     """
 
     label: str
@@ -42,6 +44,7 @@ class Samples:
     left_out: Mapping[str, IntArray]
     element: int | str | None = None
     merged: int = 0
+    doubts: tuple[str, ...] = ()
 
     @property
     def size(self) -> int:
@@ -145,7 +148,7 @@ def _in_model_units(raw: RawTable, table: Logs, missing: Sequence[float], units:
             if rest is None:
                 raise DataError(f"{raw.label}: {name} has no value in the first {column.rest:g} s", "Lengthen `rest`, or mend the file.")
             columns[name] = columns[name] - rest
-    return Samples(raw.label, raw.place, raw.rows[taken], columns, {}, raw.element)
+    return Samples(raw.label, raw.place, raw.rows[taken], columns, {}, raw.element, doubts=raw.doubts)
 
 
 def _mean_at_rest(values: Array, time: Array, rest: float) -> float | None:

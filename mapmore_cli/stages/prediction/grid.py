@@ -10,8 +10,8 @@ from itertools import product
 from mapmore_cli.domain.errors import UsageError
 
 EXAMPLE = "write it as pressure=0:600:25,strain=0:0.25:0.01 (first:last:step, or one value)"
-MOST_POINTS = 1_000_000
-"""Values along one input beyond which a step is taken for a slip of the pen."""
+MOST_POINTS = 10_000_000
+"""Points of a table beyond which a step is taken for a slip of the pen."""
 
 
 def grid_lines(text: str, inputs: Sequence[str]) -> Iterator[str]:
@@ -31,6 +31,9 @@ def grid_lines(text: str, inputs: Sequence[str]) -> Iterator[str]:
             raise UsageError(f"--grid: the model has no input '{name}'", f"{hint}it has {', '.join(inputs)}")
     if missing := [name for name in inputs if name not in axes]:
         raise UsageError(f"--grid: no values for {', '.join(missing)}", EXAMPLE)
+    points = math.prod(map(len, axes.values()))
+    if points > MOST_POINTS:
+        raise UsageError(f"--grid: asks for {points} points, more than {MOST_POINTS}", "choose larger steps, or predict a table")
     return _lines(axes)
 
 

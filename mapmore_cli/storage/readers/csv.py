@@ -7,6 +7,7 @@ import gzip
 import math
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,8 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.tables.lines import Growing, Lines, guess_encoding, open_lines, open_quote, quote_left_open
+from mapmore_cli.storage.tables.lines import Growing, Lines, guess_encoding, last_lines, open_lines, open_quote, quote_left_open
+from mapmore_cli.storage.tables.numbers import cut_short, shortened
 from mapmore_cli.storage.tables.reader import Reader, Top
 from mapmore_cli.storage.tables.table import RawTable, TableRequest, locate_columns
 from mapmore_cli.storage.tables.text import (
@@ -28,6 +30,9 @@ from mapmore_cli.storage.tables.text import (
     values_of_records,
 )
 from mapmore_cli.storage.text_streams import lines_of
+
+COMPARED = 50
+"""Lines before the last one, with which it is compared."""
 
 CHUNK = 8192
 """Lines held as text at one time; where one of them is out of order, all of them are read record by record."""
@@ -47,7 +52,7 @@ def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
     label = request.label
     try:
         with open_lines(path, request.encoding, label) as lines:
-            return [_parse(lines, request)]
+            return [replace(_parse(lines, request), doubts=_doubts(path, request))]
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise DataError(f"{label}: the file is damaged: {error}", "It may have been cut off while copying; get it again.") from error
     except UnicodeError as error:
@@ -136,6 +141,19 @@ def _filled_until(end: int, lines: Lines, records: Iterator[Numbered]) -> Iterat
     while lines.taken < end and (record := next(records, None)):
         if record[1]:
             yield record
+
+
+def _doubts(path: Path, request: TableRequest) -> tuple[str, ...]:
+    """A warning where the last line has no end and its last number is shorter than all before it: 254.126 was cut to 2 or to 254.1."""
+    lines = last_lines(path, request.encoding)
+    if lines is None or lines[-1].endswith(("\n", "\r")):
+        return ()
+    delimiter = DELIMITERS.get(request.delimiter, request.delimiter)
+    *before, last = [line.strip().split(None if delimiter == WHITESPACE else delimiter)[-1].strip() for line in lines if line.strip()]
+    if not cut_short(last, before[-COMPARED:], request.decimal):
+        return ()
+    said = f"the last line has no end, and its last number, {shortened(last)}, has fewer digits than those before it"
+    return (f"{request.label}: {said}: the file may have been cut off",)
 
 
 def _numbered(records: Sequence[Numbered], layout: Layout, request: TableRequest) -> tuple[IntArray, Array]:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables.members import EVERY, Member, Selection, check_fit, own_values, parse_address, refuse_other_files, tables
 from mapmore_cli.storage.tables.reader import Reader, reading
 from mapmore_cli.storage.tables.table import RawTable, TableRequest
@@ -20,7 +21,8 @@ def read_mat(path: Path, request: TableRequest) -> list[RawTable]:
     Raises
     ------
     DataError
-        No MAT file, or a damaged one; an address that leads nowhere; arrays that are not columns of real numbers of one length.
+        No MAT file, or a damaged one; an address that leads nowhere or to a MATLAB object (a table, datetime, ...); arrays that are not
+        columns of real numbers of one length.
     """
     import h5py
 
@@ -36,27 +38,45 @@ def _variables(stream: Any, request: TableRequest) -> Member:
     """Return the variables of a file, of which those that the request names are loaded."""
     from scipy.io import loadmat, whosmat
 
-    known = [name for name, _, _ in whosmat(stream)]
     addresses = [request.root] if request.root else [column for column in request.columns if isinstance(column, str)]
-    wanted = {step for address in addresses for step in parse_address(address.removesuffix(EVERY)).steps[:1]}
+    firsts = [step for address in addresses for step in parse_address(address.removesuffix(EVERY)).steps[:1]]
+    wanted = {step for step in firsts if isinstance(step, str)}
+    try:
+        known = {name for name, _, _ in whosmat(stream)}
+    except TypeError:  # SciPy cannot list what holds objects of MATLAB, whose names are hidden in them
+        known = wanted
     stream.seek(0)
-    loaded = loadmat(stream, variable_names=[name for name in known if name in wanted])
-    return Member("the file", known, member=lambda name: _member(loaded[name]))
+    loaded = loadmat(stream, variable_names=sorted(wanted & known))
+    for name in sorted(wanted & known - {*loaded}):
+        raise _is_object(name, "")
+    return Member("the file", sorted(known), member=lambda name: _member(loaded[name], name))
 
 
-def _member(value: Any) -> Member:
+def _is_object(name: str, of_class: str) -> DataError:
+    """What is told of a value whose parts MATLAB alone can make out."""
+    return DataError(
+        f"'{name}' is an object of MATLAB ({of_class or 'a table, datetime, timeseries, string or the like'}), not an array of numbers",
+        "save plain arrays in MATLAB: `S = table2struct(T, 'ToScalar', true); save('log.mat', '-struct', 'S')`, or use `writetable`",
+    )
+
+
+def _member(value: Any, name: str) -> Member:
     """Return a value as SciPy gives it: structs are arrays with fields, cells are arrays of objects."""
+    from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
+
+    if isinstance(value, MatlabFunction | MatlabObject | MatlabOpaque):
+        raise _is_object(name, "a function" if isinstance(value, MatlabFunction) else str(getattr(value, "classname", "") or ""))
     if hasattr(value, "toarray"):  # sparse
         value = value.toarray()
     flat = value.reshape(-1, order="F")
     size = " x ".join(map(str, value.shape))
     fields = value.dtype.names
     if fields and value.size == 1:
-        return Member("a struct", fields, member=lambda name: _member(flat[0][name]))
+        return Member("a struct", fields, member=lambda field: _member(flat[0][field], f"{name}.{field}"))
     if fields:
-        return Member(f"a struct array of {value.size}", count=value.size, element=lambda index: _member(flat[index : index + 1]))
+        return Member(f"a struct array of {value.size}", count=value.size, element=lambda i: _member(flat[i : i + 1], f"{name}[{i}]"))
     if value.dtype == np.dtype("O"):
-        return Member(f"a cell array of {size}", count=value.size, element=lambda index: _member(flat[index]))
+        return Member(f"a cell array of {size}", count=value.size, element=lambda index: _member(flat[index], f"{name}[{index}]"))
 
     def select(selection: Selection) -> Any:
         return value[selection]
@@ -70,6 +90,8 @@ def matlab_file(file: Any) -> Member:
 
 
 def _hdf5_member(found: Any) -> Member:
+    if found.attrs.get("MATLAB_object_decode"):
+        raise _is_object(found.name.lstrip("/"), _class_of(found))
     if hasattr(found, "keys"):
         fields = list(found.values())
         is_array = bool(fields) and all(_holds_references(field) and not _class_of(field) for field in fields)

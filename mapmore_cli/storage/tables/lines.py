@@ -24,6 +24,7 @@ T = TypeVar("T", np.int64, np.float64)
 
 GZIP_MAGIC = b"\x1f\x8b"
 HEAD = 65536  # bytes by which the encoding is guessed
+TAIL = 16384  # bytes of the last lines
 MOSTLY = 0.7  # of every second byte, that is zero where plain letters are written in UTF-16
 UNDEFINED = bytes((0x81, 0x8D, 0x8F, 0x90, 0x9D))  # in cp1252
 
@@ -75,6 +76,18 @@ def guess_encoding(path: Path) -> str:
         zipped = raw.read(2) == GZIP_MAGIC
         raw.seek(0)
         return encoding_of((gzip.GzipFile(fileobj=raw) if zipped else raw).read(HEAD))
+
+
+def last_lines(path: Path, encoding: str) -> list[str] | None:
+    """Some last lines of a text file, whole, with their ends; None for a gzipped file, which tells by itself where it was cut."""
+    with path.open("rb") as raw:
+        zipped = raw.read(2) == GZIP_MAGIC
+        size = raw.seek(0, os.SEEK_END)
+        start = max(0, size - TAIL) // 4 * 4  # a whole number of characters of every encoding but UTF-8, whose first ones are left out
+        raw.seek(start)
+        text = raw.read().decode(encoding, "replace")
+    lines = text.splitlines(keepends=True)[1 if start else 0 :]
+    return None if zipped or not lines else lines
 
 
 def encoding_of(head: bytes) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Set
+from collections.abc import Sequence, Set
 from datetime import UTC, datetime, timedelta
 
 MISSING = frozenset({"na", "n/a", "#n/a", "null", "none"})
@@ -11,6 +11,7 @@ MISSING = frozenset({"na", "n/a", "#n/a", "null", "none"})
 
 
 LONGEST_STAMP = 40
+FEWEST_BEFORE = 10  # numbers that tell how long those of a column are
 _STAMPS = ("%d.%m.%Y %H:%M:%S", "%d.%m.%Y %H:%M:%S.%f", "%Y/%m/%d %H:%M:%S", "%Y/%m/%d %H:%M:%S.%f")
 _CLOCKS = ("%H:%M:%S", "%H:%M:%S.%f")
 
@@ -73,3 +74,24 @@ def shortened(cell: str, limit: int = 40) -> str:
     """Return a cell's text as a message may show it."""
     shown = cell.encode("unicode_escape").decode("ascii") if not cell.isprintable() else cell
     return shown if len(shown) <= limit else shown[: limit - 3] + "..."
+
+
+def cut_short(last: str, before: Sequence[str], decimal: str) -> bool:
+    """Whether a number looks cut off beside ten or more numbers `before` it: it has fewer digits behind the mark than all of them.
+
+    A whole number among whole ones is shorter than all, and less than half of the smallest: 98 may follow 101, 25 hardly follows 254.
+    """
+    values = {cell: value for cell in before if math.isfinite(value := _or_nan(cell.replace(decimal, ".")))}
+    if sum(cell in values for cell in before) < FEWEST_BEFORE:
+        return False
+    digits = min(len(cell.partition(decimal)[2]) for cell in values)
+    if digits:
+        return len(last.partition(decimal)[2]) < digits
+    return decimal not in last and len(last) < min(map(len, values)) and abs(_or_nan(last)) < min(map(abs, values.values())) / 2
+
+
+def _or_nan(cell: str) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        return math.nan

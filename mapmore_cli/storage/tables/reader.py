@@ -56,14 +56,18 @@ class Reader:
 
 @contextmanager
 def reading(label: str, kind: str) -> Iterator[None]:
-    """Turn whatever a parser raises on a damaged file into a DataError that names the file.
+    """Turn whatever a parser raises on a damaged file into a DataError that names the file; one that lacks the name gets it.
 
     The parsers of binary formats raise a dozen kinds (KeyError, struct.error, zlib.error, XML errors, MemoryError for a length that
     is nonsense), all of which mean the same to the user. A NameError or an ImportError is a fault of the program, and passes.
     """
     try:
         yield
-    except (MapmoreError, NameError, ImportError):
+    except MapmoreError as error:
+        if label not in error.message:
+            error.message = f"{label}: {error.message}"
+        raise
+    except (NameError, ImportError):
         raise
     except Exception as error:
         if isinstance(error, OSError) and error.errno is not None:

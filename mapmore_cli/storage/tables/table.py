@@ -62,9 +62,9 @@ class RawTable:
     """Columns as the file holds them, before scaling and units.
 
     `columns` has one `(n,)` array for each column of the request, NaN where a cell is empty. `label` names the table in messages (the
-    file, and the part of it); `rows` is `(n,)`, where each sample stands: its `place` is a `row` (line of a text file, row of a sheet,
-    both from 1) or an `index` (of an array, from 0). `element` tells the recordings of one file apart, by number or by the title of their
-    sheet; None where it holds a single one.
+    file, and the part of it), and `doubts` are warnings of its reader. `rows` is `(n,)`, where each sample stands: its `place` is a `row`
+    (line of a text file, row of a sheet, both from 1) or an `index` (of an array, from 0). `element` tells the recordings of one file
+    apart, by number or by the title of their sheet; None where it holds a single one.
     """
 
     columns: Mapping[SourceColumn, Array]
@@ -72,6 +72,7 @@ class RawTable:
     label: str
     place: str = "row"
     element: int | str | None = None
+    doubts: tuple[str, ...] = ()
 
     def at(self, sample: int) -> str:
         """Where a sample stands, for messages: `a.csv:row 17`."""

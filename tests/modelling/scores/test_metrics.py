@@ -35,3 +35,19 @@ def test_a_constant_has_no_r2_and_zeros_no_nrmse():
     assert math.isnan(row.r2)
     assert math.isnan(row.nrmse)
     assert row.rmse == 1
+
+
+def test_the_smallest_and_the_largest_forces_have_scores_too():
+    """Their squares vanish or overflow; times a power of two, nothing but the exponent changes."""
+    measured, predicted = np.array([1.25, 10, -20, 30.1]), np.array([1.0, 9.3, -17, 29])
+    for exponent in (0, -1000, 1000, -700, 500):
+        factor = 2.0**exponent
+        y = measured * factor
+        row = score("m", "static", "validate", "all", y, predicted * factor, max_abs(y, "force", "validate"), one_step=predicted * factor)
+        plain = score("m", "static", "validate", "all", measured, predicted, max_abs(measured, "force", "validate"), one_step=predicted)
+        assert row.rmse == plain.rmse * factor
+        assert (row.nrmse, row.r2, row.rrse, row.rrse_one_step) == (plain.nrmse, plain.r2, plain.rrse, plain.rrse_one_step)
+        assert row.r_uncentred == plain.r_uncentred
+    e = predicted - measured
+    assert plain.rmse == np.sqrt(np.mean(e**2))
+    assert plain.rrse == np.sqrt(np.sum(e**2) / np.sum((measured - measured.mean()) ** 2))

@@ -235,3 +235,37 @@ def test_no_mat_file_at_all(tmp_path: Path) -> None:
             read(tmp_path / "a.mat", "t")
     with pytest.raises(DataError, match="cannot be read: No such file"):
         read(tmp_path / "gone.mat", "t")
+
+
+def opaque_mat(path: Path, name: str, of_class: str) -> Path:
+    """A file of version 7 with an object as MATLAB lays it out, and the numbers `x`: only what a reader sees before the contents."""
+
+    def element(kind: int, content: bytes) -> bytes:
+        return np.array([kind, len(content)], "<u4").tobytes() + content + b"\0" * (-len(content) % 8)
+
+    numbers = element(6, np.array([13, 0], "<u4").tobytes()) + element(5, np.array([1, 1], "<i4").tobytes())
+    numbers = element(14, numbers + element(1, b"") + element(6, np.array([0xDD000000], "<u4").tobytes()))
+    words = b"".join(element(1, word.encode()) for word in (name, "MCOS", of_class))
+    scipy.io.savemat(path, {"x": T})
+    with path.open("ab") as file:
+        file.write(element(14, element(6, np.array([17, 0], "<u4").tobytes()) + words + numbers))
+    return path
+
+
+def test_objects_of_matlab_are_told_with_the_way_to_save_arrays(tmp_path: Path) -> None:
+    tables = opaque_mat(tmp_path / "a.mat", "log", "timetable")
+    assert values(tables, "x") == list(T)
+    with h5py.File(tmp_path / "b.mat", "w") as file:
+        log = file.create_dataset("log", data=np.array([[0xDD000000, 2, 1, 1, 1, 1]], dtype=np.uint32))
+        log.attrs["MATLAB_class"], log.attrs["MATLAB_object_decode"] = b"timetable", np.int32(3)
+    for path, column, name in [
+        (tables, "log", "'log' is an object of MATLAB (a table,"),
+        (tables, "log.P", "'log' is an object of MATLAB (a table,"),
+        (tmp_path / "b.mat", "log", "'log' is an object of MATLAB (timetable)"),
+        (BY_MATLAB / "testobject_7.4_GLNX86.mat", "testobject", "'testobject' is an object of MATLAB (inline)"),
+        (BY_MATLAB / "testfunc_7.4_GLNX86.mat", "testfunc", "'testfunc' is an object of MATLAB (a function)"),
+    ]:
+        with pytest.raises(DataError) as caught:
+            read(path, column)
+        assert str(caught.value).startswith(f"a.mat: {name}"), str(caught.value)
+        assert "table2struct" in str(caught.value)
