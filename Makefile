@@ -35,9 +35,10 @@ measured: .venv/program  # the tables of docs/measured-static.md, memory.md, cam
 	$(BIN)/python docs/memory_tables.py runs
 	$(BIN)/python docs/campaign_tables.py runs
 	$(BIN)/python docs/muscle_tables.py runs
+	$(BIN)/python docs/muscle_figures.py runs
 
-paper: .venv/program  # the simulated studies of M1 and M2 on one page, beside the published numbers
-	$(BIN)/mapmore batch configs/campaigns/paper.yaml
+paper: .venv/program  # every shipped study, then runs/paper.html: the papers' tables and figures beside ours; measured recordings where they are (docs/data.md)
+	$(BIN)/python docs/paper_page.py runs
 
 motion: .venv/program  # the tables of docs/motion.md; one of them needs the measured recordings (docs/data.md)
 	$(BIN)/mapmore batch configs/campaigns/motion_sections.yaml configs/campaigns/coiled_motion.yaml configs/motion/dmsp-20-400-waveforms.yaml

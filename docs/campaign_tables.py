@@ -13,7 +13,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from measured_tables import write_tables
+from pages import write_tables
 
 from mapmore_cli.domain.models import Fusion, Model
 from mapmore_cli.domain.recording import Curve, Quantity

@@ -1,45 +1,30 @@
 """Write the tables of docs/measured-static.md from runs, which are brought up to date first: `python docs/measured_tables.py RUNS`.
 
-A table stands between `<!-- table NAME -->` and `<!-- end -->`. The measured recordings must be there (docs/data.md).
+The measured recordings must be there (docs/data.md).
 """
 
 from __future__ import annotations
 
 import math
-import re
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from pages import CONFIGS, DOCS, campaign, finished, write_tables
 
 from mapmore_cli.domain.models import Hold
 from mapmore_cli.domain.scores import REPEATABILITY, deciding
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import pooled
 from mapmore_cli.reporting.campaign import CampaignScores, hindsight_table, nrmse_table, published_table
-from mapmore_cli.reporting.tables import Column, Table, score_table, to_markdown
+from mapmore_cli.reporting.tables import Column, Table, score_table
 from mapmore_cli.spec.campaign import Entry, load_campaign
-from mapmore_cli.stages.campaigns.batch import Finished, Job, run_one
-from mapmore_cli.stages.campaigns.page import scores_of
 from mapmore_cli.stages.inspection.evidence import slack_foot
 from mapmore_cli.storage.artefacts import read_dataset, read_fit, read_model
 
-DOCS = Path(__file__).parent
-CONFIGS = DOCS.parent / "configs"
 BACKBONES = ("on_sarosi", "on_sarosi_hinged")
-
-
-def campaign(name: str, runs: Path) -> CampaignScores:
-    """The scores of a shipped campaign."""
-    spec, entries = load_campaign(CONFIGS / "campaigns" / f"{name}.yaml")
-    return scores_of(spec, {run.name: run for run in (finished(entry, runs) for entry in entries)})
-
-
-def finished(entry: Entry, runs: Path) -> Finished:
-    """A run, brought up to date."""
-    return run_one(Job(entry.config, runs, entry.overrides))
 
 
 def backbones(scores: CampaignScores, runs: Path) -> Table:
@@ -177,18 +162,6 @@ def tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
         "m1-published": lambda: published_table(m1),
         "m1-terms": lambda: terms(campaign("m1_terms", runs)),
     }
-
-
-def write_tables(page: Path, found: Mapping[str, Callable[[], Table]]) -> None:
-    """Replace the tables of a page by those found of their names."""
-
-    def table(match: re.Match[str]) -> str:
-        if match[2] not in found:
-            return match[0]
-        return f"{match[1]}\n{to_markdown(found[match[2]]())}{match[3]}"
-
-    text = re.sub(r"(<!-- table (\S+) -->)\n.*?(<!-- end -->)", table, page.read_text(encoding="utf-8"), flags=re.DOTALL)
-    page.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from measured_tables import CONFIGS, DOCS, campaign, finished, write_tables
+from pages import CONFIGS, DOCS, campaign, finished, write_tables
 
 from mapmore_cli.domain.memory import MemoryFit
 from mapmore_cli.domain.scores import Score

@@ -5,7 +5,6 @@ The table of coiled muscles needs the measured recordings (docs/data.md); the ot
 
 from __future__ import annotations
 
-import csv
 import json
 import sys
 from collections.abc import Callable, Mapping
@@ -14,7 +13,7 @@ from pathlib import Path
 from statistics import median
 
 import numpy as np
-from measured_tables import CONFIGS, DOCS, campaign, finished, write_tables
+from pages import CONFIGS, DOCS, campaign, finished, printed, write_tables
 
 from mapmore_cli.domain.motion import HARD, Motion, MotionSection
 from mapmore_cli.modelling.memory import Record
@@ -26,7 +25,6 @@ from mapmore_cli.reporting.tables import Column, Table
 from mapmore_cli.spec.campaign import Entry
 from mapmore_cli.storage.artefacts import read_dataset, read_fit, read_validation
 
-PUBLISHED = DOCS.parent / "datasets" / "published"
 BOUNDARIES = (1.05, 2.35, 3.15, 3.95, 4.75)
 STEP = 0.05
 """s; P does not print it."""
@@ -45,15 +43,9 @@ TRIALS: Mapping[str, dict[str, object]] = {
 }
 
 
-def rows_of(name: str) -> list[dict[str, str]]:
-    """A published table."""
-    with (PUBLISHED / name).open(newline="", encoding="utf-8") as lines:
-        return list(csv.DictReader(lines))
-
-
 def published(model: str) -> Motion:
     """One of P's models, used directly."""
-    rows = [row for row in rows_of("p_table_1.csv") if row["model"] == model]
+    rows = [row for row in printed("p_table_1.csv") if row["model"] == model]
     sections = tuple(
         MotionSection(
             row["printed_section"],
@@ -102,7 +94,7 @@ def ramp(model: Motion) -> float:
 
 def solvers() -> Table:
     """Every solver on noisy data of P's linear row, from ten seeds."""
-    row = next(row for row in rows_of("p_table_1.csv") if row["model"] == "linear")
+    row = next(row for row in printed("p_table_1.csv") if row["model"] == "linear")
     n = 4000
     u = 2.5 - 2.5 * np.cos(2 * np.pi * 0.25 * STEP * np.arange(n))
     clean = simulate(published("linear"), {"input": u})

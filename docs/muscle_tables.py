@@ -1,60 +1,33 @@
-"""Write the tables and the figure of docs/wrist.md and docs/muscle-like.md from runs, which are brought up to date first.
+"""Write the tables of docs/wrist.md and docs/muscle-like.md from runs, which are brought up to date first.
 
 `python docs/muscle_tables.py RUNS`. The measured pair must be there for its table (docs/data.md).
 """
 
 from __future__ import annotations
 
-import csv
 import math
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from measured_tables import CONFIGS, DOCS, write_tables
+from pages import DOCS, printed, run, scores, write_tables
 from scipy.optimize import brentq
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.fits import FormulaFit
-from mapmore_cli.domain.scores import Score
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.literature.identifiability import half_width
 from mapmore_cli.modelling.scores.metrics import bands, uncentred
 from mapmore_cli.reporting.tables import Cell, Column, Table, bands_table
-from mapmore_cli.spec.loader import load
-from mapmore_cli.stages.pipeline.runner import bring_up_to_date
 from mapmore_cli.storage.artefacts import read_dataset, read_validation
 
-PUBLISHED = DOCS.parent / "datasets" / "published"
 LENGTHS = ("22", "16", "12")
 INITIAL = (200, 300, 400, 500, 600)
 BAR, GRAVITY = 100.0, 9.81
 WRIST = {"diameter": 0.010}
 REST_LENGTH = 0.23
-
-# Runs ---------------------------------------------------------------------------------------------------------------------------------
-
-
-def run(config: str, runs: Path, *overrides: str) -> Path:
-    """The folder of a shipped study's run, brought up to date but for its report."""
-    loaded = load(CONFIGS / f"{config}.yaml", overrides)
-    return bring_up_to_date(loaded, runs, "validate").run_dir
-
-
-def scores(folder: Path, split: str) -> dict[str, Score]:
-    """The pooled rows of a run, by model."""
-    rows = read_validation(folder / "validate.h5").scores
-    return {row.model: row for row in rows if (row.split, row.curve) == (split, "all")}
-
-
-def printed(name: str) -> list[dict[str, str]]:
-    """The rows of a published table."""
-    with (PUBLISHED / name).open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
-
 
 # W ------------------------------------------------------------------------------------------------------------------------------------
 
@@ -227,21 +200,24 @@ def splits_table(runs: Path) -> Table:
     )
 
 
+def joint_forces(runs: Path, experiment: str) -> Iterator[tuple[str, Array, Array, Array]]:
+    """Muscle, time (s), measured force and that of its model (N), each (n,): the models were identified one by one at closed valves."""
+    columns = read_dataset(run(f"muscle-like/muscle-like-joint-{experiment}", runs) / "ingest.h5").curves[0].columns
+    for number, muscle, length in ((2, "extensor", "22"), (1, "flexor", "16")):
+        fit = read_validation(run(f"muscle-like/muscle-like-{length}cm", runs) / "validate.h5").formulas["muscle_like"]
+        inputs = {"pressure": columns[f"p{number}"], "length": columns[f"l{number}"], "velocity": columns[f"v{number}"]}
+        yield muscle, columns["time"], columns[muscle], literature.get("muscle_like").predict(fit.parameters, inputs)
+
+
 def joint_table(runs: Path) -> Table:
     """R² of each muscle's own force and of their difference, closed and driven, by models that were identified at closed valves."""
     rows: list[tuple[Cell, ...]] = []
-    fits = {
-        number: read_validation(run(f"muscle-like/muscle-like-{length}cm", runs) / "validate.h5").formulas["muscle_like"]
-        for number, length in ((1, "16"), (2, "22"))
-    }
     said = {(row["experiment"], row["muscle"]): row["r2"] for row in printed("h_verification.csv")}
     for experiment in ("closed", "driven"):
         folder = run(f"muscle-like/muscle-like-joint-{experiment}", runs)
-        columns = read_dataset(folder / "ingest.h5").curves[0].columns
-        for number, muscle in ((2, "extensor"), (1, "flexor")):
-            inputs = {"pressure": columns[f"p{number}"], "length": columns[f"l{number}"], "velocity": columns[f"v{number}"]}
-            error = literature.get("muscle_like").predict(fits[number].parameters, inputs) - columns[muscle]
-            r2 = 1 - float(np.sum(error**2) / np.sum((columns[muscle] - columns[muscle].mean()) ** 2))
+        for muscle, _, force, predicted in joint_forces(runs, experiment):
+            error = predicted - force
+            r2 = 1 - float(np.sum(error**2) / np.sum((force - force.mean()) ** 2))
             rows.append((f"{experiment}: {muscle}", said[experiment, muscle] or "not printed", r2, float(np.sqrt(np.mean(error**2)))))
         found = scores(folder, "validate")
         words = {"mapmore": "difference of both", "identified_here": "the same, identified from the first half of this record"}
@@ -288,76 +264,10 @@ def muscle_like_tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
     }
 
 
-# Biological muscle --------------------------------------------------------------------------------------------------------------------
-
-WIDTH, STIFFNESS, ECCENTRIC, CURVATURE, FASTEST = 0.56, math.log(0.05), 1.5, 5.0, -12.0
-"""w, c, N, kappa, v_max (optimal lengths per second) of Geyer, Seyfarth and Blickhan 2003, table 1; H does not print its own."""
-
-
-def biological_length(share: Array) -> Array:
-    """H eq 2, `exp(c |(l - l_opt)/(l_opt w)|^3)`, at lengths as shares of the optimal one."""
-    return np.asarray(np.exp(STIFFNESS * np.abs((share - 1.0) / WIDTH) ** 3))
-
-
-def biological_velocity(v: Array) -> Array:
-    """H eq 3 at velocities in optimal lengths per second, shortening negative."""
-    shortening = (FASTEST - v) / (FASTEST + CURVATURE * v)
-    lengthening = ECCENTRIC + (ECCENTRIC - 1.0) * (FASTEST + v) / (7.56 * CURVATURE * v - FASTEST)
-    return np.where(v < 0.0, shortening, lengthening)
-
-
-def curves(runs: Path) -> Iterator[tuple[str, str, Array, Array]]:
-    """Panel, line, places and normalised forces of H's figure 4, for H's printed and our simulated 16 cm muscle."""
-    fit = read_validation(run("muscle-like/muscle-like-16cm", runs) / "validate.h5").formulas["muscle_like"].parameters
-    said = {name: float(v) for name, v in next(r for r in printed("h_table_1.csv") if r["muscle"] == "16 cm").items() if name in fit}
-    share = np.linspace(0.0, 1.0, 101)
-    longest, fastest = 0.03, 0.2
-    yield "length", "biological", share, biological_length(share)
-    for label, p in (("H, 16 cm", said), ("simulated, 16 cm", dict(fit))):
-        x = longest * share
-        active = 1 + p["a0"] * x + p["a1"] * x**2 + p["a2"] * x**3
-        yield "length", label, share, active / active.max()
-    v = np.linspace(-1.0, 1.0, 201)
-    force = biological_velocity(v * -FASTEST)
-    yield "velocity", "biological", v, force / force.max()
-    for label, p in (("H, 16 cm", said), ("simulated, 16 cm", dict(fit))):
-        force = 1 - p["b0"] * fastest * v  # H's velocity is positive in shortening
-        yield "velocity", label, v, force / force.max()
-
-
-def write_figure(runs: Path, folder: Path) -> None:
-    """H's figure 4 as SVG, and its numbers as CSV."""
-    from matplotlib.figure import Figure
-
-    from mapmore_cli.reporting.figures.saving import SVG_PROLOGUE, to_svg
-    from mapmore_cli.reporting.figures.style import figure_style
-
-    found = list(curves(runs))
-    labels = {"length": "length / longest", "velocity": "velocity / fastest (lengthening positive)"}
-    with figure_style():
-        figure = Figure(figsize=(7.16, 2.6), layout="constrained")
-        axes: Mapping[str, Any] = dict(zip(labels, figure.subplots(1, 2, sharey=True), strict=True))
-        for panel, line, x, y in found:
-            axes[panel].plot(x, y, label=line, linestyle="--" if line == "biological" else "-")
-        for panel, ax in axes.items():
-            ax.set_xlabel(labels[panel])
-            ax.set_ylim(0, 1.05)
-        axes["length"].set_ylabel("force / greatest force")
-        axes["length"].legend()
-        alt = "Force over length and over velocity, each over its greatest value: a biological muscle, H's and a simulated pneumatic one."
-        (folder / "muscle-like-curves.svg").write_text(
-            SVG_PROLOGUE + to_svg(figure, "muscle-like-curves", alt), encoding="utf-8", newline="\n"
-        )
-    lines = [f"{panel},{line.replace(', ', ' ')},{a:.12g},{b:.12g}" for panel, line, x, y in found for a, b in zip(x, y, strict=True)]
-    text = "\n".join(["panel,line,place,force", *lines]) + "\n"
-    (folder / "muscle-like-curves.csv").write_text(text, encoding="utf-8", newline="\n")
-
-
 def main(arguments: Sequence[str]) -> None:
     """Bring the runs up to date and write both pages."""
     runs = Path(arguments[0])
     write_tables(DOCS / "wrist.md", wrist_tables(runs))
-    write_figure(runs, DOCS / "figures")
     write_tables(DOCS / "muscle-like.md", muscle_like_tables(runs))
 
 
