@@ -56,17 +56,18 @@ def batch(
     """
     from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.progress import Reporter
-    from mapmore_cli.stages.campaigns.batch import Job, run_all
+    from mapmore_cli.stages.campaigns.batch import Job, planned, run_all
     from mapmore_cli.stages.campaigns.cluster import ClusterWorkers
-    from mapmore_cli.stages.campaigns.page import expanded, refuse_foreign_folders, run_names, write_page
+    from mapmore_cli.stages.campaigns.page import expanded, refuse_foreign_folders, run_names, specs_of, write_page
     from mapmore_cli.stages.campaigns.processes import LocalWorkers
 
     if cluster is not None and cluster_file is not None:
         raise UsageError("--cluster and --cluster-file exclude each other", "leave one of them out")
     campaigns, entries = expanded(configs, overrides)
-    names = run_names(entries, campaigns)
+    specs = specs_of(entries)
+    names = run_names(entries, campaigns, specs)
     refuse_foreign_folders(campaigns, runs)
-    todo = [Job(entry.config, runs, entry.overrides, force, rehash, entry.campaign) for entry in entries]
+    todo = planned([Job(entry.config, runs, entry.overrides, force, rehash, entry.campaign) for entry in entries], specs)
     results: dict[int, Result] = {}
     with Reporter(quiet) as reporter:
 

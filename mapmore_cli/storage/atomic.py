@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BufferedRandom
@@ -64,6 +65,14 @@ def write_bytes(path: Path, data: bytes) -> None:
 def write_text(path: Path, text: str) -> None:
     """Write a UTF-8 file whole, with the line ends of `text`."""
     write_bytes(path, text.encode())
+
+
+def link_or_copy(source: Path, place: Path) -> None:
+    """Give a file a second name, or a copy where the file system has no hard links; OSError where it cannot be read."""
+    try:
+        os.link(source, place)
+    except OSError:
+        shutil.copyfile(source, place)
 
 
 def sync_tree(folder: Path) -> None:

@@ -14,11 +14,26 @@ from mapmore_cli.storage.run_folder import RunFiles
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.scores import Limit, Published, Validation
+    from mapmore_cli.spec.loader import LoadedSpec
 
 
 @dataclass(frozen=True)
 class Job:
-    """One run to do; a `patient` one waits where another process writes it."""
+    """One run to do.
+
+    Attributes
+    ----------
+    config, runs, overrides, force, rehash, campaign
+        As on the command line; `campaign` is the file that the run belongs to.
+    patient
+        Whether it waits where another process writes it.
+    leader
+        The name of the first of the runs that read the same recordings in the same way; empty where it is the only one.
+    leads
+        Whether it is that run itself.
+    needs_others
+        Whether it needs runs of other specs.
+    """
 
     config: Path
     runs: Path
@@ -27,6 +42,9 @@ class Job:
     rehash: bool = False
     campaign: Path | None = None
     patient: bool = False
+    leader: str = ""
+    leads: bool = False
+    needs_others: bool = False
 
     def elsewhere(self) -> Job:
         """The same run on another machine: paths from the root, and patience with what an earlier, lost start of it still writes."""
@@ -53,16 +71,61 @@ class Finished:
         return tuple(limit.sentence for limit in self.limits if not limit.kept)
 
 
+@dataclass(frozen=True)
+class Reading:
+    """What came of the recordings of a leader: whether they were read, and what was to be told of them."""
+
+    stages: Mapping[str, str]
+    warnings: tuple[str, ...]
+
+
+def planned(jobs: Sequence[Job], specs: Sequence[LoadedSpec | None]) -> list[Job]:
+    """The jobs, with their spec known, in groups that read the same recordings in the same way."""
+    from mapmore_cli.stages.pipeline.fingerprint import fingerprint, plain
+    from mapmore_cli.stages.pipeline.runner import pipeline
+    from mapmore_cli.stages.pipeline.stage import Variation
+
+    stages = pipeline()
+    groups: dict[str, list[int]] = {}
+    found = list(jobs)
+    for number, loaded in enumerate(specs):
+        if loaded is not None:
+            needs = [loaded.spec.needs.static, loaded.spec.needs.damping, *(need for stage in stages for need in stage.needs(loaded.spec))]
+            others = any(need is not None and not isinstance(need, Variation) for need in needs)
+            found[number] = replace(jobs[number], needs_others=others)
+            mark = fingerprint(stages[0].name, stages[0].revision, plain(stages[0].reads(loaded.spec)), str(loaded.folder), {})
+            groups.setdefault(mark, []).append(number)
+    for first, *rest in (group for group in groups.values() if len(group) > 1):
+        leader = specs[first]
+        assert leader is not None
+        for number in (first, *rest):
+            found[number] = replace(found[number], leader=leader.spec.name, leads=number == first)
+    return found
+
+
 def run_all(jobs: Sequence[Job], workers: Workers) -> Generator[tuple[int, Finished | BaseException], None, None]:
     """Do the jobs and yield the number of each with what came of it, as they end; a signal to end ends them all.
 
-    The runs that they need come first, one after the other: two jobs may need the same one.
+    The runs that they need come first, one after the other: two jobs may need the same one. Then the recordings are read that several
+    jobs need, once each.
     """
     with stoppable(), workers:
-        for _, failure in workers.each(prepare_all, [jobs]):
+        for _, failure in workers.each(prepare_all, [[job for job in jobs if job.needs_others]]):
             if failure is not None:
                 raise failure
-        yield from workers.each(run_one, jobs)
+        leaders = [job for job in jobs if job.leads and not job.force]  # which takes nothing over
+        read = {leaders[number].leader: reading for number, reading in workers.each(read_first, leaders)}
+        for number, result in workers.each(run_one, jobs):
+            yield number, _with_reading(result, read.get(jobs[number].leader), jobs[number].leads)
+
+
+def _with_reading(result: Finished | BaseException, reading: Reading | BaseException | None, leads: bool) -> Finished | BaseException:
+    """A run with what was told when its recordings were read, before it or for another; where that failed, the run itself has said so."""
+    if isinstance(result, BaseException) or not isinstance(reading, Reading):
+        return result
+    stages = {**result.stages, **reading.stages} if leads else result.stages
+    told = reading.warnings if stages["ingest"] == "done" else ()
+    return replace(result, stages=stages, warnings=tuple(dict.fromkeys([*told, *result.warnings])))
 
 
 def prepare_all(jobs: Sequence[Job]) -> None:
@@ -76,6 +139,25 @@ def prepare_all(jobs: Sequence[Job]) -> None:
             prepare(load(job.config, job.overrides), job.runs)
 
 
+def read_first(job: Job) -> Reading:
+    """Read the recordings of a run that others read too, who take over what this one finds; raises what that raises."""
+    from mapmore_cli.spec.loader import load
+    from mapmore_cli.stages.pipeline.runner import bring_up_to_date
+
+    warnings: list[str] = []
+    outcome = bring_up_to_date(
+        load(job.config, job.overrides),
+        job.runs,
+        "ingest",
+        force=job.force,
+        rehash=job.rehash,
+        warn=warnings.append,
+        campaign=job.campaign,
+        patient=job.patient,
+    )
+    return Reading(outcome.stages, tuple(warnings))
+
+
 def run_one(job: Job) -> Finished:
     """Bring one run up to date and read its scores; raises what that raises."""
     from mapmore_cli.spec.loader import load
@@ -86,7 +168,14 @@ def run_one(job: Job) -> Finished:
     loaded = load(job.config, job.overrides)
     warnings: list[str] = []
     outcome = bring_up_to_date(
-        loaded, job.runs, force=job.force, rehash=job.rehash, warn=warnings.append, campaign=job.campaign, patient=job.patient
+        loaded,
+        job.runs,
+        force=job.force,
+        rehash=job.rehash,
+        warn=warnings.append,
+        campaign=job.campaign,
+        patient=job.patient,
+        like=job.runs / job.leader if job.leader and not job.leads else None,
     )
     validation = RunFiles(outcome.run_dir).validation()
     held_to = limits(loaded.spec.validation.require, validation.scores)

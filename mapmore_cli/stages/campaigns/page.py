@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from mapmore_cli.domain.errors import SpecError, UsageError, told
 from mapmore_cli.domain.page import RUN_PAGE
 from mapmore_cli.spec.campaign import Campaign, Entry, is_campaign, load_campaign
-from mapmore_cli.spec.loader import load
+from mapmore_cli.spec.loader import LoadedSpec, load
 from mapmore_cli.spec.sections.results import Competitor
 from mapmore_cli.storage.run_record import CAMPAIGN_RECORD
 
@@ -51,7 +51,18 @@ def _names(campaign: Campaign) -> tuple[str, ...]:
     return tuple(name if short.count(name) == 1 else base for name, base in zip(short, bases, strict=True))
 
 
-def run_names(entries: Sequence[Entry], campaigns: Sequence[Expanded]) -> list[str]:
+def specs_of(entries: Sequence[Entry]) -> list[LoadedSpec | None]:
+    """The spec of every run; None where it is wrong, which its own run will say."""
+    specs: list[LoadedSpec | None] = []
+    for entry in entries:
+        try:
+            specs.append(load(entry.config, entry.overrides))
+        except SpecError:
+            specs.append(None)
+    return specs
+
+
+def run_names(entries: Sequence[Entry], campaigns: Sequence[Expanded], specs: Sequence[LoadedSpec | None]) -> list[str]:
     """The name of every run; where its spec is wrong, what it is called in messages.
 
     Raises
@@ -70,13 +81,12 @@ def run_names(entries: Sequence[Entry], campaigns: Sequence[Expanded]) -> list[s
 
     for campaign in campaigns:
         claim(campaign.campaign.campaign, f"the campaign '{campaign.campaign.campaign}'")
-    for number, entry in enumerate(entries):
-        try:
-            spec = load(entry.config, entry.overrides).spec
-        except SpecError:  # its own run will say so
+    for number, (entry, loaded) in enumerate(zip(entries, specs, strict=True)):
+        if loaded is None:
             short = called.get(number, entry.config.stem)
             names.append(str(entry.config) if short in names else short)
             continue
+        spec = loaded.spec
         claim(spec.name, str(entry.config))
         for rival in spec.validation.against:
             if isinstance(rival, Competitor) and rival.set is not None:

@@ -18,9 +18,18 @@ from mapmore_cli.domain.errors import MapmoreError, RunWarning, WriteError
 from mapmore_cli.stages.pipeline.needs import MODEL_STAGE, Needed, needed_runs, runs_built_on
 from mapmore_cli.stages.pipeline.stage import Progress, Stage, Workspace
 from mapmore_cli.stages.pipeline.staleness import Plan, plan_stages
-from mapmore_cli.storage.atomic import refusals_told, write_text
+from mapmore_cli.storage.atomic import link_or_copy, refusals_told, write_text
 from mapmore_cli.storage.run_folder import is_tidy, open_run_folder, recover, run_lock, stage_folder, swap_in
-from mapmore_cli.storage.run_record import Origin, StageRecord, load_origin, load_records, save_records, stamps_of, tool_versions
+from mapmore_cli.storage.run_record import (
+    Origin,
+    StageRecord,
+    load_origin,
+    load_records,
+    save_records,
+    stamps_of,
+    take_stamp,
+    tool_versions,
+)
 
 if TYPE_CHECKING:
     from mapmore_cli.spec.loader import LoadedSpec
@@ -80,12 +89,14 @@ def bring_up_to_date(
     heirs: tuple[Path, ...] = (),
     campaign: Path | None = None,
     patient: bool = False,
+    like: Path | None = None,
 ) -> RunOutcome:
     """Run the stages up to `until` that are not up to date (all of them with `force`), in the folder `runs/NAME`.
 
     `rehash` reads sources and outputs again even where size and time are as they were. `stages` are those of `pipeline()` by default.
     Runs whose models a stage needs come first, in the same folder of runs; `heirs` are the specs that need this one. `campaign` is the file
-    that the run belongs to. A `patient` one waits for another process that is writing the run.
+    that the run belongs to. A `patient` one waits for another process that is writing the run. Results of the run in the folder `like`
+    that have the fingerprints of this one's are taken over, unless by `force` all are made anew.
 
     Raises
     ------
@@ -105,7 +116,7 @@ def bring_up_to_date(
         kept = _refreshed(records, plans)
         if kept != records or load_origin(run_dir) != origin:  # a new run as well: from now on the folder is known as a run's
             save_records(run_dir, loaded.spec.name, origin, kept)
-        run = _Run(loaded, run_dir, origin, every, progress, warn, on_stage)
+        run = _Run(loaded, run_dir, origin, every, progress, warn, on_stage, None if force else like)
         for other in runs_built_on(loaded, heirs) if until == every[-1].name else ():
             run.bring(other)
         run.tell_outdated(plans)
@@ -172,6 +183,7 @@ class _Run:
     progress: Progress
     warn: Warn
     on_stage: OnStage
+    like: Path | None = None
 
     def needed(self, plan: Plan) -> dict[str, Path]:
         """See to the models that a stage needs; the folders of their runs by path or name in the spec."""
@@ -198,6 +210,7 @@ class _Run:
                 on_stage=lambda stage, reason: self.on_stage(f"{name}: {stage}", reason),
                 stages=self.every,
                 heirs=other.heirs,
+                like=self.run_dir if other.role == "variation" else None,
             ).run_dir
 
     def _mend(self, other: Needed, run_dir: Path) -> None:
@@ -230,8 +243,9 @@ class _Run:
         started = time.perf_counter()
         stage, needed = plan.stage, self.needed(plan)
         with refusals_told(self.run_dir), stage_folder(self.run_dir, stage.name) as out:
-            with _one_blas_thread():
-                stage.run(plan.part, self._workspace(out, needed))
+            if not self._taken_over(plan, out):
+                with _one_blas_thread():
+                    stage.run(plan.part, self._workspace(out, needed))
             _check_outputs(stage, out)
             outputs = stamps_of(out, stage.outputs)
             swap_in(out, self.run_dir, stage.outputs)
@@ -242,6 +256,26 @@ class _Run:
             committed = {**records, stage.name: entry}
             save_records(self.run_dir, self.loaded.spec.name, self.origin, committed)
         return committed
+
+    def _taken_over(self, plan: Plan, out: Path) -> bool:
+        """Put the files that another run made from the same into `out`; False where it has none.
+
+        They are linked where the file system can, as files of runs are replaced and never written into, and hashed before they count.
+        """
+        known = load_records(self.like, lambda _message: None).get(plan.stage.name) if self.like is not None else None
+        if known is None or (known.fingerprint, known.tools) != (plan.fingerprint, tool_versions()):
+            return False
+        if set(known.outputs) != set(plan.stage.outputs):  # the page: it has links into its own run
+            return False
+        assert self.like is not None
+        for name, stamp in known.outputs.items():
+            with suppress(OSError):
+                link_or_copy(self.like / name, out / name)
+            if not (out / name).is_file() or take_stamp(out / name).sha256 != stamp.sha256:  # replaced meanwhile
+                for left in out.iterdir():
+                    left.unlink()
+                return False
+        return True
 
     def _workspace(self, out: Path, needed: Mapping[str, Path]) -> Workspace:
         return Workspace(self.run_dir, out, self.loaded.folder, self.progress, self.warn, needed, self.loaded.resolved)
