@@ -111,6 +111,12 @@ def clocks(spec: ExperimentSpec) -> Iterator[Finding]:
     for i, join in enumerate(data.join):
         if join.on == "time" and not has_time:
             yield Finding(("data", "join", i), "a join on time needs the time of the first log", NO_TIME)
+        if join.match is not None and (join.match.first not in taken or join.match.first == "time"):
+            have = sorted(taken - {"time"})
+            said = f"there is no quantity `{join.match.first}` in the first log"
+            yield Finding(
+                ("data", "join", i, "match", "first"), said, did_you_mean(join.match.first, have) or f"name one of {', '.join(have)}"
+            )
         for name in join.quantities:
             if name in taken:
                 loc = ("data", "join", i, "columns", name)

@@ -161,16 +161,29 @@ class Logs(Section):
         return self
 
 
+class Match(Section):
+    """What tells the shift of a second log: the quantity `first` of the first log and `second` of the second, which change together.
+
+    Shifts beyond `within` are not looked at.
+    """
+
+    first: Quantity
+    second: Quantity
+    within: Seconds | None = None
+
+
 class Join(Logs):
     """A second log of the same tests: its quantities are brought onto the samples of the first.
 
-    `on: time` interpolates linearly, after `shift` has been added to the second log's time; samples that lie outside of the second log, or
+    `on: time` interpolates linearly, after `shift` has been added to the second log's time. `shift: auto` finds it by the
+    cross-correlation of two quantities that `match` names, and refuses where it is not sure. Samples that lie outside of the second log, or
     in a gap of it longer than `max_gap`, have no value: `missing` says what becomes of them. `on: row` puts row beside row. One file
     serves all recordings, several are paired with those of `data.files` in order.
     """
 
     on: Literal["time", "row"] = "time"
-    shift: SignedSeconds = 0.0
+    shift: Annotated[Annotated[Literal["auto"], Text] | Annotated[SignedSeconds, Number], by_shape] = 0.0
+    match: Match | None = None
     max_gap: Seconds | None = None
 
     @property
@@ -187,6 +200,14 @@ class Join(Logs):
             raise contradiction("a join on rows has no use for `shift` and `max_gap`", "remove them", "shift", "max_gap")
         if self.on == "row" and ("time" in self.columns or self.sample_time is not None):
             raise contradiction("a join on rows takes the time of the first log", "remove the second", "columns")
+        if (self.shift == "auto") != (self.match is not None):
+            if self.match is None:
+                remedy = "add `match: {first: QUANTITY, second: QUANTITY}`, which change together"
+                raise contradiction("`shift: auto` needs two quantities that tell the shift", remedy, "shift")
+            raise contradiction("`match` is about `shift: auto`", "add that, or remove `match`", "match")
+        if self.match is not None and self.match.second not in self.quantities:
+            remedy = f"name one of {', '.join(f'`{name}`' for name in self.quantities)}"
+            raise contradiction(f"the second log has no quantity `{self.match.second}`", remedy, "match")
         if not self.quantities:
             raise contradiction("the join adds no quantity", "name one besides `time`", "columns")
         if any(isinstance(entry, FileEntry) and (entry.set or entry.id or entry.keep) for entry in self.files):

@@ -19,6 +19,7 @@ from mapmore_cli.spec.units import convert
 from mapmore_cli.stages.ingestion.clock import Clocked, clocked, in_time_order
 from mapmore_cli.stages.ingestion.files import Log, Meter, Source
 from mapmore_cli.stages.ingestion.samples import Samples, located, read_tables, without_missing
+from mapmore_cli.stages.ingestion.shift import found_shift
 from mapmore_cli.stages.kinds.dictionary import signal_of
 
 
@@ -62,8 +63,9 @@ def _by_row(first: Samples, second: Samples, join: Join) -> Samples:
 
 
 def _by_time(first: Samples, second: Samples, join: Join, units: Mapping[str, str]) -> Samples:
-    shift, max_gap = (None if value is None else convert(value, "s", units["time"]) for value in (join.shift, join.max_gap))
-    stamps, time = first.columns["time"], second.columns["time"] + (shift or 0.0)
+    shift, note = (convert(join.shift, "s", units["time"]), "") if join.shift != "auto" else found_shift(first, second, join, units)
+    max_gap = None if join.max_gap is None else convert(join.max_gap, "s", units["time"])
+    stamps, time = first.columns["time"], second.columns["time"] + shift
     columns = {name: align(stamps, time, second.columns[name], max_gap) for name in join.quantities}
     if np.isnan(columns[join.quantities[0]]).all():
         raise DataError(
@@ -71,7 +73,7 @@ def _by_time(first: Samples, second: Samples, join: Join, units: Mapping[str, st
             f"{units['time']}, the first log from {np.nanmin(stamps):g} to {np.nanmax(stamps):g}",
             "Look at `shift`, which is added to the time of the second log, and at `max_gap`.",
         )
-    return first.with_columns(columns)
+    return replace(first.with_columns(columns), notes=(*first.notes, *([note] if note else [])))
 
 
 @dataclass(frozen=True)
@@ -105,7 +107,7 @@ def _reading(samples: Samples, source: Source, data: Data, units: Mapping[str, s
     names = [f"{name}#{number}" for number in range(1, len(left) + 1)] if len(whole.pieces) > 1 else [name]
     log = name if len(names) > 1 or names != [name] else ""
     recordings = tuple(_recording(name, source.name, piece, log) for name, piece in zip(names, left, strict=True))
-    return ReadLog(recordings, whole.notes, (*samples.doubts, *whole.warnings, *_emptied(whole, left)))
+    return ReadLog(recordings, (*samples.notes, *whole.notes), (*samples.doubts, *whole.warnings, *_emptied(whole, left)))
 
 
 def _emptied(whole: Clocked, left: list[Samples]) -> list[str]:

@@ -45,6 +45,7 @@ class Samples:
     element: int | str | None = None
     merged: int = 0
     doubts: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def size(self) -> int:

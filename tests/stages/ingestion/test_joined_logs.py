@@ -97,3 +97,42 @@ def test_logs_that_do_not_fit(ingest: Ingest, case: str) -> None:
 def test_repeated_stamps_of_the_second_log_are_mended_as_the_spec_says(ingest: Ingest) -> None:
     got = joining(ingest, csv_text(ms=[0, 1000, 1000], p=[0, 1, 3]), repeated_time="average").recordings[0]
     np.testing.assert_allclose(got.columns["pressure"], 200 * T, atol=1e-9)
+
+
+def on_other_clocks(ingest: Ingest, wave: Any, match: dict[str, Any]) -> Any:
+    """Two logs of one pressure, the second in ms on a clock that is 7.5 s ahead of the first."""
+    t = np.arange(0, 40, 0.1)
+    first = csv_text(t=t, P=wave(t), eps=0 * t, F=t)
+    second = csv_text(ms=1000 * t, p=wave(t - 7.5) / 100, F=t)
+    columns = {"time": {"column": "ms", "unit": "ms"}, "pressure_2": {"column": "p", "unit": "bar"}}
+    entry = {"files": ["second*.txt"], "columns": columns, "shift": "auto", "match": match}
+    units = {"pressure_2": "kPa"}
+    files = {"first.csv": first, "second.txt": second}
+    return ingest(files, files=["first*.csv"], columns=COLUMNS, join=[entry], missing="drop", units=units)
+
+
+def test_the_shift_is_found_and_told(ingest: Ingest) -> None:
+    values = np.random.default_rng(4).uniform(0, 300, 40)
+    got = on_other_clocks(ingest, lambda t: np.interp(t, np.arange(-20, 60, 2), values), {"first": "pressure", "second": "pressure_2"})
+    (note,) = (note for note in got.notes if "shift" in note)
+    assert note.startswith("second.txt: shift -7.5")
+    assert "correlation" in note
+    columns = got.recordings[0].columns
+    np.testing.assert_allclose(columns["pressure_2"], columns["pressure"], atol=2.0)
+
+
+def test_an_ambiguous_shift_is_refused_and_a_guess_helps(ingest: Ingest) -> None:
+    def wave(t):
+        return 100 + 50 * np.sin(2 * np.pi * t / 20)
+
+    with pytest.raises(DataError, match="ambiguous") as fault:
+        on_other_clocks(ingest, lambda t: wave(5 * t), {"first": "pressure", "second": "pressure_2"})
+    assert "within:" in fault.value.remedy
+    assert fault.value.exit_code == 4
+    got = on_other_clocks(ingest, wave, {"first": "pressure", "second": "pressure_2", "within": 9.0})
+    assert any("shift -7.5" in note for note in got.notes)
+
+
+def test_a_shift_that_nothing_tells_is_refused(ingest: Ingest) -> None:
+    with pytest.raises(DataError, match="nothing changes"):
+        on_other_clocks(ingest, lambda t: 0 * t + 100, {"first": "pressure", "second": "pressure_2"})

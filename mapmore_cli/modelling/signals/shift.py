@@ -1,0 +1,206 @@
+"""By how much the clock of a second log is off: cross-correlation of two records of one quantity, or of one event.
+
+Both records are put on one even grid and turned into changes, `u[i] = mean(y[i..i+w]) - mean(y[i-w..i])`: what drifts slowly has no say,
+and noise is averaged over w samples. The correlation r(lag) is that of the samples in which the records overlap. Of several widths w the
+one with the clearest peak is taken. A peak is sure where noise would not make it, and no other peak comes near it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.modelling.signals.sampling import typical_step
+
+WIDTHS = (1, 2, 4, 8, 16, 32, 64)
+"""Samples on either side of a change."""
+LEAST_OVERLAP = 0.5
+"""Of the shorter record: fewer samples agree by chance."""
+LEAST_EVENTS = 0.3
+"""Of the changes of either record, squared and summed: an overlap with less of them says nothing."""
+RATIO = 1.15
+"""What the best peak has to exceed the next one by."""
+SIGMAS = 7.0
+"""Fisher's z of the best peak, in standard deviations of noise; thousands of lags are looked at."""
+MOST = 2_000_000
+"""Grid points of the longer record."""
+FEWEST = 8
+"""Samples of a record."""
+
+
+@dataclass(frozen=True)
+class Shift:
+    """What is to be added to the second log's time, and how sure that is.
+
+    Attributes
+    ----------
+    value, half_width
+        In the unit of the stamps; the latter of the 95 % interval.
+    step
+        The coarser of the two records' typical steps.
+    correlation
+        Of the changes in both records at this shift; negative where one falls when the other rises.
+    next_best
+        The absolute correlation of the next peak, and `rival` the shift that it stands for; 0 and None where there is no other peak.
+    sigmas
+        How far the peak stands out of noise.
+    """
+
+    value: float
+    half_width: float
+    step: float
+    correlation: float
+    next_best: float
+    rival: float | None
+    sigmas: float
+
+    @property
+    def ratio(self) -> float:
+        """The best peak over the next one; infinite where there is no other."""
+        return abs(self.correlation) / self.next_best if self.next_best > 0 else math.inf
+
+    @property
+    def ambiguous(self) -> bool:
+        """Whether another shift is nearly as good."""
+        return self.ratio < RATIO
+
+    @property
+    def lost_in_noise(self) -> bool:
+        """Whether noise alone would make such a peak."""
+        return self.sigmas < SIGMAS
+
+
+def find_shift(
+    time: Array, first: Array, other_time: Array, second: Array, within: float | None = None, *, same_sign: bool = False
+) -> Shift | None:
+    """Find the shift of a second log.
+
+    Parameters
+    ----------
+    time, first
+        Stamps `(n,)`, strictly increasing, and values `(n,)` of the first log.
+    other_time, second
+        The same of the second log, `(m,)`.
+    within
+        Shifts beyond this are not looked at.
+    same_sign
+        Whether both rise together; else the one may fall while the other rises.
+
+    Returns
+    -------
+    Shift or None
+        None where nothing changes in one of the records, or no shift makes them overlap.
+    """
+    if min(len(time), len(other_time)) < FEWEST:
+        return None
+    steps = typical_step(time), typical_step(other_time)
+    step = max(min(steps), max(float(np.ptp(time)), float(np.ptp(other_time))) / MOST)
+    one, other = (np.interp(np.arange(t[0], t[-1], step), t, y) for t, y in ((time, first), (other_time, second)))
+    offset = float(time[0] - other_time[0])
+    found = [peak for width in WIDTHS if (peak := _peak(one, other, width, offset, step, within, same_sign)) is not None]
+    if not found:
+        return None
+    best = max(found, key=lambda peak: (not (peak.ambiguous or peak.lost_in_noise), peak.sigmas))
+    half_width = max(best.half_width, 0.5 * sum(steps))  # a jump may lie anywhere between two samples
+    return Shift(best.value, half_width, max(steps), best.correlation, best.next_best, best.rival, best.sigmas)
+
+
+def _peak(one: Array, other: Array, width: int, offset: float, step: float, within: float | None, same_sign: bool) -> Shift | None:
+    """The best shift by changes over `width` samples; None where there are none."""
+    if min(len(one), len(other)) <= 4 * width:
+        return None
+    u, v = changes(one, width), changes(other, width)
+    r, lags, overlap = correlation(u, v)
+    shifts = offset + step * lags
+    if within is not None:
+        r = np.where(np.abs(shifts) <= within, r, 0.0)
+    size = r.clip(0.0, None) if same_sign else np.abs(r)
+    top = int(np.argmax(size))
+    if size[top] == 0:
+        return None
+    below, above = _lobe(size, top)
+    outside = size.copy()
+    outside[below : above + 1] = 0.0
+    rival = int(np.argmax(outside))
+    best, independent = min(float(size[top]), 1 - 1e-12), max(float(overlap[top]) / (2 * width), 4.0)
+    sigmas = math.atanh(best) * math.sqrt(independent - 3) if independent > 3 else 0.0
+    place = top + _vertex(size, top)
+    error = _standard_error(u, v, int(lags[top]), best)
+    next_best = float(outside[rival])
+    return Shift(
+        offset + step * float(lags[0] + place),
+        1.96 * step * error,
+        step,
+        float(r[top]),
+        next_best,
+        float(shifts[rival]) if next_best > 0 else None,
+        sigmas,
+    )
+
+
+def changes(y: Array, width: int) -> Array:
+    """The mean of the next `width` samples less that of the last, `(n - 2 width + 1,)` of `(n,)`."""
+    total = np.concatenate([[0.0], np.cumsum(y - y.mean())])
+    means = (total[width:] - total[:-width]) / width
+    found: Array = means[width:] - means[:-width]
+    return found
+
+
+def correlation(u: Array, v: Array) -> tuple[Array, Array, Array]:
+    """Pearson's r of `u[i + lag]` and `v[i]` over the samples in which they overlap, with the lags and the numbers of samples, each `(k,)`.
+
+    Zero where the overlap is too short, or holds too little of the changes of either.
+    """
+    n, m = len(u), len(v)
+    size = next_fast_len(n + m - 1, real=True)
+
+    def sums(a: Array, b: Array) -> Array:
+        """`sum_i a[i + lag] b[i]` for the lags -(m - 1) .. n - 1."""
+        whole = irfft(rfft(a, size) * np.conj(rfft(b, size)), size)
+        found: Array = np.concatenate([whole[size - (m - 1) :], whole[:n]])
+        return found
+
+    ones_u, ones_v = np.ones(n), np.ones(m)
+    count = np.rint(sums(ones_u, ones_v))
+    at_least_one = np.maximum(count, 1.0)
+    u_sum, v_sum = sums(u, ones_v), sums(ones_u, v)
+    u_squares, v_squares = sums(u * u, ones_v), sums(ones_u, v * v)
+    covariance = sums(u, v) - u_sum * v_sum / at_least_one
+    spread = (u_squares - u_sum**2 / at_least_one) * (v_squares - v_sum**2 / at_least_one)
+    speaks = (u_squares >= LEAST_EVENTS * np.sum(u * u)) & (v_squares >= LEAST_EVENTS * np.sum(v * v))
+    speaks &= (count >= LEAST_OVERLAP * min(n, m)) & (spread > 1e-18 * np.sum(u * u) * np.sum(v * v))
+    r = np.where(speaks, covariance / np.sqrt(np.where(speaks, spread, 1.0)), 0.0)
+    return r.clip(-1.0, 1.0), np.arange(-(m - 1.0), n), count
+
+
+def _lobe(size: Array, top: int) -> tuple[int, int]:
+    """The first and last lag of the peak itself: down to its feet on either side."""
+    below = top
+    while below > 0 and size[below - 1] <= size[below]:
+        below -= 1
+    above = top
+    while above < len(size) - 1 and size[above + 1] <= size[above]:
+        above += 1
+    return below, above
+
+
+def _vertex(size: Array, top: int) -> float:
+    """Where the parabola through the peak and its neighbours is highest, in lags from the peak."""
+    if not 0 < top < len(size) - 1:
+        return 0.0
+    left, middle, right = (float(value) for value in size[top - 1 : top + 2])
+    bend = left - 2 * middle + right
+    return 0.0 if bend >= 0 else min(max(0.5 * (left - right) / bend, -0.5), 0.5)
+
+
+def _standard_error(u: Array, v: Array, lag: int, r: float) -> float:
+    """Of the shift in lags: what is left of `u` after `v`, over the slope of `v`, as in a regression on its derivative."""
+    start, end = max(lag, 0), min(len(u), len(v) + lag)
+    slope = np.gradient(v[start - lag : end - lag]) if end - start > 1 else np.zeros(1)
+    noise = (1 - r * r) / max(r * r, 1e-12) * float(np.sum(v[start - lag : end - lag] ** 2)) / max(end - start, 1)
+    steepness = float(np.sum(slope**2))
+    return math.sqrt(noise / steepness) if steepness > 0 else math.inf

@@ -1,0 +1,118 @@
+"""The clock of a second log: recovered where the data tell it, refused where they do not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from mapmore_cli.modelling.signals.shift import Shift, correlation, find_shift
+
+TIME = np.arange(0.0, 60.0, 0.05)
+OTHER = np.arange(0.3, 55.0, 0.08)
+COARSER = 0.08
+
+
+def ramps(seed: int):
+    """A quantity that goes to another random value every two seconds and a half."""
+    knots, values = np.arange(-100.0, 200.0, 2.5), np.random.default_rng(seed).uniform(0, 300, 120)
+    return lambda t: np.interp(t, knots, values)
+
+
+def found(truth, shift: float, noise: float = 0.0, seed: int = 0, **options) -> Shift:
+    """The shift of a log whose clock shows `t - shift` at the time t."""
+    random = np.random.default_rng(seed)
+    first = truth(TIME) + noise * random.standard_normal(len(TIME))
+    second = truth(OTHER + shift) + noise * random.standard_normal(len(OTHER))
+    shift_found = find_shift(TIME, first, OTHER, second, **{"same_sign": True, **options})
+    assert shift_found is not None
+    return shift_found
+
+
+def sure(shift: Shift) -> bool:
+    return not (shift.ambiguous or shift.lost_in_noise)
+
+
+@settings(max_examples=25)
+@given(st.floats(-20, 20), st.integers(0, 10_000), st.floats(0, 20))
+@example(0.0, 0, 0.0)
+def test_a_shared_quantity_tells_the_shift_to_half_a_sample(shift: float, seed: int, noise: float) -> None:
+    one = found(ramps(seed), shift, noise, seed)
+    assert sure(one)
+    assert one.value == pytest.approx(shift, abs=COARSER / 2)
+    assert abs(one.value - shift) <= one.half_width
+    assert one.step == pytest.approx(COARSER)
+
+
+@settings(max_examples=25)
+@given(st.floats(-20, 20), st.floats(5, 50), st.floats(0.2, 5))
+def test_one_event_tells_it_too(shift: float, at: float, length: float) -> None:
+    """A pulse may lie anywhere between two samples of either log."""
+    one = found(lambda t: 5.0 * ((t > 25) & (t < 25 + length)), shift, 0.05)
+    assert sure(one)
+    assert abs(one.value - shift) <= one.half_width < 1.5 * COARSER
+
+
+@pytest.mark.parametrize("kind", ["white", "walk", "slow"])
+def test_noise_is_refused(kind: str) -> None:
+    for seed in range(15):
+        random = np.random.default_rng(seed)
+        y, z = random.standard_normal(len(TIME)), random.standard_normal(len(OTHER))
+        if kind == "walk":
+            y, z = np.cumsum(y), np.cumsum(z)
+        if kind == "slow":
+            y, z = np.convolve(y, np.ones(20), "same"), np.convolve(z, np.ones(20), "same")
+        one = find_shift(TIME, y, OTHER, z)
+        assert one is None or not sure(one), seed
+
+
+@settings(max_examples=15)
+@given(st.floats(-5, 5), st.floats(2, 8), st.sampled_from(["sine", "square", "staircase"]))
+def test_several_equal_peaks_are_refused(shift: float, period: float, kind: str) -> None:
+    waves = {
+        "sine": lambda t: np.sin(2 * np.pi * t / period),
+        "square": lambda t: np.sign(np.sin(2 * np.pi * t / period)),
+        "staircase": lambda t: np.floor(t / period),
+    }
+    one = found(waves[kind], shift, 1e-3)
+    assert one.ambiguous
+    assert one.rival is not None
+
+
+def test_who_knows_about_when_need_not_be_refused() -> None:
+    def wave(t):
+        return np.sin(2 * np.pi * t / 8)
+
+    assert found(wave, 1.3).ambiguous
+    near = found(wave, 1.3, within=3.0)
+    assert sure(near)
+    assert near.value == pytest.approx(1.3, abs=COARSER / 2)
+
+
+def test_a_quantity_that_falls_while_the_other_rises() -> None:
+    truth = ramps(3)
+    opposite = -2 * truth(OTHER + 4.0)
+    one = find_shift(TIME, truth(TIME), OTHER, opposite)
+    assert one is not None
+    assert one.correlation < -0.9
+    assert one.value == pytest.approx(4.0, abs=COARSER / 2)
+    together = find_shift(TIME, truth(TIME), OTHER, opposite, same_sign=True)
+    assert together is None or not sure(together)
+
+
+def test_nothing_changes() -> None:
+    assert find_shift(TIME, np.ones(len(TIME)), OTHER, ramps(0)(OTHER)) is None
+    assert find_shift(TIME[:5], TIME[:5], OTHER, OTHER) is None
+
+
+def test_the_correlation_is_pearsons_over_the_overlap() -> None:
+    random = np.random.default_rng(1)
+    u, v = random.standard_normal(40), random.standard_normal(30)
+    r, lags, overlap = correlation(u, v)
+    for place, lag in enumerate(lags.astype(int)):
+        start, end = max(lag, 0), min(40, 30 + lag)
+        assert overlap[place] == end - start
+        if r[place] != 0.0:
+            assert r[place] == pytest.approx(np.corrcoef(u[start:end], v[start - lag : end - lag])[0, 1], abs=1e-9)
+    assert np.count_nonzero(r) > 20
