@@ -20,7 +20,7 @@ from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling.comparison import Comparison, compare
 from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import Cutting, Even, Fitting, Fusing, Recipe
-from mapmore_cli.reporting.tables import Column, Table
+from mapmore_cli.reporting.table import Column, Table
 from mapmore_cli.rig.load_cycle import load_cycle
 from mapmore_cli.rig.sensors import Sensor, measure
 from mapmore_cli.spec.loader import load, load_as

@@ -19,7 +19,8 @@ from mapmore_cli.domain.scores import REPEATABILITY, deciding
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import pooled
 from mapmore_cli.reporting.campaign import CampaignScores, hindsight_table, nrmse_table, published_table
-from mapmore_cli.reporting.tables import Column, Table, score_table
+from mapmore_cli.reporting.score_tables import score_table
+from mapmore_cli.reporting.table import Column, Table
 from mapmore_cli.spec.campaign import Entry, load_campaign
 from mapmore_cli.stages.inspection.evidence import slack_foot
 from mapmore_cli.storage.artefacts import read_dataset, read_fit, read_model

@@ -16,7 +16,7 @@ from mapmore_cli.domain.memory import MemoryFit
 from mapmore_cli.domain.scores import Score
 from mapmore_cli.reporting.campaign import CampaignScores, nrmse_table
 from mapmore_cli.reporting.memory_tables import substitutes_table
-from mapmore_cli.reporting.tables import Column, Table
+from mapmore_cli.reporting.table import Column, Table
 from mapmore_cli.spec.campaign import Entry, load_campaign
 from mapmore_cli.stages.campaigns.batch import Finished
 from mapmore_cli.storage.artefacts import read_fit

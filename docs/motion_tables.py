@@ -21,7 +21,7 @@ from mapmore_cli.modelling.motion import MotionRecipe, fit_motion, simulate
 from mapmore_cli.modelling.motion.bumpless import continued
 from mapmore_cli.modelling.motion.measures import motion_errors
 from mapmore_cli.reporting.campaign import nrmse_table
-from mapmore_cli.reporting.tables import Column, Table
+from mapmore_cli.reporting.table import Column, Table
 from mapmore_cli.spec.campaign import Entry
 from mapmore_cli.storage.artefacts import read_dataset, read_fit, read_validation
 

@@ -20,7 +20,8 @@ from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.literature.identifiability import half_width
 from mapmore_cli.modelling.scores.metrics import bands, uncentred
-from mapmore_cli.reporting.tables import Cell, Column, Table, bands_table
+from mapmore_cli.reporting.table import Cell, Column, Table
+from mapmore_cli.reporting.tables import bands_table
 from mapmore_cli.storage.artefacts import read_dataset, read_validation
 
 LENGTHS = ("22", "16", "12")

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from mapmore_cli.domain.scores import Score
 from mapmore_cli.reporting.campaign import CampaignScores
-from mapmore_cli.reporting.tables import Table, to_markdown
+from mapmore_cli.reporting.table import Table, to_markdown
 from mapmore_cli.spec.campaign import Entry, load_campaign
 from mapmore_cli.spec.loader import load
 from mapmore_cli.stages.campaigns.batch import Finished, Job, run_one

@@ -25,7 +25,8 @@ def load_model(path: str | Path, *, unverified: bool = False) -> LoadedModel:
         The file is missing, damaged or no valid model, or its checksum does not match (but not where it may be `unverified`).
     """
     from mapmore_cli.stages.prediction.loaded_model import LoadedModel  # here, so that the command line starts without NumPy
-    from mapmore_cli.storage.artefacts import read_model, scores_beside
+    from mapmore_cli.storage.artefacts import read_model
+    from mapmore_cli.storage.score_files import scores_beside
 
     model = read_model(Path(path), lambda message: warnings.warn(message, stacklevel=4), unverified)
     return LoadedModel(model, scores_beside(Path(path)))

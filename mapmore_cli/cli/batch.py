@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.cli.views.view import View
     from mapmore_cli.reporting.ci import RunReport
-    from mapmore_cli.reporting.tables import Cell, Table
+    from mapmore_cli.reporting.table import Cell, Table
     from mapmore_cli.stages.campaigns.batch import Finished
     from mapmore_cli.stages.campaigns.page import CampaignPage
 
@@ -134,11 +134,11 @@ def _document(config: Path, name: str, result: Result) -> dict[str, Any]:
     if isinstance(result, BaseException):
         return {**head, "error": error_document(result)}
     run = {"run_dir": str(result.run_dir), "stages": result.stages, "missed": result.missed, "warnings": result.warnings}
-    return {**head, **run, **of_scores(result.validation).document}
+    return {**head, **run, **of_scores(result.table).document}
 
 
 def _joint_table(results: dict[str, Result]) -> Table:
-    from mapmore_cli.reporting.tables import Column, Table
+    from mapmore_cli.reporting.table import Column, Table
 
     columns = (Column("run"), Column("model"), Column("data"), Column("NRMSE", "%", ".2f"), Column("published NRMSE", "%", ".3g"))
     rows = tuple((name, *cells) for name, result in results.items() for cells in _pooled(result))
@@ -149,7 +149,7 @@ def _pooled(run: Result) -> list[tuple[Cell, ...]]:
     """Model, split, NRMSE and published NRMSE in per cent, the latter beside the held-out rows; one row that says so for a failed run."""
     if isinstance(run, BaseException):
         return [(None, "failed", None, None)]
-    scores = sorted((s for s in run.validation.scores if s.curve == "all"), key=lambda s: s.split != "validate")
+    scores = sorted((s for s in run.table.scores if s.curve == "all"), key=lambda s: s.split != "validate")
     published = run.published.nrmse if run.published else {}
     return [
         (s.model, s.split, 100 * s.nrmse, 100 * published[s.model] if s.split == "validate" and s.model in published else None)

@@ -11,7 +11,7 @@ import typer
 
 if TYPE_CHECKING:
     from mapmore_cli.reporting.ci import RunReport
-    from mapmore_cli.reporting.tables import Table
+    from mapmore_cli.reporting.table import Table
 
 Junit = Annotated[Path | None, typer.Option("--junit", metavar="FILE", help="Also write how the runs ended, as JUnit XML.")]
 

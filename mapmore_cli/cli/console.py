@@ -36,7 +36,7 @@ def print_view(view: View, as_json: bool) -> None:
     if as_json:
         print_document(view.document)
         return
-    from mapmore_cli.reporting.tables import to_text
+    from mapmore_cli.reporting.table import to_text
 
     blocks = [to_text(table).rstrip("\n") for table in view.tables]
     if view.lines:

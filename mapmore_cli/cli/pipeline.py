@@ -20,7 +20,7 @@ from mapmore_cli.domain.errors import LimitMissed, told
 from mapmore_cli.storage.run_folder import RunFiles
 
 if TYPE_CHECKING:
-    from mapmore_cli.domain.scores import Validation
+    from mapmore_cli.domain.scores import ScoreTable
     from mapmore_cli.reporting.ci import RunReport
     from mapmore_cli.spec.loader import LoadedSpec
 
@@ -123,7 +123,7 @@ def _failures_written(name: str, files: CiFiles) -> Iterator[None]:
 def _explain(loaded: LoadedSpec, until: str, options: Options) -> None:
     """Print which stages would run, and why; null in the document is a stage that is up to date."""
     from mapmore_cli.cli.progress import Reporter
-    from mapmore_cli.reporting.tables import Column, Table
+    from mapmore_cli.reporting.table import Column, Table
     from mapmore_cli.stages.pipeline.runner import explain
 
     with Reporter(options.quiet, options.verbose) as reporter:
@@ -157,27 +157,27 @@ def _bring_up_to_date(loaded: LoadedSpec, command: str, options: Options) -> Non
             warn=warn,
             on_stage=reporter.stage,
         )
-        validation = RunFiles(outcome.run_dir).validation() if command in ("validate", "run") else None
-        for message in () if validation is None else validation.warnings:
+        found = RunFiles(outcome.run_dir).scores() if command in ("validate", "run") else None
+        for message in () if found is None else found.warnings:
             reporter.warn(message)
     head = {"name": outcome.name, "run_dir": str(outcome.run_dir), "stages": outcome.stages}
-    if validation is None:
+    if found is None:
         print_view(of_stage(command, outcome.run_dir).under(head), options.as_json)
         return
-    ended = RunReport(outcome.name, time.perf_counter() - started, None, (), (*validation.warnings, *warnings))
-    _print_scores(loaded, validation, head, ended, page_lines(outcome.run_dir) if command == "run" else (), options)
+    ended = RunReport(outcome.name, time.perf_counter() - started, None, (), (*found.warnings, *warnings))
+    _print_scores(loaded, found, head, ended, page_lines(outcome.run_dir) if command == "run" else (), options)
 
 
 def _print_scores(
-    loaded: LoadedSpec, validation: Validation, head: Mapping[str, Any], ended: RunReport, lines: tuple[str, ...], options: Options
+    loaded: LoadedSpec, found: ScoreTable, head: Mapping[str, Any], ended: RunReport, lines: tuple[str, ...], options: Options
 ) -> None:
     """Print the scores, and then fail where the spec's limits are missed."""
     from mapmore_cli.cli.views.compared import of_scores
     from mapmore_cli.stages.validate import limits
 
     published = loaded.spec.report.published
-    scores = of_scores(validation, published.numbers if published else None)
-    held_to = limits(loaded.spec.validation.require, validation.scores)
+    scores = of_scores(found, published.numbers if published else None)
+    held_to = limits(loaded.spec.validation.require, found.scores)
     missed = [limit.sentence for limit in held_to if not limit.kept]
     print_view(View({**head, **scores.document, "missed": missed, "warnings": ended.warnings}, scores.tables, lines), options.as_json)
     options.files.write([replace(ended, limits=held_to)], scores.tables)

@@ -108,6 +108,16 @@ class Published:
 
 
 @dataclass(frozen=True)
+class ScoreTable:
+    """What a validation says in numbers: the rows, the unit of every target, models without scores, and what must be known before."""
+
+    scores: tuple[Score, ...]
+    units: Mapping[str, str]
+    failed: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Validation:
     """Predictions of the run's own model (`mapmore`) and of its competitors.
 
@@ -121,6 +131,12 @@ class Validation:
     units: Mapping[str, str]
     motions: Mapping[str, MotionFit] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+
+    @property
+    def table(self) -> ScoreTable:
+        """The numbers alone."""
+        failed = tuple(name for name, formula in self.formulas.items() if formula.failed)
+        return ScoreTable(self.scores, self.units, failed, self.warnings)
 
 
 def deciding(scores: Iterable[Score]) -> list[Score]:

@@ -67,7 +67,8 @@ def run(part: Slice, workspace: Workspace) -> None:
     from mapmore_cli.modelling.scores.rows import divisor
     from mapmore_cli.reporting.model_tables import rival_minima
     from mapmore_cli.stages.competitors import Contest
-    from mapmore_cli.storage.artefacts import write_scores, write_validation
+    from mapmore_cli.storage.artefacts import write_validation
+    from mapmore_cli.storage.score_files import write_scores
 
     dataset = workspace.files.dataset()
     model = workspace.files.model()
@@ -93,7 +94,7 @@ def run(part: Slice, workspace: Workspace) -> None:
     loud = alarms(model, dataset, predictions[OWN], scores)
     validation = Validation(predictions, formulas, tuple(scores), units, motions, loud)
     write_validation(workspace.out / VALIDATION, validation)
-    write_scores(workspace.out, validation, model.name)
+    write_scores(workspace.out, validation.table, model.name)
 
 
 def _rivals(contest: Contest, part: Slice, workspace: Workspace) -> list[Rival]:
@@ -191,5 +192,5 @@ def sources(spec: ExperimentSpec, folder: Path) -> list[Path]:
 
 
 STAGE = Stage(
-    name="validate", revision=6, outputs=(VALIDATION, "scores.csv", "scores.json"), reads=reads, run=run, sources=sources, needs=needs
+    name="validate", revision=7, outputs=(VALIDATION, "scores.csv", "scores.json"), reads=reads, run=run, sources=sources, needs=needs
 )

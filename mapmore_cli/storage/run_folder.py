@@ -27,10 +27,11 @@ if TYPE_CHECKING:
     from mapmore_cli.domain.models import Model
     from mapmore_cli.domain.recording import Dataset
     from mapmore_cli.domain.results import FitResult
-    from mapmore_cli.domain.scores import Validation
+    from mapmore_cli.domain.scores import ScoreTable, Validation
 
 
 DATASET, SEGMENTATION, FIT, MODEL, VALIDATION = "ingest.h5", "segment.h5", "fit.h5", "model.h5", "validate.h5"
+SCORES = "scores.json"
 RESULTS: Mapping[str, str] = MappingProxyType(
     {"ingest": DATASET, "segment": SEGMENTATION, "fit": FIT, "fuse": MODEL, "validate": VALIDATION}
 )
@@ -72,6 +73,12 @@ class RunFiles:
         from mapmore_cli.storage.artefacts import read_validation
 
         return read_validation(self.folder / VALIDATION)
+
+    def scores(self) -> ScoreTable:
+        """The scores alone, without the predictions behind them."""
+        from mapmore_cli.storage.score_files import read_scores
+
+        return read_scores(self.folder / SCORES)
 
 
 ASIDE = ".old-"

@@ -13,7 +13,7 @@ from mapmore_cli.reporting.figures.catalogue import drawings
 from mapmore_cli.reporting.figures.drawing import compose
 from mapmore_cli.reporting.figures.style import figure_style, model_styles
 from mapmore_cli.reporting.inputs import MOST_LINES
-from mapmore_cli.reporting.tables import score_table
+from mapmore_cli.reporting.score_tables import score_table
 
 NEAR = {f"near_{shift}": lambda p, e, shift=shift: surface(p, e) + shift for shift in range(9, 0, -1)}
 FAR = {"far": lambda p, e: surface(p, e) + 4000 * e**0.5}

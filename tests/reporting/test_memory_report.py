@@ -18,7 +18,8 @@ from mapmore_cli.reporting.figures.drawing import compose
 from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.report import render_page
-from mapmore_cli.reporting.tables import all_tables, score_table
+from mapmore_cli.reporting.score_tables import score_table
+from mapmore_cli.reporting.tables import all_tables
 
 STEP = 0.01
 QUANTITIES = {q.name: q for q in (Quantity("time", "s"), Quantity("load", "N"), Quantity("pressure", "kPa"), Quantity("motion", "mm"))}

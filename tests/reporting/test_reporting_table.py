@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mapmore_cli.reporting.tables import Column, Table, to_csv, to_html, to_latex, to_markdown, to_text
+from mapmore_cli.reporting.table import Column, Table, to_csv, to_html, to_latex, to_markdown, to_text
 
 TABLE = Table(
     "demo",

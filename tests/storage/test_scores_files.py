@@ -13,24 +13,23 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from stored_records import VALIDATIONS
 
-from mapmore_cli.domain.scores import Score, Validation
-from mapmore_cli.storage.artefacts import write_scores
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.scores import Score, ScoreTable, Validation
+from mapmore_cli.storage.score_files import read_scores, write_scores
 
 ROW = Score("mapmore", "force", "validate", "pressure=250", 40, 12.3456789012345, 0.02, 617.0, "max|force|", 30.0, 0.05, 1 / 3)
 COLUMNS = [field.name for field in fields(Score)]
 
 
-def written(folder: Path, *rows: Score) -> Validation:
-    validation = Validation({}, {}, rows, {"force": "N"})
-    write_scores(folder, validation, "demo")
-    return validation
+def written(folder: Path, *rows: Score) -> None:
+    write_scores(folder, ScoreTable(rows, {"force": "N"}, ("sarosi",), ("worse than the mean",)), "demo")
 
 
 def test_document(tmp_path: Path) -> None:
     written(tmp_path, ROW)
     text = (tmp_path / "scores.json").read_text(encoding="utf-8")
     document = json.loads(text)
-    assert list(document) == ["name", "target", "units", "scores"]
+    assert list(document) == ["name", "target", "units", "scores", "failed", "warnings"]
     assert (document["name"], document["target"], document["units"]) == ("demo", "force", {"force": "N"})
     (row,) = document["scores"]
     assert list(row) == COLUMNS
@@ -68,10 +67,23 @@ def test_numpy_numbers_are_numbers(tmp_path: Path) -> None:
 @settings(deadline=None, max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 @given(validation=VALIDATIONS)
 def test_digits_survive(validation: Validation, tmp_path: Path) -> None:
-    write_scores(tmp_path, validation, "demo")
+    write_scores(tmp_path, validation.table, "demo")
     rows = json.loads((tmp_path / "scores.json").read_text(encoding="utf-8"))["scores"]
     for score, row in zip(validation.scores, rows, strict=True):
         if math.isfinite(score.rmse):
             assert row["rmse"] == pytest.approx(score.rmse, rel=1e-11, abs=0)
         else:
             assert row["rmse"] is None
+    back = read_scores(tmp_path / "scores.json")
+    assert (back.units, back.failed) == (validation.units, validation.table.failed)
+    for score, read in zip(validation.scores, back.scores, strict=True):
+        assert read.rmse == pytest.approx(score.rmse, rel=1e-11, abs=0) or not math.isfinite(score.rmse)
+        assert replace(read, **{name: getattr(score, name) for name in COLUMNS if isinstance(getattr(score, name), float)}) == score
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"scores": [3]}', '{"scores": [{"model": "x"}], "units": {}}', "[" * 100_000])
+def test_a_file_that_says_something_else_is_refused(text: str, tmp_path: Path) -> None:
+    (tmp_path / "scores.json").write_text(text)
+    with pytest.raises(DataError, match="no table of scores") as refused:
+        read_scores(tmp_path / "scores.json")
+    assert "--force" in (refused.value.remedy or "")

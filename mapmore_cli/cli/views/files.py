@@ -16,7 +16,7 @@ from mapmore_cli.domain.page import RUN_PAGE
 from mapmore_cli.storage.run_folder import RESULTS
 
 if TYPE_CHECKING:
-    from mapmore_cli.reporting.tables import Table
+    from mapmore_cli.reporting.table import Table
 
 
 def of_file(path: Path, warn: Callable[[str], None], unverified: bool) -> View:
@@ -119,7 +119,7 @@ def _are_entries(entries: Any, types: Mapping[str, Any]) -> bool:
 
 
 def _stages_table(stages: Mapping[str, Any]) -> Table:
-    from mapmore_cli.reporting.tables import Column, Table
+    from mapmore_cli.reporting.table import Column, Table
 
     rows = tuple((name, entry.get("seconds"), entry.get("why")) for name, entry in stages.items())
     return Table("stages", "Stages", (Column("stage"), Column("took", "s", ".2f"), Column("why it ran")), rows)
@@ -127,7 +127,7 @@ def _stages_table(stages: Mapping[str, Any]) -> Table:
 
 def _score_table(document: Mapping[str, Any]) -> Table:
     from mapmore_cli.domain.scores import Score
-    from mapmore_cli.reporting.tables import score_table
+    from mapmore_cli.reporting.score_tables import score_table
 
     rows: list[dict[str, Any]] = [{name: math.nan if value is None else value for name, value in row.items()} for row in document["scores"]]
     return score_table([Score(**row) for row in rows], document["units"])

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def of_fit(result: FitResult) -> View:
     """The segments, or the model with memory, with their terms in the order of selection; theta is in scaled coordinates."""
-    from mapmore_cli.reporting.tables import terms_table
+    from mapmore_cli.reporting.model_tables import terms_table
 
     document = {
         "segments": [segment_document(fit, fit.selection) for fit in result.pieces],

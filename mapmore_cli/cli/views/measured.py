@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 if TYPE_CHECKING:
     from mapmore_cli.domain.fits import SegmentedCurve
     from mapmore_cli.domain.recording import Curve, Dataset
-    from mapmore_cli.reporting.tables import Cell
+    from mapmore_cli.reporting.table import Cell
 
 
 def of_inspection(inspection: Inspection) -> View:
@@ -72,7 +72,7 @@ def _curve(curve: Curve) -> dict[str, Any]:
 
 def of_segmentation(curves: Sequence[SegmentedCurve]) -> View:
     """Where every segment lies, and how many samples it has."""
-    from mapmore_cli.reporting.tables import Column, Table
+    from mapmore_cli.reporting.table import Column, Table
 
     document = {
         "curves": [

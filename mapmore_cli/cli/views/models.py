@@ -12,7 +12,7 @@ from mapmore_cli.cli.views.view import View
 from mapmore_cli.domain.models import Body, CurveFunction, CurveRange, Formula, Fusion, Memory, Model, Pieces, StateSpace, Sum
 
 if TYPE_CHECKING:
-    from mapmore_cli.reporting.tables import Table
+    from mapmore_cli.reporting.table import Table
 
 
 class Shown(NamedTuple):
@@ -26,7 +26,7 @@ class Shown(NamedTuple):
 def of_model(model: Model) -> View:
     """The inputs, what the kind has to show, and the equations; weights, limits and equations are in physical units."""
     from mapmore_cli.modelling.kinds import equations
-    from mapmore_cli.reporting.tables import Column, Table
+    from mapmore_cli.reporting.table import Column, Table
 
     found = equations(model)
     inputs = ", ".join(f"{quantity.name} [{quantity.unit}]" for quantity in model.inputs) or "its own past"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.motion import Motion, MotionFit
-    from mapmore_cli.reporting.tables import Table
+    from mapmore_cli.reporting.table import Table
 
 
 def model_document(motion: Motion) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.memory import MemoryFit, MemoryModel
-    from mapmore_cli.reporting.tables import Table
+    from mapmore_cli.reporting.table import Table
 
 
 def model_document(memory: MemoryModel) -> dict[str, Any]:
@@ -41,7 +41,7 @@ def fit_tables(fit: MemoryFit) -> tuple[Table, ...]:
 def model_tables(memory: MemoryModel) -> tuple[Table, ...]:
     """Coefficients with standard errors, and the numbers behind the states where there are any."""
     from mapmore_cli.reporting.memory_tables import states_table
-    from mapmore_cli.reporting.tables import Column, Table
+    from mapmore_cli.reporting.table import Column, Table
 
     columns = (Column("term"), Column("coefficient", "", "#.6g"), Column("standard error", "", ".3g"))
     rows = tuple(zip(memory.terms, memory.theta.tolist(), memory.theta_error.tolist(), strict=True))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mapmore_cli.reporting.tables import Table
+    from mapmore_cli.reporting.table import Table
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from mapmore_cli.domain.scores import REPEATABILITY, Score
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
 from mapmore_cli.reporting.figures.style import BLACK, GREY, ModelStyle, model_styles, shortened, small
 from mapmore_cli.reporting.inputs import ReportInputs
-from mapmore_cli.reporting.tables import full_scale
+from mapmore_cli.reporting.score_tables import full_scale
 
 BAR = 0.36
 SPLITS = {"validate": "held out", "train": "training"}

@@ -13,7 +13,7 @@ from mapmore_cli.stages.campaigns.processes import Workers, stoppable
 from mapmore_cli.storage.run_folder import RunFiles
 
 if TYPE_CHECKING:
-    from mapmore_cli.domain.scores import Limit, Published, Validation
+    from mapmore_cli.domain.scores import Limit, Published, ScoreTable
     from mapmore_cli.spec.loader import LoadedSpec
 
 
@@ -59,7 +59,7 @@ class Finished:
     name: str
     run_dir: Path
     stages: Mapping[str, str]
-    validation: Validation
+    table: ScoreTable
     published: Published | None
     limits: tuple[Limit, ...]
     warnings: tuple[str, ...]
@@ -177,9 +177,9 @@ def run_one(job: Job) -> Finished:
         patient=job.patient,
         like=job.runs / job.leader if job.leader and not job.leads else None,
     )
-    validation = RunFiles(outcome.run_dir).validation()
-    held_to = limits(loaded.spec.validation.require, validation.scores)
+    table = RunFiles(outcome.run_dir).scores()
+    held_to = limits(loaded.spec.validation.require, table.scores)
     published = loaded.spec.report.published
     printed = published.numbers if published else None
     seconds = time.perf_counter() - started
-    return Finished(outcome.name, outcome.run_dir, outcome.stages, validation, printed, held_to, (*validation.warnings, *warnings), seconds)
+    return Finished(outcome.name, outcome.run_dir, outcome.stages, table, printed, held_to, (*table.warnings, *warnings), seconds)

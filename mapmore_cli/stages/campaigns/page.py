@@ -116,7 +116,7 @@ def write_page(campaign: Campaign, results: Mapping[str, Finished | BaseExceptio
     from mapmore_cli.reporting.campaign import campaign_tables, render_campaign
     from mapmore_cli.reporting.figures.campaign import campaign_figures
     from mapmore_cli.reporting.figures.catalogue import rendered
-    from mapmore_cli.reporting.tables import to_csv
+    from mapmore_cli.reporting.table import to_csv
     from mapmore_cli.storage.atomic import refusals_told, write_text
     from mapmore_cli.storage.run_folder import refuse_foreign
 
@@ -145,8 +145,8 @@ def scores_of(campaign: Campaign, results: Mapping[str, Finished | BaseException
     pairs = [(variant, run) for variant, run in zip(campaign.runs, results.values(), strict=True) if not isinstance(run, BaseException)]
     finished = [run for _, run in pairs]
     return CampaignScores(
-        {run.name: run.validation.scores for run in finished},
-        units={run.name: unit for run in finished for unit in run.validation.units.values()},
+        {run.name: run.table.scores for run in finished},
+        units={run.name: unit for run in finished for unit in run.table.units.values()},
         published={run.name: run.published for run in finished if run.published is not None},
         relative_to=campaign.relative_to,
         best_of=campaign.best_of,

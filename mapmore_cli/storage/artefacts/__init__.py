@@ -29,7 +29,6 @@ from mapmore_cli.storage.artefacts.files import (
     silent,
 )
 from mapmore_cli.storage.artefacts.layout import SegmentationFile
-from mapmore_cli.storage.artefacts.score_table import score_row, scores_beside, write_scores
 
 __all__ = [
     "kind_of",
@@ -38,13 +37,10 @@ __all__ = [
     "read_model",
     "read_segmentation",
     "read_validation",
-    "score_row",
-    "scores_beside",
     "units_of",
     "write_dataset",
     "write_fit",
     "write_model",
-    "write_scores",
     "write_segmentation",
     "write_validation",
 ]
