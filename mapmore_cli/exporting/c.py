@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.exporting.c_inverse import InverseSource
-from mapmore_cli.exporting.c_source import Source
-from mapmore_cli.exporting.names import identifier
+from mapmore_cli.exporting.c_source import source_of
 from mapmore_cli.modelling.assignments.slopes import with_slopes
-from mapmore_cli.modelling.kinds import assignments
-
-MOST_INPUTS = 14
-"""Bits of the returned number, one for every input and one more: an `int` may have 16."""
 
 
 @dataclass(frozen=True)
@@ -36,11 +30,8 @@ def c_source(model: Model, single: bool = False) -> CSource:
     DataError
         Where a part of the model is no closed expression.
     """
-    name = identifier(model.name)
-    if len(model.inputs) > MOST_INPUTS:
-        raise UsageError(f"{model.name} has {len(model.inputs)} inputs; one bit each leaves room for {MOST_INPUTS}", "export its parts")
-    code = assignments(model)
-    source = Source(model, code, name, single)
+    source = source_of(model, single)
+    name = source.name
     files = {f"{name}.h": source.header(), f"{name}.c": source.source(), f"{name}_main.c": source.program()}
-    inverse = {} if source.with_memory else InverseSource(Source(model, with_slopes(code), name, single)).files()
+    inverse = {} if source.with_memory else InverseSource(replace(source, code=with_slopes(source.code))).files()
     return CSource(name, {**files, **inverse})

@@ -6,13 +6,19 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.models import Model, Signal
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.exporting.c_blocks import CBlocks, comment, indented
 from mapmore_cli.exporting.dialect import DOUBLE, SINGLE, Dialect, Expressions
+from mapmore_cli.exporting.names import identifier
 from mapmore_cli.modelling.assignments.model import INPUT
 from mapmore_cli.modelling.assignments.statements import Assignments, Limit
+from mapmore_cli.modelling.kinds import assignments
 from mapmore_cli.modelling.ranges import OUTSIDE_TOLERANCE
+
+MOST_INPUTS = 14
+"""Bits of the returned number, one for every input and one more: an `int` may have 16."""
 
 SIGN = """\
 static {real} sign_of({real} x)
@@ -25,7 +31,8 @@ BEYOND = """\
 /* Whether x lies beyond a range; what is within {tolerance} of it counts as inside. */
 static int beyond({real} x, {real} low, {real} high)
 {{
-    const {real} margin = {tolerance} * fmax{f}(high - low, fmax{f}(fabs{f}(low), fabs{f}(high)));
+    const {real} size = fabs{f}(low) > fabs{f}(high) ? fabs{f}(low) : fabs{f}(high);
+    const {real} margin = {tolerance} * (high - low > size ? high - low : size);
     return x < low - margin || x > high + margin;
 }}
 """
@@ -41,6 +48,21 @@ static {real} end_at({real} level, int n, const {real} *levels, const {real} *en
     return (ends[i + 1] - ends[i]) / (levels[i + 1] - levels[i]) * (level - levels[i]) + ends[i];
 }}
 """
+
+
+def source_of(model: Model, single: bool = False) -> Source:
+    """The model as the text of its files, in single precision or not.
+
+    Raises
+    ------
+    UsageError
+        Where the model's name has nothing that C allows, or it has too many inputs.
+    DataError
+        Where a part of the model is no closed expression.
+    """
+    if len(model.inputs) > MOST_INPUTS:
+        raise UsageError(f"{model.name} has {len(model.inputs)} inputs; one bit each leaves room for {MOST_INPUTS}", "export its parts")
+    return Source(model, assignments(model), identifier(model.name), single)
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,8 @@ from xml.sax.saxutils import quoteattr
 
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import BaseUnits, Quantity
-from mapmore_cli.exporting.c_source import Source
-from mapmore_cli.exporting.names import identifier
+from mapmore_cli.exporting.c_source import Source, source_of
 from mapmore_cli.modelling.assignments.statements import Assignments
-from mapmore_cli.modelling.kinds import assignments
 
 WRAPPER = ("co-simulation.h", "co-simulation.c")
 """The files around every model; a hyphen keeps their names apart from those of models."""
@@ -45,25 +43,32 @@ def fmu_sources(model: Model, units: Mapping[str, BaseUnits], tool: str) -> Unit
     DataError
         Where a part of the model is no closed expression.
     """
-    unit = _Unit(model, assignments(model), units, tool)
+    unit = _Unit(source_of(model), units, tool)
     sources = {f"sources/{name}": text for name, text in {**unit.texts, CONFIGURATION: unit.configuration()}.items()}
     return UnitSources(unit.name, {"modelDescription.xml": unit.description(), **sources}, (f"{unit.name}.c", WRAPPER[1]))
 
 
 @dataclass(frozen=True)
 class _Unit:
-    model: Model
-    code: Assignments
+    source: Source
     units: Mapping[str, BaseUnits]
     tool: str
 
     @property
     def name(self) -> str:
-        return identifier(self.model.name)
+        return self.source.name
+
+    @property
+    def model(self) -> Model:
+        return self.source.model
+
+    @property
+    def code(self) -> Assignments:
+        return self.source.code
 
     @property
     def with_memory(self) -> bool:
-        return self.code.step is not None
+        return self.source.with_memory
 
     @property
     def given(self) -> tuple[Quantity, ...]:
@@ -73,9 +78,8 @@ class _Unit:
     @cached_property
     def texts(self) -> dict[str, str]:
         """The model in C, and what is around it, by name."""
-        source = Source(self.model, self.code, self.name, single=False)
         around = {name: files(__package__).joinpath("sources", name).read_text(encoding="utf-8") for name in WRAPPER}
-        return {f"{self.name}.h": source.header(), f"{self.name}.c": source.source(), **around}
+        return {f"{self.name}.h": self.source.header(), f"{self.name}.c": self.source.source(), **around}
 
     @property
     def guid(self) -> str:

@@ -46,12 +46,13 @@ def evaluation(runs_folder):
     """
     model = read_model(next(Path(runs_folder).rglob("model.h5")))
     rng = np.random.default_rng(0)
-    levels = level_values(model)
+    body = model.pieces
+    levels = level_values(body)
     columns = {
         "pressure": rng.uniform(levels[0], levels[-1], POINTS),
-        "strain": rng.uniform(0, max(curve.limits["strain"][1] for curve in model.curves), POINTS),
+        "strain": rng.uniform(0, max(curve.limits["strain"][1] for curve in body.curves), POINTS),
     }
-    parts = active_parts(model, columns)
+    parts = active_parts(body, columns)
     ordered = [(segment, {name: x[rows] for name, x in columns.items()}) for segment, rows in parts]
 
     def in_place():
@@ -75,13 +76,13 @@ def evaluation(runs_folder):
     }
 
 
-def active_parts(model, columns):
+def active_parts(body, columns):
     """Segment functions with the rows where their weight is not zero."""
-    weights = level_weights(columns["pressure"], level_values(model))
+    weights = level_weights(columns["pressure"], level_values(body))
     parts = []
-    for number, curve in enumerate(model.curves):
+    for number, curve in enumerate(body.curves):
         rows = np.flatnonzero(weights[:, number])
         strain = np.clip(columns["strain"][rows], *curve.limits["strain"])
-        cells = cell_weights(strain, curve.boundaries[0], model.fusion.transition, model.fusion.z_s)
+        cells = cell_weights(strain, curve.boundaries[0], body.fusion.transition, body.fusion.z_s)
         parts += [(segment, rows[np.flatnonzero(cells[:, segment.cell[0] - 1])]) for segment in curve.segments]
     return parts

@@ -17,11 +17,12 @@ HERE = Path(__file__).parent
 
 
 def main():
+    from exported import exported
     from ingest import ingest
     from motion import motion
     from program import evaluation, start_up
     from regression import regression
-    from table import other_lines, regression_lines
+    from table import exported_lines, other_lines, regression_lines
 
     options = arguments()
     with tempfile.TemporaryDirectory() as folder:
@@ -33,11 +34,14 @@ def main():
         say("start-up and evaluation")
         bench["start_up"] = start_up(folder)
         bench["evaluation"] = evaluation(folder)
+        say("exported models")
+        bench["exported"] = exported(folder)
         say("models of motion")
         bench["motion"] = motion()
         bench["frols"], bench["notes"] = regression(say)
     options.output.write_text(json.dumps(bench, indent=2) + "\n", encoding="utf-8")
     print(*regression_lines(bench["frols"]), *other_lines(bench), sep="\n")
+    print(*exported_lines(bench["exported"]), sep="\n")
     for what, note in bench["notes"].items():
         print(f"note: {what}: {note}")
 

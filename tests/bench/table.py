@@ -42,6 +42,15 @@ def _verdicts(shape, row):
         yield f"memory: {'met' if row['extra_memory_ratio'] < MEMORY_TARGET else 'MISSED'}"
 
 
+def exported_lines(rows):
+    """The table of docs/export.md."""
+    yield "| model | C, ns a call | NumPy, ns a sample of 5000 | NumPy, ns a call | code, bytes | state, bytes |"
+    yield "|---|---:|---:|---:|---:|---:|"
+    for what, row in rows.items():
+        many = "-" if row["numpy_many"] is None else f"{row['numpy_many']:.0f}"
+        yield f"| {what} | {row['c']:.1f} | {many} | {row['numpy_one']:.0f} | {row['code']} | {row['state']} |"
+
+
 def other_lines(bench):
     streaming, ingest, evaluation, start = bench["streaming"], bench["ingest"], bench["evaluation"], bench["start_up"]
     motion = bench["motion"]

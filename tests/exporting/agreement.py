@@ -324,7 +324,10 @@ def main(runs: Path, n: int) -> None:
 
     print("| study | kind | points | largest relative difference | source, kB |\n|---|---|---:|---:|---:|")
     for file in sorted(runs.glob("*/model.h5")):
-        study, model = file.parent.name, read_model(file)
+        study = file.parent.name
+        if (runs / study.rpartition(".")[0] / "model.h5").is_file():
+            continue  # a variation of another study
+        model = read_model(file)
         try:
             print(agreement(study, model, n), flush=True)
         except MapmoreError as error:
