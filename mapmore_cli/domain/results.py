@@ -27,12 +27,14 @@ FitBody = PiecesFit | MemoryFit | MotionFit | FormulaFit
 class FitResult:
     """What the fit stage hands on: what was fitted to what `backbone` leaves where there is one.
 
-    `body` is None where models are only added up, so that there is nothing to fit.
+    `body` is None where models are only added up, so that there is nothing to fit. `max_terms` is the number of terms that left-out
+    training data chose; 0 where the spec says it.
     """
 
     body: FitBody | None
     backbone: FormulaFit | None = None
     notes: tuple[str, ...] = ()
+    max_terms: int = 0
 
     @property
     def pieces(self) -> tuple[SegmentFit, ...]:

@@ -8,7 +8,7 @@ from mapmore_cli.spec.check_names import NO_TIME
 from mapmore_cli.spec.diagnostics import Finding
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.dictionary import feeds_back, remembers
-from mapmore_cli.spec.sections.method import Fit, Fuse
+from mapmore_cli.spec.sections.method import AUTO, Fit, Fuse
 from mapmore_cli.spec.tree import Loc
 from mapmore_cli.spec.units import default_unit
 
@@ -81,7 +81,7 @@ def _with_memory(fit: Fit) -> Iterator[Finding]:
     if fit.ridge == 0.0:
         remedy = "add `ridge: auto`, or remove `forward`"
         yield Finding(("fit", "forward"), "terms are pruned only where there is a ridge", remedy, on_key=True)
-    elif fit.forward < fit.max_terms:
+    elif fit.max_terms != AUTO and fit.forward < fit.most_terms:
         remedy = f"write {fit.max_terms} or more, or remove it: three times `max_terms` are chosen then"
         yield Finding(("fit", "forward"), f"{fit.forward} terms cannot be pruned to `max_terms: {fit.max_terms}`", remedy)
 

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.method import AUTO
 from mapmore_cli.stages.kinds import maker_of
 from mapmore_cli.stages.kinds.choices import FitChoices, lengths_of
+from mapmore_cli.stages.kinds.sizes import size_of, with_terms
 from mapmore_cli.stages.pipeline.stage import Stage, Workspace
 from mapmore_cli.storage.run_folder import FIT
 
 
 def reads(spec: ExperimentSpec) -> FitChoices:
     """The stage's slice of the spec."""
-    joining = spec.fuse if spec.model.backbone == AUTO else None
+    joining = spec.fuse if AUTO in (spec.model.backbone, spec.fit.max_terms) else None
     return FitChoices(spec.data.levels, spec.segment, spec.dictionary, spec.model, spec.fit, lengths_of(spec), joining)
 
 
@@ -21,11 +24,13 @@ def run(part: FitChoices, workspace: Workspace) -> None:
     from mapmore_cli.storage.artefacts import units_of, write_fit
 
     dataset = workspace.files.dataset()
-    result = maker_of(part).fit(part, dataset, workspace)
+    size = size_of(part, dataset, lambda done, total: workspace.progress("numbers of terms", done, total))
+    result = maker_of(part).fit(with_terms(part, size.terms), dataset, workspace)
+    result = replace(result, notes=(*size.notes, *result.notes), max_terms=size.terms)
     for piece in result.pieces:
         if piece.selection.tied.any():
             workspace.warn(f"segment {piece.id}: candidates tie within 1e-9; the first of the dictionary was taken")
     write_fit(workspace.out / FIT, result, units_of(dataset))
 
 
-STAGE = Stage(name="fit", revision=6, outputs=(FIT,), reads=reads, run=run)
+STAGE = Stage(name="fit", revision=7, outputs=(FIT,), reads=reads, run=run)

@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 from mapmore_cli.spec.experiment import ExperimentSpec
+from mapmore_cli.spec.sections.method import AUTO
 from mapmore_cli.stages.kinds import maker_of
 from mapmore_cli.stages.kinds.choices import ModelChoices, lengths_of
 from mapmore_cli.stages.kinds.dictionary import signals_of
+from mapmore_cli.stages.kinds.sizes import with_terms
 from mapmore_cli.stages.pipeline.fingerprint import plain
 from mapmore_cli.stages.pipeline.stage import Stage, Workspace
 from mapmore_cli.storage.run_folder import MODEL
@@ -43,7 +45,8 @@ def run(part: ModelChoices, workspace: Workspace) -> None:
     from mapmore_cli.storage.artefacts import write_model
 
     dataset = workspace.files.dataset()
-    model = maker_of(part).build(part, dataset, workspace)
+    chosen = with_terms(part, workspace.files.fit().max_terms) if part.fit.max_terms == AUTO else part
+    model = maker_of(part).build(chosen, dataset, workspace)
     model = replace(model, signals=needed_signals(part.signals, [quantity.name for quantity in model.inputs]))
     for note in model.notes:
         workspace.warn(note)

@@ -14,6 +14,7 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.scores import OWN
 from mapmore_cli.modelling.forecast import forecast
+from mapmore_cli.stages import kinds
 from mapmore_cli.stages.competitors import Contest, Forecasts
 from mapmore_cli.stages.kinds import maker_of
 from mapmore_cli.stages.kinds.choices import ModelChoices
@@ -47,10 +48,9 @@ def left_out(choices: ModelChoices, contest: Contest, compare: Compare, progress
 
 def refitted(choices: ModelChoices, dataset: Dataset) -> Model:
     """A model of the training samples of a dataset, made in one go."""
-    refit = maker_of(choices).refit
-    if refit is None or choices.over_time:
+    if maker_of(choices).refit is None or choices.over_time:
         raise SpecError("split.leave_one_level_out: a model over time cannot be fitted without a level", "hold out recordings instead")
-    return refit(choices, dataset)
+    return kinds.refitted(choices, dataset)
 
 
 def refit_run(run_dir: Path, dataset: Dataset) -> Model:

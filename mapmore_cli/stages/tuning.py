@@ -3,52 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
-from mapmore_cli.domain.errors import DataError, FitError, MapmoreError, SpecError, UsageError
-from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.domain.errors import FitError, MapmoreError, SpecError, UsageError
 from mapmore_cli.domain.tuning import Trial, Tuning
-from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.kinds import parameters
-from mapmore_cli.modelling.scores.rows import divisor
 from mapmore_cli.modelling.scores.simplest import simplest_of
 from mapmore_cli.spec.layers import as_overrides
 from mapmore_cli.stages import fuse
 from mapmore_cli.stages.ingestion.files import slice_of
-from mapmore_cli.stages.kinds import maker_of
-from mapmore_cli.stages.kinds.choices import ModelChoices, level_of
+from mapmore_cli.stages.kinds import maker_of, refitted
+from mapmore_cli.stages.kinds.choices import ModelChoices
 from mapmore_cli.stages.pipeline.runner import OnStage, Warn, bring_up_to_date
+from mapmore_cli.stages.trials import Bench, bench_of, errors_of, training_only
 from mapmore_cli.storage.run_folder import RunFiles
 
 if TYPE_CHECKING:
     from mapmore_cli.spec.loader import LoadedSpec
     from mapmore_cli.stages.pipeline.stage import Progress
-
-FEWEST_INNER = 3
-"""Inner training levels from which on levels are left out; with fewer, blocks are: a standard error of one or two folds says nothing."""
-
-BLOCKS = 5
-"""Contiguous blocks of every recording or curve."""
-
-Folds = Sequence[tuple[BoolArray, ...]]
-"""For every fold and curve the samples that are left out."""
-
-
-@dataclass(frozen=True)
-class Bench:
-    """What all combinations are tried on: `dataset` holds nothing but training samples."""
-
-    dataset: Dataset
-    folds: Folds
-    left_out: str
-    scale: float
-    full_scale: str
 
 
 def tune(
@@ -98,94 +75,17 @@ def _variants(loaded: LoadedSpec, over: Mapping[str, Sequence[Any]]) -> Iterator
         yield settings, choices
 
 
-def training_only(dataset: Dataset) -> Dataset:
-    """The dataset without its held-out samples; curves that have no others are left out."""
-    return replace(dataset, curves=tuple(_kept(curve, ~curve.held_out) for curve in dataset.curves if curve.training.any()))
-
-
-def _kept(curve: Curve, rows: BoolArray) -> Curve:
-    """Some rows of a curve; of its recordings, those that still have any."""
-    origin, recordings = None, curve.recordings
-    if curve.origin is not None:
-        left, origin = np.unique(curve.origin[rows], return_inverse=True)
-        recordings = tuple(curve.recordings[number] for number in left)
-    return replace(
-        curve,
-        columns={name: values[rows] for name, values in curve.columns.items()},
-        held_out=curve.held_out[rows],
-        recordings=recordings,
-        at_rest=None if curve.at_rest is None else curve.at_rest[rows],
-        origin=origin,
-    )
-
-
-def bench_of(dataset: Dataset, choices: ModelChoices, normaliser: str) -> Bench:
-    """The folds of training samples alone: inner levels where there are enough of them, else blocks.
-
-    Raises
-    ------
-    DataError
-        Where there are too few samples to leave a block out.
-    """
-    level = None if choices.over_time else level_of(choices.levels, choices.segment)
-    inner = sorted({curve.level for curve in dataset.curves if curve.level is not None})[1:-1]
-    if level is not None and len(inner) >= FEWEST_INNER:
-        folds: Folds = [tuple(curve.training & (curve.level == value) for curve in dataset.curves) for value in inner]
-        left_out = f"each of the {len(inner)} inner training levels of {level}"
-    else:
-        along = None if choices.over_time else next((name for name in choices.segment if name in dataset.quantities), None)
-        blocks = [_blocks(curve, along) for curve in dataset.curves]
-        folds = [tuple(of[number] for of in blocks) for number in range(BLOCKS)]
-        left_out = f"each of {BLOCKS} contiguous blocks of the training samples of every {'curve' if along else 'recording'}"
-        if any(not any(mask.any() for mask in fold) for fold in folds):
-            raise DataError(f"no curve has {BLOCKS} training samples: no block can be left out", "keep more samples")
-    scale = divisor(dataset, normaliser)
-    return Bench(dataset, folds, left_out, scale.value, scale.name)
-
-
-def _blocks(curve: Curve, along: str | None) -> list[BoolArray]:
-    """Contiguous blocks of the training samples: along a quantity, or of each recording in the order of time."""
-    rows = np.flatnonzero(curve.training)
-    if along is not None:
-        parts: list[IntArray] = [rows[np.argsort(curve.columns[along][rows], kind="stable")]]
-    else:
-        parts = [log[curve.training[log]] for log in curve.logs]
-    split = [np.array_split(part, BLOCKS) for part in parts]
-    masks = []
-    for number in range(BLOCKS):
-        mask = np.zeros(curve.size, dtype=np.bool_)
-        mask[np.concatenate([part[number] for part in split])] = True
-        masks.append(mask)
-    return masks
-
-
 def _tried(settings: Mapping[str, Any], choices: ModelChoices, bench: Bench) -> Trial:
     """The errors on the folds, of models that were made without them; where a fit fails, why."""
-    refit = maker_of(choices).refit
-    assert refit is not None
     try:
-        size = parameters(refit(choices, bench.dataset))
-        errors = [_error(refit, choices, bench, fold) for fold in bench.folds]
+        size = parameters(refitted(choices, bench.dataset))
+        errors = errors_of(choices, bench)
     except MapmoreError as fault:
         return Trial(settings, failure=fault.message)
     lost = sum(not np.isfinite(error) for error in errors)
     if lost:
         return Trial(settings, size, failure=f"no finite prediction on {lost} of {len(errors)} folds")
     return Trial(settings, size, tuple(errors), float(np.mean(errors)))
-
-
-def _error(refit: Any, choices: ModelChoices, bench: Bench, fold: tuple[BoolArray, ...]) -> float:
-    """NRMSE on the samples of a fold."""
-    curves = tuple(replace(curve, held_out=out) for curve, out in zip(bench.dataset.curves, fold, strict=True))
-    model = refit(choices, replace(bench.dataset, curves=curves))
-    squares: list[Array] = []
-    for curve in curves:
-        if curve.held_out.any():
-            found = forecast(model, curve)
-            rows = curve.held_out & found.ready
-            squares.append((found.values[rows] - curve.columns[bench.dataset.target][rows]) ** 2)
-    every = np.concatenate(squares)
-    return float(np.sqrt(every.mean())) / bench.scale if len(every) else float("nan")
 
 
 def ranked(name: str, bench: Bench, trials: Sequence[Trial]) -> Tuning:

@@ -31,7 +31,10 @@ LEAST_RIDGE = 1e-9
 
 
 AUTO = "auto"
-"""The backbone that left-out levels choose."""
+"""What left-out training data choose: a backbone, or a number of terms."""
+
+USUAL_TERMS = 3
+"""Terms at most where their number is not chosen yet: cuts that fits decide, and a backbone, are chosen with so many."""
 
 
 class Cuts(Section):
@@ -180,6 +183,9 @@ class Fit(Section):
     `scaling` is `none` for terms with memory and `max_abs` for damping where nothing is said, else `unit_square`. `train_level` restricts
     the pieces to one training level, as M2 does (`highest`); formulas are fitted to all of them.
 
+    `max_terms: auto` tries several numbers of terms on training data that are left out in turn, as `mapmore tune` does, and takes the least
+    number whose error is within one standard error of the best.
+
     With memory: `scaling: range` brings every state to [0, 1] on the training samples and clips it `margin` beyond; a `ridge`, as a
     fraction of a candidate's variance, or `auto`, selects `forward` terms (three times `max_terms`) and prunes them.
 
@@ -192,13 +198,25 @@ class Fit(Section):
     scaling: Literal["unit_square", "max_abs", "none", "range"] = "unit_square"
     margin: Annotated[float, Field(ge=0), WithUnit(lambda _: "1")] = 0.15
     train_level: Annotated[Annotated[Literal["all", "highest"], Text] | Annotated[OfHeld, Number], by_shape] = "all"
-    max_terms: Annotated[int, Field(ge=1)] = 1
+    max_terms: Annotated[Annotated[Literal["auto"], Text] | Annotated[Annotated[int, Field(ge=1)], Number], by_shape] = 1
     tolerance: Annotated[float, Field(ge=0, lt=1)] = 1e-4
     stop: Literal["tolerance", "bic", "aicc", "press", "free_run"] = "tolerance"
     criterion: Literal["one_step", "free_run"] = "one_step"
     select: Literal["one_step", "free_run"] = "one_step"
     ridge: Annotated[Annotated[Literal["auto"], Text] | Annotated[Annotated[float, Field(ge=0)], Number], by_shape] = 0.0
     forward: Annotated[int, Field(ge=1)] | None = None
+
+    @property
+    def most_terms(self) -> int:
+        """`max_terms`, or the usual number where left-out data have not chosen one yet."""
+        return USUAL_TERMS if self.max_terms == AUTO else int(self.max_terms)
+
+    @model_validator(mode="after")
+    def _one_chooser(self) -> Fit:
+        if self.max_terms == AUTO and self.stop == "free_run":
+            remedy = "give `max_terms` a number, or take another `stop`"
+            raise contradiction("`max_terms: auto` and `stop: free_run` both choose the number of terms", remedy, "max_terms", "stop")
+        return self
 
     @model_validator(mode="after")
     def _some_ridge(self) -> Fit:

@@ -39,3 +39,20 @@ def maker_of(part: FitChoices) -> Maker:
         "sum": Maker(sums.fit, sums.build),
     }
     return makers[part.kind]
+
+
+def refitted(choices: ModelChoices, dataset: Dataset) -> Model:
+    """The model of the training samples of a dataset, made in one go, its number of terms included where left-out data choose it.
+
+    Raises
+    ------
+    SpecError
+        Where the model is a sum of those of other runs.
+    """
+    from mapmore_cli.domain.errors import SpecError
+    from mapmore_cli.stages.kinds.sizes import size_of, with_terms
+
+    refit = maker_of(choices).refit
+    if refit is None:
+        raise SpecError("a sum of the models of other runs is not fitted itself", "do this with the specs that it adds up")
+    return refit(with_terms(choices, size_of(choices, dataset).terms), dataset)

@@ -41,6 +41,11 @@ class FitChoices:
                 return "memory" if remembers(self.dictionary) else "pieces"
 
     @property
+    def joined(self) -> Fuse:
+        """How pieces are joined, as far as the fit has to know."""
+        return self.joining or Fuse()
+
+    @property
     def over_time(self) -> bool:
         """Whether the model runs along recordings, and is fitted to them whole."""
         return self.kind in ("memory", "motion")
@@ -54,6 +59,11 @@ class ModelChoices(FitChoices):
     fuse: Fuse
     signals: tuple[Signal, ...]
     summands: tuple[str, ...]
+
+    @property
+    def joined(self) -> Fuse:
+        """How pieces are joined."""
+        return self.fuse
 
 
 def lengths_of(spec: ExperimentSpec) -> dict[str, float | None]:

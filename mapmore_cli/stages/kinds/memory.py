@@ -43,7 +43,7 @@ def _fitted(part: FitChoices, dataset: Dataset, progress: Callable[[int, int], N
         scale=part.fit.scaling == "range",
         margin=part.fit.margin,
         ridge=part.fit.ridge,
-        max_terms=part.fit.max_terms,
+        max_terms=part.fit.most_terms,
         forward=part.fit.forward,
         tolerance=part.fit.tolerance,
         stop=part.fit.stop,

@@ -52,7 +52,7 @@ def recipe_of(
     return Recipe(
         target=target,
         cutting=Cutting(level_of(levels, segment), cuts_of(segment)),
-        fitting=Fitting(candidates, _scaling(fit), fit.max_terms, fit.tolerance, fit.stop),
+        fitting=Fitting(candidates, _scaling(fit), fit.most_terms, fit.tolerance, fit.stop),
         fusing=Fusing(
             joints=Fusion(fuse.transition, fuse.z_s, {}, levels=fuse.levels, hold=fuse.hold),
             align=fuse.align,
@@ -85,7 +85,7 @@ def fit(part: FitChoices, dataset: Dataset, workspace: Workspace) -> FitResult:
 
     curves = trained_at(dataset.curves, part.fit.train_level)
     segmentation = workspace.files.segmentation()
-    recipe = recipe_of(dataset.target, part.levels, part.segment, part.dictionary, part.fit, part.joining or Fuse())
+    recipe = recipe_of(dataset.target, part.levels, part.segment, part.dictionary, part.fit, part.joined)
     backbone, notes = _backbone(part, dataset, curves, recipe, lambda done, of: workspace.progress("backbones", done, of))
     total = sum(len(curve.segments) for curve in segmentation)
     done = 0
@@ -113,6 +113,16 @@ def _backbone(
         choice = choose_backbone(curves, recipe, dataset.quantities, progress)
         name, notes = choice.name, (choice.note,)
     return (None if name is None else fitted(name, part, dataset)), notes
+
+
+def backbone_name(part: FitChoices, dataset: Dataset) -> str | None:
+    """The backbone that left-out levels choose."""
+    from mapmore_cli.modelling.pieces.segmentation import trained_at
+
+    curves = trained_at(dataset.curves, part.fit.train_level)
+    recipe = recipe_of(dataset.target, part.levels, part.segment, part.dictionary, part.fit, part.joined)
+    found, _ = _backbone(part, dataset, curves, recipe, lambda _done, _of: None)
+    return None if found is None else found.name
 
 
 def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:

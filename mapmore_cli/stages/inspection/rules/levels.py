@@ -12,7 +12,7 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.modelling import literature
 from mapmore_cli.spec.sections.dictionary import entries_of, texts_in
-from mapmore_cli.spec.sections.method import Cuts
+from mapmore_cli.spec.sections.method import AUTO, Cuts
 from mapmore_cli.stages.inspection.subject import Issue, Subject
 
 FEWEST = 5  # samples that show the shape of a curve
@@ -44,11 +44,12 @@ def segments(subject: Subject) -> Iterator[Issue]:
     except DataError as error:
         yield Issue("error", "empty-segment", subject.where("segment"), error.message, error.remedy or "use fewer segments", "data")
         return
+    least = 1 if spec.fit.max_terms == AUTO else spec.fit.most_terms
     for curve in cut:
-        short = [piece for piece in curve.segments if len(piece.rows) <= spec.fit.max_terms]
+        short = [piece for piece in curve.segments if len(piece.rows) <= least]
         if short:
             told = ", ".join(f"{piece.id} ({len(piece.rows)})" for piece in short)
-            message = f"too few training samples for {spec.fit.max_terms} term(s) in {told}"
+            message = f"too few training samples for {least} term(s) in {told}"
             remedy = "use fewer segments, lower `fit.max_terms`, or keep more samples of this curve"
             yield Issue("error", "short-segment", subject.where("segment"), message, remedy, "data")
 

@@ -119,5 +119,6 @@ FIT_RESULT = Schema(
         Field("body", optional(variant(FIT_BODIES)), "what was fitted; absent where models are only added up", NO_UNIT),
         Field("backbone", optional(record(FORMULA_FIT)), "formula whose residual was fitted", NO_UNIT),
         Field("notes", TEXTS, "remarks for the reader", NO_UNIT),
+        Field("max_terms", added(COUNT, 0), "number of terms that left-out training data chose; 0 where the spec says it", NO_UNIT),
     ),
 )
