@@ -52,6 +52,11 @@ by_shape = Discriminator(shape)
 """Chooses the member of a union, so that a mistake gives one message instead of one for every member."""
 
 
+def by_word(word: str) -> Discriminator:
+    """A number, or one `word` in its place; anything else is told as a number that it should be."""
+    return Discriminator(lambda value: Text.tag if value == word else Number.tag)
+
+
 def by_shape_or_key(key: str) -> Discriminator:
     """The same, where of two kinds of mappings one is told by a `key` of its own: its tag is `with_key(key)`."""
 

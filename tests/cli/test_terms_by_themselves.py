@@ -67,7 +67,7 @@ def test_a_left_out_level_chooses_anew(tmp_path: Path, mapmore: Call) -> None:
 
 @pytest.mark.parametrize(
     ("settings", "told"),
-    [(["fit.max_terms=auto", "fit.stop=free_run"], "both choose the number of terms"), (["fit.max_terms=car"], "auto")],
+    [(["fit.max_terms=auto", "fit.stop=free_run"], "both choose the number of terms"), (["fit.max_terms=car"], "should be a whole number")],
 )
 def test_what_is_wrong_is_told(settings: list[str], told: str, tmp_path: Path, mapmore: Call) -> None:
     arguments = [argument for setting in settings for argument in ("--set", setting)]

@@ -19,6 +19,7 @@ from mapmore_cli.spec.fields import (
     Text,
     WithUnit,
     by_shape,
+    by_word,
     contradiction,
     of_sibling,
 )
@@ -198,7 +199,7 @@ class Fit(Section):
     scaling: Literal["unit_square", "max_abs", "none", "range"] = "unit_square"
     margin: Annotated[float, Field(ge=0), WithUnit(lambda _: "1")] = 0.15
     train_level: Annotated[Annotated[Literal["all", "highest"], Text] | Annotated[OfHeld, Number], by_shape] = "all"
-    max_terms: Annotated[Annotated[Literal["auto"], Text] | Annotated[Annotated[int, Field(ge=1)], Number], by_shape] = 1
+    max_terms: Annotated[Annotated[Literal["auto"], Text] | Annotated[Annotated[int, Field(ge=1)], Number], by_word(AUTO)] = 1
     tolerance: Annotated[float, Field(ge=0, lt=1)] = 1e-4
     stop: Literal["tolerance", "bic", "aicc", "press", "free_run"] = "tolerance"
     criterion: Literal["one_step", "free_run"] = "one_step"
