@@ -45,6 +45,10 @@ def predict(
         ),
     ] = None,
     derivatives: Annotated[bool, typer.Option("--derivatives", help="Add the derivative for every input, <output>_by_<input>.")] = False,
+    interval: Annotated[
+        float | None,
+        typer.Option("--interval", metavar="LEVEL", help="Add <output>_low and <output>_high, as for 0.95.", show_default=False),
+    ] = None,
     unverified: Unverified = False,
     quiet: Quiet = False,
 ) -> None:
@@ -53,6 +57,9 @@ def predict(
     Every column is kept; <output>_predicted and outside_range (true or false) are added, row for row.
 
     Tables may be larger than memory, and gzipped where the name ends in .gz. Where an input is empty, so is the prediction.
+
+    An interval holds a sample of a new curve with that probability, within the training range. It is made from left-out data: the spec of
+    the model needs `validate: {intervals: true}`.
 
     A model with memory needs the column time (in s), and the measured output where it goes on from that: it runs free from the first rows
     of every recording, and starts anew where the column recording changes, where time is set back, and after gaps.
@@ -66,7 +73,7 @@ def predict(
     with Reporter(quiet) as reporter:
         model = read_model(model_file, reporter.warn, unverified)
         lines, label = _input(model, table, grid, reporter)
-        write_lines(predicted_lines(model, lines, label, warn=reporter.warn, derivatives=derivatives), output)
+        write_lines(predicted_lines(model, lines, label, warn=reporter.warn, derivatives=derivatives, interval=interval), output)
 
 
 def _input(model: Model, table: Path | None, grid: str | None, reporter: Reporter) -> tuple[Iterator[str], str]:

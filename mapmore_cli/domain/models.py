@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.fits import FormulaFit, Scaling
 from mapmore_cli.domain.memory import MemoryModel
 from mapmore_cli.domain.motion import Motion
@@ -204,11 +204,43 @@ Body = Pieces | Formula | Memory | StateSpace | Sum
 """What a model consists of, by its kind. `modelling.kinds` says what each kind can do."""
 
 
+LeftOutKind = Literal["levels", "recordings", "blocks"]
+"""What was left out of the training data in turn."""
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """How models of the rest missed each part of the training data that was left out of them: what intervals are made of.
+
+    Attributes
+    ----------
+    curves
+        How many levels, recordings or blocks train.
+    parts
+        Names of the k that were left out: of levels, those between two others.
+    samples
+        Samples of each, (k,).
+    offset, scatter
+        Mean of measured minus predicted over each part, and standard deviation about it, (k,), in the unit of the output.
+    sizes
+        Quantiles of the absolute residuals of each part at q even shares from 0 to 1, (k, q).
+    """
+
+    kind: LeftOutKind
+    curves: int
+    parts: tuple[str, ...]
+    samples: IntArray
+    offset: Array
+    scatter: Array
+    sizes: Array
+
+
 @dataclass(frozen=True)
 class Model:
     """A model that predicts without any other file: what all kinds have in common, and the `body` of one kind.
 
-    `signals` are inputs that a record over time need not hold, each after those that it follows from.
+    `signals` are inputs that a record over time need not hold, each after those that it follows from. `left_out` is there where the spec
+    asked for intervals.
     """
 
     name: str
@@ -217,6 +249,7 @@ class Model:
     body: Body
     signals: tuple[Signal, ...] = ()
     notes: tuple[str, ...] = ()
+    left_out: LeftOut | None = None
 
     @property
     def pieces(self) -> Pieces | None:

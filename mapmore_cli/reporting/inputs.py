@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.models import Equation, Model
 from mapmore_cli.domain.motion import MotionFit
@@ -15,6 +16,9 @@ from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.domain.scores import Published, Validation, deciding
 from mapmore_cli.reporting.table import Table
+
+INTERVAL = 0.95
+"""Level of the intervals in figures."""
 
 MOST_LINES = 7
 """Lines that can be told apart in one panel."""
@@ -158,6 +162,16 @@ class ReportInputs:
         from mapmore_cli.modelling.kinds import runs_over_time  # here, so that a table of scores is shown without the kinds of models
 
         return runs_over_time(self.model)
+
+    def interval(self, number: int) -> tuple[Array, Array] | None:
+        """Ends of the run's own intervals along a curve of the dataset, (n,) each; None where the model has none."""
+        if self.model.left_out is None:
+            return None
+        from mapmore_cli.modelling.intervals import ends, half_width_of
+        from mapmore_cli.modelling.kinds import outside_range
+
+        outside = outside_range(self.model, self.dataset.curves[number].columns)
+        return ends(self.validation.predictions[self.own][number], outside, half_width_of(self.model, INTERVAL))
 
     @property
     def motions(self) -> dict[str, MotionFit]:

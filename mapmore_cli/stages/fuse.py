@@ -29,6 +29,7 @@ def reads(spec: ExperimentSpec) -> ModelChoices:
         spec.fuse,
         signals_of(spec),
         tuple(needs(spec)),
+        spec.validation.intervals,
     )
 
 
@@ -50,6 +51,10 @@ def run(part: ModelChoices, workspace: Workspace) -> None:
     model = replace(model, signals=needed_signals(part.signals, [quantity.name for quantity in model.inputs]))
     for note in model.notes:
         workspace.warn(note)
+    if part.intervals:
+        from mapmore_cli.stages.left_out import residuals
+
+        model = replace(model, left_out=residuals(part, dataset, workspace.needed, workspace.progress))
     write_model(workspace.out / MODEL, model, _provenance(part))
 
 
@@ -62,4 +67,4 @@ def _provenance(part: ModelChoices) -> dict[str, str]:
     return {**tool_versions(), "spec": json.dumps(plain(part), indent=1)}
 
 
-STAGE = Stage(name="fuse", revision=6, outputs=(MODEL,), reads=reads, run=run, needs=needs)
+STAGE = Stage(name="fuse", revision=7, outputs=(MODEL,), reads=reads, run=run, needs=needs)

@@ -1,19 +1,22 @@
-"""Cross-validation over the levels: what models of the other levels say of the one that was left out of them."""
+"""Cross-validation over levels, recordings or blocks: what models of the rest say of the data that were left out of them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.domain.models import Model
-from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.domain.errors import DataError, FitError, SpecError
+from mapmore_cli.domain.models import LeftOut, LeftOutKind, Model
+from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.scores import OWN
 from mapmore_cli.modelling.forecast import forecast
+from mapmore_cli.modelling.intervals import summary
+from mapmore_cli.modelling.pieces.cross_validation import BLOCKS, block, in_curve
 from mapmore_cli.stages import kinds
 from mapmore_cli.stages.competitors import Contest, Forecasts
 from mapmore_cli.stages.kinds import maker_of
@@ -21,6 +24,9 @@ from mapmore_cli.stages.kinds.choices import ModelChoices
 
 if TYPE_CHECKING:
     from mapmore_cli.stages.pipeline.stage import Progress
+
+LEAST_PARTS = 3
+"""With fewer levels or recordings, blocks of all of them are left out."""
 
 Compare = Callable[[Contest], dict[str, Forecasts]]
 """What every model of a comparison says of every curve; models whose fit failed are left out."""
@@ -51,6 +57,74 @@ def refitted(choices: ModelChoices, dataset: Dataset) -> Model:
     if maker_of(choices).refit is None or choices.over_time:
         raise SpecError("split.leave_one_level_out: a model over time cannot be fitted without a level", "hold out recordings instead")
     return kinds.refitted(choices, dataset)
+
+
+def residuals(choices: ModelChoices, dataset: Dataset, needed: Mapping[str, Path], progress: Progress) -> LeftOut:
+    """How models of the rest, everything fitted anew, miss each part of the training data.
+
+    `needed` are the folders of the runs that a sum adds up, which are fitted anew as well. Held-out data are in nothing of it.
+
+    Raises
+    ------
+    SpecError
+        Where runs are added up that were trained on fewer than three levels or recordings.
+    DataError, FitError
+        Where a model cannot be fitted without a part, or has no prediction for it; the part is named.
+    """
+    kind, count, folds = parts_of(dataset, choices)
+    if kind == "blocks" and needed:
+        found = "the runs that are added up can be fitted anew without a level or a recording, and there are fewer than three"
+        raise SpecError(f"validate.intervals: {found}", "leave it out, or ask for the intervals of the parts")
+    missed: dict[str, list[Array]] = {}
+    for name, outs in folds.items():
+        curves = tuple(replace(c, held_out=c.held_out | out) for c, out in zip(dataset.curves, outs, strict=True))
+        try:
+            model = made_anew(choices, replace(dataset, curves=curves), needed)
+        except (DataError, FitError) as error:
+            raise type(error)(
+                f"validate.intervals: without {name}, {error.message}", "leave it out, or change what that fit needs"
+            ) from error
+        every = [(curve, out, forecast(model, curve)) for curve, out in zip(dataset.curves, outs, strict=True) if out.any()]
+        missed[name] = [(curve.columns[dataset.target] - said.values)[out & said.ready] for curve, out, said in every]
+        progress(f"{kind} left out", len(missed), len(folds))
+    return summary(kind, count, missed)
+
+
+def parts_of(dataset: Dataset, choices: ModelChoices) -> tuple[LeftOutKind, int, dict[str, tuple[BoolArray, ...]]]:
+    """What is left out of the training data in turn, how many such parts train, and for each part its name and its samples of every curve.
+
+    They are the inner levels, since within its training range a new curve lies between two others; recordings where there are no levels;
+    blocks of all recordings where there are fewer than `LEAST_PARTS` of either. The samples of a plateau, which do not train, are a part of
+    their level or recording, since they are predicted and scored.
+    """
+    known = [~curve.held_out for curve in dataset.curves]
+    names = [_part(dataset, curve) for curve in dataset.curves]
+    fixed = choices.fit.train_level
+    trains = [number for number, curve in enumerate(dataset.curves) if curve.training.any() and curve.level != fixed]
+    if dataset.level is not None:
+        trains.sort(key=lambda number: dataset.curves[number].level or 0.0)
+    parts = list(dict.fromkeys(names[number] for number in trains))
+    if len(parts) >= LEAST_PARTS:
+        out = parts if dataset.level is None else parts[1:-1]
+        masks = {part: tuple(rows & (name == part) for name, rows in zip(names, known, strict=True)) for part in out}
+        return ("recordings" if dataset.level is None else "levels"), len(parts), masks
+    timed = all("time" in curve.columns for curve in dataset.curves)
+    along = "time" if timed else in_curve(dataset.curves, tuple(choices.segment), dataset.target, dataset.level)
+    number = range(BLOCKS) if timed else range(1, BLOCKS - 1)
+    return "blocks", BLOCKS, {f"block {n + 1} of {BLOCKS}": tuple(block(curve, along, n) for curve in dataset.curves) for n in number}
+
+
+def _part(dataset: Dataset, curve: Curve) -> str:
+    return dataset.logs.get(curve.recordings[0], curve.id) if curve.level is None else f"{dataset.level}={curve.level:g}"
+
+
+def made_anew(choices: ModelChoices, dataset: Dataset, needed: Mapping[str, Path]) -> Model:
+    """A model of any kind, made in one go of the training samples of a dataset; `needed` are the folders of the runs that a sum adds up."""
+    maker = maker_of(choices)
+    if maker.refit is not None:
+        return kinds.refitted(choices, dataset)
+    assert maker.refit_parts is not None
+    return maker.refit_parts(choices, dataset, needed)
 
 
 def refit_run(run_dir: Path, dataset: Dataset) -> Model:

@@ -19,6 +19,7 @@ from mapmore_cli.domain.models import (
     FoldError,
     Formula,
     Fusion,
+    LeftOut,
     Memory,
     Model,
     Part,
@@ -206,10 +207,22 @@ MEMORY_TERMS = st.just(("pressure", "force[k-1]*slow(pressure, 0.5)"))
 MEMORIES = st.builds(MemoryModel, IDENTIFIERS, STATES, MEMORY_TERMS, reals(2), any_reals(2), FINITE, SPANS)
 
 
+LEFT_OUT = st.builds(
+    LeftOut,
+    st.sampled_from(["levels", "recordings", "blocks"]),
+    st.integers(2, 99),
+    st.just(("pressure=100", "pressure=200")),
+    whole(2),
+    reals(2),
+    st.just(np.array([0.0, 2.5])),
+    st.just(np.array([[0.0, 0.5, 1.0], [1e-9, 2.0, 2.0]])),
+)
+
+
 def models(bodies: st.SearchStrategy[Any]) -> st.SearchStrategy[Model]:
     """Models with some bodies."""
     inputs = st.permutations([Quantity("pressure", "kPa"), Quantity("strain", "1")]).map(tuple)
-    return st.builds(Model, name=NAMES, output=QUANTITIES, inputs=inputs, body=bodies, notes=NOTES)
+    return st.builds(Model, name=NAMES, output=QUANTITIES, inputs=inputs, body=bodies, notes=NOTES, left_out=st.none() | LEFT_OUT)
 
 
 ALONE = pieces() | st.builds(Formula, BACKBONES, st.none(), RANGES) | st.builds(Memory, MEMORIES, RANGES, st.none() | BACKBONES)

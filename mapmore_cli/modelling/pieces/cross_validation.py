@@ -95,15 +95,20 @@ def _folds(curves: Sequence[Curve], recipe: Recipe) -> Folds:
     inner = inner_levels(curves, recipe)
     if inner:
         return _levels(curves, inner)
-    along = next(iter(recipe.cutting.cuts), None) or next(
-        name for name in sorted(curves[0].columns) if name not in (recipe.target, recipe.cutting.level)
-    )
-    return [tuple(_block(curve, along, block) for curve in curves) for block in range(1, BLOCKS - 1)]
+    along = in_curve(curves, tuple(recipe.cutting.cuts), recipe.target, recipe.cutting.level)
+    return [tuple(block(curve, along, number) for curve in curves) for number in range(1, BLOCKS - 1)]
 
 
-def _block(curve: Curve, along: str, block: int) -> BoolArray:
+def in_curve(curves: Sequence[Curve], segmented: Sequence[str], target: str, level: str | None) -> str:
+    """The quantity along which curves are cut into blocks: the first segmented one, else the first by name that varies within them."""
+    known = curves[0].columns
+    return next(name for name in (*segmented, *sorted(known)) if name in known and name not in (target, level))
+
+
+def block(curve: Curve, along: str, number: int) -> BoolArray:
+    """The training samples in one of `BLOCKS` blocks of a curve, (n,), in the order of a quantity."""
     out = np.zeros(curve.size, dtype=bool)
     rows = np.flatnonzero(curve.training)
     order = rows[np.argsort(curve.columns[along][rows], kind="stable")]
-    out[np.array_split(order, BLOCKS)[block]] = True
+    out[np.array_split(order, BLOCKS)[number]] = True
     return out

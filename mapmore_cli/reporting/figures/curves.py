@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
@@ -21,7 +22,10 @@ from mapmore_cli.reporting.figures.style import (
     beyond_scale,
     columns_for,
     draw_band,
+    draw_interval,
     extent,
+    interval_key,
+    interval_words,
     model_styles,
     shortened,
     some_of,
@@ -38,13 +42,18 @@ MOST_SPANS = 6
 
 @dataclass(frozen=True)
 class CurveFit:
-    """One curve in the order of the in-curve quantity: measured `y` over `x`, and every model's prediction, each `(n,)`."""
+    """One curve in the order of the in-curve quantity: measured `y` over `x`, and every model's prediction, each `(n,)`.
+
+    `interval` are the ends of the intervals of the run's `own` model, where it has some.
+    """
 
     title: str
     x: Array
     y: Array
     held_out: BoolArray
     predictions: Mapping[str, Array]
+    own: str
+    interval: tuple[Array, Array] | None = None
 
     def predicted(self, model: str) -> bool:
         """False where the model gave no prediction, because its fit failed."""
@@ -59,7 +68,9 @@ def curve_fit(inputs: ReportInputs, number: int, rows: BoolArray | None = None) 
     if rows is not None:
         order = order[rows[order]]
     predictions = {model: inputs.validation.predictions[model][number][order] for model in inputs.lines}
-    return CurveFit(inputs.curve_label(curve), x[order], curve.columns[inputs.dataset.target][order], curve.held_out[order], predictions)
+    y, ends = curve.columns[inputs.dataset.target], inputs.interval(number)
+    interval = None if ends is None else (ends[0][order], ends[1][order])
+    return CurveFit(inputs.curve_label(curve), x[order], y[order], curve.held_out[order], predictions, inputs.own, interval)
 
 
 def held_out_spans(x: Array, held_out: BoolArray) -> list[tuple[float, float]]:
@@ -76,12 +87,17 @@ def draw_fit(ax: Axes, curve: CurveFit, styles: Mapping[str, ModelStyle]) -> Non
             dots = np.flatnonzero(rows)[cloud(curve.x[rows], curve.y[rows], DOTS_A_CURVE)]
             look: dict[str, Any] = {"markersize": 2.2, "markeredgewidth": 0.5, "markerfacecolor": face, "markeredgecolor": edge}
             ax.plot(curve.x[dots], curve.y[dots], linestyle="none", marker="o", zorder=2, **look)
+    if curve.interval is not None:
+        draw_interval(ax, curve.x, curve.interval, styles[curve.own].colour)
     _draw_models(ax, curve.x, {model: values for model, values in curve.predictions.items() if curve.predicted(model)}, styles)
 
 
 def draw_error(ax: Axes, curve: CurveFit, styles: Mapping[str, ModelStyle]) -> None:
     """Predicted minus measured, one line a model."""
     zero_line(ax)
+    if curve.interval is not None:
+        low, high = (end - curve.predictions[curve.own] for end in curve.interval)
+        draw_interval(ax, curve.x, (low, high), styles[curve.own].colour)
     errors = {model: values - curve.y for model, values in curve.predictions.items() if curve.predicted(model)}
     _draw_models(ax, curve.x, errors, styles)
 
@@ -116,7 +132,7 @@ def held_out_figures(inputs: ReportInputs) -> list[Drawing]:
     marked = " Filled dots and grey bands mark held-out samples, open dots training samples." if mixed else ""
     left_out = some_of(len(curves), len(numbers), "curves with held-out samples") + best_of(len(styles), len(inputs.models))
     drawn = f"{thinned([len(curve.x) for curve in curves])}{left_out}{beyond_scale(far_off)}"
-    caption = f"{what} of the held-out curves above, predicted minus measured below.{marked}{drawn}"
+    caption = f"{what} of the held-out curves above, predicted minus measured below.{marked}{interval_words(inputs)}{drawn}"
     alt = f"{what} over {inputs.in_curve.name}: {_worst_errors(curves)}."
     return [Drawing("fit", caption, alt, panels, grid, tuple(_legend(curves, styles, mixed)))]
 
@@ -140,12 +156,14 @@ def curve_data(inputs: ReportInputs, curve: CurveFit) -> dict[str, Values]:
     unit, along = inputs.target.unit, inputs.in_curve
     data: dict[str, Values] = {f"{along.name} [{along.unit}]": curve.x, f"{inputs.target.name} [{unit}]": curve.y}
     data["data"] = np.where(curve.held_out, "validate", "train")
-    return {**data, **{f"{model} [{unit}]": values for model, values in curve.predictions.items()}}
+    data |= {f"{model} [{unit}]": values for model, values in curve.predictions.items()}
+    ends = {} if curve.interval is None else dict(zip(("low", "high"), curve.interval, strict=True))
+    return {**data, **{f"{inputs.own} {end} [{unit}]": values for end, values in ends.items()}}
 
 
-def _legend(curves: Sequence[CurveFit], styles: Mapping[str, ModelStyle], mixed: bool) -> list[Line2D]:
+def _legend(curves: Sequence[CurveFit], styles: Mapping[str, ModelStyle], mixed: bool) -> list[Line2D | Patch]:
     dots: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 3}
-    handles = [Line2D([], [], color=BLACK, label="held out" if mixed else "measured", **dots)]
+    handles: list[Line2D | Patch] = [Line2D([], [], color=BLACK, label="held out" if mixed else "measured", **dots)]
     if mixed:
         handles.append(Line2D([], [], markerfacecolor="none", markeredgecolor=GREY, label="training", **dots))
     for model, style in styles.items():
@@ -153,6 +171,8 @@ def _legend(curves: Sequence[CurveFit], styles: Mapping[str, ModelStyle], mixed:
         look: dict[str, Any] = {"linestyle": "none", "marker": "x"} if failed else {"linestyle": style.dashes}
         name = f"{model} (failed)" if failed else model
         handles.append(Line2D([], [], color=style.colour, linewidth=style.width, label=name, **look))
+    if any(curve.interval is not None for curve in curves):
+        handles.append(interval_key(styles[curves[0].own].colour))
     return handles
 
 

@@ -13,7 +13,19 @@ from matplotlib.patches import Patch
 from mapmore_cli.domain.arrays import IntArray
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
-from mapmore_cli.reporting.figures.style import BLACK, DOUBLE, GREY, ModelStyle, model_styles, shortened, some_of, zero_line
+from mapmore_cli.reporting.figures.style import (
+    BLACK,
+    DOUBLE,
+    GREY,
+    ModelStyle,
+    draw_interval,
+    interval_key,
+    interval_words,
+    model_styles,
+    shortened,
+    some_of,
+    zero_line,
+)
 from mapmore_cli.reporting.figures.thinning import envelope, spread
 from mapmore_cli.reporting.inputs import ReportInputs
 
@@ -51,6 +63,7 @@ def _figure(inputs: ReportInputs, name: str, numbers: list[int]) -> Drawing:
     others = f" The best {len(models) - 1} of {len(inputs.models) - 1} competitors are drawn." if rivals else ""
     rest = " The plateau is grey: it is scored, and trains nothing." if resting else ""
     rest += " The measured line is grey where samples train." if mixed else ""
+    rest += interval_words(inputs)
     caption = (
         f"Measured and predicted {inputs.target.name} of the {what} recordings over time, predicted minus measured below.{rest}{others}"
         f"{some_of(len(shown), len(numbers), f'{what} recordings')}"
@@ -58,17 +71,20 @@ def _figure(inputs: ReportInputs, name: str, numbers: list[int]) -> Drawing:
     alt = f"Measured and predicted {inputs.target.name} over time, {what} recordings."
     panels = tuple(_panel(inputs, number, styles) for number in shown)
     grid = Grid(width=DOUBLE, height=2.5, stack=(2.0, 1.0))
-    return Drawing(name, caption, alt, panels, grid, tuple(_legend(styles, resting, mixed, sections)))
+    interval = None if inputs.model.left_out is None else interval_key(styles[inputs.own].colour)
+    return Drawing(name, caption, alt, panels, grid, tuple(_legend(styles, resting, mixed, sections, interval)))
 
 
 def _panel(inputs: ReportInputs, number: int, styles: dict[str, ModelStyle]) -> Panel:
     curve = inputs.dataset.curves[number]
     time, unit = inputs.dataset.quantities.get("time", Quantity("time", "s")), inputs.target.unit
+    ends = inputs.interval(number) or ()
     data: dict[str, Values] = {
         f"time [{time.unit}]": curve.columns["time"],
         f"{inputs.target.name} [{unit}]": curve.columns[inputs.dataset.target],
         "data": np.where(curve.held_out, "validate", "train"),
         **{f"{model} [{unit}]": inputs.validation.predictions[model][number] for model in styles},
+        **{f"{inputs.own} {end} [{unit}]": values for end, values in zip(("low", "high"), ends, strict=False)},
     }
     labels = (inputs.axis_label(inputs.target), f"Error ({unit})")
     title = shortened(inputs.curve_label(curve), 60)
@@ -89,8 +105,14 @@ def _draw(inputs: ReportInputs, number: int, axes: Sequence[Axes], styles: dict[
     for ax in (top, bottom):
         for start, end in _plateaus(curve):
             ax.axvspan(start, end, color=PLATEAU, zorder=-1, linewidth=0)
+    interval = inputs.interval(number)
     for piece in curve.logs:
         rows = piece[envelope(measured[piece], POINTS_A_LINE)]
+        if interval is not None:
+            low, high = (end[rows] for end in interval)
+            own, colour = inputs.validation.predictions[inputs.own][number][rows], styles[inputs.own].colour
+            draw_interval(top, time[rows], (low, high), colour)
+            draw_interval(bottom, time[rows], (low - own, high - own), colour)
         top.plot(time[rows], measured[rows], color=GREY if _mixed(curve) else BLACK, linewidth=MEASURED, zorder=2)
         if _mixed(curve):
             top.plot(time[rows], np.where(curve.held_out, measured, np.nan)[rows], color=BLACK, linewidth=MEASURED, zorder=2)
@@ -126,7 +148,7 @@ def _plateaus(curve: Curve) -> list[tuple[float, float]]:
     return [(float(curve.columns["time"][rows[0]]), float(curve.columns["time"][rows[-1]])) for rows in resting if len(rows)]
 
 
-def _legend(styles: dict[str, ModelStyle], resting: bool, mixed: bool, sections: bool) -> list[Line2D | Patch]:
+def _legend(styles: dict[str, ModelStyle], resting: bool, mixed: bool, sections: bool, interval: Patch | None) -> list[Line2D | Patch]:
     handles: list[Line2D | Patch] = [Line2D([], [], color=BLACK, linewidth=MEASURED, label="held out" if mixed else "measured")]
     if mixed:
         handles.append(Line2D([], [], color=GREY, linewidth=MEASURED, label="training"))
@@ -134,4 +156,5 @@ def _legend(styles: dict[str, ModelStyle], resting: bool, mixed: bool, sections:
         handles.append(Line2D([], [], color=style.colour, linestyle=style.dashes, linewidth=style.width, label=model))
     if sections:
         handles.append(Line2D([], [], color=BLACK, label="section boundary", **CROSSING))
+    handles += [] if interval is None else [interval]
     return [*handles, Patch(color=PLATEAU, label="plateau")] if resting else handles

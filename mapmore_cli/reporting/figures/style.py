@@ -13,10 +13,11 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.font_manager import FontProperties, fontManager
 from matplotlib.mathtext import MathTextParser
+from matplotlib.patches import Patch
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.reporting.figures.thinning import MOST_ON_A_LINE, band
-from mapmore_cli.reporting.inputs import SINGLE, FigureStyle
+from mapmore_cli.reporting.inputs import INTERVAL, SINGLE, FigureStyle, ReportInputs
 
 DOUBLE = 7.16
 """Width of two columns of a journal page, inches."""
@@ -25,6 +26,7 @@ SMALLER = 1.0
 """By how many points titles, ticks and legends are smaller than labels."""
 
 DOTS_A_CURVE = 180
+INTERVAL_ALPHA = 0.15
 SOME_DOTS = " Dots are some of the samples, the extremes among them."
 
 RC: dict[Any, Any] = {
@@ -177,6 +179,24 @@ def beyond_scale(models: Sequence[str]) -> str:
 def zero_line(ax: Axes) -> None:
     """A thin line at an error of zero."""
     ax.axhline(0.0, color=GREY, linewidth=0.5, zorder=0)
+
+
+def draw_interval(ax: Axes, x: Array, ends: tuple[Array, Array], colour: str) -> None:
+    """Shade what lies between two ends, (n,) each."""
+    ax.fill_between(x, *ends, color=colour, alpha=INTERVAL_ALPHA, linewidth=0, zorder=1)
+
+
+def interval_key(colour: str) -> Patch:
+    """What the legend shows for it."""
+    return Patch(color=colour, alpha=INTERVAL_ALPHA, linewidth=0, label=f"{INTERVAL:.0%} interval")
+
+
+def interval_words(inputs: ReportInputs) -> str:
+    """What the caption says of it, where there is one."""
+    left_out = inputs.model.left_out
+    if left_out is None:
+        return ""
+    return f" The band holds a sample of a new curve with a probability of {INTERVAL:.0%}, by left-out {left_out.kind} of training data."
 
 
 def draw_band(ax: Axes, x: Array, y: Array, colour: str, **look: Any) -> None:

@@ -98,10 +98,13 @@ class Validate(Section):
     """What the model is compared with, what errors are divided by, and the limits that its scores must keep.
 
     `normaliser: max` is the largest absolute value of the measured target (M2 eq 13), `range` its extent, where its zero is arbitrary.
+    `intervals: true` fits the model anew without each level of the training data in turn (without each recording, or blocks of them, where
+    there are fewer than three), and keeps in the model what `predict --interval` needs.
     """
 
     against: list[Annotated[Annotated[str, Text] | Annotated[Competitor, Keyed], by_shape]] = []
     normaliser: Literal["max", "range"] = "max"
+    intervals: bool = False
     require: dict[str, Metric] = {}
 
 

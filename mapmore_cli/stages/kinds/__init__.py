@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -19,12 +20,13 @@ class Maker:
     """How a kind is fitted (the fit stage), and how the model is made of the fits (the fuse stage).
 
     `refit` does all of it in one go on the training samples of another dataset, as cross-validation does, every choice included; None where
-    the models of other runs are needed.
+    the models of other runs are needed: there, `refit_parts` does, given the folders of these runs.
     """
 
     fit: Callable[[FitChoices, Dataset, Workspace], FitResult]
     build: Callable[[ModelChoices, Dataset, Workspace], Model]
     refit: Callable[[ModelChoices, Dataset], Model] | None = None
+    refit_parts: Callable[[ModelChoices, Dataset, Mapping[str, Path]], Model] | None = None
 
 
 def maker_of(part: FitChoices) -> Maker:
@@ -36,7 +38,7 @@ def maker_of(part: FitChoices) -> Maker:
         "memory": Maker(memory.fit, memory.build, memory.refit),
         "motion": Maker(motion.fit, motion.build, motion.refit),
         "formula": Maker(formula.fit, formula.build, formula.refit),
-        "sum": Maker(sums.fit, sums.build),
+        "sum": Maker(sums.fit, sums.build, refit_parts=sums.refit_parts),
     }
     return makers[part.kind]
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import CurveRange, Formula, Model, Part
-from mapmore_cli.domain.recording import Dataset, Quantity
+from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.modelling.sums.build import refuse_shared_names, sum_of
@@ -31,29 +33,56 @@ def fit(part: FitChoices, dataset: Dataset, workspace: Workspace) -> FitResult:
     """
     del workspace
     formulas = summands_of(part.model.sum or [])
-    if not formulas:
-        return FitResult(None)
+    return FitResult(_fitted(formulas, dataset) if formulas else None)
+
+
+def _fitted(formulas: Sequence[Summand], dataset: Dataset) -> FormulaFit:
     training = pooled_training(dataset.curves)
     found = fit_jointly(formulas, training, training[dataset.target])
     if found.failed:
         raise FitError(f"the fit of {found.name} failed: {'; '.join(found.notes)}", "take other formulas")
-    return FitResult(found)
+    return found
 
 
 def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:
     """The sum: static plus damping, or the parts that the spec names."""
+    joint = workspace.files.fit().formula
+    return _built(part, dataset, joint, lambda path: RunFiles(workspace.needed[path]).model())
+
+
+def refit_parts(part: ModelChoices, dataset: Dataset, needed: Mapping[str, Path]) -> Model:
+    """The same where the runs that are added up are fitted anew without the levels and recordings that the dataset holds out."""
+    formulas = summands_of(part.model.sum or [])
+    joint = _fitted(formulas, dataset) if formulas else None
+    return _built(part, dataset, joint, lambda path: _without(needed[path], dataset))
+
+
+def _built(part: ModelChoices, dataset: Dataset, joint: FormulaFit | None, model_of: Callable[[str], Model]) -> Model:
+    """The sum of formulas that were fitted as `joint`, or of the models of runs by the path of their spec."""
     output, quantities = dataset.quantities[dataset.target], dataset.quantities
     if part.model.sum is None:
-        models = [RunFiles(workspace.needed[path]).model() for path in part.summands]
-        return sum_of(part.name, [Part(model) for model in models], output, quantities)
-    formulas = summands_of(part.model.sum)
-    if formulas:
-        joint = workspace.files.fit().formula
-        assert joint is not None
-        return sum_of(part.name, formula_parts(formulas, joint, dataset), output, quantities)
-    parts = [Part(RunFiles(workspace.needed[str(one.model)]).model(), float(one.sign), dict(one.inputs)) for one in part.model.sum]
+        return sum_of(part.name, [Part(model_of(path)) for path in part.summands], output, quantities)
+    if joint is not None:
+        return sum_of(part.name, formula_parts(summands_of(part.model.sum), joint, dataset), output, quantities)
+    parts = [Part(model_of(str(one.model)), float(one.sign), dict(one.inputs)) for one in part.model.sum]
     refuse_shared_names([(one.model.name, [q.name for q in one.model.inputs], one.inputs) for one in parts])
     return sum_of(part.name, parts, output, quantities)
+
+
+def _without(run_dir: Path, dataset: Dataset) -> Model:
+    """The model of a run, fitted anew to its own data without the curves that a dataset holds out as a whole: by level, else by name."""
+    from mapmore_cli.spec.loader import load
+    from mapmore_cli.stages.fuse import reads
+    from mapmore_cli.stages.left_out import made_anew
+
+    own = RunFiles(run_dir).dataset()
+    out = {_key(curve) for curve in dataset.curves if not curve.training.any()}
+    curves = tuple(replace(c, held_out=np.ones(c.size, dtype=np.bool_)) if _key(c) in out else c for c in own.curves)
+    return made_anew(reads(load(run_dir / "experiment.yaml").spec), replace(own, curves=curves), {})
+
+
+def _key(curve: Curve) -> float | str:
+    return curve.id if curve.level is None else curve.level
 
 
 def summands_of(parts: Sequence[method.Summand]) -> list[Summand]:

@@ -72,7 +72,7 @@ def _varied(loaded: LoadedSpec, variation: Variation) -> LoadedSpec:
     from mapmore_cli.spec.layers import as_overrides
     from mapmore_cli.spec.loader import load
 
-    own = as_overrides({"name": f"{loaded.spec.name}.{variation.name}", "validate.against": []})
+    own = as_overrides({"name": f"{loaded.spec.name}.{variation.name}", "validate.against": [], "validate.intervals": False})
     try:
         return load(loaded.path, (*loaded.overrides, *variation.overrides, *own))
     except SpecError as error:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.models import Equation, Model
 from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.modelling.intervals import interval
 from mapmore_cli.modelling.inverse import LOWEST, Inverse, invert
 from mapmore_cli.modelling.kinds import equations as model_equations
 from mapmore_cli.modelling.kinds import outside_range, predict, slopes
@@ -96,6 +97,15 @@ class LoadedModel:
         """True where an input lies beyond the training range, in the shape of the output."""
         flat, shape = self._flattened(columns)
         return outside_range(self.model, flat).reshape(shape)
+
+    def interval(self, level: float = 0.95, **columns: ArrayLike) -> tuple[Array, Array]:
+        """Low and high end that hold a sample of a new curve with the probability `level`, in the shape of the output.
+
+        They are NaN outside of the training range. Raises `DataError` for a model whose spec has no `validate: {intervals: true}`.
+        """
+        flat, shape = self._flattened(columns)
+        low, high = interval(self.model, flat, level)
+        return low.reshape(shape), high.reshape(shape)
 
     def derivatives(self, **columns: ArrayLike) -> dict[str, Array]:
         """Derivative of the output for every input by its name, in the shape of the output; not for models with memory."""

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.results import Run
+from mapmore_cli.modelling.intervals import ends, half_width_of
 from mapmore_cli.modelling.kinds import outside_range, simulate, slopes
 from mapmore_cli.modelling.memory import AtSample, numbered
 from mapmore_cli.modelling.signals.rates import with_signals
@@ -24,6 +26,25 @@ CHUNK = 20_000
 FLAG = "outside_range"
 
 
+@dataclass(frozen=True)
+class Extra:
+    """What else is wanted of every row: an interval of some `half` width, and derivatives."""
+
+    half: float | None
+    derivatives: bool
+
+    def names(self, model: Model) -> tuple[str, ...]:
+        """The columns."""
+        ends_of = () if self.half is None else (f"{model.output.name}_low", f"{model.output.name}_high")
+        return (*ends_of, *(f"{model.output.name}_by_{quantity.name}" for quantity in model.inputs if self.derivatives))
+
+    def of(self, model: Model, inputs: Columns, predicted: Array, outside: BoolArray) -> Array:
+        """Their numbers, (n, m)."""
+        columns = [] if self.half is None else [*ends(predicted, outside, self.half)]
+        columns += [*slopes(model, inputs).values()] if self.derivatives else []
+        return np.stack(columns, axis=1) if columns else np.empty((len(predicted), 0))
+
+
 def predicted_lines(
     model: Model,
     lines: Iterable[str],
@@ -31,6 +52,7 @@ def predicted_lines(
     chunk: int = CHUNK,
     warn: Callable[[str], None] = lambda _: None,
     derivatives: bool = False,
+    interval: float | None = None,
 ) -> Iterator[str]:
     """Yield the lines of a CSV table with `<output>_predicted` and `outside_range` added to each.
 
@@ -38,7 +60,8 @@ def predicted_lines(
     `true` or `false`. Both are empty where an input is empty or not finite. Blank lines stay as they are. `label` names the table in
     messages; `chunk` has no influence on the result.
 
-    With `derivatives`, one more column for every input, `<output>_by_<input>`, in the units of the model.
+    With an `interval`, as 0.95, there are `<output>_low` and `<output>_high`, empty outside of the training range; with `derivatives`, one
+    more column for every input, `<output>_by_<input>`, in the units of the model.
 
     Rates and directions that the table lacks follow from its `time`, recording by recording: one ends where the column `recording`
     changes or time is set back, and after a gap all starts anew; what is too short for a rate has no prediction. A model with memory runs
@@ -49,8 +72,11 @@ def predicted_lines(
     ------
     DataError
         Where the table is empty, lacks an input, already has one of the added columns, or has a field that is not a number; where a model
-        with memory has nothing to go on from, or rows are not at its time steps.
+        with memory has nothing to go on from, or rows are not at its time steps; where the model holds nothing to make intervals from.
+    UsageError
+        For an interval that there is none of.
     """
+    extra = Extra(None if interval is None else half_width_of(model, interval), derivatives)
     rows = records(lines, label)
     header = next(rows, None)
     if header is None:
@@ -59,8 +85,7 @@ def predicted_lines(
     reading = reading_of(model, names)
     read = tuple(dict.fromkeys((*reading.columns, *reading.outputs)))
     places = locate_columns(TableRequest(label, read, header=True), names, len(names))
-    by_input = tuple(f"{model.output.name}_by_{quantity.name}" for quantity in model.inputs) if derivatives else ()
-    added = (f"{model.output.name}_predicted", FLAG, *by_input)
+    added = (f"{model.output.name}_predicted", FLAG, *extra.names(model))
     for name in added:
         if name in names:
             raise DataError(f"{label}: already has a column {name}", "rename or remove it")
@@ -69,11 +94,11 @@ def predicted_lines(
     for block in recordings(rows, names) if reading.over_time else _chunks(rows, chunk):
         fields = [fields_of(row, len(names), label) for row in block]
         columns = {name: values_of(block, fields, places[name], name, label) for name in read}
-        cells_of, diverged = _added_cells(model, reading, columns, block, label, derivatives)
+        cells_of, diverged = _added_cells(model, reading, columns, block, label, extra)
         for start in diverged:
             warn(f"{label}:row {block[start].line}: the free run diverges; there is no prediction until it starts anew")
-        predicted += sum(cells != "," for cells in cells_of)
-        beyond += sum(cells.endswith("true") for cells in cells_of)
+        predicted += sum(not cells.startswith(",") for cells in cells_of)
+        beyond += sum(cells.split(",", 2)[1] == "true" for cells in cells_of)
         for row, cells, added_cells in zip(block, fields, cells_of, strict=True):
             yield row.text + row.end if cells is None else f"{row.text},{added_cells}{row.end}"
     if predicted and beyond == predicted:
@@ -92,18 +117,18 @@ def _named(model: Model) -> str:
 
 
 def _added_cells(
-    model: Model, reading: Reading, columns: dict[str, Array], block: Sequence[Row], label: str, derivatives: bool
+    model: Model, reading: Reading, columns: dict[str, Array], block: Sequence[Row], label: str, extra: Extra
 ) -> tuple[list[str], tuple[int, ...]]:
     """The new fields of every row of a block, and the rows at which a free run diverges."""
     known = np.flatnonzero(np.logical_and.reduce([np.isfinite(columns[name]) for name in reading.columns]))
-    added = ["," + "," * len(model.inputs) * derivatives] * len(block)
+    added = ["," + "," * len(extra.names(model))] * len(block)
     if not len(known):
         return added, ()
     try:
-        run, outside, gradient = _evaluated(model, reading, {name: x[known] for name, x in columns.items()}, known, derivatives)
+        run, outside, more = _evaluated(model, reading, {name: x[known] for name, x in columns.items()}, known, extra)
     except AtSample as error:
         raise DataError(f"{label}:row {block[error.sample].line}: {error.fault}", error.remedy) from error
-    for i, value, flag, own in zip(known, run.values, outside, gradient, strict=True):
+    for i, value, flag, own in zip(known, run.values, outside, more, strict=True):
         added[i] = ",".join([_digits(value), "true" if flag else "false", *map(_digits, own)])
     return added, run.diverged
 
@@ -112,17 +137,15 @@ def _digits(value: float) -> str:
     return format(value, ".12g") if math.isfinite(value) else ""
 
 
-def _evaluated(
-    model: Model, reading: Reading, columns: dict[str, Array], rows: IntArray, derivatives: bool
-) -> tuple[Run, BoolArray, Array]:
-    """Predictions and flags of complete rows, (n,) each, and derivatives, (n, inputs) or (n, 0).
+def _evaluated(model: Model, reading: Reading, columns: dict[str, Array], rows: IntArray, extra: Extra) -> tuple[Run, BoolArray, Array]:
+    """Predictions and flags of complete rows, (n,) each, and what else is wanted, (n, m).
 
     Those of a recording go stretch by stretch where signals follow from others.
 
     `rows` are the numbers by which rows are told where a run diverges, or in a mistake.
     """
-    found, flags, diverged, gradients = [], [], list[int](), []
-    width = len(model.inputs) * derivatives
+    found, flags, diverged, more = [], [], list[int](), []
+    width = len(extra.names(model))
     for part in stretches(columns["time"]) if reading.signals else [slice(None)]:
         stretch = {name: x[part] for name, x in columns.items()}
         try:
@@ -130,12 +153,12 @@ def _evaluated(
         except DataError:  # too few samples for the window of a rate
             found.append(np.full(len(stretch["time"]), np.nan))
             flags.append(np.zeros(len(stretch["time"]), dtype=bool))
-            gradients.append(np.full((len(stretch["time"]), width), np.nan))
+            more.append(np.full((len(stretch["time"]), width), np.nan))
             continue
         with np.errstate(all="ignore"), numbered(rows[part]):  # far outside of the range a term may overflow; the flag says so
             run = simulate(model, inputs)
             found.append(run.values)
             flags.append(outside_range(model, inputs))
-            gradients.append(np.stack(list(slopes(model, inputs).values()), axis=1) if width else np.empty((len(run.values), 0)))
+            more.append(extra.of(model, inputs, run.values, flags[-1]))
         diverged += rows[part][list(run.diverged)].tolist()
-    return Run(np.concatenate(found), tuple(diverged)), np.concatenate(flags), np.concatenate(gradients)
+    return Run(np.concatenate(found), tuple(diverged)), np.concatenate(flags), np.concatenate(more)

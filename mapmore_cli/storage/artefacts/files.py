@@ -6,6 +6,7 @@ Format versions are read like semantic versions: a new major is refused by older
 1.1  curves with samples at rest and the recording of each sample; models with signals and summands.
 1.2  fits and models with memory; scores with the root relative squared error.
 2.0  fits and models have a body of one kind; sums have signs and renamed inputs. Files of 1.x stay readable (`layout.legacy`).
+2.1  models with left-out residuals, from which intervals are made.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from mapmore_cli.storage.run_record import refuse_newer
 if TYPE_CHECKING:
     import h5py
 
-FORMAT_VERSION = "2.0"
+FORMAT_VERSION = "2.1"
 
 _ALTERED = "its values are not those that were written: the checksum does not match"
 _GET_ANOTHER = "get a fresh copy, or make it again with `mapmore run CONFIG`"

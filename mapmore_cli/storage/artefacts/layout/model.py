@@ -6,6 +6,8 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise, product
 from math import isfinite
 
+import numpy as np
+
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import (
     CurveFunction,
@@ -13,6 +15,7 @@ from mapmore_cli.domain.models import (
     FoldError,
     Formula,
     Fusion,
+    LeftOut,
     Memory,
     Model,
     Part,
@@ -33,6 +36,7 @@ from mapmore_cli.storage.artefacts.layout.cells import (
     ASCENDING,
     CELL,
     COUNT,
+    INDICES,
     LIMITS,
     NAME,
     OPTIONAL_REAL,
@@ -40,6 +44,7 @@ from mapmore_cli.storage.artefacts.layout.cells import (
     REAL,
     REALS,
     SHARE,
+    TABLE,
     TEXT,
     TEXTS,
     expression_faults,
@@ -257,6 +262,33 @@ STATE_SPACE = Schema(
 )
 
 
+def _left_out_faults(left_out: LeftOut) -> Iterator[Fault]:
+    if not left_out.parts:
+        yield "parts", "is empty"
+    if left_out.sizes.size and (left_out.sizes.min() < 0 or (np.diff(left_out.sizes, axis=1) < 0).any()):
+        yield "sizes", "holds quantiles that are negative, or fall"
+    if (left_out.scatter < 0).any():
+        yield "scatter", "is negative"
+
+
+LEFT_OUT = Schema(
+    LeftOut,
+    "How models of the rest missed each part of the training data that was left out of them: what intervals are made of.",
+    (
+        Field(
+            "kind", text(words=("levels", "recordings", "blocks")), "`levels`, `recordings` or `blocks`: what was left out in turn", NO_UNIT
+        ),
+        Field("curves", number(int, least=2), "levels, recordings or blocks that train"),
+        Field("parts", TEXTS, "(parts) names of the parts", NO_UNIT),
+        Field("samples", INDICES, "(parts) samples of each"),
+        Field("offset", REALS, "(parts) mean of measured minus predicted over each", "[target]"),
+        Field("scatter", REALS, "(parts) standard deviation about the offset", "[target]"),
+        Field("sizes", TABLE, "(parts, shares) quantiles of the absolute residuals of each at even shares from 0 to 1", "[target]"),
+    ),
+    rule=_left_out_faults,
+)
+
+
 def _model() -> Schema:
     return MODEL
 
@@ -330,6 +362,7 @@ MODEL: Schema = Schema(
         Field("body", variant(BODIES), "what the model consists of", NO_UNIT),
         Field("signals", rows(SIGNAL), "inputs that follow from others over time, each after those", NO_UNIT),
         Field("notes", TEXTS, "remarks for the reader", NO_UNIT),
+        Field("left_out", optional(record(LEFT_OUT)), "what intervals are made of, where the spec asked for them", NO_UNIT),
     ),
     units=lambda model: {
         **{quantity.name: quantity.unit for quantity in (*model.inputs, model.output)},

@@ -1,0 +1,191 @@
+"""Intervals from a spec to a table: what is left out of each kind of study, `predict --interval`, figures, notebooks."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import test_memory_pipeline as memory
+from cli_samples import write_study
+
+import mapmore_cli
+from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.modelling.forecast import forecast
+from mapmore_cli.modelling.intervals import half_width
+from mapmore_cli.spec.loader import load
+from mapmore_cli.stages.fuse import reads
+from mapmore_cli.stages.left_out import residuals
+from mapmore_cli.storage.artefacts import read_dataset, read_model
+
+HELD = "  split: {validate: {pressure: [200]}}\n"
+Mapmore = Callable[..., Any]
+KINDS = {
+    "pieces": "",
+    "backbone": "model: {backbone: polynomial_2}\n",
+    "formula": "model: {type: literature, name: sarosi}\n",
+}
+
+
+def asked(spec: Path, *changes: tuple[str, str], more: str = "") -> Path:
+    """The study, asked for intervals."""
+    text = spec.read_text().replace("validate: {against: [polynomial_2]}", "validate: {intervals: true}")
+    for before, after in changes:
+        assert before in text
+        text = text.replace(before, after)
+    spec.write_text(text + more)
+    return spec
+
+
+def fused(mapmore: Mapmore, spec: Path, runs: Path) -> Any:
+    """The model of a study."""
+    result = mapmore("fuse", spec, "--runs", runs, "-q")
+    assert result.exit_code == 0, result.stderr
+    return read_model(runs / spec.stem / "model.h5")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_inner_level_is_missed_as_by_a_run_that_holds_it_out(kind: str, tmp_path: Path, mapmore: Mapmore) -> None:
+    spec = asked(write_study(tmp_path), more=KINDS[kind])
+    held = tmp_path / "held.yaml"
+    held.write_text(spec.read_text().replace("name: bench", "name: held").replace("{intervals: true}", "{}"))
+    spec.write_text(spec.read_text().replace(HELD, ""))
+    left_out = fused(mapmore, spec, tmp_path / "runs").left_out
+    assert (left_out.kind, left_out.curves, left_out.parts) == ("levels", 3, ("pressure=200",))
+    without = fused(mapmore, held, tmp_path / "runs")
+    curve = read_dataset(tmp_path / "runs" / "held" / "ingest.h5").curves[1]
+    errors = curve.columns["force"] - forecast(without, curve).values
+    assert left_out.samples.tolist() == [curve.size]
+    assert [left_out.offset[0], left_out.scatter[0]] == pytest.approx([errors.mean(), errors.std()], rel=1e-9)
+    assert left_out.sizes[0, [0, 50, 100]] == pytest.approx(np.quantile(np.abs(errors), [0, 0.5, 1]), rel=1e-9)
+
+
+def test_held_out_data_are_in_nothing_of_it(tmp_path: Path, mapmore: Mapmore) -> None:
+    spec = asked(write_study(tmp_path))
+    before = fused(mapmore, spec, tmp_path / "runs").left_out
+    assert (before.kind, before.curves, len(before.parts)) == ("blocks", 5, 3)
+    log = tmp_path / "bench_200.csv"
+    rows = [line.split(",") for line in log.read_text().splitlines()]
+    log.write_text("\n".join([",".join(rows[0]), *(f"{p},{e},{float(f) + 50}" for p, e, f in rows[1:])]) + "\n")
+    after = fused(mapmore, spec, tmp_path / "runs").left_out
+    assert np.array_equal(before.sizes, after.sizes)
+
+
+def test_recordings_are_left_out_where_there_are_no_levels(tmp_path: Path, mapmore: Mapmore) -> None:
+    levels = "  levels: {of: pressure, at: [100, 200, 300]}\n"
+    polynomial = ("{polynomial: {of: [strain], order: 3}}", "{polynomial: {of: [strain, pressure], order: 2}}")
+    spec = asked(write_study(tmp_path), (HELD, ""), (levels, ""), ("target: static", "target: {column: force}"), polynomial)
+    left_out = fused(mapmore, spec, tmp_path / "runs").left_out
+    assert (left_out.kind, left_out.curves) == ("recordings", 3)
+    assert ["bench_100" in part for part in left_out.parts] == [True, False, False]
+
+
+def test_a_model_with_memory_is_told_by_free_runs_over_blocks(tmp_path: Path, mapmore: Mapmore) -> None:
+    spec = memory.write_study(tmp_path, "narx", memory.NARX, memory.narx)
+    spec.write_text(spec.read_text().replace("validate: {normaliser", "validate: {intervals: true, normaliser"))
+    model = fused(mapmore, spec, tmp_path / "runs")
+    assert (model.left_out.kind, model.left_out.parts[0], len(model.left_out.parts)) == ("blocks", "block 1 of 5", 5)
+    dataset = read_dataset(tmp_path / "runs" / "narx" / "ingest.h5")
+    new = next(curve for curve in dataset.curves if curve.held_out.all())
+    said = forecast(model, new)
+    errors = (new.columns["displacement"] - said.values)[said.ready]
+    assert np.abs(errors).max() <= half_width(model.left_out, 0.999)
+
+
+def test_runs_that_are_added_up_are_fitted_anew_without_a_level(tmp_path: Path, mapmore: Mapmore) -> None:
+    """A run added to itself misses the level by what is left of twice the run that holds it out."""
+    spec = write_study(tmp_path)
+    whole = spec.read_text().replace("figures: [], formats: [html, csv]", "figures: [], formats: [csv]")
+    (tmp_path / "held.yaml").write_text(whole.replace("name: bench", "name: held"))
+    spec.write_text(whole.replace(HELD, ""))
+    part = "{model: bench.yaml, inputs: {pressure: pressure, strain: strain}}"
+    head = spec.read_text().split("target:")[0].replace("name: bench", "name: twice")
+    twice = tmp_path / "twice.yaml"
+    twice.write_text(f"{head}target: {{column: force}}\nmodel: {{sum: [{part}, {part}]}}\nvalidate: {{intervals: true}}\n")
+    left_out = fused(mapmore, twice, tmp_path / "runs").left_out
+    without = fused(mapmore, tmp_path / "held.yaml", tmp_path / "runs")
+    curve = read_dataset(tmp_path / "runs" / "held" / "ingest.h5").curves[1]
+    errors = curve.columns["force"] - 2 * forecast(without, curve).values
+    assert left_out.parts == ("pressure=200",)
+    assert left_out.offset == pytest.approx([errors.mean()], rel=1e-9)
+
+
+def test_runs_of_one_recording_are_added_up_without_intervals(tmp_path: Path) -> None:
+    choices = reads(load(write_study(tmp_path)).spec)
+    columns = {"pressure": np.ones(9), "strain": np.arange(9.0), "force": np.ones(9)}
+    one = Dataset("force", None, {}, (), (Curve("a", None, columns, np.zeros(9, dtype=bool), ("a",)),))
+    with pytest.raises(SpecError, match="fewer than three"):
+        residuals(choices, one, {"part.yaml": tmp_path}, lambda _what, _done, _total: None)
+
+
+def test_a_part_that_the_fit_cannot_do_without_is_named(tmp_path: Path, mapmore: Mapmore) -> None:
+    levels = "  levels: {of: pressure, at: [100, 200, 300]}\n"
+    formula = "model: {type: literature, name: sarosi}\n"
+    spec = asked(write_study(tmp_path), (HELD, ""), (levels, ""), ("target: static", "target: {column: force}"), more=formula)
+    for level in (100, 300):  # without 200 kPa, four samples are left for six parameters
+        log = tmp_path / f"bench_{level}.csv"
+        log.write_text("\n".join(log.read_text().splitlines()[:3]) + "\n")
+    result = mapmore("fuse", spec, "--runs", tmp_path / "runs", "-q")
+    assert result.exit_code in (4, 5)
+    assert "validate.intervals: without bench_200" in result.stderr
+
+
+@pytest.fixture(scope="module")
+def model_file(tmp_path_factory: pytest.TempPathFactory, mapmore: Mapmore) -> Path:
+    """A run that holds 200 kPa out, with intervals; its page as well."""
+    folder = tmp_path_factory.mktemp("intervals")
+    spec = asked(write_study(folder), ("figures: []", "figures: [fit]"), ("formats: [html, csv", "formats: [html, svg"))
+    result = mapmore("run", spec, "--runs", folder / "runs", "-q")
+    assert result.exit_code == 0, result.stderr
+    return folder / "runs" / "bench" / "model.h5"
+
+
+TABLE = "pressure,strain\n100,0.01\n150,0.02\n400,0.02\n,0.02\n"
+
+
+def test_a_table_gains_the_ends(model_file: Path, mapmore: Mapmore) -> None:
+    result = mapmore("predict", model_file, "-", "--interval", "0.9", "--derivatives", stdin=TABLE)
+    assert result.exit_code == 0, result.stderr
+    rows = list(csv.DictReader(io.StringIO(result.stdout)))
+    assert list(rows[0])[2:] == ["force_predicted", "outside_range", "force_low", "force_high", "force_by_pressure", "force_by_strain"]
+    half = half_width(read_model(model_file).left_out, 0.9)
+    for row in rows[:2]:
+        ends = [float(row["force_low"]), float(row["force_high"])]
+        assert ends == pytest.approx([float(row["force_predicted"]) - half, float(row["force_predicted"]) + half])
+    assert (rows[2]["outside_range"], rows[2]["force_low"], rows[2]["force_high"]) == ("true", "", "")
+    assert [rows[3][name] for name in ("force_predicted", "force_low")] == ["", ""]
+    assert rows[2]["force_by_strain"] != ""
+
+
+def test_a_notebook_has_them_too(model_file: Path) -> None:
+    model = mapmore_cli.load_model(model_file)
+    low, high = model.interval(pressure=[[100.0, 150.0]], strain=0.02)
+    assert low.shape == (1, 2)
+    assert (low + high) / 2 == pytest.approx(model(pressure=[[100.0, 150.0]], strain=0.02))
+    assert (model.interval(0.99, pressure=100.0, strain=0.02)[1] > high[0, 0]).all()
+
+
+def test_the_page_shows_the_band(model_file: Path) -> None:
+    page = (model_file.parent / "report" / "index.html").read_text()
+    assert "The band holds a sample of a new curve with a probability of 95%" in page
+    assert "95% interval" in (model_file.parent / "report" / "fit.svg").read_text()
+
+
+def test_a_model_without_says_what_to_do(mapmore: Mapmore, finished: tuple[Path, Path]) -> None:
+    model = finished[1] / "bench" / "model.h5"
+    result = mapmore("predict", model, "-", "--interval", "0.95", stdin=TABLE)
+    assert (result.exit_code, result.stdout) == (4, "")
+    assert "validate: {intervals: true}" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "table", "code"), [(["95"], TABLE, 2), (["0.95"], TABLE.replace("strain", "strain,force_low", 1), 4)]
+)
+def test_bad_asks_are_refused(arguments: list[str], table: str, code: int, model_file: Path, mapmore: Mapmore) -> None:
+    result = mapmore("predict", model_file, "-", "--interval", *arguments, stdin=table)
+    assert (result.exit_code, result.stdout) == (code, "")
