@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mapmore_cli.domain.errors import FitError
+from mapmore_cli.domain.errors import FitError, SpecError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import CurveRange, Formula, Model, Part
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
@@ -75,10 +75,14 @@ def _without(run_dir: Path, dataset: Dataset) -> Model:
     from mapmore_cli.stages.fuse import reads
     from mapmore_cli.stages.left_out import made_anew
 
+    choices = reads(load(run_dir / "experiment.yaml").spec)
+    if choices.summands:
+        found = f"{choices.name} adds runs up itself, and cannot be fitted anew without a part of the data"
+        raise SpecError(f"validate.intervals: {found}", "leave it out, or add up all runs in one spec")
     own = RunFiles(run_dir).dataset()
     out = {_key(curve) for curve in dataset.curves if not curve.training.any()}
     curves = tuple(replace(c, held_out=np.ones(c.size, dtype=np.bool_)) if _key(c) in out else c for c in own.curves)
-    return made_anew(reads(load(run_dir / "experiment.yaml").spec), replace(own, curves=curves), {})
+    return made_anew(choices, replace(own, curves=curves), {})
 
 
 def _key(curve: Curve) -> float | str:
