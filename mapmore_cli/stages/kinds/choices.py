@@ -59,7 +59,7 @@ class ModelChoices(FitChoices):
     fuse: Fuse
     signals: tuple[Signal, ...]
     summands: tuple[str, ...]
-    intervals: bool  # whether models are made without each part of the training data in turn
+    intervals: bool = False  # whether models are made without each part of the training data in turn
 
     @property
     def joined(self) -> Fuse:
