@@ -9,6 +9,7 @@ FIGURES = {
     "data": "data",
     "fit": "fit",
     "error": "fit",
+    "residuals": "fit",
     "nrmse": "nrmse",
     "bands": "nrmse",
     "segments": "segments",

@@ -199,4 +199,4 @@ def _labels(muscle: Muscle) -> dict[str, str]:
     }
 
 
-STAGE = Stage(name="report", revision=3, outputs=("report",), reads=reads, run=run, sources=sources)
+STAGE = Stage(name="report", revision=4, outputs=("report",), reads=reads, run=run, sources=sources)

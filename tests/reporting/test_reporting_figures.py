@@ -400,3 +400,25 @@ class TestTraces:
         assert [ax.get_title(loc="left") for ax in drawn(some, ["data"])["data"].axes[:3]] == [r.id for r in others]
         none = replace(inputs, dataset=replace(inputs.dataset, recordings=(empty,)))
         assert drawn(none, ["data"]) == {}
+
+
+class TestResiduals:
+    def test_static_errors_are_tested_along_the_curve_and_over_every_input_that_varies(self):
+        (drawing,) = drawings("residuals", build())
+        assert [panel.key for panel in drawing.panels] == ["autocorrelation", "strain"]  # one held-out level: pressure does not vary
+        assert "held-out samples" in drawing.caption
+        curve = build().dataset.curves[2]
+        errors = build().validation.predictions["mapmore"][2] - curve.columns["force"]
+        centred = errors - errors.mean()
+        values = drawing.panels[0].data["Autocorrelation (–)"]
+        np.testing.assert_allclose(values[1], centred[:-1] @ centred[1:] / (centred @ centred))
+        assert "errors along strain are alike" in drawing.caption  # one term a segment leaves its shape
+
+    def test_training_errors_where_nothing_is_held_out(self):
+        (drawing,) = drawings("residuals", build(held_out=lambda _level, strain: np.zeros(len(strain), dtype=bool)))
+        assert [panel.key for panel in drawing.panels] == ["autocorrelation", "pressure", "strain"]
+        assert "training samples" in drawing.caption
+        assert len(drawing.panels[1].data["Pressure (kPa)"]) == 4
+
+    def test_few_samples_are_not_tested(self):
+        assert drawings("residuals", build(samples=12, segments=1)) == []

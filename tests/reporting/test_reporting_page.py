@@ -73,6 +73,7 @@ def test_files(folder):
         "fit.svg",
         "fit_training.svg",
         "error.svg",
+        "residuals.svg",
         "nrmse.svg",
         "bands.svg",
         "segments.svg",
