@@ -49,6 +49,12 @@ def predict(
         float | None,
         typer.Option("--interval", metavar="LEVEL", help="Add <output>_low and <output>_high, as for 0.95.", show_default=False),
     ] = None,
+    turned_for: Annotated[
+        str | None,
+        typer.Option(
+            "--as", metavar="INPUT", help="Invert the model for an input, as the force of a model of the strain.", show_default=False
+        ),
+    ] = None,
     unverified: Unverified = False,
     quiet: Quiet = False,
 ) -> None:
@@ -61,6 +67,9 @@ def predict(
     An interval holds a sample of a new curve with that probability, within the training range. It is made from left-out data: the spec of
     the model needs `validate: {intervals: true}`.
 
+    With --as force, a model of the strain gives the force at the strain of each row: force_predicted. Where no force of the training range
+    makes that strain, it is the nearest one that does, and outside_range is true.
+
     A model with memory needs the column time (in s), and the measured output where it goes on from that: it runs free from the first rows
     of every recording, and starts anew where the column recording changes, where time is set back, and after gaps.
     """
@@ -70,10 +79,13 @@ def predict(
 
     if (table is None) == (grid is None):
         raise UsageError("give either a TABLE or --grid", "as in: mapmore predict model.h5 measured.csv -o predicted.csv")
+    if turned_for is not None and (grid is not None or derivatives or interval is not None):
+        raise UsageError("--as goes with a TABLE, and has no derivatives or intervals", "leave --grid, --derivatives and --interval out")
     with Reporter(quiet) as reporter:
         model = read_model(model_file, reporter.warn, unverified)
         lines, label = _input(model, table, grid, reporter)
-        write_lines(predicted_lines(model, lines, label, warn=reporter.warn, derivatives=derivatives, interval=interval), output)
+        added = predicted_lines(model, lines, label, warn=reporter.warn, derivatives=derivatives, interval=interval, turned_for=turned_for)
+        write_lines(added, output)
 
 
 def _input(model: Model, table: Path | None, grid: str | None, reporter: Reporter) -> tuple[Iterator[str], str]:

@@ -8,12 +8,18 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.domain.results import Forecast
+from mapmore_cli.modelling.inverse import turned
 from mapmore_cli.modelling.kinds import one_step_ahead, predict, runs_over_time, simulate
 from mapmore_cli.modelling.memory import AtSample
 
 
-def forecast(model: Model, curve: Curve) -> Forecast:
-    """Predict every sample of a curve, recording by recording; raises as `kinds.predict`, naming the recording."""
+def forecast(model: Model, curve: Curve, target: str | None = None) -> Forecast:
+    """Predict every sample of a curve, recording by recording; raises as `kinds.predict`, naming the recording.
+
+    Where the `target` is not what the model predicts but one of its inputs, the model is inverted for it (`inverse.turned`).
+    """
+    if target is not None and target != model.output.name:
+        return Forecast.of(turned(model, curve.columns, target).values)
     if not runs_over_time(model):
         return Forecast.of(predict(model, curve.columns))
     values, one_step, ready = np.empty(curve.size), np.empty(curve.size), np.empty(curve.size, dtype=np.bool_)

@@ -7,7 +7,7 @@ changes its sign the map is monotone, and each part holds at most one solution, 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -54,6 +54,14 @@ class Inverse:
     picked: Array
 
 
+@dataclass(frozen=True)
+class Turned:
+    """An input as a function of the output: its `values` at n rows, and where they are `solved` for, `(n,)` each."""
+
+    values: Array
+    solved: BoolArray
+
+
 def invert(model: Model, wanted: Array, given: Columns, name: str, rule: str = LOWEST) -> Inverse:
     """Every value of the input `name` at which the model gives the `wanted` output, (n,), at the `given` other inputs, (n,) each.
 
@@ -64,16 +72,11 @@ def invert(model: Model, wanted: Array, given: Columns, name: str, rule: str = L
     DataError
         For a model with memory.
     """
-    names = [quantity.name for quantity in model.inputs]
-    if name not in names:
-        raise UsageError(f"the model has no input '{name}'", f"it has {', '.join(names)}")
     if rule not in (LOWEST, NEAREST):
         raise UsageError(f"there is no rule '{rule}'", f"take {LOWEST} or {NEAREST}")
-    slopes, ends = with_slopes(assignments(model)), knots(model, name)
+    slopes, ends = _slopes(model, name), knots(model, name)
     found = []
-    for start in range(0, len(wanted), CHUNK):
-        part = slice(start, start + CHUNK)
-        line = _Line(model, slopes, name, names, wanted[part], {one: np.asarray(x)[part] for one, x in given.items()})
+    for start, line in _lines(model, slopes, wanted, given, name):
         values, rows, flat = line.solutions(line.with_turning_points(ends))
         found.append((values, rows + start, flat))
     values, rows, flat = (np.concatenate(parts) for parts in zip(*found, strict=True))
@@ -82,6 +85,53 @@ def invert(model: Model, wanted: Array, given: Columns, name: str, rule: str = L
     counts = np.bincount(rows, minlength=len(wanted))
     status = tuple(FLAT if is_flat else (NONE, ONE, SEVERAL)[min(count, 2)] for is_flat, count in zip(flat, counts.tolist(), strict=True))
     return Inverse(values, rows, status, _picked(values, rows, len(wanted), rule))
+
+
+def turned(model: Model, columns: Columns, name: str) -> Turned:
+    """The input `name` as a function of the model's output and its other inputs, as the force at a strain of a model of the strain.
+
+    At every row, `(n,)`, it is the lowest solution within the training range, or, where there is none, the place that comes nearest to the
+    output: a strain that no force of the range makes has the force at the end of the range. NaN where a column is.
+
+    Parameters
+    ----------
+    columns
+        The output and all inputs but `name`, by name, each `(n,)`.
+
+    Raises
+    ------
+    UsageError, DataError
+        As `invert`.
+    """
+    slopes = _slopes(model, name)
+    needed = [model.output.name, *(quantity.name for quantity in model.inputs if quantity.name != name)]
+    known = np.flatnonzero(np.logical_and.reduce([np.isfinite(columns[one]) for one in needed]))
+    given = {one: np.asarray(columns[one], dtype=np.float64)[known] for one in needed}
+    wanted, ends = given.pop(model.output.name), knots(model, name)
+    values, solved = np.full(len(columns[needed[0]]), np.nan), np.zeros(len(columns[needed[0]]), dtype=np.bool_)
+    for start, line in _lines(model, slopes, wanted, given, name):
+        edges = line.with_turning_points(ends)
+        solutions, rows, _ = line.solutions(edges)
+        order = np.lexsort([solutions, rows])
+        picked = _picked(solutions[order], rows[order], len(edges), LOWEST)
+        solved[known[start : start + len(edges)]] = np.isfinite(picked)
+        values[known[start : start + len(edges)]] = np.where(np.isfinite(picked), picked, line.nearest(edges))
+    return Turned(values, solved)
+
+
+def _slopes(model: Model, name: str) -> Assignments:
+    names = [quantity.name for quantity in model.inputs]
+    if name not in names:
+        raise UsageError(f"the model has no input '{name}'", f"it has {', '.join(names)}")
+    return with_slopes(assignments(model))
+
+
+def _lines(model: Model, slopes: Assignments, wanted: Array, given: Columns, name: str) -> Iterator[tuple[int, _Line]]:
+    """The model along an input at some rows at a time, with the number of the first."""
+    names = [quantity.name for quantity in model.inputs]
+    for start in range(0, len(wanted), CHUNK):
+        part = slice(start, start + CHUNK)
+        yield start, _Line(model, slopes, name, names, wanted[part], {one: np.asarray(x)[part] for one, x in given.items()})
 
 
 def knots(model: Model, name: str) -> Array:
@@ -165,6 +215,13 @@ class _Line:
         between = np.full(turns.shape, np.nan)
         between[turns] = found
         return np.sort(np.concatenate([grid, np.where(turns, between, grid[:, :-1])], axis=1), axis=1)
+
+    def nearest(self, edges: Array) -> Array:
+        """The edge of each row, of (n, e), at which least is missing, (n,)."""
+        row = np.broadcast_to(np.arange(len(edges))[:, None], edges.shape)
+        missing = np.abs(self.missing(edges.ravel(), row.ravel()).reshape(edges.shape))
+        found: Array = edges[np.arange(len(edges)), np.argmin(missing, axis=1)]
+        return found
 
     def solutions(self, edges: Array) -> tuple[Array, IntArray, BoolArray]:
         """Solutions and their rows, (m,) each, and the rows, (n,), in which they fill a range."""

@@ -180,8 +180,21 @@ class ReportInputs:
         return {**own, **self.validation.motions}
 
     @property
+    def turned(self) -> bool:
+        """True where the model is inverted to be scored: the target is one of its inputs."""
+        names = {quantity.name for quantity in self.model.inputs}
+        return self.target.name in names and self.model.output.name != self.target.name
+
+    @property
+    def fitted(self) -> str:
+        """Name of the quantity that the segments are fitted to."""
+        return self.model.output.name if self.turned else self.dataset.target
+
+    @property
     def in_curve(self) -> Quantity:
         """The quantity that varies within a curve: the first segmented one, else the input of which a curve covers most."""
+        if self.turned:
+            return self.model.output
         free = [q.name for q in self.model.inputs if q.name != self.model.level] or [q.name for q in self.model.inputs]
         pieces = self.model.pieces
         name = pieces.variables[0] if pieces is not None and pieces.variables else max(free, key=self._covered)

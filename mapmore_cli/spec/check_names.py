@@ -62,6 +62,8 @@ def _uses(spec: ExperimentSpec) -> Iterator[_Use]:
             yield _Use(name, ("segment", name), on_key=True)
         if isinstance(cut, CutByDirection):
             yield _Use(cut.of, ("segment", name, "of"))
+    if spec.validation.as_ is not None:
+        yield _Use(spec.validation.as_, ("validate", "as"))
     if isinstance(spec.fuse.extrapolation, Mapping):
         for name in spec.fuse.extrapolation:
             yield _Use(name, ("fuse", "extrapolation", name), on_key=True)

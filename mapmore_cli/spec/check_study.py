@@ -99,16 +99,25 @@ def target(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def chosen_backbone(spec: ExperimentSpec) -> Iterator[Finding]:
-    """A backbone is chosen by levels that are left out, for segments that do not depend on it."""
+    """A backbone is chosen by levels or blocks that are left out, for segments that do not depend on it."""
     if spec.model.backbone != AUTO:
         return
     loc, remedy = ("model", "backbone"), "name a formula, as `sarosi`"
     if spec.has_memory:
-        yield Finding(loc, "`auto` chooses by left-out levels, and a model with memory has none", remedy)
+        yield Finding(loc, "`auto` chooses by left-out levels or blocks, and a model with memory has none", remedy)
     elif any(isinstance(cut, Cuts) and cut.method == "optimal" for cut in spec.segment.values()):
         yield Finding(loc, "`auto` chooses for given segments, and `optimal` ones depend on the backbone", f"{remedy}, or cut `even`")
-    elif spec.data.levels is None or spec.segment.get(spec.data.levels.of) == "none":
-        yield Finding(loc, "`auto` chooses by left-out levels, and the study has none", f"add `levels` to `data`, or {remedy}")
+
+
+def turned(spec: ExperimentSpec) -> Iterator[Finding]:
+    """A model is inverted to be scored as one of its inputs: it has no memory, and the input is not its target."""
+    name, loc = spec.validation.as_, ("validate", "as")
+    if name is None:
+        return
+    if not isinstance(spec.target, TargetColumn) or name == spec.target.column:
+        yield Finding(loc, f"`{name}` needs a model of another quantity to be inverted", "set `target: {column: strain}`, or remove `as`")
+    elif spec.has_memory or spec.model.type != "mapmore":
+        yield Finding(loc, "only a model of pieces can be inverted to be scored", "remove `as`")
 
 
 def formulas(spec: ExperimentSpec) -> Iterator[Finding]:

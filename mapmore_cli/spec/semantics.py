@@ -19,6 +19,7 @@ CHECKS = (
     check_study.boundaries_by_fits,
     check_study.joining,
     check_study.chosen_backbone,
+    check_study.turned,
     check_study.held_out,
     check_study.target,
     check_study.formulas,

@@ -106,15 +106,15 @@ class Contest:
         return self._of_model(RunFiles(run_dir).model() if self.refit is None else self.refit(run_dir, self.dataset))
 
     def _of_model(self, other: Model) -> Forecasts:
-        quantities = self.dataset.quantities
+        quantities, target = self.dataset.quantities, self.dataset.target
         differing = [q.name for q in (other.output, *other.inputs) if quantities.get(q.name) != q]
-        if other.output != self.model.output or differing:
+        if target not in (q.name for q in (other.output, *other.inputs)) or differing:
             what = ", ".join(differing) or other.output.name
             raise SpecError(
                 f"validate.against: the model of {other.name} is of other quantities or units ({what})",
                 "compare runs of the same quantities in the same units",
             )
-        return tuple(forecast(other, curve) for curve in self.dataset.curves)
+        return tuple(forecast(other, curve, target) for curve in self.dataset.curves)
 
     def _sum(self, competitor: Competitor) -> Rival:
         """Formulas with signs and inputs of their own, fitted together to the training data."""

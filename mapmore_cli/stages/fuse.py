@@ -67,4 +67,4 @@ def _provenance(part: ModelChoices) -> dict[str, str]:
     return {**tool_versions(), "spec": json.dumps(plain(part), indent=1)}
 
 
-STAGE = Stage(name="fuse", revision=7, outputs=(MODEL,), reads=reads, run=run, needs=needs)
+STAGE = Stage(name="fuse", revision=8, outputs=(MODEL,), reads=reads, run=run, needs=needs)

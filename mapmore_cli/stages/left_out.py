@@ -21,6 +21,7 @@ from mapmore_cli.stages import kinds
 from mapmore_cli.stages.competitors import Contest, Forecasts
 from mapmore_cli.stages.kinds import maker_of
 from mapmore_cli.stages.kinds.choices import ModelChoices
+from mapmore_cli.storage.run_folder import RunFiles
 
 if TYPE_CHECKING:
     from mapmore_cli.stages.pipeline.stage import Progress
@@ -32,17 +33,20 @@ Compare = Callable[[Contest], dict[str, Forecasts]]
 """What every model of a comparison says of every curve; models whose fit failed are left out."""
 
 
-def left_out(choices: ModelChoices, contest: Contest, compare: Compare, progress: Progress) -> tuple[Dataset, dict[str, Forecasts]]:
+def left_out(
+    choices: ModelChoices, contest: Contest, compare: Compare, progress: Progress, fitted_to: str
+) -> tuple[Dataset, dict[str, Forecasts]]:
     """The dataset with every sample held out, and what models of the other levels say of each curve, by the name of the model.
 
-    Everything is fitted anew without the level: cuts, terms, backbone, how much of its residual is trusted, and every competitor.
+    Everything is fitted anew without the level: cuts, terms, backbone, how much of its residual is trusted, and every competitor. The run's
+    own model is `fitted_to` a quantity, which need not be the one that is scored.
     """
     dataset = contest.dataset
     levels = list(dict.fromkeys(curve.level for curve in dataset.curves))
     found: dict[str, list[Forecasts]] = {}
     for number, level in enumerate(levels):
         fold = replace(dataset, curves=tuple(replace(c, held_out=np.full(c.size, c.level == level)) for c in dataset.curves))
-        model = refitted(choices, fold)
+        model = refitted(choices, replace(fold, target=fitted_to))
         said = compare(replace(contest, dataset=fold, model=model, refit=refit_run))
         for name, forecasts in {OWN: _own(model, fold), **said}.items():
             found.setdefault(name, []).append(forecasts)
@@ -132,11 +136,12 @@ def refit_run(run_dir: Path, dataset: Dataset) -> Model:
     from mapmore_cli.spec.loader import load
     from mapmore_cli.stages.fuse import reads
 
-    return refitted(reads(load(run_dir / "experiment.yaml").spec), dataset)
+    own_target = RunFiles(run_dir).dataset().target
+    return refitted(reads(load(run_dir / "experiment.yaml").spec), replace(dataset, target=own_target))
 
 
 def _own(model: Model, dataset: Dataset) -> Forecasts:
-    return tuple(forecast(model, curve) for curve in dataset.curves)
+    return tuple(forecast(model, curve, dataset.target) for curve in dataset.curves)
 
 
 def _joined(parts: Sequence[Forecasts], folds: Sequence[int]) -> Forecasts:

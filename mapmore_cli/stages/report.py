@@ -100,6 +100,9 @@ def collected(part: Slice, run_dir: Path, spec_text: str = "") -> ReportInputs:
     dataset = RunFiles(run_dir).dataset()
     model = RunFiles(run_dir).model()
     validation = RunFiles(run_dir).validation()
+    turned = part.validate.as_
+    if turned is not None:
+        dataset = replace(dataset, target=turned)
     published = part.report.published
     return ReportInputs(
         name=part.name,
@@ -116,7 +119,12 @@ def collected(part: Slice, run_dir: Path, spec_text: str = "") -> ReportInputs:
         spec_text=spec_text,
         provenance=tool_versions(),
         warnings=validation.warnings,
-        notes=(*([LEFT_OUT] if part.left_out else []), *dataset.notes, *model.notes),
+        notes=(
+            *([LEFT_OUT] if part.left_out else []),
+            *([f"The model predicts {model.output.name}; it is inverted, and scored as {turned}."] if turned is not None else []),
+            *dataset.notes,
+            *model.notes,
+        ),
         style=_style(part.report.style),
     )
 

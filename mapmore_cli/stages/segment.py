@@ -62,4 +62,4 @@ def run(part: Slice, workspace: Workspace) -> None:
     write_segmentation(workspace.out / SEGMENTATION, segmentation, units_of(dataset))
 
 
-STAGE = Stage(name="segment", revision=4, outputs=(SEGMENTATION,), reads=reads, run=run)
+STAGE = Stage(name="segment", revision=5, outputs=(SEGMENTATION,), reads=reads, run=run)

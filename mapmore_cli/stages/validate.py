@@ -20,6 +20,7 @@ from mapmore_cli.stages.pipeline.stage import Compared, Need, Stage, Variation, 
 from mapmore_cli.storage.run_folder import VALIDATION
 
 if TYPE_CHECKING:
+    from mapmore_cli.domain.models import Model
     from mapmore_cli.domain.recording import Dataset
     from mapmore_cli.domain.results import Forecast
     from mapmore_cli.domain.scores import Score
@@ -31,11 +32,13 @@ if TYPE_CHECKING:
 class Slice:
     """What the scores depend on beyond the model.
 
-    `static` is the spec of the needed static run, `lengths` are the muscle's in m, `cycles_of` is the quantity whose cycles are held out,
+    `target` is what is scored, `seen_as` the same where it is not what the model predicts, so that this is inverted. `static` is the spec
+    of the needed static run, `lengths` are the muscle's in m, `cycles_of` is the quantity whose cycles are held out,
     and `folds` has the choices that models are made by where every level is left out in turn.
     """
 
     target: str
+    seen_as: str | None
     against: list[str | Competitor]
     static: str | None
     lengths: dict[str, float | None]
@@ -49,7 +52,8 @@ def reads(spec: ExperimentSpec) -> Slice:
     target = spec.target if isinstance(spec.target, str) else spec.target.column
     moving = target in ("damping", "dynamic")
     return Slice(
-        target=target,
+        target=spec.validation.as_ or target,
+        seen_as=spec.validation.as_,
         against=spec.validation.against,
         static=spec.needs.static if moving else None,
         lengths=spec.muscle.lengths,
@@ -70,12 +74,13 @@ def run(part: Slice, workspace: Workspace) -> None:
     from mapmore_cli.storage.artefacts import write_validation
     from mapmore_cli.storage.score_files import write_scores
 
-    dataset = workspace.files.dataset()
-    model = workspace.files.model()
+    measured, model = workspace.files.dataset(), workspace.files.model()
+    dataset = measured if part.seen_as is None else scored_as(part.seen_as, measured, model)
     static_run = workspace.needed[part.static] if part.static is not None else None
     contest = Contest(dataset, model, workspace.needed, static_run, part.lengths, workspace.spec_dir)
     rivals = _rivals(contest, part, workspace)
-    forecasts = {OWN: tuple(forecast(model, curve) for curve in dataset.curves), **{one.name: one.forecasts for one in rivals}}
+    own = tuple(forecast(model, curve, dataset.target) for curve in dataset.curves)
+    forecasts = {OWN: own, **{one.name: one.forecasts for one in rivals}}
     for one in rivals:
         for told in (told for name, fit in one.formulas.items() for told in rival_minima(name, fit, dataset.unit(dataset.target))):
             workspace.warn(told)
@@ -83,10 +88,11 @@ def run(part: Slice, workspace: Workspace) -> None:
         _told_of_diverged(name, found, dataset, workspace.warn)
     judged = [(dataset, {name: found for name, found in forecasts.items() if name not in {one.name for one in rivals if one.failed}})]
     if part.folds is not None:
-        judged.append(_left_out(part.folds, contest, part, workspace))
+        judged.append(_left_out(part.folds, contest, part, workspace, measured.target))
     scale = divisor(judged[-1][0], part.normaliser)
     scores = [row for rows_of, said in judged for row in _scores(part, said, rows_of, scale)]
-    scores += _floor(part, [quantity.name for quantity in model.inputs], dataset, scale)
+    inputs = [quantity.name for quantity in (model.output, *model.inputs) if quantity.name != dataset.target]
+    scores += _floor(part, inputs, dataset, scale)
     formulas = {name: fit for one in rivals for name, fit in one.formulas.items()}
     motions = {one.name: one.motion for one in rivals if one.motion is not None}
     predictions = {name: tuple(one.values for one in found) for name, found in forecasts.items()}
@@ -95,6 +101,15 @@ def run(part: Slice, workspace: Workspace) -> None:
     validation = Validation(predictions, formulas, tuple(scores), units, motions, loud)
     write_validation(workspace.out / VALIDATION, validation)
     write_scores(workspace.out, validation.table, model.name)
+
+
+def scored_as(name: str, dataset: Dataset, model: Model) -> Dataset:
+    """The dataset with an input of the model as what is measured and scored; SpecError where the model has no such input."""
+    inputs = [quantity.name for quantity in model.inputs]
+    if name not in inputs:
+        remedy = f"the model is a function of {', '.join(inputs)}: name one of these, or put `{name}` into the dictionary"
+        raise SpecError(f"validate.as: the model of {model.output.name} cannot be inverted for `{name}`", remedy)
+    return replace(dataset, target=name)
 
 
 def _rivals(contest: Contest, part: Slice, workspace: Workspace) -> list[Rival]:
@@ -109,7 +124,9 @@ def _rivals(contest: Contest, part: Slice, workspace: Workspace) -> list[Rival]:
     return rivals
 
 
-def _left_out(choices: ModelChoices, contest: Contest, part: Slice, workspace: Workspace) -> tuple[Dataset, dict[str, Forecasts]]:
+def _left_out(
+    choices: ModelChoices, contest: Contest, part: Slice, workspace: Workspace, fitted_to: str
+) -> tuple[Dataset, dict[str, Forecasts]]:
     """The dataset with all samples held out, and what models of the other levels say of them."""
     from mapmore_cli.stages.left_out import left_out
 
@@ -118,7 +135,7 @@ def _left_out(choices: ModelChoices, contest: Contest, part: Slice, workspace: W
     def compare(fold: Contest) -> dict[str, Forecasts]:
         return {one.name: one.forecasts for one in _rivals(fold, part, quiet) if not one.failed}
 
-    whole, said = left_out(choices, contest, compare, workspace.progress)
+    whole, said = left_out(choices, contest, compare, workspace.progress, fitted_to)
     return whole, said
 
 

@@ -24,7 +24,7 @@ def test_the_run_tells_what_it_chose(tmp_path: Path, mapmore: Callable[..., Any]
     ("settings", "words"),
     [
         (["segment={strain: {method: optimal, count: 2}}"], "`optimal` ones depend on the backbone"),
-        (["segment.pressure=none"], "chooses by left-out levels, and the study has none"),
+        (["dictionary=[{lags: {of: [force], steps: [1], order: 1}}]", "segment={}"], "a model with memory has none"),
     ],
 )
 def test_a_choice_that_cannot_be_made_is_refused(settings: list[str], words: str, tmp_path: Path, mapmore: Callable[..., Any]) -> None:

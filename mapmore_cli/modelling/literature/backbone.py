@@ -7,11 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from hashlib import sha256
 from types import MappingProxyType
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling import literature
@@ -40,10 +41,27 @@ def fit_formula(
     `lengths` are the muscle's `length` and `diameter`, in m, for formulas that have one of them; `starts` names published starting values.
     """
     columns = pooled_training(curves)
-    formula = literature.get(name).of_muscle(lengths)
-    if starts is not None:
-        formula = formula.starting_from(starts)
-    return formula.fit(columns, columns[target], method)
+    key = _digest(columns, name, target, method, starts, *sorted(lengths.items()))
+    if key not in _FITTED:
+        formula = literature.get(name).of_muscle(lengths)
+        if starts is not None:
+            formula = formula.starting_from(starts)
+        if len(_FITTED) == MOST_KEPT:
+            _FITTED.pop(next(iter(_FITTED)))
+        _FITTED[key] = formula.fit(columns, columns[target], method)
+    return _FITTED[key]
+
+
+MOST_KEPT = 512
+_FITTED: dict[bytes, FormulaFit] = {}
+"""Fits by what they follow from: backbone, its choice, left-out data and competitors ask the same formula of the same samples."""
+
+
+def _digest(columns: Columns, *how: object) -> bytes:
+    found = sha256(repr(how).encode())
+    for column, values in sorted(columns.items()):
+        found.update(column.encode() + np.ascontiguousarray(values).tobytes())
+    return found.digest()
 
 
 def residual_of(curve: Curve, target: str, backbone: FormulaFit | None) -> Curve:

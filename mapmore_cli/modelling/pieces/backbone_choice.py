@@ -1,8 +1,8 @@
 """Which formula the pieces stand on: the one whose fused model errs least on left-out training levels.
 
-The candidates are few: every static formula of the study's inputs, and none. Each inner level is left out in turn, and everything is done
-anew without it: formula, cuts, terms, and then the share of the residual that serves best. Outermost levels are no part of the choice, for
-there a model extrapolates; their error is told beside it.
+The candidates are few: every static formula of the study's inputs, and none. Each inner level (of one surface: each inner block along every
+input) is left out in turn, and everything is done anew without it: formula, cuts, terms, and then the share of the residual that serves
+best. Outermost ones are no part of the choice, for there a model extrapolates; their error is told beside it.
 
 With three training levels or fewer, one fold or none is left, in which hardly any formula is determined: the choice would be chance (on
 measured muscles it took Sárosi's formula where the hinged one has a tenth of its error). There `FEW` is taken, which keeps to the plain
@@ -19,7 +19,7 @@ import numpy as np
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.pieces.cross_validation import inner_levels, leave_out, training_numbers
+from mapmore_cli.modelling.pieces.cross_validation import LeftOut, inner_folds, inner_levels, leave_out, of_fold, outer_folds, together
 from mapmore_cli.modelling.pieces.recipe import Recipe
 from mapmore_cli.modelling.pieces.shrinkage import shrunken_share
 
@@ -37,11 +37,15 @@ TOLD = 4
 
 @dataclass(frozen=True)
 class Candidate:
-    """A formula (None: no backbone) with its fused model's RMSE on left-out inner levels, and the share of the residual that it is for."""
+    """A formula (None: no backbone) with its fused model's RMSE on left-out inner levels, and the share of the residual that it is for.
+
+    Where not all folds were tried, since the first ones tell enough, the RMSE is what it comes to at least.
+    """
 
     name: str | None
     rmse: float
     share: float
+    tried: bool = True
 
     @property
     def parameters(self) -> int:
@@ -70,21 +74,19 @@ def choose_backbone(
 ) -> Choice:
     """Choose among `candidates` by left-out inner levels of the training data."""
     names = candidates(curves, recipe.target)
-    folds = len(inner_levels(curves, recipe))
+    pooled = recipe.cutting.level is None
+    folds = len(inner_folds(curves, recipe)) if pooled else len(inner_levels(curves, recipe))
     if folds < FEWEST_FOLDS:
         taken = FEW if FEW in names else None
-        why = f"{folds} inner training level(s) are too few to choose a backbone by; {taken or 'none'} is taken"
+        why = f"{folds} inner {_part(recipe)}(s) are too few to choose a backbone by; {taken or 'none'} is taken"
         return Choice(taken, f"{why}, as wherever they are" if taken else why)
     thinned = [thin(curve, next(iter(recipe.cutting.cuts), None)) for curve in curves]
-    found = []
-    for number, name in enumerate(names):
-        tried = _tried(name, thinned, recipe, quantities)
-        found += [] if tried is None else [tried]
-        progress(number + 1, len(names))
+    found = _raced(names, _Folds(thinned, recipe, quantities), progress)
     if not found:
         return Choice(None, "no backbone: no formula could be fitted without a level, nor pieces alone")
-    chosen = simplest(found)
-    return Choice(chosen.name, _note(chosen, found, folds, _outermost(chosen, thinned, recipe, quantities), quantities[recipe.target].unit))
+    chosen = simplest([one for one in found if one.tried])
+    outermost = _outermost(chosen, thinned, recipe, quantities)
+    return Choice(chosen.name, _note(chosen, found, folds, _part(recipe), outermost, quantities[recipe.target].unit))
 
 
 def candidates(curves: Sequence[Curve], target: str) -> tuple[str | None, ...]:
@@ -111,33 +113,66 @@ def thin(curve: Curve, along: str | None) -> Curve:
     return replace(curve, columns=columns, held_out=np.zeros(len(rows), dtype=np.bool_), at_rest=None, origin=None)
 
 
-def _tried(name: str | None, curves: Sequence[Curve], recipe: Recipe, quantities: Mapping[str, Quantity]) -> Candidate | None:
-    """The candidate with its error; None where it cannot be fitted without one of the levels."""
-    try:
-        left_out = leave_out(curves, recipe, quantities, name)
-    except MapmoreError:
-        return None
-    share = 1.0 if name is None else shrunken_share(left_out)
-    rmse = left_out.rmse(share)
-    return Candidate(name, rmse, share) if np.isfinite(rmse) else None
+class _Folds:
+    """The inner folds of a choice, and what candidates said of those that they were tried on."""
+
+    def __init__(self, curves: Sequence[Curve], recipe: Recipe, quantities: Mapping[str, Quantity]) -> None:
+        self.curves, self.recipe, self.quantities = curves, recipe, quantities
+        self.folds = inner_folds(curves, recipe)
+        self.samples = sum(int(out.sum()) for fold in self.folds for out in fold)
+        self.said: dict[str | None, list[LeftOut]] = {}
+
+    def tried(self, name: str | None, count: int) -> Candidate | None:
+        """The candidate on the first `count` folds, as if the others added no error; None where it cannot be fitted without one."""
+        said = self.said.setdefault(name, [])
+        try:
+            for fold in self.folds[len(said) : count]:
+                said.append(of_fold(self.curves, fold, self.recipe, self.quantities, name))
+        except MapmoreError:
+            return None
+        left_out = together(said)
+        share = 1.0 if name is None else shrunken_share(left_out)
+        rmse = left_out.rmse(share) * float(np.sqrt(len(left_out.measured) / self.samples))
+        return Candidate(name, rmse, share, len(said) == len(self.folds)) if np.isfinite(rmse) else None
+
+
+def _raced(names: Sequence[str | None], folds: _Folds, progress: Callable[[int, int], None]) -> list[Candidate]:
+    """The candidates that can be fitted, each on as many folds as its choice depends on.
+
+    A sum of squares only grows from fold to fold, whatever the share: a candidate that has left the margin of the best one is out.
+    """
+    first = [candidate for name in names if (candidate := folds.tried(name, 1)) is not None]
+    found: list[Candidate] = []
+    for number, begun in enumerate(sorted(first, key=lambda candidate: candidate.rmse)):
+        best = min((one.rmse for one in found if one.tried), default=np.inf)
+        one: Candidate | None = begun
+        while one is not None and not one.tried and one.rmse <= (1 + MARGIN) * best:
+            one = folds.tried(one.name, len(folds.said[one.name]) + 1)
+        found += [] if one is None else [one]
+        progress(number + 1, len(first))
+    return found
 
 
 def _outermost(chosen: Candidate, curves: Sequence[Curve], recipe: Recipe, quantities: Mapping[str, Quantity]) -> float | None:
-    """RMSE of the chosen model on the lowest and the highest training level, each left out; None where it cannot be fitted without."""
-    numbers = training_numbers(curves)
+    """RMSE of the chosen model on what lies outermost, left out in turn; None where it cannot be fitted without."""
     try:
-        return leave_out(curves, recipe, quantities, chosen.name, numbers=(numbers[0], numbers[-1])).rmse(chosen.share)
+        return leave_out(curves, recipe, quantities, chosen.name, folds=outer_folds(curves, recipe)).rmse(chosen.share)
     except MapmoreError:
         return None
 
 
-def _note(chosen: Candidate, found: Sequence[Candidate], folds: int, outermost: float | None, unit: str) -> str:
+def _part(recipe: Recipe) -> str:
+    """What is left out in turn."""
+    return "training block" if recipe.cutting.level is None else "training level"
+
+
+def _note(chosen: Candidate, found: Sequence[Candidate], folds: int, part: str, outermost: float | None, unit: str) -> str:
     others = sorted((one for one in found if one is not chosen), key=lambda one: one.rmse)[:TOLD]
-    beside = ", ".join(f"{one.label} {one.rmse:.4g}" for one in others)
-    best = min(found, key=lambda one: one.rmse)
+    beside = ", ".join(f"{one.label} {'' if one.tried else 'over '}{one.rmse:.4g}" for one in others)
+    best = min((one for one in found if one.tried), key=lambda one: one.rmse)
     simpler = "" if chosen is best else f"; it has fewer parameters than {best.label}, and errs within {MARGIN:.0%} of it"
-    beyond = "" if outermost is None else f". With an outermost level left out it errs by {outermost:.4g} {unit}"
+    beyond = "" if outermost is None else f". With an outermost {part.split()[-1]} left out it errs by {outermost:.4g} {unit}"
     return (
-        f"backbone {chosen.label} is chosen: with each of {folds} inner training levels left out in turn, the fused model errs by "
+        f"backbone {chosen.label} is chosen: with each of {folds} inner {part}s left out in turn, the fused model errs by "
         f"{chosen.rmse:.4g} {unit} ({beside}){simpler}{beyond}"
     )

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from mapmore_cli.domain.arrays import IntArray
-from mapmore_cli.domain.fits import FormulaFit, Segment, SegmentedCurve, SegmentFit
+from mapmore_cli.domain.fits import FormulaFit, Scaling, Segment, SegmentedCurve, SegmentFit
 from mapmore_cli.domain.models import CurveFunction, Model, Pieces, SegmentFunction, Side
 from mapmore_cli.domain.recording import Curve, Quantity, united
 from mapmore_cli.domain.results import FitResult, PiecesFit
@@ -98,12 +98,15 @@ def fuse(
         )
         for s in sorted(segmentation, key=lambda s: (s.level is not None, s.level))
     ]
+    share = _share(recipe, result.backbone)
+    if recipe.cutting.level is None and share != 1.0:
+        functions = [replace(function, segments=multiplied(function.segments, share)) for function in functions]
     sides = _extrapolation(recipe, result, inputs)
     fusion = replace(
         recipe.fusing.joints,
         extrapolation=sides,
         aligned=along,
-        shrink=_shrink(recipe, result.backbone),
+        shrink=1.0 if recipe.cutting.level is None else share,
         domain=_domain(segmentation, recipe, inputs),
     )
     return Model(
@@ -123,6 +126,15 @@ def build(
     return fuse(name, curves, segmentation, FitResult(PiecesFit(fit(curves, segmentation, recipe, backbone)), backbone), recipe, quantities)
 
 
+def multiplied(segments: Sequence[SegmentFunction], share: float) -> tuple[SegmentFunction, ...]:
+    """Segment functions times a number, which their scalings hold."""
+
+    def scaled(scaling: Scaling) -> Scaling:
+        return replace(scaling, y_slope=share * scaling.y_slope, y_intercept=share * scaling.y_intercept)
+
+    return tuple(replace(segment, scaling=scaled(segment.scaling)) for segment in segments)
+
+
 def _domain(segmentation: Sequence[SegmentedCurve], recipe: Recipe, inputs: Sequence[str]) -> dict[str, tuple[float, float]]:
     """Limits of the whole training domain, for every input but the level, where extrapolation is to begin there."""
     if recipe.fusing.limits == "curve":
@@ -131,8 +143,8 @@ def _domain(segmentation: Sequence[SegmentedCurve], recipe: Recipe, inputs: Sequ
     return {name: whole[name] for name in inputs if name != recipe.cutting.level}
 
 
-def _shrink(recipe: Recipe, backbone: FormulaFit | None) -> float:
-    """Without a backbone there is nothing to shrink towards."""
+def _share(recipe: Recipe, backbone: FormulaFit | None) -> float:
+    """Share of the residual that the recipe asks for; all of it without a backbone, where there is nothing to shrink towards."""
     return 1.0 if backbone is None or recipe.fusing.shrink is None else recipe.fusing.shrink
 
 

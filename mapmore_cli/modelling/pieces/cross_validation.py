@@ -11,13 +11,14 @@ from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.literature.backbone import fit_formula
+from mapmore_cli.modelling.literature.backbone import fit_formula, pooled
 from mapmore_cli.modelling.pieces.build import build
+from mapmore_cli.modelling.pieces.fit import dictionary_inputs
 from mapmore_cli.modelling.pieces.model import simulate
-from mapmore_cli.modelling.pieces.recipe import Recipe
+from mapmore_cli.modelling.pieces.recipe import Breakpoints, Cut, Even, Recipe
 
 BLOCKS = 5
-"""Contiguous blocks of a curve where there are too few levels to leave one out; the inner ones are left out in turn."""
+"""Contiguous blocks of a curve or a surface where there are too few levels to leave one out; the inner ones are left out in turn."""
 
 Folds = list[tuple[BoolArray, ...]]
 """For every fold and curve, the training samples that are left out."""
@@ -43,36 +44,53 @@ def leave_out(
     quantities: Mapping[str, Quantity],
     backbone: str | None,
     progress: Callable[[int, int], None] = lambda _done, _total: None,
-    numbers: Sequence[int] = (),
+    folds: Folds | None = None,
 ) -> LeftOut:
-    """Predictions of left-out training data by models of the rest, backbone included.
-
-    The curves of these `numbers` are left out in turn. Where none are given, each inner level is, since between levels is where a
-    level-wise residual can do harm; with fewer than three training levels, each inner block of the curves is.
+    """Predictions of left-out training data by models of the rest, backbone included; of `inner_folds` where none are given.
 
     Raises
     ------
     FitError
         Where the backbone cannot be fitted without some of the data.
     """
-    folds = _levels(curves, numbers) if numbers else _folds(curves, recipe)
-    found: list[tuple[Array, Array, Array]] = []
+    folds = inner_folds(curves, recipe) if folds is None else folds
+    found = []
     for number, left_out in enumerate(folds):
-        training = [replace(c, held_out=c.held_out | out) for c, out in zip(curves, left_out, strict=True)]
-        formula = None if backbone is None else fit_formula(backbone, training, recipe.target)
-        if formula is not None and formula.failed:
-            raise FitError(f"the fit of {formula.name} failed without some of the data", "take another backbone")
-        model = build("fold", training, replace(recipe, fusing=replace(recipe.fusing, shrink=1.0)), quantities, formula)
-        for curve, out in zip(curves, left_out, strict=True):
-            if out.any():
-                rows = {name: x[out] for name, x in curve.columns.items()}
-                alone = np.zeros(int(out.sum()))
-                if formula is not None:
-                    alone = literature.get(formula.name).predict(formula.parameters, rows)
-                found.append((rows[recipe.target], alone, simulate(model, rows).values - alone))
+        found.append(of_fold(curves, left_out, recipe, quantities, backbone))
         progress(number + 1, len(folds))
-    measured, alone, residual = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    return LeftOut(measured, alone, residual, len(folds))
+    return together(found)
+
+
+def of_fold(
+    curves: Sequence[Curve], left_out: Sequence[BoolArray], recipe: Recipe, quantities: Mapping[str, Quantity], backbone: str | None
+) -> LeftOut:
+    """What a model of the rest says of one fold; raises FitError where the backbone cannot be fitted without it."""
+    training = [replace(c, held_out=c.held_out | out) for c, out in zip(curves, left_out, strict=True)]
+    formula = None if backbone is None else fit_formula(backbone, training, recipe.target)
+    if formula is not None and formula.failed:
+        raise FitError(f"the fit of {formula.name} failed without some of the data", "take another backbone")
+    model = build("fold", training, _of_fewer_samples(recipe), quantities, formula)
+    rows = pooled(list(zip(curves, left_out, strict=True)))
+    measured = rows[recipe.target]
+    alone = np.zeros(len(measured)) if formula is None else literature.get(formula.name).predict(formula.parameters, rows)
+    return LeftOut(measured, alone, simulate(model, rows).values - alone, 1)
+
+
+def _of_fewer_samples(recipe: Recipe) -> Recipe:
+    """The recipe with all of the residual, which joins segments that lack samples only since some are left out."""
+    least = recipe.fitting.max_terms + 1
+
+    def joining(cut: Cut) -> Cut:
+        return replace(cut, min_samples=max(cut.min_samples, least)) if isinstance(cut, Even | Breakpoints) else cut
+
+    cuts = {name: joining(cut) for name, cut in recipe.cutting.cuts.items()}
+    return replace(recipe, cutting=replace(recipe.cutting, cuts=cuts), fusing=replace(recipe.fusing, shrink=1.0))
+
+
+def together(parts: Sequence[LeftOut]) -> LeftOut:
+    """Several folds as one."""
+    measured, alone, residual = (np.concatenate([getattr(part, name) for part in parts]) for name in ("measured", "backbone", "residual"))
+    return LeftOut(measured, alone, residual, sum(part.folds for part in parts))
 
 
 def inner_levels(curves: Sequence[Curve], recipe: Recipe) -> list[int]:
@@ -87,16 +105,45 @@ def training_numbers(curves: Sequence[Curve]) -> list[int]:
     return [number for number, curve in enumerate(curves) if curve.training.any()]
 
 
+def inner_folds(curves: Sequence[Curve], recipe: Recipe) -> Folds:
+    """What is left out in turn: data that lie between others.
+
+    - Each inner level, since between levels is where a level-wise residual can do harm.
+    - With fewer than three training levels, each inner block of the curves along the variable that is cut.
+    - Where curves are pooled into one surface, each of these blocks, and the inner levels where the curves have some. A single curve, as
+      a table, has inner blocks along every input of the surface.
+    """
+    return [fold for along in _along(curves, recipe) for fold in along[1:-1]]
+
+
+def outer_folds(curves: Sequence[Curve], recipe: Recipe) -> Folds:
+    """The lowest and the highest level or block in place of the inner ones: there a model extrapolates."""
+    return [fold for along in _along(curves, recipe) for fold in (along[0], along[-1])]
+
+
+def _along(curves: Sequence[Curve], recipe: Recipe) -> list[Folds]:
+    """The folds along every quantity that has at least three, in ascending order."""
+    cutting = recipe.cutting
+    levels = _levels(curves, training_numbers(curves))
+    if cutting.level is not None and len(levels) > 2:
+        return [levels]
+    inputs = sorted({*dictionary_inputs(recipe.fitting.dictionary), *cutting.cuts} - {cutting.level, cutting.pooled})
+    if len(levels) == 1:
+        found = [_blocks(curves, name) for name in inputs]
+    else:
+        found = [_blocks_of_each(curves, in_curve(curves, tuple(cutting.cuts), recipe.target, cutting.level))]
+    found += [levels] if cutting.pooled is not None else []
+    return [folds for folds in found if len(folds) > 2]
+
+
 def _levels(curves: Sequence[Curve], numbers: Sequence[int]) -> Folds:
     return [tuple(curve.training & (number == left) for number, curve in enumerate(curves)) for left in numbers]
 
 
-def _folds(curves: Sequence[Curve], recipe: Recipe) -> Folds:
-    inner = inner_levels(curves, recipe)
-    if inner:
-        return _levels(curves, inner)
-    along = in_curve(curves, tuple(recipe.cutting.cuts), recipe.target, recipe.cutting.level)
-    return [tuple(block(curve, along, number) for curve in curves) for number in range(1, BLOCKS - 1)]
+def _blocks_of_each(curves: Sequence[Curve], along: str) -> Folds:
+    """Five contiguous blocks of every curve: those of one number are left out together."""
+    folds = [tuple(block(curve, along, number) for curve in curves) for number in range(BLOCKS)]
+    return [fold for fold in folds if any(out.any() for out in fold)]
 
 
 def in_curve(curves: Sequence[Curve], segmented: Sequence[str], target: str, level: str | None) -> str:
@@ -112,3 +159,12 @@ def block(curve: Curve, along: str, number: int) -> BoolArray:
     order = rows[np.argsort(curve.columns[along][rows], kind="stable")]
     out[np.array_split(order, BLOCKS)[number]] = True
     return out
+
+
+def _blocks(curves: Sequence[Curve], name: str) -> Folds:
+    """At most five contiguous blocks along a variable, which part no samples of one value."""
+    values = np.unique(np.concatenate([curve.columns[name][curve.training] for curve in curves]))
+    parts = np.array_split(values, min(BLOCKS, len(values)))
+    return [
+        tuple(curve.training & (curve.columns[name] >= part[0]) & (curve.columns[name] <= part[-1]) for curve in curves) for part in parts
+    ]

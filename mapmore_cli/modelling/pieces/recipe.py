@@ -80,10 +80,13 @@ class Cutting:
         responses, whose curves stand at the pressure of their plateau (M2 figure 3h).
     cuts
         Segmentation of each segmented variable.
+    pooled
+        Quantity whose levels the curves have, where they are pooled into one surface all the same.
     """
 
     level: str | None
     cuts: Mapping[str, Cut]
+    pooled: str | None = None
 
 
 @dataclass(frozen=True)

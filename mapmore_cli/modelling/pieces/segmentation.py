@@ -9,7 +9,7 @@ from itertools import pairwise, product
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, IntArray
+from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Segment, SegmentedCurve
 from mapmore_cli.domain.recording import DIRECTION, Curve, united
@@ -21,6 +21,9 @@ def samples_of(curve: Curve, rows: IntArray) -> dict[str, Array]:
     """Columns of a curve at the given rows."""
     return {name: column[rows] for name, column in curve.columns.items()}
 
+
+Cell = tuple[int, ...]
+"""1-based place of a segment along each segmented variable."""
 
 IntervalCost = Callable[[Curve, IntArray], float]
 """What the fit of a segment function leaves on some rows of a curve: its sum of squared errors, in the unit of the target squared."""
@@ -54,7 +57,7 @@ def cut_points(curve: Curve, rows: IntArray, name: str, target: str, cut: Cut, c
 
 
 def joined(boundaries: Array, x: Array, least: int) -> Array:
-    """The boundaries without those that must go for every segment to hold `least` samples, or only one segment to be left.
+    """The boundaries of one variable without those that must go for every segment to hold `least` samples, or only one to be left.
 
     The segment with the fewest samples is joined to the neighbour that has fewer, the left one of equals, until none has too few.
     """
@@ -66,6 +69,41 @@ def joined(boundaries: Array, x: Array, least: int) -> Array:
         left, right = (counts[i] if 0 <= i < len(counts) else len(x) + 1 for i in (place - 1, place + 1))
         boundaries = np.delete(boundaries, place if left <= right else place + 1)
     return boundaries
+
+
+def joined_cells(cells: Mapping[Cell, BoolArray], least: int, across: Sequence[bool]) -> dict[Cell, BoolArray]:
+    """The samples of every cell, `(n,)` masks, with those of the cells that it is joined to: `least` at least, or all that can be reached.
+
+    Points of a table need not fill a grid: a muscle that is hardly inflated reaches no large strain. The group of cells with the fewest
+    samples is joined to the neighbour that has fewest, the first of equals, until none has too few. Cells of one group have one segment
+    function. Cells are neighbours along the variables that are joined `across`: not in another direction of motion.
+    """
+    groups: list[list[Cell]] = [[cell] for cell in cells]
+    done: list[list[Cell]] = []
+
+    def samples(group: list[Cell]) -> BoolArray:
+        found: BoolArray = np.logical_or.reduce([cells[cell] for cell in group])
+        return found
+
+    while groups:
+        fewest = min(groups, key=lambda group: int(samples(group).sum()))
+        others = [group for group in (*groups, *done) if group is not fewest and _touch(group, fewest, across)]
+        if int(samples(fewest).sum()) >= least:
+            break
+        groups.remove(fewest)
+        if not others:
+            done.append(fewest)
+            continue
+        other = min(others, key=lambda group: int(samples(group).sum()))
+        other.extend(fewest)
+    of_cell = {cell: samples(group) for group in (*groups, *done) for cell in group}
+    return {cell: of_cell[cell] for cell in cells}
+
+
+def _touch(group: Sequence[Cell], other: Sequence[Cell], across: Sequence[bool]) -> bool:
+    """True where a cell of one group lies beside one of the other."""
+    steps = ([abs(a - b) for a, b in zip(one, two, strict=True)] for one, two in product(group, other))
+    return any(sum(step) == 1 and across[step.index(1)] for step in steps)
 
 
 def _optimal_points(curve: Curve, rows: IntArray, name: str, grid: Array, cut: Optimal, cost: IntervalCost) -> Array:
@@ -115,7 +153,8 @@ def trained_at(curves: Sequence[Curve], level: str | float) -> tuple[Curve, ...]
 def segment_curve(curve: Curve, cuts: Mapping[str, Cut], target: str, cost: IntervalCost) -> SegmentedCurve:
     """Cut one curve's training samples over its own range: a grid of cells, one segment each.
 
-    A sample on a boundary belongs to both segments, since segments include both ends.
+    A sample on a boundary belongs to both segments, since segments include both ends. Cells of several variables that hold fewer than
+    `min_samples` are joined to their neighbours (`joined_cells`).
 
     Raises
     ------
@@ -126,12 +165,15 @@ def segment_curve(curve: Curve, cuts: Mapping[str, Cut], target: str, cost: Inte
     values = samples_of(curve, rows)
     boundaries = {name: cut_points(curve, rows, name, target, cut, cost) for name, cut in cuts.items()}
     inside = {name: _members(values[name], boundaries[name]) for name in cuts}
-    segments = []
+    cells: dict[Cell, BoolArray] = {}
     for cell in product(*(range(1, len(b)) for b in boundaries.values())):
-        mask = np.ones(len(rows), dtype=bool)
+        cells[cell] = np.ones(len(rows), dtype=np.bool_)
         for name, place in zip(cuts, cell, strict=True):
-            mask &= inside[name][place - 1]
-        segments.append(Segment(segment_id(curve.id, tuple(cuts), cell), curve.id, cell, rows[mask]))
+            cells[cell] &= inside[name][place - 1]
+    least = max((cut.min_samples for cut in cuts.values() if isinstance(cut, Even | Breakpoints)), default=0)
+    across = [not isinstance(cut, Directions) for cut in cuts.values()]
+    masks = joined_cells(cells, least, across) if len(cuts) > 1 else cells
+    segments = [Segment(segment_id(curve.id, tuple(cuts), cell), curve.id, cell, rows[mask]) for cell, mask in masks.items()]
     _refuse_empty(segments)
     return SegmentedCurve(
         curve=curve.id,
@@ -157,7 +199,7 @@ def segment_id(curve: str, variables: Sequence[str], cell: Sequence[int]) -> str
     return f"{curve}/" + (";".join(f"{name}:{place}" for name, place in places.items()) or "all")
 
 
-def _members(x: Array, boundaries: Array) -> list[Array]:
+def _members(x: Array, boundaries: Array) -> list[BoolArray]:
     return [(x >= low) & (x <= high) for low, high in pairwise(boundaries)]
 
 

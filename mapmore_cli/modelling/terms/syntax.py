@@ -11,6 +11,7 @@ import math
 import re
 import sys
 from dataclasses import dataclass
+from functools import cached_property
 
 from mapmore_cli.modelling.terms.errors import ExpressionError
 from mapmore_cli.modelling.terms.functions import FUNCTIONS
@@ -29,7 +30,7 @@ class Expression:
         """The expressions that this one is made of."""
         return ()
 
-    @property
+    @cached_property
     def names(self) -> frozenset[str]:
         """Every quantity that occurs."""
         return frozenset[str]().union(*(part.names for part in self.parts))
@@ -60,7 +61,7 @@ class Name(Expression):
         elif self.name in FUNCTIONS:
             raise ExpressionError(f"`{self.name}` cannot name a quantity in an expression")
 
-    @property
+    @cached_property
     def names(self) -> frozenset[str]:
         """The name itself."""
         return frozenset({self.name})

@@ -58,7 +58,7 @@ def segment_curves(inputs: ReportInputs, variable: int) -> list[SegmentCurve]:
         cell = np.zeros(curve.size, dtype=np.int64)
         for segment in segmented.segments:
             cell[segment.rows] = segment.cell[variable]
-        x, y = curve.columns[segmented.variables[variable]][train], curve.columns[inputs.dataset.target][train]
+        x, y = curve.columns[segmented.variables[variable]][train], curve.columns[inputs.fitted][train]
         title = inputs.curve_label(curve)
         panels.append(SegmentCurve(segmented.curve, title, x, y, cell[train], segmented.boundaries[variable]))
     return panels
@@ -126,11 +126,12 @@ def _panel(inputs: ReportInputs, fusion: Fusion, curve: SegmentCurve, along: Qua
         for ax in axes:
             draw_zones(ax, curve.boundaries, fusion.z_s)
 
+    target = inputs.dataset.quantities[inputs.fitted]
     weights = cell_weights(curve.x, curve.boundaries, fusion.transition, fusion.z_s).T
     data: dict[str, Values] = {
         f"{along.name} [{along.unit}]": curve.x,
-        f"{inputs.target.name} [{inputs.target.unit}]": curve.y,
+        f"{target.name} [{target.unit}]": curve.y,
         "segment": curve.cell,
         **{f"weight of segment {place}": weight for place, weight in enumerate(weights, start=1)},
     }
-    return Panel(curve.id, on, inputs.axis_label(along), (inputs.axis_label(inputs.target), "Weight (–)"), data, shortened(curve.title, 34))
+    return Panel(curve.id, on, inputs.axis_label(along), (inputs.axis_label(target), "Weight (–)"), data, shortened(curve.title, 34))

@@ -42,9 +42,10 @@ class Cuts(Section):
     """How one variable is cut into segments.
 
     `even` needs `count`, `breakpoints` the inner boundaries `at`. In both, neighbours are joined until each segment holds `min_samples`:
-    curves of few samples have fewer segments. `gradient` puts `count - 1` boundaries where the slope of the target changes most, seen
-    through a `window` (a tenth of each curve's range) and `separation` apart (the window). `optimal` puts them where the fits of the
-    segments leave the least, on a `grid` of equal cells (20) with `min_samples` in each segment (10).
+    curves of few samples have fewer segments. Where several variables are cut, as of a table of scattered points, it is cells that are
+    joined, and cells that belong together have one function. `gradient` puts `count - 1` boundaries where the slope of the target changes
+    most, seen through a `window` (a tenth of each curve's range) and `separation` apart (the window). `optimal` puts them where the fits
+    of the segments leave the least, on a `grid` of equal cells (20) with `min_samples` in each segment (10).
     """
 
     method: Literal["even", "breakpoints", "gradient", "optimal"]
@@ -125,9 +126,10 @@ class ModelChoice(StateSpaceKeys):
     """What kind of model the run builds.
 
     `mapmore` with a `backbone` explains by pieces what that formula leaves; `backbone: auto` takes the static formula, or none, whose fused
-    model errs least on left-out inner levels of the training data (with three levels or fewer: `sarosi_hinged`). `literature` fits the
-    formula `name` alone, by the `method` and from the `starts` that a competitor may have; `sum` adds the static and the damping model
-    that the spec needs, and is the default for the target `dynamic`; with `sum: [...]` it adds these parts, with signs and renamed inputs.
+    model errs least on left-out inner levels of the training data (with three levels or fewer: `sarosi_hinged`), or on left-out inner
+    blocks where all samples are one surface. `literature` fits the formula `name` alone, by the `method` and from the `starts` that a
+    competitor may have; `sum` adds the static and the damping model that the spec needs, and is the default for the target `dynamic`; with
+    `sum: [...]` it adds these parts, with signs and renamed inputs.
 
     `state_space` is P's model of motion: linear sections of second order along an `input`. `sections` are the boundaries between them, or
     how many with equal shares of the samples; `direction` gives rise and fall sections of their own. With `switching: hard` every section
@@ -247,8 +249,9 @@ class Fuse(Section):
     Transition zones reach `z_s` of a segment's width to each side of a boundary. Between levels, curves are interpolated by triangles
     (`levels: linear`) or keeping their shape (`pchip`), and with `align: threshold` between places that lie alike relative to their
     thresholds. `shrink` is the share of the residual on a backbone that is carried to the middle between two levels: `auto` asks left-out
-    training levels, 1 carries all of it, 0 leaves the backbone alone there. `extrapolation` is a word for all variables, or a mapping from
-    variable to word or `{below, above}`; without it, `continue` for one-term fits, else `saturate`. It begins at each curve's own ends
+    training levels, 1 carries all of it, 0 leaves the backbone alone there; where all samples are one surface, it is the share that counts
+    everywhere, and `auto` asks left-out blocks. `extrapolation` is a word for all variables, or a mapping from variable to word or
+    `{below, above}`; without it, `continue` for one-term fits, else `saturate`. It begins at each curve's own ends
     (`limits: curve`), or at those of the whole training domain (`domain`: M2 eq 12 as printed). `hold: samples` holds a segment function
     where a transition zone reaches beyond its samples by more than `z_s` of their width; `none` is M2 eq 9-11 to the letter.
     """

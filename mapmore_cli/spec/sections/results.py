@@ -100,8 +100,12 @@ class Validate(Section):
     `normaliser: max` is the largest absolute value of the measured target (M2 eq 13), `range` its extent, where its zero is arbitrary.
     `intervals: true` fits the model anew without each level of the training data in turn (without each recording, or blocks of them, where
     there are fewer than three), and keeps in the model what `predict --interval` needs.
+
+    `as: force` scores a model of the strain as one of the force: it is inverted for that input, and everything that it is compared with is
+    of the force. In the same way, a competitor whose target is another, and which has this study's target among its inputs, is inverted.
     """
 
+    as_: Quantity | None = Field(default=None, alias="as")
     against: list[Annotated[Annotated[str, Text] | Annotated[Competitor, Keyed], by_shape]] = []
     normaliser: Literal["max", "range"] = "max"
     intervals: bool = False

@@ -8,27 +8,52 @@ import numpy as np
 
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.modelling import literature
+from mapmore_cli.spec.sections.method import AUTO
 from mapmore_cli.stages.drafting.draft import Draft
 from mapmore_cli.stages.inspection.evidence import HINGED, slack_foot
 
 COMPETITORS = ("sarosi", "polynomial_2", "polynomial_5", "muscle_like", "polynomial_3")
 MOST_SEGMENTS = 4
 SAMPLES_OF_A_SEGMENT = 12
+FEWEST_ON_A_CURVE = 8
+"""Samples, below which the curves of levels are one surface."""
+CHOOSING_LEVELS = 4
+"""Training levels, from which left-out ones choose a backbone."""
 
 
 def with_model(draft: Draft, dataset: Dataset, inputs: Sequence[str]) -> Draft:
     """The draft with the sections from `segment` on."""
     swept = [name for name in inputs if name != dataset.level and name in dataset.quantities]
-    count = segment_count(dataset.curves, swept[0]) if len(swept) == 1 else 1
-    if count > 1:
-        why = None if count == MOST_SEGMENTS else f"more than {count} would leave fewer than {SAMPLES_OF_A_SEGMENT} samples in one"
-        draft = draft.with_section("segment", {swept[0]: {"method": "even", "count": count}}).noted(("segment", swept[0]), why)
+    levels = [int(curve.training.sum()) for curve in dataset.curves if curve.training.any()]
+    if dataset.level is not None and min(levels) < FEWEST_ON_A_CURVE and len(swept) == 1:
+        why = f"{min(levels)} samples on a curve: too few for a function of each, so that all are one surface"
+        draft = draft.with_section("segment", {dataset.level: "none"}).noted(("segment", dataset.level), why)
+        swept = [dataset.level, *swept]
+    else:
+        draft = _with_segments(draft, dataset, swept)
     draft = draft.with_section("dictionary", [{"polynomial": {"of": swept, "order": 3}}])
-    known = [name for name in COMPETITORS if name in literature.names() and dataset.target == "force"]
+    turned = dataset.target != "force" and "force" in inputs
+    known = [name for name in COMPETITORS if name in literature.names() and (turned or dataset.target == "force")]
     formulas = [name for name in known if {*literature.get(name).inputs} <= {*dataset.quantities}]
     draft = _with_backbone(draft, dataset, formulas)
     draft = draft.with_section("fit", {"max_terms": 3, "stop": "bic"}, "up to three terms in each segment, as many as pay for themselves")
+    if turned:
+        why = f"the model of the {dataset.target} is inverted, so that scores are of the force, beside the formulas"
+        return draft.with_section("validate", {"as": "force", "against": formulas}).noted(("validate", "as"), why)
     return draft.with_section("validate", {"against": formulas}) if formulas else draft
+
+
+def _with_segments(draft: Draft, dataset: Dataset, swept: Sequence[str]) -> Draft:
+    """As many segments as the samples allow: of every curve, or two along each input of one surface."""
+    if len(swept) == 2 and sum(int(curve.training.sum()) for curve in dataset.curves) >= 4 * SAMPLES_OF_A_SEGMENT:
+        cut = {"method": "even", "count": 2, "min_samples": SAMPLES_OF_A_SEGMENT}
+        why = f"nothing was held: one surface, whose cells are joined until each holds {SAMPLES_OF_A_SEGMENT} samples"
+        return draft.with_section("segment", dict.fromkeys(swept, cut)).noted(("segment", swept[0]), why)
+    count = segment_count(dataset.curves, swept[0]) if len(swept) == 1 else 1
+    if count == 1:
+        return draft
+    reason = None if count == MOST_SEGMENTS else f"more than {count} would leave fewer than {SAMPLES_OF_A_SEGMENT} samples in one"
+    return draft.with_section("segment", {swept[0]: {"method": "even", "count": count}}).noted(("segment", swept[0]), reason)
 
 
 def segment_count(curves: Sequence[Curve], name: str) -> int:
@@ -43,6 +68,10 @@ def segment_count(curves: Sequence[Curve], name: str) -> int:
 def _with_backbone(draft: Draft, dataset: Dataset, formulas: Sequence[str]) -> Draft:
     if "sarosi" not in formulas or dataset.target != "force":
         return draft
+    pooled = dataset.level is None or draft.spec.get("segment", {}).get(dataset.level) == "none"
+    if pooled or sum(curve.training.any() for curve in dataset.curves) >= CHOOSING_LEVELS:
+        why = "the formula, or none, on which the pieces err least where training data are left out"
+        return draft.with_section("model", {"type": "mapmore", "backbone": AUTO}, why)
     pressure, strain, force = (
         np.concatenate([curve.columns[name] for curve in dataset.curves]) for name in ("pressure", "strain", "force")
     )

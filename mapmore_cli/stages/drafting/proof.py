@@ -10,7 +10,9 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from mapmore_cli.domain.errors import DataError, MapmoreError
+from mapmore_cli.modelling.pieces.backbone_choice import FEW
 from mapmore_cli.spec.loader import load
+from mapmore_cli.spec.sections.method import AUTO
 from mapmore_cli.spec.yaml_core import dump
 from mapmore_cli.stages.drafting.draft import Draft
 from mapmore_cli.stages.inspection.lint import inspect
@@ -81,7 +83,7 @@ def _fault(draft: Draft, folder: Path) -> MapmoreError | None:
     with TemporaryDirectory() as place:
         path = Path(place) / "draft.yaml"
         try:
-            path.write_text(dump(_absolute(draft.spec, folder)), encoding="utf-8")
+            path.write_text(dump(_chosen(_absolute(draft.spec, folder))), encoding="utf-8")
             loaded = load(path)
             found = inspect(loaded)
             if found.verdict is not None:
@@ -91,6 +93,12 @@ def _fault(draft: Draft, folder: Path) -> MapmoreError | None:
         except MapmoreError as fault:
             return fault
     return None
+
+
+def _chosen(spec: dict[str, Any]) -> dict[str, Any]:
+    """The spec with the backbone named that a choice falls back to: the choice leaves out what cannot be fitted, and takes its time."""
+    model = spec.get("model", {})
+    return {**spec, "model": {**model, "backbone": FEW}} if model.get("backbone") == AUTO else spec
 
 
 def _absolute(spec: dict[str, Any], folder: Path) -> dict[str, Any]:

@@ -49,9 +49,10 @@ def recipe_of(
     from mapmore_cli.modelling.pieces.recipe import Cutting, Fitting, Fusing, Recipe
 
     candidates = () if remembers(dictionary) else terms_of(dictionary)
+    level = level_of(levels, segment)
     return Recipe(
         target=target,
-        cutting=Cutting(level_of(levels, segment), cuts_of(segment)),
+        cutting=Cutting(level, cuts_of(segment), None if levels is None or level is not None else levels.of),
         fitting=Fitting(candidates, _scaling(fit), fit.most_terms, fit.tolerance, fit.stop),
         fusing=Fusing(
             joints=Fusion(fuse.transition, fuse.z_s, {}, levels=fuse.levels, hold=fuse.hold),

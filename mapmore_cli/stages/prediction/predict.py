@@ -10,11 +10,12 @@ from itertools import islice
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
-from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.intervals import ends, half_width_of
-from mapmore_cli.modelling.kinds import outside_range, simulate, slopes
+from mapmore_cli.modelling.inverse import turned
+from mapmore_cli.modelling.kinds import outside_range, runs_over_time, simulate, slopes
 from mapmore_cli.modelling.memory import AtSample, numbered
 from mapmore_cli.modelling.signals.rates import with_signals
 from mapmore_cli.stages.prediction.records import Reading, Row, fields_of, reading_of, recordings, records, stretches, values_of
@@ -53,12 +54,16 @@ def predicted_lines(
     warn: Callable[[str], None] = lambda _: None,
     derivatives: bool = False,
     interval: float | None = None,
+    turned_for: str | None = None,
 ) -> Iterator[str]:
     """Yield the lines of a CSV table with `<output>_predicted` and `outside_range` added to each.
 
     The header holds canonical names; the numbers are in the model's units. The prediction has 12 significant digits; `outside_range` is
     `true` or `false`. Both are empty where an input is empty or not finite. Blank lines stay as they are. `label` names the table in
     messages; `chunk` has no influence on the result.
+
+    With `turned_for` an input, as the force of a model of the strain, the model is inverted for it: the table has the output in its place,
+    the column is `<input>_predicted`, and rows that no value within the training range solves are outside of it (`inverse.turned`).
 
     With an `interval`, as 0.95, there are `<output>_low` and `<output>_high`, empty outside of the training range; with `derivatives`, one
     more column for every input, `<output>_by_<input>`, in the units of the model.
@@ -74,7 +79,7 @@ def predicted_lines(
         Where the table is empty, lacks an input, already has one of the added columns, or has a field that is not a number; where a model
         with memory has nothing to go on from, or rows are not at its time steps; where the model holds nothing to make intervals from.
     UsageError
-        For an interval that there is none of.
+        For an interval that there is none of, or a model that cannot be inverted for that input.
     """
     extra = Extra(None if interval is None else half_width_of(model, interval), derivatives)
     rows = records(lines, label)
@@ -82,10 +87,10 @@ def predicted_lines(
     if header is None:
         raise DataError(f"{label}: the table is empty", f"its first line has to name {_named(model)}")
     names = [cell.strip() for cell in header.cells]
-    reading = reading_of(model, names)
+    reading = reading_of(model, names) if turned_for is None else _reading_turned(model, turned_for)
     read = tuple(dict.fromkeys((*reading.columns, *reading.outputs)))
     places = locate_columns(TableRequest(label, read, header=True), names, len(names))
-    added = (f"{model.output.name}_predicted", FLAG, *extra.names(model))
+    added = (f"{turned_for or model.output.name}_predicted", FLAG, *extra.names(model))
     for name in added:
         if name in names:
             raise DataError(f"{label}: already has a column {name}", "rename or remove it")
@@ -103,6 +108,16 @@ def predicted_lines(
             yield row.text + row.end if cells is None else f"{row.text},{added_cells}{row.end}"
     if predicted and beyond == predicted:
         warn(f"{label}: every row lies outside of the training range; the model expects {_named(model)}")
+
+
+def _reading_turned(model: Model, name: str) -> Reading:
+    """What is read where a model is inverted; UsageError where it cannot be."""
+    inputs = [quantity.name for quantity in model.inputs]
+    if name not in inputs:
+        raise UsageError(f"--as: the model has no input '{name}'", f"it has {', '.join(inputs)}")
+    if runs_over_time(model):
+        raise UsageError("--as: this model has memory, and cannot be inverted", "leave --as out")
+    return Reading((model.output.name, *(one for one in inputs if one != name)), turned_for=name)
 
 
 def _chunks(rows: Iterator[Row], size: int) -> Iterator[list[Row]]:
@@ -144,6 +159,10 @@ def _evaluated(model: Model, reading: Reading, columns: dict[str, Array], rows: 
 
     `rows` are the numbers by which rows are told where a run diverges, or in a mistake.
     """
+    if reading.turned_for is not None:
+        found_input = turned(model, columns, reading.turned_for)
+        outside = outside_range(model, {**columns, reading.turned_for: found_input.values}) | ~found_input.solved
+        return Run(found_input.values), outside, np.empty((len(rows), 0))
     found, flags, diverged, more = [], [], list[int](), []
     width = len(extra.names(model))
     for part in stretches(columns["time"]) if reading.signals else [slice(None)]:

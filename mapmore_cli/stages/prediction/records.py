@@ -70,12 +70,15 @@ class Reading:
         Measured outputs that a model with memory goes on from; they may be empty once it runs.
     over_time
         Whether rows belong to recordings, and `time` is among the columns.
+    turned_for
+        The input that the model is inverted for, where it is; the output is read in its place.
     """
 
     columns: tuple[str, ...]
     signals: tuple[Signal, ...] = ()
     outputs: tuple[str, ...] = ()
     over_time: bool = False
+    turned_for: str | None = None
 
 
 def reading_of(model: Model, given: Collection[str]) -> Reading:

@@ -44,5 +44,8 @@ def wrong_way_round(subject: Subject) -> Iterator[Issue]:
     if step is not None and set_in_steps(series[position]) is None:
         steps = f"force goes in even steps of {step:.4g} {subject.units['force']} and {position} does not"
         message = f"{steps}: the force was set, and {position} measured"
-        remedy = f"try `target: {{column: {position}}}` with force among the inputs: the noise lies in the {position}"
+        remedy = (
+            f"try `target: {{column: {position}}}` with force among the inputs: the noise lies in the {position}; "
+            "`validate: {as: force}` inverts the model, and scores it as force"
+        )
         yield Issue("hint", "wrong-way-round", subject.where("target"), message, remedy)
