@@ -111,7 +111,7 @@ HeldOut = Annotated[Annotated[list[OfKey], Many, Field(min_length=1)] | Annotate
 
 
 class Holdout(Section):
-    """Which samples validate; where several conditions are given, all must hold.
+    """Which samples validate. A sample must fulfil every condition that is given.
 
     `files` and `recordings` are globs; `last` is a share of every recording, `last_cycles` of its cycles, the rises and falls `of` a
     quantity, and `fraction` of all samples, drawn with `seed`. Any other key is a quantity, with values or
@@ -156,7 +156,7 @@ class Holdout(Section):
 
 
 class Split(Section):
-    """How training and validation data are separated; everything trains where nothing is said.
+    """Which data validate. Without it, all data train.
 
     `leave_one_level_out` is cross-validation over the levels: the saved model uses all data.
     """

@@ -90,7 +90,7 @@ class Polynomial(Section):
 
 
 class Lags(Section):
-    """Every monomial of the quantities `of`, so many samples ago (`steps`, 0 is now), as `force[k-1]`; up to `order`, as `polynomial`."""
+    """The quantities `of` as they were some `steps` ago (0 is now), as `force[k-1]`, and their monomials up to `order`."""
 
     of: Of
     steps: Annotated[list[Steps], Field(min_length=1)]
@@ -99,7 +99,7 @@ class Lags(Section):
 
 
 class Delays(Section):
-    """The quantities `of`, so much time ago (`times`), to the nearest sample."""
+    """The quantities `of` as they were some `times` ago, to the nearest sample."""
 
     of: Of
     times: Annotated[list[Seconds], Field(min_length=1)]

@@ -41,11 +41,13 @@ USUAL_TERMS = 3
 class Cuts(Section):
     """How one variable is cut into segments.
 
-    `even` needs `count`, `breakpoints` the inner boundaries `at`. In both, neighbours are joined until each segment holds `min_samples`:
-    curves of few samples have fewer segments. Where several variables are cut, as of a table of scattered points, it is cells that are
-    joined, and cells that belong together have one function. `gradient` puts `count - 1` boundaries where the slope of the target changes
-    most, seen through a `window` (a tenth of each curve's range) and `separation` apart (the window). `optimal` puts them where the fits
-    of the segments leave the least, on a `grid` of equal cells (20) with `min_samples` in each segment (10).
+    - `even` needs `count`; `breakpoints` needs the inner boundaries, `at`. Neighbours are joined until each segment holds `min_samples`, so
+      that curves of few samples have fewer segments. Where several variables are cut, as of a table of scattered points, cells are joined;
+      cells that belong together have one function.
+    - `gradient` puts `count - 1` boundaries where the slope of the target changes most, seen through a `window` (a tenth of each curve's
+      range) and `separation` apart (the window).
+    - `optimal` puts them where the fits of the segments leave the least, on a `grid` of equal cells (20) with `min_samples` in each segment
+      (10).
     """
 
     method: Literal["even", "breakpoints", "gradient", "optimal"]
@@ -86,7 +88,7 @@ class CutByDirection(Section):
 
 
 class Needs(Section):
-    """Specs of the runs that this one builds on: the `static` model that a damping force is left by, the `damping` model added to it."""
+    """Specs of the runs that this one builds on: the `static` model is subtracted to obtain the damping force; `damping` is added to it."""
 
     static: SpecPath | None = None
     damping: SpecPath | None = None
@@ -96,7 +98,7 @@ class Summand(Section):
     """A part of a sum: the model of another run (the path of its spec), or a `formula`; `sign` is 1 or -1.
 
     `inputs` says what the part's inputs are called in this study, as expressions: `{pressure: p1, strain: "-s"}`. An input that two parts
-    share by name must be said for both.
+    share by name must be renamed for both.
     """
 
     model: SpecPath | None = None
@@ -125,11 +127,12 @@ Summands = Annotated[list[Summand], Field(min_length=2), AfterValidator(one_kind
 class ModelChoice(StateSpaceKeys):
     """What kind of model the run builds.
 
-    `mapmore` with a `backbone` explains by pieces what that formula leaves; `backbone: auto` takes the static formula, or none, whose fused
-    model errs least on left-out inner levels of the training data (with three levels or fewer: `sarosi_hinged`), or on left-out inner
-    blocks where all samples are one surface. `literature` fits the formula `name` alone, by the `method` and from the `starts` that a
-    competitor may have; `sum` adds the static and the damping model that the spec needs, and is the default for the target `dynamic`; with
-    `sum: [...]` it adds these parts, with signs and renamed inputs.
+    - `mapmore`: with a `backbone`, the pieces explain what that formula leaves. `backbone: auto` takes the static formula, or none, whose
+      fused model errs least on left-out inner levels of the training data (with three levels or fewer: `sarosi_hinged`), or on left-out
+      inner blocks where all samples are one surface.
+    - `literature` fits the formula `name` alone, by the `method` and from the `starts` that a competitor may have.
+    - `sum` adds the static and the damping model that the spec needs; it is the default for the target `dynamic`. With `sum: [...]` it adds
+      these parts, with signs and renamed inputs.
 
     `state_space` is P's model of motion: linear sections of second order along an `input`. `sections` are the boundaries between them, or
     how many with equal shares of the samples; `direction` gives rise and fall sections of their own. With `switching: hard` every section
@@ -183,7 +186,7 @@ class ModelChoice(StateSpaceKeys):
 class Fit(Section):
     """Term selection (M2 eq 2-7): how inputs are scaled, how many terms at most, and when to stop.
 
-    `scaling` is `none` for terms with memory and `max_abs` for damping where nothing is said, else `unit_square`. `train_level` restricts
+    Default of `scaling`: `none` with memory, `max_abs` for damping, otherwise `unit_square`. `train_level` restricts
     the pieces to one training level, as M2 does (`highest`); formulas are fitted to all of them.
 
     `max_terms: auto` tries several numbers of terms on training data that are left out in turn, as `mapmore tune` does, and takes the least

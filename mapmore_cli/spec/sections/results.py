@@ -41,11 +41,13 @@ class Competitor(Section):
 
     `model` may also be a frozen one (the path of its file, which ends in `.h5`, from the folder of the spec); it needs `as`.
 
-    `set` has keys of this spec with other values, as `--set` takes them; the run is called `<name>.<as>`. A composite of a `static` and a
-    `damping` formula stands against damping and dynamic models; `static: mapmore` is the static model that the spec needs. `method` says
-    how a literature model is fitted, `sum` adds formulas with signs and renamed
-    inputs, fitted together; `starts` says which published values `levenberg_marquardt` starts from (`published`, `printed`), `as` is
-    the name of the scores; a run's is else the name of its file.
+    - `set` has keys of this spec with other values, as `--set` takes them. The run is called `<name>.<as>`.
+    - `static` and `damping` name two formulas that are added up, against damping and dynamic models. `static: mapmore` is the static
+      model that the spec needs.
+    - `sum` adds formulas with signs and renamed inputs, and fits them together.
+    - `method` says how a literature model is fitted; `starts` says which published values `levenberg_marquardt` starts from (`published`,
+      `printed`).
+    - `as` is the name in the scores. Without it, a run has the name of its file.
     """
 
     model: Annotated[str, RelativePath(bare=True)] | None = None
@@ -119,7 +121,7 @@ else:
 
 
 class PublishedScores(Section):
-    """Numbers of a publication to show beside ours, by model, all of held-out data. Never computed with.
+    """Numbers of a publication to show beside ours, by model, all of held-out data. No computation uses them.
 
     `nrmse` are fractions, `rmse` in the target's unit; `rmse_at_least` are lower bounds, where no more was printed. `tables` are CSV files
     that the page shows as they are.
