@@ -12,7 +12,7 @@ import re
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, is_dataclass
 from functools import lru_cache
 from pathlib import Path
 from tempfile import mkdtemp
@@ -46,7 +46,7 @@ class RunFiles:
     """The results in the folder of a run, read when they are asked for; raises as `artefacts.read_*`.
 
     A file that several stages or variations read stays in memory for a while: another file of its name is another one, and a link to it
-    the same.
+    the same. Its arrays are read-only.
     """
 
     folder: Path
@@ -110,7 +110,24 @@ def _recent(read: Callable[[Path], T], path: Path) -> T:
 
 @lru_cache(maxsize=6)
 def _kept(read: Callable[[Path], Any], content: _Content) -> Any:
-    return read(content.path)
+    found = read(content.path)
+    _freeze(found)
+    return found
+
+
+def _freeze(value: Any) -> None:
+    """Make the arrays in a record read-only: others will be given the same."""
+    if hasattr(value, "setflags"):  # an array, without importing NumPy for commands that need none
+        value.setflags(write=False)
+    elif isinstance(value, Mapping):
+        for part in value.values():
+            _freeze(part)
+    elif isinstance(value, tuple | list):
+        for part in value:
+            _freeze(part)
+    elif is_dataclass(value):
+        for part in fields(value):
+            _freeze(getattr(value, part.name))
 
 
 ASIDE = ".old-"

@@ -1,0 +1,46 @@
+"""A formula is fitted to the same training data once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mapmore_cli.domain.recording import Curve
+from mapmore_cli.modelling.literature import backbone
+from mapmore_cli.modelling.literature.formula import Formula
+
+
+def curve() -> Curve:
+    rng = np.random.default_rng(3)
+    columns = {"pressure": rng.uniform(0, 300, 60), "strain": rng.uniform(0, 0.2, 60)}
+    return Curve(
+        "a", None, {**columns, "force": 2 * columns["pressure"] * (1 - 4 * columns["strain"])}, np.zeros(60, dtype=np.bool_), ("a",)
+    )
+
+
+def test_the_same_data_are_fitted_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(backbone, "_FITTED", {})
+    fits: list[str] = []
+    fit = Formula.fit
+
+    def counted(self: Formula, *arguments: Any) -> Any:
+        fits.append(self.name)
+        return fit(self, *arguments)
+
+    monkeypatch.setattr(Formula, "fit", counted)
+    whole = curve()
+    first = backbone.fit_formula("polynomial_2", [whole], "force")
+    assert backbone.fit_formula("polynomial_2", [curve()], "force") is first
+    assert len(fits) == 1
+    backbone.fit_formula("polynomial_5", [whole], "force")
+    backbone.fit_formula("polynomial_2", [replace(whole, held_out=np.arange(60) == 7)], "force")
+    shifted = {**whole.columns, "force": np.nextafter(whole.columns["force"], np.inf)}
+    backbone.fit_formula("polynomial_2", [replace(whole, columns=shifted)], "force")
+    assert len(fits) == 4
+    monkeypatch.setattr(backbone, "MOST_KEPT", 4)
+    backbone.fit_formula("polynomial_5", [replace(whole, columns=shifted)], "force")
+    assert backbone.fit_formula("polynomial_2", [curve()], "force") == first
+    assert len(fits) == 6
