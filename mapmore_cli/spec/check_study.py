@@ -142,6 +142,7 @@ def formulas(spec: ExperimentSpec) -> Iterator[Finding]:
                 loc, f"`{name}` needs the quantity `{missing}`", f"add `{missing}` to `columns` or `derive`, or leave `{name}` out"
             )
     yield from _starts(spec)
+    yield from _errors_in(spec)
     shown = [OWN, REPEATABILITY]
     for i, competitor in enumerate(spec.validation.against):
         name = competitor.label if isinstance(competitor, Competitor) else competitor
@@ -163,6 +164,22 @@ def _starts(spec: ExperimentSpec) -> Iterator[Finding]:
                 literature.get(name).starting_from(starts)
             except SpecError as error:
                 yield Finding(loc, error.message, error.remedy)
+
+
+def _errors_in(spec: ExperimentSpec) -> Iterator[Finding]:
+    """An input whose error is minimised is one of the formula, which can be solved for it."""
+    from mapmore_cli.modelling import literature
+    from mapmore_cli.modelling.literature.formula import can_be_solved
+
+    against = enumerate(spec.validation.against)
+    wanted = [(c.model, c.errors_in, ("validate", "against", i, "errors_in")) for i, c in against if isinstance(c, Competitor)]
+    for name, given, loc in [(spec.model.name, spec.model.errors_in, ("model", "errors_in")), *wanted]:
+        if name in literature.names() and given is not None:
+            formula = literature.get(name)
+            if not can_be_solved(formula):
+                yield Finding(loc, f"`{name}` is fitted in a way of its own, to errors of the target", "remove it")
+            elif given not in formula.inputs:
+                yield Finding(loc, f"`{name}` has no input `{given}`", did_you_mean(given, formula.inputs))
 
 
 def formula_uses(spec: ExperimentSpec) -> Iterator[tuple[str, Loc]]:

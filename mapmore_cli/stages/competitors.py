@@ -85,7 +85,9 @@ class Contest:
         if competitor.sum is not None:
             return self._sum(competitor)
         assert competitor.model is not None
-        found = self._fitted(competitor.model, self.dataset.curves, self.dataset.target, competitor.method, competitor.starts)
+        found = self._fitted(
+            competitor.model, self.dataset.curves, self.dataset.target, competitor.method, competitor.starts, competitor.errors_in
+        )
         fit = self._with_held_out(found)
         return Rival(competitor.label, _forecasts(_predicted(fit, self.dataset.curves)), {competitor.label: fit})
 
@@ -147,10 +149,18 @@ class Contest:
             total = [damping_component(y - c.columns[STATIC_FORCE], c) for y, c in zip(total, curves, strict=True)]
         return Rival(competitor.label, _forecasts(total), {f"{competitor.label} ({part})": fit for part, fit in fits.items()})
 
-    def _fitted(self, name: str, curves: Sequence[Curve], target: str, method: str | None, starts: str | None = None) -> FormulaFit:
+    def _fitted(
+        self,
+        name: str,
+        curves: Sequence[Curve],
+        target: str,
+        method: str | None,
+        starts: str | None = None,
+        errors_in: str | None = None,
+    ) -> FormulaFit:
         formula = literature.get(name)
         if not isinstance(formula, HysteresisLoss):
-            return fit_formula(name, curves, target, method, self.lengths, starts)
+            return fit_formula(name, curves, target, method, self.lengths, starts, errors_in)
         length = self.lengths["length"]
         if length is None:
             raise SpecError(f"validate.against: {name} needs the length of the muscle", "add `length: 88 mm` to `muscle`")

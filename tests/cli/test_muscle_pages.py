@@ -49,14 +49,28 @@ def assert_shown(found: Table, page: Path) -> None:
 
 def test_the_wrist_page(muscle_tables: ModuleType, runs: Path) -> None:
     for name, table in muscle_tables.wrist_tables(runs).items():
-        assert table().name == name
-        assert_shown(table(), WRIST)
+        made = table()
+        assert made.name == name
+        assert_shown(made, WRIST)
 
 
 @pytest.mark.parametrize("name", ["table-1", "joint", "closed-valves"])
 def test_the_muscle_like_page(name: str, muscle_tables: ModuleType, runs: Path) -> None:
     tables: Mapping[str, Callable[[], Table]] = muscle_tables.muscle_like_tables(runs)
     assert_shown(tables[name](), MUSCLE_LIKE)
+
+
+def test_the_measured_gel_muscle_fitted_both_ways(muscle_tables: ModuleType, runs: Path, measured_data: Path) -> None:
+    assert_shown(muscle_tables.measured_wrist_tables(runs)["both-ways-pgm"](), WRIST)
+
+
+@pytest.mark.parametrize("study", ["wrist", "pgm"])
+def test_each_way_is_best_at_what_it_minimises(study: str) -> None:
+    rows = {name: numbers(row) for name, row in page_table(f"both-ways-{study}", WRIST).items()}
+    for model in ("sarosi", "kerscher"):
+        force, strain = rows[f"{model}, force"], rows[f"{model}, strain"]
+        assert force["RMSE of the force"] <= strain["RMSE of the force"]
+        assert strain["RMSE of the strain"] <= force["RMSE of the strain"] or strain["no strain"] < force["no strain"]
 
 
 def test_the_splits_begin_with_what_the_study_says(muscle_tables: ModuleType, runs: Path) -> None:

@@ -13,9 +13,11 @@ from types import MappingProxyType
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
+from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling import literature
+from mapmore_cli.modelling.literature.formula import can_be_solved
 
 
 def pooled(parts: Sequence[tuple[Curve, BoolArray]]) -> dict[str, Array]:
@@ -35,20 +37,27 @@ def fit_formula(
     method: str | None = None,
     lengths: Mapping[str, float | None] = MappingProxyType({}),
     starts: str | None = None,
+    errors_in: str | None = None,
 ) -> FormulaFit:
     """Fit a formula to the training samples of all curves.
 
     `lengths` are the muscle's `length` and `diameter`, in m, for formulas that have one of them; `starts` names published starting values.
+    `errors_in` is the input whose error is minimised instead of the target's; `SpecError` for a formula that cannot be solved for it.
     """
     columns = pooled_training(curves)
-    key = _digest(columns, name, target, method, starts, *sorted(lengths.items()))
+    key = _digest(columns, name, target, method, starts, errors_in, *sorted(lengths.items()))
     if key not in _FITTED:
         formula = literature.get(name).of_muscle(lengths)
         if starts is not None:
             formula = formula.starting_from(starts)
         if len(_FITTED) == MOST_KEPT:
             _FITTED.pop(next(iter(_FITTED)))
-        _FITTED[key] = formula.fit(columns, columns[target], method)
+        if errors_in is None:
+            _FITTED[key] = formula.fit(columns, columns[target], method)
+        elif can_be_solved(formula):
+            _FITTED[key] = formula.fit(columns, columns[target], method, errors_in)
+        else:
+            raise SpecError(f"{name} is fitted in a way of its own: to errors of {target}", "remove `errors_in`")
     return _FITTED[key]
 
 

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TypeGuard
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.fits import FormulaFit, Optimum
-from mapmore_cli.modelling.literature import levenberg_marquardt, linear, simplex, varpro
+from mapmore_cli.modelling.literature import errors_in, levenberg_marquardt, linear, simplex, varpro
 from mapmore_cli.modelling.literature.cells import finite, needed
 from mapmore_cli.modelling.literature.identifiability import hints
 from mapmore_cli.modelling.literature.literature_model import LiteratureModel
@@ -120,8 +122,11 @@ class Formula(LiteratureModel):
     def _fitted_expression(self) -> Expression:
         return self.expression if self.form is None else self.form.expression
 
-    def fit(self, columns: Columns, y: Array, method: str | None = None) -> FormulaFit:
+    def fit(self, columns: Columns, y: Array, method: str | None = None, measured: str | None = None) -> FormulaFit:
         """Least-squares fit to the target `y`, `(n,)`, with the inputs among `columns`.
+
+        Where the target was set and an input was `measured`, the error of that input is minimised, from there on. The sum of squares of the
+        result is that of the target all the same; the notes tell the error of the input.
 
         `method` is `variable_projection` (the default: no starting values with at most one nonlinear parameter, bounds and ten starts with
         more; for a linear formula, linear least squares), `levenberg_marquardt` (ten starts, no bounds) or `simplex` (the same, without
@@ -144,13 +149,37 @@ class Formula(LiteratureModel):
             raise SpecError(f"the method {method} takes no starting values", f"write `method: {LEVENBERG_MARQUARDT}` beside `starts`")
         problem = self._problem(columns, y)
         solve = _SOLVERS[method] if self.fitted else varpro.fit  # without parameters there is nothing to descend to
-        return self._result(problem, solve(problem))
+        found = solve(problem)
+        if measured is None or found.status == "failed":
+            return self._result(problem, found)
+        return self._with_errors_in(measured, problem, found)
+
+    def _with_errors_in(self, name: str, problem: Problem, start: Solution) -> FormulaFit:
+        """The fit that minimises the error of an input, with the standard errors of that; raises `SpecError` for what is no input."""
+        if name not in self.inputs:
+            raise SpecError(f"{self.name} has no input `{name}` that could be measured wrong", f"write one of {', '.join(self.inputs)}")
+        told = errors_in.telling(problem, start, name)
+        found = errors_in.refined(told, errors_in.moved(start, problem, told), name)
+        fit = self._result(problem, errors_in.moved(found, told, problem))
+        roots = errors_in.Along(told, name).roots(np.concatenate([found.beta, found.c]))
+        slopes = self._jacobian_at({one: fit.parameters[one] for one in self.fitted})({**told.columns, name: roots})
+        deviations, sse = errors_in.standard_errors(told, found, name, slopes)
+        errors = {**fit.errors, **dict(zip(self.fitted, map(float, deviations), strict=True))}
+        silent = len(problem.y) - len(told.y)
+        without = f"; without {silent} sample(s) at which the formula does not depend on it" if silent else ""
+        said = f"fitted to the error of {name}, whose RMSE is {math.sqrt(sse / len(told.y)):.4g}{without}"
+        return replace(fit, errors=errors, notes=(said, *fit.notes))
 
     def predict(self, parameters: Mapping[str, float], columns: Columns) -> Array:
         """The formula on every row, `(n,)`; NaN with the parameters of a failed fit."""
         inputs = {name: columns[name] for name in self.inputs if name in columns}
         rows = len(next(iter(columns.values()), ()))
         return evaluate(self.expression, {**inputs, **{name: np.asarray(parameters[name]) for name in self.parameters}}, rows)
+
+    def solved(self, fit: FormulaFit, columns: Columns, y: Array, name: str) -> Array:
+        """The input `name` at which the fitted formula gives `y`, `(n,)`, nearest to what was measured; NaN where there is none near."""
+        inputs = {one: columns[one] for one in self.inputs}
+        return errors_in.Along(Problem(self.equation(fit), (), (), {}, inputs, y), name).solutions(np.empty(0))
 
     def equations(self, fit: FormulaFit) -> dict[str, Expression]:
         """`equation`, by the name of the formula."""
@@ -229,6 +258,11 @@ class Formula(LiteratureModel):
     def _failed(self, method: str, samples: int, notes: tuple[str, ...]) -> FormulaFit:
         nothing = dict.fromkeys(self.parameters, float("nan"))
         return FormulaFit(self.name, nothing, nothing, "failed", method, 0, float("nan"), float("nan"), samples, notes)
+
+
+def can_be_solved(model: LiteratureModel) -> TypeGuard[Formula]:
+    """Whether a model is fitted as a formula is, so that the error of an input can be minimised."""
+    return isinstance(model, Formula) and type(model).fit is Formula.fit
 
 
 def dependence(rank: int, count: int, inputs: Columns, choice: str) -> str:

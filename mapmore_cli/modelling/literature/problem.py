@@ -99,15 +99,18 @@ class Problem:
 
     def jacobian(self, beta: Array, c: Array) -> Array:
         """Derivative of the formula for `(beta, c)`, `(n, m + k)`; raises `NotFinite` where it overflows."""
-        names = (*self.linear, *(parameter.name for parameter in self.nonlinear))
-        matrix = self._matrix(names, self.values(beta, c))
+        matrix = self._matrix(self.names, self.values(beta, c))
         matrix[:, len(self.linear) :] /= self.spans
         return matrix
 
     def values(self, beta: Array, c: Array) -> dict[str, float]:
         """Parameters by name, in the units of the data."""
-        names = (*self.linear, *(parameter.name for parameter in self.nonlinear))
-        return dict(zip(names, map(float, (*beta, *(c / self.spans))), strict=True))
+        return dict(zip(self.names, map(float, (*beta, *(c / self.spans))), strict=True))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The linear parameters, then the nonlinear ones."""
+        return (*self.linear, *(parameter.name for parameter in self.nonlinear))
 
     @property
     def spans(self) -> Array:

@@ -130,7 +130,7 @@ class ModelChoice(StateSpaceKeys):
     - `mapmore`: with a `backbone`, the pieces explain what that formula leaves. `backbone: auto` takes the static formula, or none, whose
       fused model errs least on left-out inner levels of the training data (with three levels or fewer: `sarosi_hinged`), or on left-out
       inner blocks where all samples are one surface.
-    - `literature` fits the formula `name` alone, by the `method` and from the `starts` that a competitor may have.
+    - `literature` fits the formula `name` alone, by the `method`, from the `starts` and with the `errors_in` that a competitor may have.
     - `sum` adds the static and the damping model that the spec needs; it is the default for the target `dynamic`. With `sum: [...]` it adds
       these parts, with signs and renamed inputs.
 
@@ -148,6 +148,7 @@ class ModelChoice(StateSpaceKeys):
     name: str | None = None
     method: Literal["variable_projection", "levenberg_marquardt", "simplex"] | None = None
     starts: str | None = None
+    errors_in: str | None = None
     sum: Summands | None = None
 
     @model_validator(mode="before")
@@ -174,8 +175,9 @@ class ModelChoice(StateSpaceKeys):
             raise contradiction("type `literature` has no `backbone`", "remove it, or use `type: mapmore`", "backbone")
         if self.type != "literature" and self.name is not None:
             raise contradiction(f"type `{self.type}` has no `name`", "use `backbone`, or `type: literature`", "name")
-        if self.type != "literature" and (self.method or self.starts):
-            raise contradiction(f"type `{self.type}` has no `method` and no `starts`", "use `type: literature`", "method", "starts")
+        if self.type != "literature" and (self.method or self.starts or self.errors_in):
+            found = f"type `{self.type}` has no `method`, no `starts` and no `errors_in`"
+            raise contradiction(found, "use `type: literature`", "method", "starts", "errors_in")
         if self.type != "sum" and self.sum is not None:
             raise contradiction(f"type `{self.type}` adds nothing up", "remove `type`, or `sum`", "sum")
         if self.type == "sum" and self.backbone is not None:

@@ -47,6 +47,8 @@ class Competitor(Section):
     - `sum` adds formulas with signs and renamed inputs, and fits them together.
     - `method` says how a literature model is fitted; `starts` says which published values `levenberg_marquardt` starts from (`published`,
       `printed`).
+    - `errors_in` names an input of a formula whose error is minimised in place of the target's. It is for tables in which the target was
+      set and that input was measured, as the strain under a weight.
     - `as` is the name in the scores. Without it, a run has the name of its file.
     """
 
@@ -57,6 +59,7 @@ class Competitor(Section):
     damping: str | None = None
     method: Literal["variable_projection", "levenberg_marquardt", "simplex"] | None = None
     starts: str | None = None
+    errors_in: str | None = None
     sum: Summands | None = None
     as_: Name | None = Field(default=None, alias="as")
 
@@ -82,6 +85,8 @@ class Competitor(Section):
         if self.starts is not None and (self.model is None or self.method != "levenberg_marquardt"):
             remedy = "write `{model: sarosi, method: levenberg_marquardt, starts: published}`"
             raise contradiction("`starts` goes with a `model` and `method: levenberg_marquardt`", remedy, "starts")
+        if self.errors_in is not None and (self.model is None or self.is_file):
+            raise contradiction("`errors_in` goes with a formula as `model`", "write `{model: sarosi, errors_in: strain}`", "errors_in")
         return self
 
     @property

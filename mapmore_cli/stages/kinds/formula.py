@@ -47,7 +47,8 @@ def fitted(name: str, part: FitChoices, dataset: Dataset) -> FormulaFit:
     FitError
         Where it did not converge to anything usable: the model stands on it.
     """
-    found = fit_formula(name, dataset.curves, dataset.target, part.model.method, part.lengths, part.model.starts)
+    model = part.model
+    found = fit_formula(name, dataset.curves, dataset.target, model.method, part.lengths, model.starts, model.errors_in)
     if found.failed:
         reasons = "; ".join(found.notes) or "no finite parameters were found"
         raise FitError(f"the fit of {name} failed: {reasons}", "take another formula, or build the model without one")

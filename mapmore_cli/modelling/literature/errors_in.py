@@ -1,0 +1,147 @@
+"""Least squares on the error of an input: for a table in which the target was set and that input was measured.
+
+Where weights hang on a muscle and its length is read, the noise lies in the strain. Here the formula is solved for the input,
+`f(x, parameters) = y`, and `sum (x - x_measured)^2` is minimised, from a fit of the target on. By the implicit function theorem
+`dx/dparameter = -(df/dparameter) / (df/dx)` at the root. Rows at which the formula does not depend on the input say nothing of it: a force
+that is proportional to the pressure, at no pressure.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.modelling.literature import linear
+from mapmore_cli.modelling.literature.problem import Problem, Solution
+from mapmore_cli.modelling.literature.trust_region import descend, onto_bounds
+from mapmore_cli.modelling.terms import Expression, derivative, evaluate
+
+REACH = 1.0
+"""Roots are looked for beyond the measured range by this share of it on each side."""
+
+CELLS, BISECTIONS = 64, 45
+"""The range is scanned in so many cells; the root that is nearest to what was measured is then halved down to rounding."""
+
+FLAT = 1e-9
+"""Of the largest target: a formula that varies less along the input does not depend on it."""
+
+TOLERANCE = 1e-12
+"""As W's."""
+
+
+@dataclass(frozen=True)
+class Along:
+    """A problem seen along one of its inputs, `name`."""
+
+    problem: Problem
+    name: str
+
+    @property
+    def measured(self) -> Array:
+        """The input as measured, (n,)."""
+        return self.problem.columns[self.name]
+
+    def value(self, expression: Expression, x: Array, place: Array) -> Array:
+        """An expression of inputs and parameters at a place of the search, with the input at `x`, (n,)."""
+        values = self.problem.values(*self.split(place))
+        columns = {**self.problem.columns, self.name: x, **{name: np.asarray(value) for name, value in values.items()}}
+        return evaluate(expression, columns, len(x))
+
+    def split(self, place: Array) -> tuple[Array, Array]:
+        """Linear parameters, and coordinates of the nonlinear ones."""
+        count = len(self.problem.linear)
+        return place[:count], place[count:]
+
+    def roots(self, place: Array) -> Array:
+        """The solutions; where there is none, what a straight line from the end at which the least is missing leads to, (n,)."""
+        found = self.solutions(place)
+        return np.where(np.isnan(found), self._beyond(*self.scan(place)), found)
+
+    def solutions(self, place: Array) -> Array:
+        """The input at which the formula gives the target, nearest to what was measured, (n,); NaN where there is none within reach."""
+        edges, missing = self.scan(place)
+        crosses = np.sign(missing[:-1]) * np.sign(missing[1:]) <= 0
+        middle = (edges[:-1] + edges[1:]) / 2
+        cell = np.argmin(np.where(crosses, np.abs(middle[:, None] - self.measured), np.inf), axis=0)
+        left, right = edges[cell], edges[cell + 1]
+        rises = np.take_along_axis(missing, cell[None] + 1, axis=0)[0] > 0
+        for _ in range(BISECTIONS):
+            x = (left + right) / 2
+            above = self.value(self.problem.expression, x, place) - self.problem.y > 0
+            left, right = np.where(above == rises, left, x), np.where(above == rises, x, right)
+        return np.where(crosses.any(axis=0), (left + right) / 2, np.nan)
+
+    def scan(self, place: Array) -> tuple[Array, Array]:
+        """Places along the input, (CELLS + 1,), and what is missing to the target there, (CELLS + 1, n)."""
+        low, high = self.measured.min(), self.measured.max()
+        span = REACH * (high - low)
+        edges = np.linspace(low - span, high + span, CELLS + 1)
+        missing = np.stack([self.value(self.problem.expression, np.full(len(self.measured), x), place) - self.problem.y for x in edges])
+        return edges, np.where(np.isfinite(missing), missing, np.inf)
+
+    def _beyond(self, edges: Array, missing: Array) -> Array:
+        """By the mean slope of the whole range."""
+        first, last = np.abs(missing[0]), np.abs(missing[-1])
+        slope = np.maximum(np.abs(missing[-1] - missing[0]), 1e-12 * np.abs(self.problem.y).max()) / (edges[-1] - edges[0])
+        return np.where(first < last, edges[0] - first / slope, edges[-1] + last / slope)
+
+    def jacobian(self, place: Array) -> Array:
+        """Derivative of the roots for the parameters, (n, m + k)."""
+        x, count = self.roots(place), len(self.problem.linear)
+        matrix = np.stack([self.value(self.problem.gradient[name], x, place) for name in self.problem.names], axis=1)
+        matrix[:, count:] /= self.problem.spans
+        return -(matrix.T / self.slope(x, place)).T
+
+    def slope(self, x: Array, place: Array) -> Array:
+        """Derivative of the formula for the input, (n,); not zero."""
+        slope = self.value(derivative(self.problem.expression, self.name), x, place)
+        least = 1e-9 * float(np.abs(self.problem.y).max() or 1.0)
+        return np.where(np.abs(slope) < least, least, slope)
+
+
+def telling(problem: Problem, solution: Solution, name: str) -> Problem:
+    """The problem with the rows at which the formula depends on the input `name`."""
+    missing = Along(problem, name).scan(np.concatenate([solution.beta, solution.c]))[1]
+    rows = np.ptp(missing, axis=0) > FLAT * float(np.abs(problem.y).max())
+    return replace(problem, columns={one: column[rows] for one, column in problem.columns.items()}, y=problem.y[rows])
+
+
+def moved(solution: Solution, of: Problem, to: Problem) -> Solution:
+    """The same parameters, in the coordinates of a problem of other rows."""
+    return replace(solution, c=solution.c * to.spans / of.spans)
+
+
+def refined(problem: Problem, solution: Solution, name: str) -> Solution:
+    """The minimum of the error of the input `name` that is reached from a fit of the target; its other minima are not told."""
+    along = Along(problem, name)
+    count, unit = len(problem.linear), float(np.ptp(along.measured)) or 1.0
+    low = np.concatenate([np.full(count, -np.inf), [p.bounds[0] for p in problem.nonlinear]])
+    high = np.concatenate([np.full(count, np.inf), [p.bounds[1] for p in problem.nonlinear]])
+    start = np.clip(np.concatenate([solution.beta, solution.c]), low, high)
+    inner = np.concatenate([start[:count], _inside(start[count:], low[count:], high[count:])])
+    found = descend(
+        lambda place: (along.roots(place) - along.measured) / unit,
+        lambda place: along.jacobian(place) / unit,
+        inner,
+        (low, high),
+        TOLERANCE,
+    )
+    beta, c = along.split(onto_bounds(found.x, (low, high))[0])
+    status = "stopped_by_limit" if found.status == 0 else "at_bound" if onto_bounds(found.x, (low, high))[1] else "converged"
+    return Solution(beta, c, status, f"{solution.method}, then the error of {name}")
+
+
+def standard_errors(problem: Problem, solution: Solution, name: str, slopes: Array) -> tuple[Array, float]:
+    """Standard errors of parameters, (p,), and the sum of squared errors of the input, from the formula's `slopes` for them, (n, p)."""
+    along = Along(problem, name)
+    place = np.concatenate([solution.beta, solution.c])
+    x = along.roots(place)
+    sse = float(np.sum((x - along.measured) ** 2))
+    return linear.standard_errors((slopes.T / along.slope(x, place)).T, sse)[0], sse
+
+
+def _inside(c: Array, low: Array, high: Array) -> Array:
+    margin = 1e-3 * np.where(np.isfinite(high - low), high - low, 1.0)
+    return np.clip(c, low + margin, high - margin)
