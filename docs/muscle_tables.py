@@ -144,7 +144,7 @@ def both_ways(study: str, folder: Path) -> Table:
         formula = literature.get(model).of_muscle(WRIST)
         assert isinstance(formula, Formula)
         for way in ("force", "strain"):
-            fit = formula.fit(columns, force, measured=None if way == "force" else way)
+            fit = formula.fit(columns, force) if way == "force" else formula.fit_along(columns, force, way)
             strain = formula.solved(fit, columns, force, "strain") - columns["strain"]
             reached = np.isfinite(strain)
             errors = math.sqrt(fit.sse / fit.samples), 100 * float(np.sqrt(np.mean(strain[reached] ** 2)))

@@ -55,7 +55,7 @@ def fit_formula(
         if errors_in is None:
             _FITTED[key] = formula.fit(columns, columns[target], method)
         elif can_be_solved(formula):
-            _FITTED[key] = formula.fit(columns, columns[target], method, errors_in)
+            _FITTED[key] = formula.fit_along(columns, columns[target], errors_in, method)
         else:
             raise SpecError(f"{name} is fitted in a way of its own: to errors of {target}", "remove `errors_in`")
     return _FITTED[key]

@@ -122,11 +122,8 @@ class Formula(LiteratureModel):
     def _fitted_expression(self) -> Expression:
         return self.expression if self.form is None else self.form.expression
 
-    def fit(self, columns: Columns, y: Array, method: str | None = None, measured: str | None = None) -> FormulaFit:
+    def fit(self, columns: Columns, y: Array, method: str | None = None) -> FormulaFit:
         """Least-squares fit to the target `y`, `(n,)`, with the inputs among `columns`.
-
-        Where the target was set and an input was `measured`, the error of that input is minimised, from there on. The sum of squares of the
-        result is that of the target all the same; the notes tell the error of the input.
 
         `method` is `variable_projection` (the default: no starting values with at most one nonlinear parameter, bounds and ten starts with
         more; for a linear formula, linear least squares), `levenberg_marquardt` (ten starts, no bounds) or `simplex` (the same, without
@@ -148,16 +145,28 @@ class Formula(LiteratureModel):
         if self.start != RANDOM and method != LEVENBERG_MARQUARDT:
             raise SpecError(f"the method {method} takes no starting values", f"write `method: {LEVENBERG_MARQUARDT}` beside `starts`")
         problem = self._problem(columns, y)
-        solve = _SOLVERS[method] if self.fitted else varpro.fit  # without parameters there is nothing to descend to
-        found = solve(problem)
-        if measured is None or found.status == "failed":
-            return self._result(problem, found)
-        return self._with_errors_in(measured, problem, found)
+        return self._result(problem, self._solved(problem, method))
 
-    def _with_errors_in(self, name: str, problem: Problem, start: Solution) -> FormulaFit:
-        """The fit that minimises the error of an input, with the standard errors of that; raises `SpecError` for what is no input."""
+    def _solved(self, problem: Problem, method: str) -> Solution:
+        return (_SOLVERS[method] if self.fitted else varpro.fit)(problem)  # without parameters there is nothing to descend to
+
+    def fit_along(self, columns: Columns, y: Array, name: str, method: str | None = None) -> FormulaFit:
+        """Least-squares fit to the error of the input `name`, where the target was set and that input was measured.
+
+        It goes on from `fit`. The sum of squares of the result is that of the target all the same; the standard errors and the first note
+        are of the error of the input.
+
+        Raises
+        ------
+        SpecError
+            For what is no input, and as `fit`, as DataError.
+        """
         if name not in self.inputs:
             raise SpecError(f"{self.name} has no input `{name}` that could be measured wrong", f"write one of {', '.join(self.inputs)}")
+        problem = self._problem(columns, y)
+        start = self._solved(problem, method or VARIABLE_PROJECTION)
+        if start.status == "failed":
+            return self._result(problem, start)
         told = errors_in.telling(problem, start, name)
         found = errors_in.refined(told, errors_in.moved(start, problem, told), name)
         fit = self._result(problem, errors_in.moved(found, told, problem))

@@ -33,7 +33,7 @@ def test_the_minimum_is_that_of_the_formula_solved_by_hand() -> None:
     pressure, strain = rng.uniform(200, 600, 80), rng.uniform(0, 0.2, 80)
     force = pressure * (2.0 * (1 - strain) ** 2 - 0.8)
     columns = {"pressure": pressure, "strain": strain + 0.01 * rng.standard_normal(80)}
-    fit = formula("chou_hannaford").fit(columns, force, measured="strain")
+    fit = formula("chou_hannaford").fit_along(columns, force, "strain")
     by_hand = least_squares(lambda c: 1 - np.sqrt((force / pressure + c[1]) / c[0]) - columns["strain"], [1.9, 0.7], xtol=1e-14, ftol=1e-14)
     assert [fit.parameters["c1"], fit.parameters["c2"]] == pytest.approx(by_hand.x, rel=1e-6)
     covariance = 2 * by_hand.cost / 78 * np.linalg.inv(by_hand.jac.T @ by_hand.jac)
@@ -43,8 +43,8 @@ def test_the_minimum_is_that_of_the_formula_solved_by_hand() -> None:
 
 def test_exact_points_are_fitted_exactly_either_way() -> None:
     columns, force = noisy(0.0)
-    ways = [formula("sarosi").fit(columns, force, measured=measured).parameters for measured in (None, "strain")]
-    assert ways[1] == pytest.approx(ways[0], rel=1e-5)
+    along = formula("sarosi").fit_along(columns, force, "strain")
+    assert along.parameters == pytest.approx(formula("sarosi").fit(columns, force).parameters, rel=1e-5)
 
 
 def test_where_the_strain_is_measured_wrong_its_error_tells_the_muscle() -> None:
@@ -53,7 +53,7 @@ def test_where_the_strain_is_measured_wrong_its_error_tells_the_muscle() -> None
     worse = []
     for seed in range(3):
         columns, _ = noisy(0.003, seed)
-        fits = [formula("sarosi").fit(columns, force, measured=measured) for measured in (None, "strain")]
+        fits = [formula("sarosi").fit(columns, force), formula("sarosi").fit_along(columns, force, "strain")]
         errors = [formula("sarosi").solved(fit, truth, force, "strain") - truth["strain"] for fit in fits]
         worse.append(np.sqrt(np.nanmean(errors[0] ** 2)) / np.sqrt(np.nanmean(errors[1] ** 2)))
     assert np.exp(np.mean(np.log(worse))) > 1.2
@@ -79,8 +79,8 @@ def test_derivatives_of_the_strain_are_central_differences(name: str) -> None:
 def test_samples_that_say_nothing_of_the_strain_are_told() -> None:
     columns, force = noisy(0.001)
     more = {"pressure": np.append(columns["pressure"], [0.0, 0.0]), "strain": np.append(columns["strain"], [0.1, 0.2])}
-    fit = formula("chou_hannaford").fit(more, np.append(force, [1.0, 2.0]), measured="strain")
-    without = formula("chou_hannaford").fit(columns, force, measured="strain")
+    fit = formula("chou_hannaford").fit_along(more, np.append(force, [1.0, 2.0]), "strain")
+    without = formula("chou_hannaford").fit_along(columns, force, "strain")
     assert "without 2 sample(s)" in fit.notes[0]
     assert fit.parameters == pytest.approx(without.parameters, rel=1e-6)
 
@@ -88,7 +88,7 @@ def test_samples_that_say_nothing_of_the_strain_are_told() -> None:
 def test_what_cannot_be_solved_is_refused() -> None:
     columns, force = noisy(0.0)
     with pytest.raises(SpecError, match="no input `length`"):
-        formula("sarosi").fit(columns, force, measured="length")
+        formula("sarosi").fit_along(columns, force, "length")
     curve = Curve("a", None, {**columns, "force": force}, np.zeros(len(force), dtype=bool), ("a",))
     with pytest.raises(SpecError, match="a way of its own"):
         fit_formula("sarosi_hinged", [curve], "force", errors_in="strain")
