@@ -85,7 +85,7 @@ class Along:
         """By the mean slope of the whole range."""
         first, last = np.abs(missing[0]), np.abs(missing[-1])
         slope = np.maximum(np.abs(missing[-1] - missing[0]), 1e-12 * np.abs(self.problem.y).max()) / (edges[-1] - edges[0])
-        return np.where(first < last, edges[0] - first / slope, edges[-1] + last / slope)
+        return np.asarray(np.where(first < last, edges[0] - first / slope, edges[-1] + last / slope))
 
     def jacobian(self, place: Array) -> Array:
         """Derivative of the roots for the parameters, (n, m + k)."""
