@@ -10,10 +10,13 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.exporting.c_source import Source
-from mapmore_cli.modelling.inverse import BISECTIONS, FLAT, NONE, ONE, REACHED, SAME, SEVERAL, knots, parts_between
+from mapmore_cli.modelling.inverse import BISECTIONS, FLAT, NONE, ONE, REACHED, SAME, SEVERAL, SPLITS, STEEP, knots, parts_between
 
 STATUS = (NONE, ONE, SEVERAL, FLAT)
 """What the functions return, from 0."""
+
+DIVIDED = 64
+"""Parts of a scan that are divided further at most, so that its places have room on the stack; Python knows no such limit."""
 
 COARSER = 1000.0
 """Times wider limits in single precision."""
@@ -92,7 +95,10 @@ class InverseSource:
             "EVALUATE": f"{source.name}_eval",
             "DIFFERENTIATE": f"{source.name}_derivatives",
             **{status.upper(): f"{source.prefix}_{status.upper()}" for status in STATUS},
-            "PLACES": f"{edges} /* ends of monotone parts at most: two arrays of them lie on the stack */",
+            "DIVIDED": f"{DIVIDED} /* parts that are divided further at most */",
+            "SPLITS": str(SPLITS),
+            "STEEP": source.dialect.number(STEEP),
+            "PLACES": f"{edges + 2 * DIVIDED} /* ends of monotone parts at most: two arrays of them lie on the stack */",
             "SAME": source.dialect.number(SAME * coarser),
             "REACHED": source.dialect.number(REACHED * coarser),
             "BISECTIONS": str(BISECTIONS),

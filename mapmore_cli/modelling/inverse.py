@@ -31,6 +31,9 @@ NONE, ONE, SEVERAL, FLAT = "none", "one", "several", "flat"
 SCAN, PARTS = 2, 96
 """The slope is looked at in so many parts of every interval between knots at least, and in so many parts of all of them together."""
 
+SPLITS, STEEP = 6, 3.0
+"""A part is divided so many times at most, as long as an end is steeper than so many times its secant: it may turn twice there."""
+
 CHUNK = 500
 """Rows that are scanned at a time."""
 
@@ -165,12 +168,21 @@ def _knots(model: Model, name: str) -> list[float]:
                 for side in zones(b, model.body.fusion.z_s)
                 for edge in side
             ]
-            return ends + inner + _range(model.body.ranges, level, name)
+            places = ends + inner + _range(model.body.ranges, level, name)
+            held = _held(model.body, name) if model.body.fusion.hold == "samples" else []
+            return places + [place for place in held if min(places) < place < max(places)]
         case Formula(_, level, ranges):
             return _range(ranges, level, name)
         case Sum(parts):
             return [edge for part in parts if name not in part.inputs for edge in _knots(part.model, name)]
     return []
+
+
+def _held(body: Pieces, name: str) -> list[float]:
+    """Places from which a segment function is held beyond its samples, at a corner of the map."""
+    limits = [segment.limits[name] for segment in body.segments if name in segment.limits]
+    reaches = [body.fusion.z_s * (high - low) for low, high in limits]
+    return [place for (low, high), reach in zip(limits, reaches, strict=True) for place in (low - reach, high + reach)]
 
 
 def _range(ranges: tuple[CurveRange, ...], level: str | None, name: str) -> list[float]:
@@ -196,25 +208,50 @@ class _Line:
 
     def slope(self, x: Array, rows: IntArray) -> Array:
         """Derivative along the input there, (m,)."""
-        return results_of(self.slopes, self._columns(x, rows))[1 + self.names.index(self.name)]
+        return self._both(x, rows)[1]
+
+    def _both(self, x: Array, rows: IntArray) -> tuple[Array, Array]:
+        """What is missing to the wanted output, and the derivative along the input, (m,) each."""
+        value, *slopes = results_of(self.slopes, self._columns(x, rows))
+        return value - self.wanted[rows], slopes[self.names.index(self.name)]
 
     def _columns(self, x: Array, rows: IntArray) -> dict[str, Array]:
         return {name: x if name == self.name else np.asarray(self.given[name], dtype=np.float64)[rows] for name in self.names}
 
     def with_turning_points(self, knots: Array) -> Array:
-        """Ends of the monotone parts, (n, e) ascending in every row."""
+        """Ends of the monotone parts, (n, e) ascending in every row; some of them occur again."""
         n = len(self.wanted)
         inner = [np.linspace(low, high, parts_between(knots) + 1)[:-1] for low, high in pairwise(knots.tolist())]
         places = np.concatenate([*inner, knots[-1:]])
-        grid = np.broadcast_to(places, (n, len(places)))
-        inside = np.stack([np.nextafter(grid[:, :-1], np.inf), np.nextafter(grid[:, 1:], -np.inf)])
-        row = np.broadcast_to(np.arange(n)[:, None], inside.shape[1:])
-        left, right = (self.slope(side.ravel(), row.ravel()).reshape(row.shape) for side in inside)
-        turns = np.sign(left) * np.sign(right) < 0
-        found = _bisected(lambda x, which: self.slope(x, row[turns][which]), inside[0][turns], inside[1][turns])
-        between = np.full(turns.shape, np.nan)
-        between[turns] = found
-        return np.sort(np.concatenate([grid, np.where(turns, between, grid[:, :-1])], axis=1), axis=1)
+        rows = np.repeat(np.arange(n), len(places) - 1)
+        turns, of = self._turning_points(np.tile(places[:-1], n), np.tile(places[1:], n), rows, SPLITS)
+        order = np.argsort(of, kind="stable")
+        turns, of = turns[order], of[order]
+        counts = np.bincount(of, minlength=n)
+        more = np.full((n, counts.max(initial=0)), places[-1])
+        more[of, np.arange(len(of)) - np.repeat(np.cumsum(counts) - counts, counts)] = turns
+        return np.sort(np.concatenate([np.broadcast_to(places, (n, len(places))), more], axis=1), axis=1)
+
+    def _turning_points(self, low: Array, high: Array, rows: IntArray, splits: int) -> tuple[Array, IntArray]:
+        """Turning points within parts of some rows, and their rows; with the middles of parts that had to be looked at more closely."""
+        start, end = np.nextafter(low, np.inf), np.nextafter(high, -np.inf)
+        (left, slope_left), (right, slope_right) = self._both(start, rows), self._both(end, rows)
+        turned = np.sign(slope_left) * np.sign(slope_right) < 0
+        closer = may_turn_twice(left, right, slope_left, slope_right, high - low) & ~turned
+        middle = (low + high) / 2
+        if turned.any():
+            own = rows[turned]
+            at = _bisected(lambda x, which: self.slope(x, own[which]), start[turned], end[turned])
+            value, flat = self.missing(at, own), np.zeros(len(at))
+            before = may_turn_twice(left[turned], value, slope_left[turned], flat, at - low[turned])
+            after = may_turn_twice(value, right[turned], flat, slope_right[turned], high[turned] - at)
+            middle[turned], closer[turned] = at, before | after
+        found, where = middle[turned | closer], rows[turned | closer]
+        if splits == 0 or not closer.any():
+            return middle[turned], rows[turned]
+        halves = (np.concatenate([low[closer], middle[closer]]), np.concatenate([middle[closer], high[closer]]), np.tile(rows[closer], 2))
+        more, own = self._turning_points(*halves, splits - 1)
+        return np.concatenate([found, more]), np.concatenate([where, own])
 
     def nearest(self, edges: Array) -> Array:
         """The edge of each row, of (n, e), at which least is missing, (n,)."""
@@ -239,6 +276,19 @@ class _Line:
         # where the map jumps across the wanted output, there is no solution
         real = np.abs(self.missing(crossed, where)) <= np.maximum(REACHED * np.abs(self.wanted[where]), near[where, 0])
         return np.concatenate([edges[first], crossed[real]]), np.concatenate([row[first], where[real]]), flat
+
+
+def may_turn_twice(left: Array, right: Array, slope_left: Array, slope_right: Array, width: Array) -> BoolArray:
+    """True where a part may turn twice and come to zero in between, (m,), given its ends' values and slopes.
+
+    A cubic is monotone if its slopes at both ends are at most three times the secant's (Fritsch and Carlson 1980). It strays from its
+    ends by less than the steeper of these slopes would.
+    """
+    reach = np.maximum(np.abs(slope_left), np.abs(slope_right)) * width
+    rise = right - left
+    bends = (reach > STEEP * np.abs(rise)) | (rise * (slope_left + slope_right) < 0)
+    nearer, farther = np.minimum(np.abs(left), np.abs(right)), np.maximum(np.abs(left), np.abs(right))
+    return np.asarray(bends & (reach > SAME * farther) & (nearer <= reach))
 
 
 def _bisected(f: Callable[[Array, IntArray], Array], low: Array, high: Array) -> Array:

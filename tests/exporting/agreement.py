@@ -62,12 +62,12 @@ void differentiate(const {real} *in, int n, double *out, int *bits)
 }}
 """
 INVERSE = """
-void invert_{input}({real} *in, int n, const {real} *wanted, int nearest, double *found, int *status)
+void invert_{input}({real} *in, int n, const {real} *wanted, int follow, double *found, int *status)
 {{
     {real} last = NAN;
     for (int i = 0; i < n; i++) {{
         {real} x;
-        in[i * {inputs} + {place}] = nearest ? last : ({real})NAN;
+        if (follow) in[i * {inputs} + {place}] = last;
         status[i] = {name}_invert_{input}(in + i * {inputs}, wanted[i], &x);
         found[i] = x;
         if (status[i]) last = x;
@@ -124,8 +124,8 @@ class Compiled:
         return {quantity.name: out[:, place] for place, quantity in enumerate(self.model.inputs)}
 
     def invert(self, wanted: np.ndarray, given: Mapping[str, np.ndarray], name: str, rule: str) -> tuple[np.ndarray, tuple[str, ...]]:
-        """What is picked, and the status of every row."""
-        rows = self._rows({**given, name: np.zeros(len(wanted))})
+        """What is picked, and the status of every row; `given` may say what to look near."""
+        rows = self._rows({name: np.full(len(wanted), np.nan), **given})
         wished = np.ascontiguousarray(wanted, dtype=rows.dtype)
         found, status = np.empty(len(rows)), np.empty(len(rows), dtype=np.int32)
         getattr(self.library, f"invert_{name}")(rows.ctypes, len(rows), wished.ctypes, int(rule == NEAREST), found.ctypes, status.ctypes)

@@ -16,12 +16,21 @@ static real missing_at(const problem *p, real x)
     return out - p->wanted;
 }
 
-static real derivative_at(const problem *p, real x)
+/* The same, with the derivative there. */
+static real both_at(const problem *p, real x, real *slope)
 {
     real in[INPUTS], out, slopes[INPUTS];
     for (int i = 0; i < INPUTS; i++) in[i] = i == p->which ? x : p->in[i];
     DIFFERENTIATE(in, &out, slopes);
-    return slopes[p->which];
+    *slope = slopes[p->which];
+    return out - p->wanted;
+}
+
+static real derivative_at(const problem *p, real x)
+{
+    real slope;
+    (void)both_at(p, x, &slope);
+    return slope;
 }
 
 /* Where a function changes its sign between two values. */
@@ -38,18 +47,51 @@ static real bisected(function f, const problem *p, real low, real high)
     return (low + high) / 2;
 }
 
+/* Whether a part may turn twice and come to zero in between: an end is far steeper than the secant, and zero is in reach of it. */
+static int may_turn_twice(real left, real right, real slope_left, real slope_right, real width)
+{
+    const real reach = FMAX(FABS(slope_left), FABS(slope_right)) * width, rise = right - left;
+    if (!(reach > STEEP * FABS(rise) || rise * (slope_left + slope_right) < 0)) return 0;
+    return reach > SAME * FMAX(FABS(left), FABS(right)) && FMIN(FABS(left), FABS(right)) <= reach;
+}
+
+/* Turning points within a part, put behind n edges; where it may turn more often, both sides are looked at. Returns how many edges there are. */
+static int turning_points(const problem *p, real low, real high, int splits, int *room, real *edges, int n)
+{
+    const real start = NEXT(low, INFINITY), end = NEXT(high, -INFINITY);
+    real slope_left, slope_right, middle = (low + high) / 2;
+    const real left = both_at(p, start, &slope_left), right = both_at(p, end, &slope_right);
+    const int turned = sign_of(slope_left) * sign_of(slope_right) < 0;
+    int closer;
+    if (turned) {
+        real value;
+        middle = bisected(derivative_at, p, start, end);
+        value = missing_at(p, middle);
+        closer = may_turn_twice(left, value, slope_left, 0, middle - low) || may_turn_twice(value, right, 0, slope_right, high - middle);
+    } else {
+        closer = may_turn_twice(left, right, slope_left, slope_right, high - low);
+    }
+    closer = closer && splits > 0 && *room > 0;
+    if (closer) {
+        --*room;
+        n = turning_points(p, low, middle, splits - 1, room, edges, n);
+    }
+    if (closer || turned) edges[n++] = middle;
+    if (closer) n = turning_points(p, middle, high, splits - 1, room, edges, n);
+    return n;
+}
+
 /* Ends of the monotone parts, ascending, and what is missing there: each interval between knots is looked at in equal parts. */
 static int scanned(const problem *p, int count, const real *knots, int parts, real *edges, real *missing)
 {
-    int n = 0;
+    int n = 0, room = DIVIDED;
     for (int i = 0; i < count - 1; i++) {
         const real step = (knots[i + 1] - knots[i]) / (real)parts;
         for (int j = 0; j < parts; j++) {
             const real start = (real)j * step + knots[i];
             const real end = j < parts - 1 ? (real)(j + 1) * step + knots[i] : knots[i + 1];
-            const real low = NEXT(start, INFINITY), high = NEXT(end, -INFINITY);
             edges[n++] = start;
-            if (sign_of(derivative_at(p, low)) * sign_of(derivative_at(p, high)) < 0) edges[n++] = bisected(derivative_at, p, low, high);
+            n = turning_points(p, start, end, SPLITS, &room, edges, n);
         }
     }
     edges[n++] = knots[count - 1];
