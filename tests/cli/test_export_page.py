@@ -1,0 +1,67 @@
+"""The tables of docs/export.md are what their commands print."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from page_tables import DOCS, numbers, page_table
+from test_shipped_studies import STUDIES
+
+from mapmore_cli.storage.artefacts import read_model
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "exporting"))
+from agreement import POINTS, agreement
+from inverse_agreement import TARGETS, inversion
+
+PAGE = DOCS / "export.md"
+LIMIT = 1e-12
+M2_NANOSECONDS = 50.0
+LARGEST_ERROR = 1e-6
+
+
+def test_every_shipped_study_agrees_by_the_page() -> None:
+    rows = page_table("agreement", PAGE)
+    assert list(rows) == sorted(path.stem for path in STUDIES)
+    for study, row in rows.items():
+        assert float(row["points"]) == POINTS, study
+        assert float(row["largest relative difference"]) <= LIMIT, study
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no C compiler here")
+@pytest.mark.parametrize("study", ["peano-static", "dmsp-20-400-sections"])
+def test_a_study_made_anew_is_what_the_page_says(mapmore: Callable[..., Any], tmp_path: Path, study: str) -> None:
+    """One without memory and one with; at fewer points, so that the difference is below the page's or as rounding has it."""
+    (config,) = (path for path in STUDIES if path.stem == study)
+    assert mapmore("fuse", config, "--runs", tmp_path, "-q").exit_code == 0
+    model = read_model(tmp_path / study / "model.h5")
+    found = agreement(study, model, 1500)
+    row = page_table("agreement", PAGE)[study]
+    assert found.worst <= LIMIT
+    if study in page_table("inverse", PAGE):
+        inverse = inversion(study, model, n=300)
+        assert inverse.error < LARGEST_ERROR
+        assert inverse.missed == 0
+    assert (found.kind, f"{found.kilobytes:.0f}") == (row["kind"], row["source, kB"])
+
+
+def test_what_a_call_costs() -> None:
+    rows = {name: numbers(row) for name, row in page_table("calls", PAGE).items()}
+    assert {"sarosi", "polynomial_2", "polynomial_5", "reynolds (damping)", "peternel (damping)"} < set(rows)
+    own = [name for name in rows if name.startswith("mapmore")]
+    assert [bool(rows[name]["state, bytes"]) for name in own] == [False, False, True]
+    assert rows["mapmore, M2's static model"]["C, ns a call"] < M2_NANOSECONDS
+    assert all(row["NumPy, ns a call"] > row["C, ns a call"] > 0 for row in rows.values())
+
+
+def test_the_inverse_misses_nothing_by_the_page() -> None:
+    rows = {name: numbers(row) for name, row in page_table("inverse", PAGE).items()}
+    assert {"dmsp-20-88-static", "peano-static", "pgm_force"} < set(rows)
+    for row in rows.values():
+        assert row["one"] + row["several"] + row["flat"] == TARGETS
+        assert row["largest error"] < LARGEST_ERROR
+        assert row["missed"] == 0
