@@ -129,7 +129,7 @@ def _composed(drawing: Drawing, panels: Sequence[Panel], columns: int, width: fl
             for ax in axes:
                 ax.remove()
     _hold(panels, places, columns if grid.common_y == "row" else len(panels) if grid.common_y == "all" else 1)
-    figure.align_ylabels()
+    figure.align_ylabels([ax for ax in figure.axes if ax.get_ylabel()])
     if drawing.legend:
         labels = [str(handle.get_label()) for handle in drawing.legend]
         figure.legend(handles=list(drawing.legend), loc="outside upper left", ncols=_legend_columns(labels, width))
