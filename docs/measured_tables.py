@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,12 +15,12 @@ import numpy as np
 from pages import CONFIGS, DOCS, campaign, finished, write_tables
 
 from mapmore_cli.domain.models import Hold
-from mapmore_cli.domain.scores import REPEATABILITY, deciding
+from mapmore_cli.domain.scores import OWN, REPEATABILITY, Score, deciding
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import pooled
 from mapmore_cli.reporting.campaign import CampaignScores, hindsight_table, nrmse_table, published_table
 from mapmore_cli.reporting.score_tables import score_table
-from mapmore_cli.reporting.table import Column, Table
+from mapmore_cli.reporting.table import Cell, Column, Table
 from mapmore_cli.spec.campaign import Entry, load_campaign
 from mapmore_cli.stages.inspection.evidence import slack_foot
 from mapmore_cli.storage.artefacts import read_dataset, read_fit, read_model
@@ -78,7 +78,7 @@ def auto(scores: CampaignScores, runs: Path) -> Table:
     for entry in entries:
         name = entry.config.stem
         settings = (f"name={name}-auto", "model={type: mapmore, backbone: auto}", "validate.against=[]")
-        chosen = deciding(finished(Entry(entry.config, settings), runs).validation.scores)[0]
+        chosen = deciding(finished(Entry(entry.config, settings), runs).table.scores)[0]
         backbone = read_fit(runs / f"{name}-auto" / "fit.h5").backbone
         run = scores.pooled[name]
         best = min(run[model].rmse for model in scores.best_of)
@@ -93,20 +93,73 @@ def auto(scores: CampaignScores, runs: Path) -> Table:
 
 
 PRESSURES = (50, 100, 150, 200, 250)
+LEFT_OUT = "data.split={leave_one_level_out: true}"
 
 
 def pgm(runs: Path) -> Table:
     """Every pressure of the gel muscle left out in turn: NRMSE by pressure, and the mean of the inner ones."""
-    overrides = ("name=pgm_force-left-out", "data.split={leave_one_level_out: true}")
-    found = finished(Entry(CONFIGS / "pgm" / "pgm_force.yaml", overrides), runs).validation.scores
-    held_out = [score for score in found if score.split == "validate"]
-    rows = []
+    direct = finished(Entry(CONFIGS / "pgm" / "pgm_force.yaml", ("name=pgm_force-left-out", LEFT_OUT)), runs).table.scores
+    turned = _of_strain(runs, "pgm_strain-left-out", "validate={as: force, against: []}")
+    rows = [*_by_pressure(turned, "mapmore, strain inverted"), *_by_pressure(direct)]
+    return Table("pgm", "Every pressure left out in turn", _pressure_columns("model"), tuple(rows))
+
+
+def pgm_strain(runs: Path) -> Table:
+    """The same model scored as what it is fitted to, the strain."""
+    rows = tuple(_by_pressure(_of_strain(runs, "pgm_strain-as-strain", "validate={as: null, against: []}")))
+    return Table("pgm-strain", "The strain with every pressure left out in turn", _pressure_columns("model of the strain"), rows)
+
+
+def _of_strain(runs: Path, name: str, validate: str) -> tuple[Score, ...]:
+    return finished(Entry(CONFIGS / "pgm" / "pgm_strain.yaml", (f"name={name}", LEFT_OUT, validate)), runs).table.scores
+
+
+def _by_pressure(scores: Sequence[Score], called: str | None = None) -> Iterator[tuple[Cell, ...]]:
+    """A row for every model: NRMSE in per cent at the inner pressures, their mean, and at the outermost ones."""
+    held_out = [score for score in scores if score.split == "validate"]
     for model in dict.fromkeys(score.model for score in held_out):
         errors = {score.curve: 100 * score.nrmse for score in held_out if score.model == model}
         inner = [errors[f"pressure={pressure}"] for pressure in PRESSURES]
-        rows.append((model, *inner, sum(inner) / len(inner), errors["pressure=0"], errors["pressure=300"]))
+        yield (called or model, *inner, sum(inner) / len(inner), errors["pressure=0"], errors["pressure=300"])
+
+
+def _pressure_columns(first: str) -> tuple[Column, ...]:
     heads = (*(f"{pressure} kPa" for pressure in PRESSURES), "mean", "0 kPa", "300 kPa")
-    return Table("pgm", "Every pressure left out in turn", (Column("model"), *(Column(head, "%", ".3g") for head in heads)), tuple(rows))
+    return (Column(first), *(Column(head, "%", ".3g") for head in heads))
+
+
+MAPS = {
+    "200 and 500 kPa": "{validate: {pressure: {between: [[190, 210], [490, 510]]}}}",
+    "strain 0.035 to 0.105": "{validate: {strain: {between: [[0.035, 0.105]]}}}",
+}
+CUT = "{method: even, count: 2, min_samples: 12}"
+SHAPES = {
+    "by level": (),
+    "one surface": ("segment={pressure: none}", "dictionary=[{polynomial: {of: [pressure, strain], order: 3}}]"),
+    "one surface, cut": (
+        "data.levels=null",
+        f"segment={{pressure: {CUT}, strain: {CUT}}}",
+        "dictionary=[{polynomial: {of: [pressure, strain], order: 3}}]",
+    ),
+}
+
+
+def maps(runs: Path) -> Table:
+    """The maker's map with `backbone: auto`: a function for each pressure, or one surface; beside the best formula in hindsight."""
+    rows = []
+    for held_out, split in MAPS.items():
+        errors: dict[str, float] = {}
+        for shape, settings in SHAPES.items():
+            name = f"festo_datasheet-{shape}-{held_out}".replace(" ", "-").replace(",", "")
+            against = "validate.against=[sarosi_hinged, sarosi, polynomial_2, polynomial_5, kerscher]"
+            overrides = (f"name={name}", f"data.split={split}", "model={type: mapmore, backbone: auto}", *settings, against)
+            found = deciding(finished(Entry(CONFIGS / "festo" / "festo_datasheet.yaml", overrides), runs).table.scores)
+            errors |= {shape if score.model == OWN else score.model: 100 * score.nrmse for score in found}
+        published = {model: error for model, error in errors.items() if model not in (*SHAPES, "sarosi_hinged")}
+        best = min(published, key=published.__getitem__)
+        rows.append((held_out, *(errors[shape] for shape in SHAPES), errors["sarosi_hinged"], best, published[best]))
+    columns = (Column("held out"), *(Column(shape, "%", ".3g") for shape in (*SHAPES, "sarosi_hinged")))
+    return Table("maps", "A map of 58 points", (*columns, Column("best published formula"), Column("its error", "%", ".3g")), tuple(rows))
 
 
 def hold(scores: CampaignScores, papers: CampaignScores, runs: Path) -> Table:
@@ -144,8 +197,8 @@ def terms(scores: CampaignScores) -> Table:
 
 def family(runs: Path) -> Table:
     """The scores on the held-out muscle."""
-    validation = finished(Entry(CONFIGS / "festo" / "festo_10mm_family.yaml", ()), runs).validation
-    return score_table([score for score in validation.scores if score.split == "validate"], validation.units)
+    table = finished(Entry(CONFIGS / "festo" / "festo_10mm_family.yaml", ()), runs).table
+    return score_table([score for score in table.scores if score.split == "validate"], table.units)
 
 
 def tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
@@ -157,6 +210,8 @@ def tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
         "backbones": lambda: backbones(measured, runs),
         "auto": lambda: auto(measured, runs),
         "pgm": lambda: pgm(runs),
+        "pgm-strain": lambda: pgm_strain(runs),
+        "maps": lambda: maps(runs),
         "hold": lambda: hold(measured, m1, runs),
         "family": lambda: family(runs),
         "m1": lambda: nrmse_table(m1),

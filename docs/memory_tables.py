@@ -36,7 +36,7 @@ def study(folder: str, name: str, runs: Path) -> Finished:
 
 def own(run: Finished, split: str = "validate") -> Score:
     """The pooled scores of the run's own model."""
-    return next(score for score in run.validation.scores if (score.model, score.split, score.curve) == ("mapmore", split, "all"))
+    return next(score for score in run.table.scores if (score.model, score.split, score.curve) == ("mapmore", split, "all"))
 
 
 def uncut(runs: Path) -> Table:
@@ -58,7 +58,7 @@ def uncut(runs: Path) -> Table:
 
 def reversals(runs: Path) -> Table:
     """Inner reversals of both simulated muscles."""
-    found = {name: study("m1", name, runs).validation.scores for name in REVERSALS}
+    found = {name: study("m1", name, runs).table.scores for name in REVERSALS}
     return nrmse_table(CampaignScores(found, relative_to="static"))
 
 
@@ -146,7 +146,7 @@ SHORT = ("data.split.validate.last=0.95", "name=bouc_wen_short")
 def bouc_wen(runs: Path) -> Table:
     """The hysteretic oscillator with and without stops of the output that is fed back; trained on much, and on little."""
     config = CONFIGS / "identification" / "bouc_wen.yaml"
-    scores = {False: finished(Entry(config, ()), runs).validation.scores, True: finished(Entry(config, SHORT), runs).validation.scores}
+    scores = {False: finished(Entry(config, ()), runs).table.scores, True: finished(Entry(config, SHORT), runs).table.scores}
     held = {short: {one.model: one for one in found if (one.split, one.curve) == ("validate", "all")} for short, found in scores.items()}
     rows = [
         (name, one.rrse, one.rrse_one_step, 1e5 * one.rmse, held[True][name].rrse if name in held[True] else None)

@@ -30,7 +30,7 @@ def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
     return (
         score_table(scores, units, inputs.published, inputs.failed),
         recordings_table(inputs.dataset),
-        levels_table(inputs.dataset),
+        levels_table(inputs.dataset, None if inputs.over_time or inputs.has_memory else inputs.in_curve.name),
         curve_scores_table(scores, units),
         bands_table(bands(inputs.dataset, inputs.validation.predictions), inputs.target.unit),
         segments_table(inputs),
@@ -69,12 +69,39 @@ def recordings_table(dataset: Dataset) -> Table:
     return Table("recordings", "Rows of every recording", columns, tuple(rows), notes)
 
 
-def levels_table(dataset: Dataset) -> Table:
-    """The curves found, with the samples that train and that validate."""
+SINGLE_VALUED_NOTE = (
+    "Single-valued: how far the best monotone curve over {along} lies from the samples of that level, in per cent of the largest {target}. "
+    "No static model does better there: a loop has two values at one place, and samples have noise."
+)
+
+
+def levels_table(dataset: Dataset, along: str | None = None) -> Table:
+    """The curves found, with the samples that train and that validate.
+
+    `along` is the quantity over which a static model has one value: where curves are not single-valued, it says by how much.
+    """
     level = Column("level", dataset.unit(dataset.level), ".6g") if dataset.level else Column("level")
     columns = (Column("curve"), level, Column("train"), Column("validate"), Column("recordings"))
     rows: list[tuple[Cell, ...]] = []
     for curve in dataset.curves:
         held_out = int(np.count_nonzero(curve.held_out))
         rows.append((curve.id, curve.level, curve.size - held_out, held_out, ", ".join(curve.recordings)))
-    return Table("levels", f"Samples of every curve{f', levels of {dataset.level}' if dataset.level else ''}", columns, tuple(rows))
+    notes: tuple[str, ...] = ()
+    floors = _single_valued(dataset, along)
+    if floors:
+        columns = (*columns, Column("single-valued", "%", ".2g"))
+        rows = [(*row, 100 * floor) for row, floor in zip(rows, floors, strict=True)]
+        notes = (SINGLE_VALUED_NOTE.format(along=along, target=dataset.target),)
+    title = f"Samples of every curve{f', levels of {dataset.level}' if dataset.level else ''}"
+    return Table("levels", title, columns, tuple(rows), notes)
+
+
+def _single_valued(dataset: Dataset, along: str | None) -> list[float]:
+    """Of each level, the error of its best single-valued curve as a part of the largest target; nothing where none is worth a word."""
+    if along is None or dataset.level is None or along == dataset.level:
+        return []
+    from mapmore_cli.modelling.scores.repeatability import WORTH, monotone_floor  # here: other tables need no solver
+
+    largest = max(float(np.abs(curve.columns[dataset.target]).max()) for curve in dataset.curves)
+    errors = [monotone_floor(curve.columns[along], curve.columns[dataset.target]) for curve in dataset.curves]
+    return [error / largest for error in errors] if max(errors) > WORTH * largest else []

@@ -107,6 +107,19 @@ class TestData:
             assert train + validate == curve.size
         assert column(table, "level [kPa]") == [80, 150, 250, 350]
 
+    def test_levels_say_how_far_they_are_from_single_valued(self, inputs):
+        """A loop of 12 % of the largest force about a straight line errs by 6 % at least; one without a loop has no such column."""
+        there = np.linspace(0, 1, 50)
+        columns = {"strain": np.concatenate([there, there[::-1]]), "force": np.concatenate([94 - 50 * there, (82 - 50 * there)[::-1]])}
+        curve = replace(inputs.dataset.curves[0], columns=columns, held_out=np.zeros(100, dtype=bool), origin=None, at_rest=None)
+        looped = replace(inputs.dataset, curves=(curve,))
+        table = levels_table(looped, "strain")
+        assert column(table, "single-valued [%]") == pytest.approx([100 * 6 / 94], rel=1e-6)
+        assert "best monotone curve over strain" in table.notes[0]
+        plain = replace(curve, columns={**columns, "force": 94 - 50 * columns["strain"]})
+        for dataset, along in ((replace(looped, curves=(plain,)), "strain"), (looped, None)):
+            assert [c.name for c in levels_table(dataset, along).columns][-1] == "recordings"
+
 
 class TestModel:
     def test_terms_show_runner_up_and_margin(self, inputs):

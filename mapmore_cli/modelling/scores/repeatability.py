@@ -144,3 +144,23 @@ def _on_strokes(x: Array, x_last: Array, y_last: Array) -> Array:
         order = np.argsort(x_last[rows_last], kind="stable")
         values[rows] = np.interp(x[rows], x_last[rows_last][order], y_last[rows_last][order], left=np.nan, right=np.nan)
     return values
+
+
+WORTH = 0.02
+"""Of the largest target, from which a floor is worth a word."""
+
+
+def monotone_floor(x: Array, y: Array) -> float:
+    """The RMSE of the best monotone single-valued curve y(x) through samples `(n,)`: what no static model of x alone goes below.
+
+    Isotonic regression, rising or falling, whichever is nearer; samples of one x count together. A loop has such a floor, and so has noise.
+    """
+    from scipy.optimize import isotonic_regression
+
+    places, inverse, counts = np.unique(x, return_inverse=True, return_counts=True)
+    means = np.bincount(inverse, y) / counts
+    errors = []
+    for rising in (True, False):
+        curve = isotonic_regression(means, weights=counts, increasing=rising).x
+        errors.append(float(np.sqrt(np.mean((y - curve[inverse]) ** 2))))
+    return min(errors) if len(places) > 1 else float(np.std(y))

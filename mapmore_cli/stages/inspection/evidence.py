@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import isotonic_regression
 
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.errors import DataError
@@ -139,24 +138,10 @@ def two_digits(value: float) -> float:
     return float(f"{round(value, 1 - math.floor(math.log10(value))):.6g}")
 
 
-# Single-valued curves ----------------------------------------------------------------------------------------------------------------
+# What was set ----------------------------------------------------------------------------------------------------------------
 
 EVEN = 0.8  # of the steps from sample to sample, that are one step up or down where a quantity was set
 ALIKE = 0.02  # of the step, that these may differ
-
-
-def monotone_floor(x: Array, y: Array) -> float:
-    """Return the RMSE of the best monotone single-valued curve y(x) through samples `(n,)`: what no static model of x alone goes below.
-
-    Isotonic regression, rising or falling, whichever is nearer; samples of one x count together. A loop has such a floor, and so has noise.
-    """
-    places, inverse, counts = np.unique(x, return_inverse=True, return_counts=True)
-    means = np.bincount(inverse, y) / counts
-    errors = []
-    for rising in (True, False):
-        curve = isotonic_regression(means, weights=counts, increasing=rising).x
-        errors.append(float(np.sqrt(np.mean((y - curve[inverse]) ** 2))))
-    return min(errors) if len(places) > 1 else float(np.std(y))
 
 
 def set_in_steps(records: Sequence[Array]) -> float | None:

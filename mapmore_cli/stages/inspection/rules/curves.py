@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mapmore_cli.stages.inspection.evidence import monotone_floor, set_in_steps
+from mapmore_cli.modelling.scores.repeatability import WORTH, monotone_floor
+from mapmore_cli.stages.inspection.evidence import set_in_steps
 from mapmore_cli.stages.inspection.subject import Issue, Subject
 
-WORTH = 0.02  # of the largest target, from which a floor is worth a word
 POSITIONS = ("strain", "displacement", "length")
 
 
