@@ -17,6 +17,11 @@ import pytest
 from page_tables import PAGE, numbers, page_table
 from test_shipped_studies import CONFIGS, NRMSE
 
+from mapmore_cli.domain.models import Fusion
+from mapmore_cli.domain.recording import Curve, Quantity
+from mapmore_cli.modelling.kinds import predict
+from mapmore_cli.modelling.pieces.build import build
+from mapmore_cli.modelling.pieces.recipe import Cutting, Even, Fitting, Fusing, Recipe
 from mapmore_cli.spec.campaign import load_campaign
 
 CLOSING = ("ratio, geometric mean", "ratio, worst", "runs better", "below the best formula")
@@ -131,6 +136,41 @@ def test_the_gel_muscle_is_what_its_recordings_say(measured_data: Path) -> None:
             assert 100 * error == pytest.approx(table[f"polynomial_{order}"][f"{pressure} kPa"], rel=0.01)
     for row in table.values():
         assert row["mean"] == pytest.approx(sum(row[f"{pressure} kPa"] for pressure in (50, 100, 150, 200, 250)) / 5, rel=DIGITS)
+
+
+def test_the_gel_muscle_is_better_the_other_way_round(measured_data: Path) -> None:
+    """The inverted model has the least mean; the fold without 100 kPa again, inverted by a look at every force of a fine grid."""
+    table = {model: numbers(row) for model, row in page_table("pgm").items()}
+    inverted = table["mapmore, strain inverted"]
+    assert inverted["mean"] <= 6.5
+    assert inverted["mean"] == min(row["mean"] for row in table.values())
+    curves, quantities = [], {"pressure": Quantity("pressure", "kPa"), "strain": Quantity("strain", "1"), "force": Quantity("force", "N")}
+    for path in sorted((measured_data / "pgm_mckibben").glob("pgm_*kPa.csv")):
+        rows = np.genfromtxt(path, delimiter=",", names=True)
+        columns = {"pressure": rows["pressure_kPa"], "strain": rows["strain"], "force": rows["force_N"]}
+        level = float(columns["pressure"][0])
+        curves.append(Curve(f"pressure={level:g}", level, columns, np.full(len(rows), level == 100.0), (path.stem,)))
+    recipe = Recipe(
+        "strain",
+        Cutting("pressure", {"force": Even(3, 6)}),
+        Fitting(("1", "force", "force^2", "force^3"), "unit_square", 3, 1e-4, "bic"),
+        Fusing(Fusion("linear", 0.25, {}), "none", "curve", None, {}, None),
+    )
+    model = build("strain", curves, recipe, quantities)
+    left_out = next(curve for curve in curves if curve.level == 100.0).columns
+    forces = np.linspace(0.5, 49.5, 1500)
+    strains = predict(model, {"pressure": np.full(1500, 100.0), "force": forces})
+    nearest = forces[np.argmin(np.abs(strains[None, :] - left_out["strain"][:, None]), axis=1)]
+    error = np.sqrt(np.mean((nearest - left_out["force"]) ** 2)) / max(curve.columns["force"].max() for curve in curves)
+    assert 100 * error == pytest.approx(inverted["100 kPa"], rel=0.02)
+
+
+def test_a_map_of_few_points_is_below_the_best_formula() -> None:
+    table = {held_out: numbers(row) for held_out, row in page_table("maps").items()}
+    assert len(table) == 2
+    for row in table.values():
+        assert max(row[shape] for shape in ("by level", "one surface", "one surface, cut")) < row["its error"]
+    assert table["strain 0.035 to 0.105"]["one surface"] < table["strain 0.035 to 0.105"]["by level"]
 
 
 def test_holding_is_the_default_of_the_measured_studies_and_not_of_the_papers() -> None:
