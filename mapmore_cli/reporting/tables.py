@@ -81,7 +81,7 @@ def levels_table(dataset: Dataset, along: str | None = None) -> Table:
     `along` is the quantity over which a static model has one value: where curves are not single-valued, it says by how much.
     """
     level = Column("level", dataset.unit(dataset.level), ".6g") if dataset.level else Column("level")
-    columns = (Column("curve"), level, Column("train"), Column("validate"), Column("recordings"))
+    columns = [Column("curve"), level, Column("train"), Column("validate"), Column("recordings")]
     rows: list[tuple[Cell, ...]] = []
     for curve in dataset.curves:
         held_out = int(np.count_nonzero(curve.held_out))
@@ -89,11 +89,11 @@ def levels_table(dataset: Dataset, along: str | None = None) -> Table:
     notes: tuple[str, ...] = ()
     floors = _single_valued(dataset, along)
     if floors:
-        columns = (*columns, Column("single-valued", "%", ".2g"))
+        columns.append(Column("single-valued", "%", ".2g"))
         rows = [(*row, 100 * floor) for row, floor in zip(rows, floors, strict=True)]
         notes = (SINGLE_VALUED_NOTE.format(along=along, target=dataset.target),)
     title = f"Samples of every curve{f', levels of {dataset.level}' if dataset.level else ''}"
-    return Table("levels", title, columns, tuple(rows), notes)
+    return Table("levels", title, tuple(columns), tuple(rows), notes)
 
 
 def _single_valued(dataset: Dataset, along: str | None) -> list[float]:
