@@ -18,6 +18,9 @@ REPEATABILITY = "repeatability"
 """Name of the rows that say how far repeated measurements lie apart: the floor of every model's error, and no model itself."""
 
 
+BASELINES = ("gaussian_process", "gradient_boosting", "mlp")
+"""Names of competitors that are black boxes of scikit-learn."""
+
 METRICS: Mapping[str, str] = MappingProxyType(
     {
         "n": "samples",

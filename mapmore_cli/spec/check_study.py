@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.domain.scores import METRICS, OWN, REPEATABILITY
+from mapmore_cli.domain.scores import BASELINES, METRICS, OWN, REPEATABILITY
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean
 from mapmore_cli.spec.experiment import ExperimentSpec, TargetColumn
 from mapmore_cli.spec.sections.dictionary import entries_of, texts_in
@@ -125,8 +125,13 @@ def formulas(spec: ExperimentSpec) -> Iterator[Finding]:
     from mapmore_cli.modelling import literature
 
     for name, loc in formula_uses(spec):
+        rival = loc[:2] == ("validate", "against") and loc[-1] not in ("static", "damping")
+        if rival and name in BASELINES:
+            yield from _baseline(spec, name, loc)
+            continue
         if name not in literature.names():
-            yield Finding(loc, f"there is no literature model `{name}`", did_you_mean(name, literature.names()))
+            known = (*literature.names(), *(BASELINES if rival else ()))
+            yield Finding(loc, f"there is no literature model `{name}`", did_you_mean(name, known))
             continue
         if loc == ("model", "name") and not literature.get(name).inputs:
             yield Finding(loc, f"`{name}` is no function of anything", "name it in `validate.against`")
@@ -150,6 +155,17 @@ def formulas(spec: ExperimentSpec) -> Iterator[Finding]:
             remedy = "give this one a name: `{model: ..., as: NAME}`"
             yield Finding(("validate", "against", i), f"two models of the scores are named `{name}`", remedy)
         shown.append(name)
+
+
+def _baseline(spec: ExperimentSpec, name: str, loc: Loc) -> Iterator[Finding]:
+    """A baseline needs the package that it comes from, and is always fitted in one way."""
+    from importlib.util import find_spec
+
+    if find_spec("sklearn") is None:
+        yield Finding(loc, f"`{name}` needs scikit-learn, which is not installed", "install the extra: `pip install 'mapmore[baselines]'`")
+    competitor = spec.validation.against[int(loc[2])]
+    if isinstance(competitor, Competitor) and competitor.method is not None:
+        yield Finding((*loc[:3], "method"), f"`{name}` has no `method`", "remove it", on_key=True)
 
 
 def _starts(spec: ExperimentSpec) -> Iterator[Finding]:

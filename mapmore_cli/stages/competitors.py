@@ -16,7 +16,7 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.motion import MotionFit
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.results import Forecast
-from mapmore_cli.domain.scores import OWN
+from mapmore_cli.domain.scores import BASELINES, OWN
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.literature.backbone import fit_formula, pooled, pooled_training
@@ -85,6 +85,10 @@ class Contest:
         if competitor.sum is not None:
             return self._sum(competitor)
         assert competitor.model is not None
+        if competitor.model in BASELINES:
+            from mapmore_cli.stages.baselines import predictions
+
+            return Rival(competitor.label, _forecasts(predictions(competitor.model, self.dataset, self.model)))
         found = self._fitted(
             competitor.model, self.dataset.curves, self.dataset.target, competitor.method, competitor.starts, competitor.errors_in
         )

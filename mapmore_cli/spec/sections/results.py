@@ -50,6 +50,8 @@ class Competitor(Section):
     - `errors_in` names an input of a formula whose error is minimised in place of the target's. It is for tables in which the target was
       set and that input was measured, as the strain under a weight.
     - `as` is the name in the scores. Without it, a run has the name of its file.
+    - `gaussian_process`, `gradient_boosting` and `mlp` as `model` are black boxes of scikit-learn (extra `baselines`), fitted to the same
+      samples.
     """
 
     model: Annotated[str, RelativePath(bare=True)] | None = None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -45,7 +46,16 @@ def find_held(recordings: Sequence[Recording], names: tuple[str, str]) -> Held |
     if not np.ptp(values) or travels[of] > LESS * travels[swept]:
         return None
     levels = find_levels(values)
+    own = _one_each(recordings, of)
+    levels = own if own is not None and len(levels) > len(own) else levels
     return Held(of, _neat(values, levels), _within(values, levels), swept) if len(levels) > 1 else None
+
+
+def _one_each(recordings: Sequence[Recording], name: str) -> Array | None:
+    """The medians of the recordings, ascending, where each has a range of its own: one level that drifts, as while a muscle is pulled."""
+    ranges = sorted((*np.quantile(one.columns[name], (0.5, 0.05, 0.95)),) for one in recordings if one.rows_kept)
+    apart = all(high < low for (_, _, high), (_, low, _) in pairwise(ranges))
+    return np.array([middle for middle, _, _ in ranges]) if len(ranges) > 1 and apart else None
 
 
 def _travel(recordings: Sequence[Recording], name: str) -> float:
@@ -61,7 +71,8 @@ def _neat(values: Array, levels: Array) -> Array:
     off = values - levels[match_levels(values, levels, np.inf)]
     near = np.abs(off) < 2 * TIGHT * default_within(levels)
     nearest = match_levels(values, levels, np.inf)
-    neat = [_shortest(float(level), float(np.std(off[near & (nearest == i)]))) for i, level in enumerate(levels)]
+    around = [off[near & (nearest == i)] if (near & (nearest == i)).any() else off[nearest == i] for i in range(len(levels))]
+    neat = [_shortest(float(level), float(np.std(own))) for level, own in zip(levels, around, strict=True)]
     return np.array(neat if len(set(neat)) == len(levels) else levels)
 
 

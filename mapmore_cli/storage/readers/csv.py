@@ -171,15 +171,28 @@ def _header_hint(first: Sequence[str], request: TableRequest) -> str | None:
 
 def peek_csv(path: Path, most: int) -> Iterable[Top]:
     """The first lines of a text file, cut in every way that is usual; those with decimal points first."""
-    lines = [line.rstrip("\r\n") for line in islice(lines_of(path), most)]
+    encoding = guess_encoding(path)
+    told = {} if encoding == "utf-8" else {"encoding": encoding}
+    lines = [line.rstrip("\r\n") for line in _first_lines(path, encoding, most)]
     if any("\0" in line for line in lines):
         raise DataError(f"{path.name}: is no text", "save the table as CSV")
     return [
-        Top(_cut(lines, character), is_number, {**delimiter, **decimal})
+        Top(_cut(lines, character), is_number, {**told, **delimiter, **decimal})
         for character, delimiter in _DIALECTS
         for is_number, decimal in _NUMBERS
         if (character, is_number) != (",", _with_comma)
     ]
+
+
+def _first_lines(path: Path, encoding: str, most: int) -> list[str]:
+    """The first lines; what is no UTF-8 is read as the encoding that it looks like."""
+    if encoding == "utf-8":
+        return list(islice(lines_of(path), most))
+    try:
+        with open_lines(path, encoding, path.name) as lines:
+            return [part for line in lines.take(most) for part in line.splitlines(keepends=True)]
+    except (EOFError, UnicodeError, OSError) as fault:
+        raise DataError(f"{path.name}: cannot be read as {encoding} ({fault})", "save the table as CSV in UTF-8") from fault
 
 
 def _cut(lines: Sequence[str], delimiter: str | None) -> list[list[str]]:

@@ -52,6 +52,22 @@ def test_dialects_are_recognised(tmp_path: Path, text: str, settings: dict[str, 
     assert preview(zipped) == found
 
 
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "cp1252", "utf-16"])
+def test_files_of_older_programs_are_read_as_what_they_look_like(tmp_path: Path, encoding: str) -> None:
+    """Umlauts and degree signs of a logger under Windows; a mark at the beginning of UTF-8 needs no word."""
+    for number, level in enumerate([100.0, 200.0]):
+        strain = np.linspace(0, 0.1, 20)
+        force = level * (2 - 10 * strain)
+        lines = [f"{level:g};{e:.5f};{f:.3f}".replace(".", ",") for e, f in zip(strain, force, strict=True)]
+        (tmp_path / f"r{number}.csv").write_bytes("\n".join(["Prüfdruck P [kPa];eps;Zugkraft F [N] (20 °C)", *lines]).encode(encoding))
+    (draft,) = start(tmp_path, tmp_path).drafts
+    assert draft.data.get("encoding") == (None if encoding == "utf-8-sig" else encoding)
+    spec = tmp_path / "spec.yaml"
+    spec.write_text(draft.text(), encoding="utf-8")
+    assert inspect(load(spec)).verdict is None
+    assert "Prüfdruck" in draft.text()
+
+
 @pytest.mark.parametrize("content", [b"", b"\x00\x01\x02" * 50, b"dear diary\ntoday\n", b"1\n2\n3\n", b"a,b\n", b'"never closed,1\n2,3\n'])
 def test_what_is_no_table_is_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "a.csv"

@@ -84,6 +84,16 @@ def test_holds_within_one_recording_keep_the_ways_between_out() -> None:
     assert held.within < 0.02
 
 
+def test_a_pressure_that_drifts_within_each_recording_is_one_level_each() -> None:
+    """A closed or slow supply: the pressure dwells at both ends of every stroke, and each recording has its own."""
+    swing = np.where(T < 20, 0.2, -0.2) + 0.02 * np.sin(7 * T)
+    recordings = [recording(time=T, pressure=100 * (level + swing), strain=0.2 * LOOP) for level in (1, 2, 3)]
+    held = find_held(recordings, ("pressure", "strain"))
+    assert held is not None
+    assert (held.of, len(held.at)) == ("pressure", 3)
+    assert np.abs(held.at - [100, 200, 300]).max() < 25
+
+
 def test_nothing_was_held_where_both_move_or_only_one_level_was() -> None:
     assert find_held([recording(pressure=500 * LOOP, strain=0.2 * LOOP)], ("pressure", "strain")) is None
     assert find_held([recording(pressure=np.full(T.size, 100), strain=0.2 * LOOP)], ("pressure", "strain")) is None

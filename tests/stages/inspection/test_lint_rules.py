@@ -73,7 +73,7 @@ FIRST_SAMPLES = {"data": {"keep": [{"quantity": "strain", "below": 0.008}]}, "se
         ("pressure-in-pascals", "error", scaled(P=1000), levels_times(1000)),
         ("pressure-in-bar", "warning", scaled(P=0.01), levels_times(0.01)),
         ("force-too-large", "warning", scaled(F=7), {}),
-        ("time-in-milliseconds", "warning", lambda level, _: {**table(level, 1200), "t": 20.0 * np.arange(1200)}, {}),
+        ("time-in-milliseconds", "hint", lambda level, _: {**table(level, 1200), "t": 20.0 * np.arange(1200)}, {}),
         ("constant", "error", scaled(F=0), {}),
         ("constant", "warning", scaled(eps=0), {"segment": {}}),
         ("force-never-positive", "warning", lambda _, c: {**c, "F": -np.abs(c["F"]) - 1}, {}),
@@ -192,7 +192,27 @@ def at_most(name: str, limit: float) -> Spoil:
 def test_a_clipped_force_is_seen(tmp_path: Path) -> None:
     issue = only(inspected(tmp_path, at_most("F", 900.0)), "clipped")
     assert "level_400.csv: 28 of 60 samples have force at exactly 900 N" in issue.message
+    assert issue.severity == "warning"
     assert "below: 900" in issue.remedy
+
+
+def test_a_tank_may_be_full(tmp_path: Path) -> None:
+    """What is no sensor of a muscle may have a limit of its own: that is no mistake of anybody."""
+    spec = {"data": {"columns": {"force": None, "volume": {"column": "F"}}}, "target": {"column": "volume"}, "validate": {"against": []}}
+    issue = only(inspected(tmp_path, at_most("F", 900.0), **spec), "clipped")
+    assert issue.severity == "hint"
+    assert "a limit that it has" in issue.message
+    assert "keep them" in issue.remedy
+
+
+def test_slow_stamps_are_believed_where_their_name_tells_the_unit(tmp_path: Path) -> None:
+    def slow(level: int, _: object) -> dict[str, np.ndarray]:
+        columns = {**table(level, 1200), "t [s]": 4.0 * np.arange(1200)}
+        del columns["t"]
+        return columns
+
+    named = {"data": {"columns": {"time": {"column": "t [s]", "unit": "s"}}}}
+    assert "time-in-milliseconds" not in found(inspected(tmp_path, slow, **named))
 
 
 def test_a_slack_muscle_is_not_clipped(tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ MOST = 0.95  # of the samples, left out on purpose
 UNSETTLED = 0.2  # of the samples
 AT_REST = 0.5  # of the largest value: nearer to zero nothing is clipped
 CLIPPED, LONGEST, FAR_MORE = 0.01, 20, 10  # share, number, and times any other number, of samples at one end
+FROM_SENSORS = ("force", "pressure", "load")  # what hardly stops by itself at one number: its sensor does
 HELD, MOVED = 0.05, 0.2  # movement within a recording, relative to the largest value: at most of what is held, at least of what is not
 
 
@@ -45,9 +46,12 @@ def clipped(subject: Subject) -> Iterator[Issue]:
                 if not usual or at_rest or counts[end] <= max(LONGEST, FAR_MORE * usual, CLIPPED * len(values)):
                     continue
                 at = f"{numbers[end]:.6g} {subject.units[name]}"
-                message = f"{recording.source}: {counts[end]} of {len(values)} samples have {name} at exactly {at}: clipped"
-                remedy = f"leave them out, as `keep: [{{quantity: {name}, {side}: {numbers[end]:.6g}}}]`"
-                yield Issue("warning", "clipped", subject.source(name), message, remedy, "data")
+                count = f"{counts[end]} of {len(values)} samples have {name} at exactly {at}"
+                message = f"{recording.source}: {count}: clipped, or a limit that it has"
+                leave_out = f"leave them out, as `keep: [{{quantity: {name}, {side}: {numbers[end]:.6g}}}]`"
+                remedy = f"where the sensor is at its end, {leave_out}; where {name} itself stops there (a stop, a full tank), keep them"
+                known = name in FROM_SENSORS
+                yield Issue("warning" if known else "hint", "clipped", subject.source(name), message, remedy, "data")
 
 
 def cycles_of_noise(subject: Subject) -> Iterator[Issue]:

@@ -64,8 +64,10 @@ def pull_of_the_bore(subject: Subject) -> Iterator[Issue]:
 
 
 def time_in_milliseconds(subject: Subject) -> Iterator[Issue]:
-    """A logger takes many samples a second, and a test lasts minutes."""
-    if not subject.has("time"):
+    """A logger takes many samples a second, and a test lasts minutes: slower stamps may be in ms, unless their name tells the unit."""
+    column = subject.spec.data.columns.get("time")
+    label = read_label(column.column) if column is not None and isinstance(column.column, str) else None
+    if not subject.has("time") or (label is not None and label.unit is not None):
         return
     for recording in subject.recordings:
         time = convert(recording.columns["time"], subject.units["time"], "s")
@@ -73,8 +75,8 @@ def time_in_milliseconds(subject: Subject) -> Iterator[Issue]:
             continue
         step, length = float(np.median(np.diff(time))), float(time[-1] - time[0])
         if step > LONGEST_STEP or length > LONGEST_RECORD:
-            message = f"{recording.source}: one sample every {step:.3g} s, {length / 3600:.3g} hours in all: it looks like ms read as s"
-            yield Issue("warning", "time-in-milliseconds", subject.source("time"), message, "say `unit: ms`")
+            message = f"{recording.source}: one sample every {step:.3g} s, {length / 3600:.3g} hours in all, which is slow for a muscle"
+            yield Issue("hint", "time-in-milliseconds", subject.source("time"), message, "say `unit: ms` if the stamps are in ms")
             return  # the others are of the same logger
 
 

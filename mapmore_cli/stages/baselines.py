@@ -1,0 +1,99 @@
+"""Black boxes as competitors: what a learner that knows nothing of muscles makes of the same training samples.
+
+They come from scikit-learn (extra `baselines`), which is imported when one is fitted. Inputs are those of the run's own model, scaled to
+mean 0 and deviation 1 on the training samples. Against a model that runs along recordings they also get every input some samples before
+(`DELAYS`), since without a past they could not compete; the output is never fed back.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.modelling.kinds import runs_over_time
+
+SEED = 0
+DELAYS = (0, 1, 2, 4, 8, 16, 32)
+"""Samples by which inputs are delayed where the run's own model has a past."""
+
+MOST_SAMPLES = {"gaussian_process": 400, "gradient_boosting": 20_000, "mlp": 5_000}
+"""Training samples of each at most, an even share: a Gaussian process costs the cube of their number."""
+
+
+def predictions(name: str, dataset: Dataset, model: Model) -> list[Array]:
+    """Fit the baseline to the training samples, and predict every sample of every curve, (n_c,) each.
+
+    Parameters
+    ----------
+    name
+        One of `domain.scores.BASELINES`.
+    model
+        The run's own model, for the names of the inputs.
+    """
+    names = [quantity.name for quantity in model.inputs if quantity.name != dataset.target]
+    delays = DELAYS if runs_over_time(model) else (0,)
+    inputs = [_features(curve, names, delays) for curve in dataset.curves]
+    x = np.concatenate([of[curve.training] for of, curve in zip(inputs, dataset.curves, strict=True)])
+    y = np.concatenate([curve.columns[dataset.target][curve.training] for curve in dataset.curves])
+    known = np.isfinite(x).all(axis=1) & np.isfinite(y)
+    x, y = _share(x[known], MOST_SAMPLES[name]), _share(y[known], MOST_SAMPLES[name])
+    centre, width = x.mean(axis=0), _width(x)
+    middle, height = float(y.mean()), float(_width(y))
+    learner = _learner(name, x.shape[1])
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", module="sklearn")  # a search that stopped early: its score says what it is worth
+        learner.fit((x - centre) / width, (y - middle) / height)
+    return [_predicted(learner, (of - centre) / width) * height + middle for of in inputs]
+
+
+def _features(curve: Curve, names: Sequence[str], delays: Sequence[int]) -> Array:
+    """The inputs of every sample and those before it in its recording, (n, features); the first value stands for what was before it."""
+    found = np.empty((curve.size, len(names) * len(delays)))
+    for rows in curve.logs:
+        places = np.arange(len(rows))
+        columns = [curve.columns[name][rows][np.maximum(places - delay, 0)] for name in names for delay in delays]
+        found[rows] = np.column_stack(columns)
+    return found
+
+
+def _share(values: Array, most: int) -> Array:
+    """At most so many rows, evenly spread."""
+    return values if len(values) <= most else values[np.linspace(0, len(values) - 1, most).round().astype(int)]
+
+
+def _width(values: Array) -> Array:
+    """Standard deviations; 1 where nothing varies."""
+    found = values.std(axis=0)
+    return np.where(found > 0, found, 1.0)
+
+
+def _predicted(learner: Any, inputs: Array) -> Array:
+    """Predictions (n,), NaN where an input is."""
+    found = np.full(len(inputs), np.nan)
+    known = np.isfinite(inputs).all(axis=1)
+    if known.any():
+        found[known] = learner.predict(inputs[known])
+    return found
+
+
+def _learner(name: str, inputs: int) -> Any:
+    """The learner with its settings, the same for every study."""
+    if name == "gaussian_process":
+        from sklearn.gaussian_process import GaussianProcessRegressor
+        from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
+
+        kernel = ConstantKernel(1.0) * RBF(np.ones(inputs)) + WhiteKernel(1e-2)
+        return GaussianProcessRegressor(kernel, n_restarts_optimizer=1, random_state=SEED)
+    if name == "gradient_boosting":
+        from sklearn.ensemble import HistGradientBoostingRegressor
+
+        return HistGradientBoostingRegressor(max_iter=300, min_samples_leaf=5, early_stopping=False, random_state=SEED)
+    from sklearn.neural_network import MLPRegressor
+
+    return MLPRegressor(hidden_layer_sizes=(32, 32), solver="lbfgs", alpha=1e-3, max_iter=500, random_state=SEED)

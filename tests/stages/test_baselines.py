@@ -1,0 +1,128 @@
+"""Black boxes among the competitors: the same samples, the same inputs, explicit seeds."""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.domain.models import Memory, Model
+from mapmore_cli.domain.recording import Curve, Dataset, Quantity
+from mapmore_cli.domain.scores import BASELINES
+from mapmore_cli.spec.loader import load
+from mapmore_cli.stages import baselines
+
+QUANTITIES = {"pressure": Quantity("pressure", "kPa"), "strain": Quantity("strain", "1"), "force": Quantity("force", "N")}
+SPEC = """\
+schema_version: 1
+name: bench
+data:
+  files: ["bench.csv"]
+  columns: {{pressure: {{column: P, unit: kPa}}, strain: {{column: eps}}, force: {{column: F, unit: N}}}}
+target: {{column: force}}
+dictionary: [{{polynomial: {{of: [strain, pressure], order: 1}}}}]
+validate: {{against: [{against}]}}
+"""
+
+
+def dataset(held_out_scale: float = 1.0) -> Dataset:
+    """A smooth surface in plain noise, every fourth sample held out."""
+    random = np.random.default_rng(3)
+    pressure, strain = random.uniform(0, 400, 160), random.uniform(0, 0.2, 160)
+    force = pressure * (2 - 8 * strain) + 30 * np.sin(20 * strain) + random.normal(0, 2, 160)
+    held_out = np.arange(160) % 4 == 0
+    columns = {"pressure": pressure, "strain": strain, "force": np.where(held_out, held_out_scale * force, force)}
+    return Dataset("force", None, QUANTITIES, (), (Curve("all", None, columns, held_out, ("all",)),))
+
+
+def model(body: object = None) -> Model:
+    return Model("own", QUANTITIES["force"], (QUANTITIES["pressure"], QUANTITIES["strain"]), body)  # type: ignore[arg-type]
+
+
+@pytest.fixture(autouse=True)
+def plain_kind(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(baselines, "runs_over_time", lambda own: isinstance(own.body, Memory))
+
+
+@pytest.mark.parametrize("name", BASELINES)
+def test_a_smooth_surface_is_learnt_from_training_samples_alone(name: str) -> None:
+    pytest.importorskip("sklearn")
+    (curve,) = dataset().curves
+    (first,) = baselines.predictions(name, dataset(), model())
+    (again,) = baselines.predictions(name, dataset(held_out_scale=-5.0), model())
+    np.testing.assert_array_equal(first, again)
+    force = curve.columns["force"][curve.held_out]
+    assert np.sqrt(np.mean((first[curve.held_out] - force) ** 2)) < 0.2 * np.std(force)
+
+
+def test_more_samples_than_a_baseline_can_bear_are_thinned_evenly() -> None:
+    values = np.arange(1000.0)
+    kept = baselines._share(values, 11)
+    assert kept.tolist() == [round(k * 99.9) for k in range(11)]
+    assert baselines._share(values, 1000) is values
+
+
+def test_beside_a_model_with_a_past_inputs_come_with_theirs() -> None:
+    columns = {"pressure": np.arange(6.0), "strain": np.zeros(6), "force": np.zeros(6)}
+    curve = Curve("r", None, columns, np.zeros(6, dtype=bool), ("a", "b"), origin=np.array([0, 0, 0, 1, 1, 1]))
+    found = baselines._features(curve, ["pressure"], (0, 2))
+    assert found.tolist() == [[0, 0], [1, 0], [2, 0], [3, 3], [4, 3], [5, 3]]
+
+
+def test_missing_inputs_give_no_prediction() -> None:
+    pytest.importorskip("sklearn")
+    data = dataset()
+    data.curves[0].columns["strain"][5] = np.nan
+    (found,) = baselines.predictions("gradient_boosting", data, model())
+    assert np.flatnonzero(np.isnan(found)).tolist() == [5]
+
+
+def test_without_scikit_learn_a_spec_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    spec = tmp_path / "bench.yaml"
+    spec.write_text(SPEC.format(against="mlp"))
+    found = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name, *more: None if name == "sklearn" else found(name, *more))
+    with pytest.raises(SpecError, match=r"bench\.yaml:8:\d+: `mlp` needs scikit-learn") as told:
+        load(spec)
+    assert "pip install 'mapmore[baselines]'" in str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("against", "told"),
+    [("{model: mlp, method: simplex}", "`mlp` has no `method`"), ("gaussian_proces", "did you mean `gaussian_process`")],
+)
+def test_what_a_baseline_is_not(against: str, told: str, tmp_path: Path) -> None:
+    spec = tmp_path / "bench.yaml"
+    spec.write_text(SPEC.format(against=against))
+    with pytest.raises(SpecError, match=told):
+        load(spec)
+    spec.write_text(SPEC.format(against="") + "model: {backbone: mlp}\n")
+    with pytest.raises(SpecError, match="there is no literature model `mlp`"):
+        load(spec)
+
+
+def test_scikit_learn_is_imported_only_to_fit_one(tmp_path: Path) -> None:
+    spec = tmp_path / "bench.yaml"
+    spec.write_text(SPEC.format(against="mlp"))
+    script = "import sys; from pathlib import Path; import mapmore_cli.stages.baselines; from mapmore_cli.spec.loader import load; "
+    script += f"load(Path({str(spec)!r})); assert 'sklearn' not in sys.modules"
+    subprocess.run([sys.executable, "-c", script], check=True)
+
+
+def test_a_run_scores_them_beside_its_model(tmp_path: Path) -> None:
+    pytest.importorskip("sklearn")
+    from mapmore_cli.stages.pipeline.runner import bring_up_to_date
+    from mapmore_cli.storage.run_folder import RunFiles
+
+    columns = dataset().curves[0].columns
+    lines = [f"{p:.5g},{e:.5g},{f:.5g}" for p, e, f in zip(columns["pressure"], columns["strain"], columns["force"], strict=True)]
+    (tmp_path / "bench.csv").write_text("\n".join(["P,eps,F", *lines]) + "\n")
+    spec = tmp_path / "bench.yaml"
+    spec.write_text(SPEC.format(against="{model: gradient_boosting, as: trees}"))
+    outcome = bring_up_to_date(load(spec), tmp_path / "runs", "validate")
+    assert {row.model for row in RunFiles(outcome.run_dir).validation().scores} == {"mapmore", "trees"}
