@@ -110,7 +110,8 @@ def run_all(jobs: Sequence[Job], workers: Workers) -> Generator[tuple[int, Finis
     jobs need, once each.
     """
     with stoppable(), workers:
-        for _, failure in workers.each(prepare_all, [[job for job in jobs if job.needs_others]]):
+        needing = [job for job in jobs if job.needs_others]
+        for _, failure in workers.each(prepare_all, [needing] if needing else []):
             if failure is not None:
                 raise failure
         leaders = [job for job in jobs if job.leads and not job.force]  # which takes nothing over
