@@ -230,7 +230,9 @@ class _Line:
         counts = np.bincount(of, minlength=n)
         more = np.full((n, counts.max(initial=0)), places[-1])
         more[of, np.arange(len(of)) - np.repeat(np.cumsum(counts) - counts, counts)] = turns
-        return np.sort(np.concatenate([np.broadcast_to(places, (n, len(places))), more], axis=1), axis=1)
+        beside = [np.nextafter(knots[:-1], np.inf), np.nextafter(knots[1:], -np.inf)]  # the map may jump at a knot
+        fixed = np.concatenate([places, *beside])
+        return np.sort(np.concatenate([np.broadcast_to(fixed, (n, len(fixed))), more], axis=1), axis=1)
 
     def _turning_points(self, low: Array, high: Array, rows: IntArray, splits: int) -> tuple[Array, IntArray]:
         """Turning points within parts of some rows, and their rows; with the middles of parts that had to be looked at more closely."""
@@ -268,7 +270,8 @@ class _Line:
         near = SAME * np.maximum(np.ptp(missing, axis=1, keepdims=True), np.abs(self.wanted)[:, None])
         hit = np.abs(missing) <= near
         apart = np.diff(edges, axis=1) > 0
-        flat = (hit[:, :-1] & hit[:, 1:] & apart).any(axis=1)
+        wide = np.diff(edges, axis=1) > SAME * np.ptp(edges, axis=1, keepdims=True)
+        flat = (hit[:, :-1] & hit[:, 1:] & wide).any(axis=1)
         first = hit & ~np.concatenate([np.zeros((n, 1), dtype=np.bool_), hit[:, :-1]], axis=1)
         crosses = (np.sign(missing[:, :-1]) * np.sign(missing[:, 1:]) < 0) & ~hit[:, :-1] & ~hit[:, 1:] & apart
         where = row[:, :-1][crosses]

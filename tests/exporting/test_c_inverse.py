@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from agreement import FLAGS, compiled, points, sanitized
 from export_samples import FORMULAS, STATIC, WITH_MEMORY, pieces
+from inverse_agreement import inversion
 
 from mapmore_cli.exporting.c import c_source
 from mapmore_cli.modelling.inverse import LOWEST, NEAREST, invert
@@ -50,6 +51,14 @@ def test_the_inverse_picks_what_python_picks(tmp_path: Path, name: str, of: str)
         assert len(set(status)) > 1
         assert np.array_equal(np.isnan(found), np.isnan(expected.picked))
         assert np.nanmax(np.abs(found - expected.picked)) <= 1e-12 * np.nanmax(np.abs(expected.picked))
+
+
+@pytest.mark.parametrize(("name", "of"), [("steps", "strain"), ("values", "strain"), ("quadratic, continued straight", "pressure")])
+def test_every_root_of_a_scan_is_found_where_the_map_turns_and_jumps(name: str, of: str) -> None:
+    found = inversion(name, STATIC[name], of, 250)
+    assert found.missed == 0
+    assert found.roots > 300
+    assert found.error < 1e-6
 
 
 def test_single_precision_comes_as_near_as_it_can(tmp_path: Path) -> None:

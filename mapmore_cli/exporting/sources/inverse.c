@@ -91,8 +91,10 @@ static int scanned(const problem *p, int count, const real *knots, int parts, re
             const real start = (real)j * step + knots[i];
             const real end = j < parts - 1 ? (real)(j + 1) * step + knots[i] : knots[i + 1];
             edges[n++] = start;
+            if (j == 0) edges[n++] = NEXT(start, INFINITY); /* the map may jump at a knot */
             n = turning_points(p, start, end, SPLITS, &room, edges, n);
         }
+        edges[n++] = NEXT(knots[i + 1], -INFINITY);
     }
     edges[n++] = knots[count - 1];
     for (int i = 0; i < n; i++) missing[i] = missing_at(p, edges[i]);
@@ -129,7 +131,7 @@ static int solved(const problem *p, int count, const real *knots, int parts, rea
     if (within < 0 || !isfinite(p->wanted)) return NONE;
     for (int i = 0; i < n; i++) {
         const int hit = FABS(missing[i]) <= within;
-        if (i > 0 && hit && before && edges[i] > edges[i - 1]) flat = 1;
+        if (i > 0 && hit && before && edges[i] - edges[i - 1] > SAME * (knots[count - 1] - knots[0])) flat = 1;
         if (i > 0 && !hit && !before && sign_of(missing[i - 1]) * sign_of(missing[i]) < 0 && edges[i] > edges[i - 1]) {
             const real x = bisected(missing_at, p, edges[i - 1], edges[i]);
             /* where the map jumps across the wanted output, there is no solution */
