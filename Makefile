@@ -7,7 +7,7 @@ unexport PYTHONDONTWRITEBYTECODE  # a set one has each of some hundred processes
 
 STUDIES := configs/m2/dmsp-20-88-static.yaml configs/m2/peano-static.yaml
 
-.PHONY: demo test lint schema datasets measured motion paper bench fuzz clean
+.PHONY: demo test lint schema datasets measured motion paper bench fuzz torture clean
 
 demo: .venv/program
 	$(BIN)/mapmore batch $(STUDIES)
@@ -48,8 +48,14 @@ bench: .venv/program .venv-bench/peers
 	$(BIN)/python tests/bench/run.py $(BENCH)
 
 FUZZ ?= 10000
-fuzz: .venv/development  # result files with flipped bits: refused, told, or read as they were
-	$(BIN)/python tests/fuzz/artefacts.py $(FUZZ)
+FLIPS ?= 200
+fuzz: .venv/development  # what strangers may write, and result files with flipped bits (of each kind): read, told, or refused; docs/reliability.md
+	$(BIN)/python tests/fuzz/run.py $(FUZZ)
+	$(BIN)/python tests/fuzz/artefacts.py $(FLIPS)
+
+TORTURE ?= 100
+torture: .venv/development  # commands that are killed, interrupted, out of room, not allowed to write, or two at once; docs/reliability.md
+	$(BIN)/python tests/torture/torture.py $(TORTURE)
 
 clean:
 	rm -rf .venv runs build *.egg-info

@@ -30,7 +30,7 @@ def find_levels(values: Array) -> Array:
     Empty where nothing dwells, as in a steady sweep.
     """
     low, high = np.quantile(values, [TAIL, 1 - TAIL], method="closest_observation")
-    if high - low <= STEADY * max(abs(low), abs(high)):
+    if high - low <= max(STEADY * max(abs(low), abs(high)), BINS * np.finfo(float).tiny):  # bins below that have no width
         return np.array([_representative(values)])
     counts, edges = np.histogram(values, bins=BINS, range=(low, high))
     density = np.maximum(counts, np.convolve(counts, np.ones(3) / 3, mode="same"))

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from mapmore_cli.modelling.terms.errors import ExpressionError
 from mapmore_cli.modelling.terms.evaluation import constant_value
 from mapmore_cli.modelling.terms.functions import FUNCTIONS
+from mapmore_cli.modelling.terms.printing import to_text
 from mapmore_cli.modelling.terms.states import opens_state, read_state
 from mapmore_cli.modelling.terms.syntax import IDENTIFIER, MAX_EXPONENT, Expression, Name, Number, add, call, multiply, negate, power
 
@@ -53,6 +54,8 @@ def parse(text: str) -> Expression:
     parser = _Parser(_tokens(text))
     expression = parser.sum()
     parser.expect("end", "an operator")
+    if len(text) > MAX_LENGTH // 10 and (length := len(to_text(expression))) > MAX_LENGTH:  # written out, nothing grows tenfold
+        raise ExpressionError(f"the expression has {length} characters when it is written out, more than {MAX_LENGTH}", len(text))
     return expression
 
 

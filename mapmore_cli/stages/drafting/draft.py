@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from mapmore_cli.domain.errors import printable
 from mapmore_cli.spec.yaml_core import escaped, tag_of
 
 HEAD = ("Started by `mapmore init`. Every guess says why: look first at those marked CHECK, then run `mapmore check` on this file.",)
@@ -73,7 +74,8 @@ class Note:
     sure: bool = True
 
     def __str__(self) -> str:
-        return f"# {'' if self.sure else 'CHECK: '}{self.why}"
+        why = " ".join(printable(self.why).split())  # titles of columns hold whatever a file does
+        return f"# {'' if self.sure else 'CHECK: '}{why}"
 
 
 def to_yaml(spec: Mapping[str, Any], notes: Mapping[Loc, Note], head: tuple[str, ...]) -> str:

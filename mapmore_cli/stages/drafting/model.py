@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.modelling import literature
 from mapmore_cli.spec.sections.method import AUTO
@@ -60,9 +61,14 @@ def segment_count(curves: Sequence[Curve], name: str) -> int:
     """The most even segments, up to four, that leave at least twelve samples in each segment of every training curve."""
     training = [curve.columns[name][~curve.held_out] for curve in curves if not curve.held_out.all()]
     for count in range(MOST_SEGMENTS, 1, -1):
-        if all(np.histogram(values, bins=count)[0].min() >= SAMPLES_OF_A_SEGMENT for values in training):
+        if all(_fewest(values, count) >= SAMPLES_OF_A_SEGMENT for values in training):
             return count
     return 1
+
+
+def _fewest(values: Array, count: int) -> int:
+    """How many samples the emptiest of `count` even segments has."""
+    return int(np.histogram(values, bins=np.linspace(values.min(), values.max(), count + 1))[0].min())
 
 
 def _with_backbone(draft: Draft, dataset: Dataset, formulas: Sequence[str]) -> Draft:

@@ -13,10 +13,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.recording import Curve
 from mapmore_cli.spec.experiment import TargetColumn
 from mapmore_cli.spec.loader import LoadedSpec, load
 from mapmore_cli.stages.drafting.draft import Draft, Note, to_yaml
 from mapmore_cli.stages.drafting.groups import patterns
+from mapmore_cli.stages.drafting.model import segment_count
 from mapmore_cli.stages.drafting.preview import preview
 from mapmore_cli.stages.drafting.start import start
 from mapmore_cli.stages.inspection.lint import inspect
@@ -375,3 +377,18 @@ def test_yaml_says_what_the_dictionary_says() -> None:
     assert yaml.safe_load(text) == expected
     assert "# CHECK: is it?" in text
     assert max(map(len, text.splitlines())) <= 132
+
+
+def test_titles_with_commands_to_a_terminal_are_told_as_text(tmp_path: Path) -> None:
+    """In a comment of the draft, they made it no YAML."""
+    rows = "".join(f"{i / 10},{100 + 100 * (i // 30)},{i % 30 / 200},{200 - i % 30},{i}\n" for i in range(90))
+    (tmp_path / "a.csv").write_text('t,P [kPa],eps,F [N],"\x1b[2J\nb"\n' + rows)
+    (draft,) = start(tmp_path, tmp_path).drafts
+    assert "\\x1b[2J" in draft.text()
+    (tmp_path / "a.yaml").write_text(draft.text())
+    load(tmp_path / "a.yaml")
+
+
+def test_segments_of_values_that_hardly_differ() -> None:
+    flat = Curve("a", 1.0, {"strain": np.array([1e300, np.nextafter(1e300, np.inf)] * 30)}, np.zeros(60, bool), ())
+    assert segment_count([flat], "strain") == 1

@@ -1,0 +1,220 @@
+"""Tries many inputs of one kind, each within bounds of time and memory, and counts what becomes of them.
+
+Input `number` of a target is made by `random.Random(f"{seed}/{name}/{number}")` alone, so a finding can be tried again by its number.
+The inputs run in a fork; where one of them kills it, the next fork goes on behind it.
+"""
+
+from __future__ import annotations
+
+import dis
+import os
+import random
+import resource
+import signal
+import sys
+import traceback
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import CodeType, FrameType
+from typing import Any
+
+import mapmore_cli
+from mapmore_cli.domain.errors import MapmoreError
+
+PACKAGE = Path(mapmore_cli.__file__).parent
+LONGEST = 5  # seconds of one input
+ROOM = 1 << 30  # bytes of memory that inputs may take beside what the program had at its start
+
+Try = Callable[[random.Random, int, Path], str]
+"""Makes an input of a chance, tries it in a folder, and says what became of it; the number is that of the input."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """What is fuzzed: `name`, how one input is tried, the parts of the package that are meant, and the outcomes that are past the syntax.
+
+    `library` is what crashes and hangs are laid to where the input goes through foreign machine code.
+    """
+
+    name: str
+    attempt: Try
+    parts: tuple[str, ...]
+    past: tuple[str, ...] = ()
+    library: str | None = None
+    longest: int = LONGEST
+
+
+@dataclass
+class Findings:
+    """Outcomes and how often they came, faults with the number of their input, and the lines that ran."""
+
+    outcomes: Counter[str] = field(default_factory=Counter)
+    faults: list[str] = field(default_factory=list)
+    ran: int = 0
+    lines: int = 0
+
+
+class Fault(Exception):
+    """What the program may not do: raised by a target where no exception shows it."""
+
+
+def explore(target: Target, count: int, seed: int, folder: Path, traced: int = 100) -> Findings:
+    """Try `count` inputs; the first `traced` of them under a tracer that notes the lines which run, and takes long."""
+    found, start = Findings(), 0
+    lines: set[tuple[str, int]] = set()
+    while start < count:
+        start = _batch(
+            target, start, min(count, start + traced) if start < traced else count, seed, folder, found, lines if start < traced else None
+        )
+    wanted = lines_of(target.parts)
+    found.ran, found.lines = len(lines & wanted), len(wanted)
+    return found
+
+
+def _batch(target: Target, start: int, end: int, seed: int, folder: Path, found: Findings, lines: set[tuple[str, int]] | None) -> int:
+    """Try the inputs from `start` in one fork; the number of the first one that it left."""
+    read, write = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.close(read)
+        with os.fdopen(write, "w", encoding="utf-8", errors="replace", buffering=1) as report:
+            _inputs(target, range(start, end), seed, folder, report, lines is not None)
+        os._exit(0)
+    os.close(write)
+    done = start
+    with os.fdopen(read, encoding="utf-8", errors="replace") as report:
+        for line in report:
+            kind, _, text = line.rstrip("\n").partition(" ")
+            if kind == "line" and lines is not None:
+                file, _, number = text.rpartition(":")
+                lines.add((file, int(number)))
+            elif kind == "done":
+                found.outcomes[text] += 1
+                done += 1
+            elif kind == "fault":
+                found.outcomes["FAULT"] += 1
+                found.faults.append(f"{target.name} {done}: {text}")
+                done += 1
+    status = os.waitpid(child, 0)[1]
+    if os.WIFSIGNALED(status):
+        hung = os.WTERMSIG(status) == signal.SIGVTALRM
+        what = f"longer than {target.longest} s" if hung else f"ended by signal {os.WTERMSIG(status)}"
+        if target.library:
+            found.outcomes[f"{target.library} {'hangs' if hung else 'crashes'}"] += 1
+        else:
+            found.outcomes["FAULT"] += 1
+            found.faults.append(f"{target.name} {done}: {what}")
+        done += 1
+    return done
+
+
+def _inputs(target: Target, numbers: range, seed: int, folder: Path, report: Any, tracing: bool) -> None:
+    # libraries reserve address space that they never use: what counts is beside what was reserved at the start
+    taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize() if Path("/proc/self/statm").exists() else None
+    if taken is not None:
+        resource.setrlimit(resource.RLIMIT_AS, (taken + ROOM, taken + ROOM))
+    for number in numbers:
+        signal.setitimer(signal.ITIMER_VIRTUAL, target.longest * (20 if tracing else 1))
+        chance = random.Random(f"{seed}/{target.name}/{number}")
+        try:
+            if tracing:
+                with traced(target.parts) as seen:
+                    outcome = target.attempt(chance, number, folder)
+                report.writelines(f"line {file}:{line}\n" for file, line in sorted(seen))
+            else:
+                outcome = target.attempt(chance, number, folder)
+            print("done", outcome, file=report)
+        except Exception as error:
+            last = traceback.extract_tb(error.__traceback__)[-1]
+            said = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+            print("fault", f"{said} ({Path(last.filename).name}:{last.lineno})", file=report)
+    signal.setitimer(signal.ITIMER_VIRTUAL, 0)
+
+
+def refused(error: MapmoreError) -> str:
+    """The outcome of an input that was refused."""
+    return f"refused (exit {error.exit_code})"
+
+
+@contextmanager
+def traced(parts: Sequence[str]) -> Iterator[set[tuple[str, int]]]:
+    """Note the lines of some parts of the package that run."""
+    seen: set[tuple[str, int]] = set()
+    files = {str(path) for path in files_of(parts)}
+
+    def within(frame: FrameType, event: str, _argument: Any) -> Any:
+        if event == "line":
+            seen.add((frame.f_code.co_filename, frame.f_lineno))
+        return within
+
+    def enter(frame: FrameType, _event: str, _argument: Any) -> Any:
+        return within if frame.f_code.co_filename in files else None
+
+    sys.settrace(enter)
+    try:
+        yield seen
+    finally:
+        sys.settrace(None)
+
+
+def files_of(parts: Sequence[str]) -> list[Path]:
+    """The modules of parts of the package, each a file or a folder of it."""
+    places = [PACKAGE / part for part in parts]
+    return sorted(path for place in places for path in (place.rglob("*.py") if place.is_dir() else [place]))
+
+
+def lines_of(parts: Sequence[str]) -> set[tuple[str, int]]:
+    """The lines of the functions of parts of the package; what runs while a module is imported does not count."""
+    return {(str(path), line) for path in files_of(parts) for line in _lines_of(compile(path.read_text(), str(path), "exec"))}
+
+
+def _lines_of(code: CodeType) -> Iterator[int]:
+    if code.co_flags & 0x2:  # CO_NEWLOCALS: a function; neither a module nor, in this package, a class with lines of its own
+        yield from (line for _, line in dis.findlinestarts(code) if line is not None and line != code.co_firstlineno)
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _lines_of(constant)
+
+
+def changed_text(text: str, chance: random.Random, marks: str) -> str:
+    """A text with a few characters left out, doubled, swapped, or put in."""
+    letters = list(text)
+    for _ in range(chance.choice([1, 1, 2, 5])):
+        if not letters:
+            break
+        at = chance.randrange(len(letters))
+        match chance.randrange(4):
+            case 0:
+                del letters[at]
+            case 1:
+                letters.insert(at, chance.choice(marks))
+            case 2:
+                other = chance.randrange(len(letters))
+                letters[at], letters[other] = letters[other], letters[at]
+            case _:
+                start = chance.randrange(len(letters))
+                letters[at:at] = letters[start : start + chance.randrange(1, 12)]
+    return "".join(letters)
+
+
+def changed_bytes(whole: bytes, chance: random.Random) -> bytes:
+    """One to eight bits flipped, a stretch overwritten or left out, or the end cut off."""
+    if not whole:
+        return whole
+    changed = bytearray(whole)
+    match chance.randrange(8):
+        case 0:
+            return whole[: chance.randrange(len(whole))]
+        case 1:
+            at = chance.randrange(len(whole))
+            del changed[at : at + chance.randrange(1, 64)]
+        case 2:
+            at = chance.randrange(len(whole))
+            changed[at : at + 4] = chance.choice([b"\xff\xff\xff\xff", b"\x00\x00\x00\x00", b"\x7f\xff\xff\xff", chance.randbytes(4)])
+        case _:
+            for _ in range(chance.choice([1, 1, 1, 2, 8])):
+                changed[chance.randrange(len(changed))] ^= 1 << chance.randrange(8)
+    return bytes(changed)

@@ -1,0 +1,169 @@
+"""Recordings: files of every format, changed in their text, their parts or their bytes, read with settings that fit or do not."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import random
+import zipfile
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+
+import h5py
+import numpy as np
+import scipy.io
+from driver import Fault, Target, changed_bytes, changed_text, refused
+from nptdms import ChannelObject, TdmsWriter
+from openpyxl import Workbook
+
+from mapmore_cli.domain.errors import MapmoreError
+from mapmore_cli.storage.readers import READERS, TableRequest
+
+ROWS = 40
+CELLS = (
+    "",
+    "nan",
+    "inf",
+    "-",
+    "1e999",
+    "1_5",
+    "0x1f",
+    "1,5",
+    '"3',
+    '"1\n2"',
+    "--",
+    "9" * 500,
+    "12:30:01",
+    "2026-03-01T12:00:00Z",
+    "\x00",
+    "é",
+    "\u0661",
+    "=1+1",
+    "#N/A",
+)
+MARKS = " ,;\t\"'\n\r\x00.eE+-0123456789é"
+
+
+def table(chance: random.Random) -> list[list[str]]:
+    """A header and rows of numbers, some cells hostile."""
+    columns = chance.choice([2, 3, 3, 4])
+    rows = [[f"{chance.uniform(-9, 300):.{chance.randrange(7)}f}" for _ in range(columns)] for _ in range(chance.choice([0, 1, 3, ROWS]))]
+    for _ in range(chance.choice([0, 0, 1, 1, 3]) if rows else 0):
+        chance.choice(rows)[chance.randrange(columns)] = chance.choice(CELLS)
+    for _ in range(chance.choice([0, 0, 0, 1]) if rows else 0):
+        row = chance.choice(rows)
+        row.append("7") if chance.random() < 0.5 else row.pop()
+    return [["t", "P", "F", "x"][:columns], *rows]
+
+
+def text(chance: random.Random) -> bytes:
+    """A text file in some dialect, encoding and packing."""
+    mark, end = chance.choice([",", ",", ";", "\t", " "]), chance.choice(["\n", "\n", "\r\n", "\r"])
+    written = end.join(mark.join(row) for row in table(chance)) + chance.choice(["", end])
+    if chance.random() < 0.3:
+        written = written.replace(".", ",")
+    if chance.random() < 0.3:
+        written = changed_text(written, chance, MARKS)
+    whole = written.encode(chance.choice(["utf-8", "utf-8", "utf-8-sig", "utf-16", "latin-1"]), "replace")
+    whole = gzip.compress(whole, 1) if chance.random() < 0.1 else whole
+    return changed_bytes(whole, chance) if chance.random() < 0.2 else whole
+
+
+@cache
+def binary(kind: str) -> bytes:
+    """A whole file of a format."""
+    stream = io.BytesIO()
+    time, pressure = np.arange(ROWS) * 0.1, np.linspace(0, 300, ROWS)
+    if kind == "xlsx":
+        book = Workbook()
+        for row in [
+            ["t", "P", "F"],
+            *([float(t), float(p), "1,5" if i == 9 else i] for i, (t, p) in enumerate(zip(time, pressure, strict=True))),
+        ]:
+            book.active.append(row)
+        book.create_sheet("second").append(["t", "P"])
+        book.save(stream)
+    elif kind in ("mat", "packed.mat"):
+        cells = np.empty(2, dtype=object)
+        cells[:] = [{"P": pressure}, {"P": -pressure}]
+        scipy.io.savemat(stream, {"run": {"t": time, "P": pressure}, "all": cells, "P": pressure}, do_compression=kind != "mat")
+    elif kind == "hdf5":
+        with h5py.File(stream, "w") as file:
+            file["run/t"], file["run/P"] = time, pressure
+            file.create_dataset("run/F", data=pressure, chunks=(8,), compression="gzip", shuffle=True)
+    else:
+        with TdmsWriter(stream) as writer:
+            writer.write_segment([ChannelObject("run", "t", time), ChannelObject("run", "P", pressure)])
+    return stream.getvalue()
+
+
+def changed_members(whole: bytes, chance: random.Random) -> bytes:
+    """A zip archive with one of its members changed."""
+    out = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(whole)) as old, zipfile.ZipFile(out, "w") as new:
+        names = old.namelist()
+        victim = chance.choice([name for name in names if "sheet" in name or chance.random() < 0.2] or names)
+        for name in names:
+            content = old.read(name)
+            if name == victim:
+                written = content.decode()
+                if chance.random() < 0.5:
+                    old_part = chance.choice(["<c ", 'r="', "<v>", "</row>", "1", "sheet", "t="])
+                    content = written.replace(
+                        old_part, chance.choice(["", "999999", "<!DOCTYPE a>", "&x;", '"', "-1"]), chance.randrange(1, 4)
+                    ).encode()
+                else:
+                    content = changed_bytes(content, chance)
+            new.writestr(name, content)
+    return out.getvalue()
+
+
+FORMATS = {
+    "csv": (("t", "P"), (0, 1), ("F",), ("zz",), (9,)),
+    "xlsx": (("t", "P"), (0, 1), ("F",), ("zz",)),
+    "mat": (("P",), ("run.P", "run.t"), ("all[1].P",), ("run",), ("run.P[3:4]",)),
+    "packed.mat": (("P",), ("run.P", "run.t")),
+    "hdf5": (("run/P", "run/t"), ("run/F",), ("run",), ("no",)),
+    "tdms": (("run/P", "run/t"), ("no/P",)),
+}
+
+
+def attempt(chance: random.Random, number: int, folder: Path) -> str:
+    """Write a file and read it; a table has finite rows, as many as its columns, or is refused."""
+    kind = chance.choice(["csv", "csv", "csv", "xlsx", "mat", "packed.mat", "hdf5", "tdms"])
+    reader = READERS[kind.rsplit(".", 1)[-1]]
+    whole = text(chance) if kind == "csv" else binary(kind)
+    if kind == "xlsx" and chance.random() < 0.7:
+        whole = changed_members(whole, chance)
+    elif kind != "csv" and chance.random() < 0.95:
+        whole = changed_bytes(whole, chance)
+    path = folder / f"log.{kind}"
+    path.write_bytes(whole)
+    columns = chance.choice(FORMATS[kind])
+    request = TableRequest(
+        "log",
+        columns,
+        header=chance.choice([1, 1, 1, 0, 2]),
+        skip_rows=chance.choice([0, 0, 0, 1, 3]),
+        delimiter=chance.choice([",", ";", "tab", "whitespace"]),
+        decimal=chance.choice([".", ".", ","]),
+        encoding=chance.choice(["utf-8", "utf-8", "latin-1", "utf-16"]),
+        sheet=chance.choice([None, None, "S*", "second"]) if kind == "xlsx" else None,
+        root=chance.choice([None, None, "run", "all[*]"]) if "mat" in kind or kind == "hdf5" else None,
+        incomplete=chance.random() < 0.3,
+    )
+    if number % 5 == 0 and reader.peek is not None:
+        with suppress(MapmoreError):
+            list(reader.peek(path, 200))
+    try:
+        found = reader.read(path, request)
+    except MapmoreError as error:
+        return refused(error)
+    for one in found:
+        if any(len(values) != len(one.rows) or values.dtype != np.float64 for values in one.columns.values()):
+            raise Fault(f"{kind}: columns of other lengths than the rows")
+    return "read"
+
+
+TARGET = Target("recordings", attempt, ("storage/readers", "storage/tables"), past=("read",), library="libhdf5")

@@ -1,0 +1,49 @@
+"""Tries what strangers may write: `python tests/fuzz/run.py COUNT [SEED]`, and prints a table; ends with 1 where the program was at fault.
+
+COUNT is for expressions. The others take longer for each, and are tried less often (`TARGETS`).
+"""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import drafts
+import expressions
+import readers
+import specs
+from driver import Findings, Target, explore
+
+TARGETS = ((expressions.TARGET, 1), (readers.TARGET, 10), (specs.TARGET, 40), (specs.RUNS, 400), (drafts.TARGET, 1000))
+"""What is tried, and one in how many of COUNT: a spec takes a hundred times as long as an expression, a run a thousand times."""
+
+
+def line_of(target: Target, found: Findings) -> str:
+    """A line of the table."""
+    tried = found.outcomes.total()
+    past = sum(found.outcomes[outcome] for outcome in target.past)
+    others = ", ".join(f"{count} {outcome}" for outcome, count in sorted(found.outcomes.items()))
+    share = f"{found.ran / found.lines:.0%} of {found.lines}" if found.lines else "-"
+    return f"| {target.name} | {tried} | {past / tried:.0%} | {others} | {found.outcomes['FAULT']} | {share} |"
+
+
+def main(count: int, seed: int) -> int:
+    """Try all targets; 1 where one of them is at fault."""
+    warnings.simplefilter("ignore")
+    faults: list[str] = []
+    print("| what | tried | past the syntax | outcomes | faults | lines run |\n|---|---:|---:|---|---:|---:|", flush=True)
+    for target, share in TARGETS:
+        with TemporaryDirectory() as folder:
+            found = explore(target, -(-count // share), seed, Path(folder))
+        faults += found.faults
+        print(line_of(target, found), flush=True)
+    print(*faults, sep="\n")
+    return 1 if faults else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(int(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 16))

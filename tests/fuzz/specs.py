@@ -1,0 +1,264 @@
+"""Specs: documents that are valid, changed by the schema; what loads is written out, loads again to the same, and one in ten runs.
+
+Most inputs are YAML without a fault of syntax: a key is left out, put in by the schema, renamed, given a hostile value, or another part
+of the documents. One in ten is changed as text.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import random
+import shutil
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import expressions
+import numpy as np
+import yaml
+from driver import Fault, Target, changed_text, refused
+
+from mapmore_cli.domain.errors import MapmoreError
+from mapmore_cli.spec import yaml_loader
+from mapmore_cli.spec.loader import load
+from mapmore_cli.stages.pipeline.runner import bring_up_to_date
+
+PROJECT = Path(__file__).resolve().parents[2]
+
+STATIC = """
+name: study
+data:
+  files: ["study_*.csv"]
+  columns: {pressure: {column: P, unit: kPa}, strain: {column: eps}, force: {column: F, unit: N}}
+  levels: {of: pressure, at: [100, 200]}
+  split: {validate: {fraction: 0.25, seed: 1}}
+target: static
+segment: {strain: {method: even, count: 2}}
+dictionary: [{polynomial: {of: [strain], order: 2}}, {terms: ["exp(-strain/0.1)"]}]
+fit: {max_terms: 2, stop: bic}
+fuse: {transition: cubic, z_s: 0.25, extrapolation: saturate}
+validate: {against: [polynomial_2]}
+report: {figures: [], formats: [csv]}
+"""
+
+MEMORY = """
+name: study
+data:
+  files: ["study_*.csv"]
+  columns: {time: {column: t, unit: s}, pressure: {column: P, unit: kPa}, strain: {column: eps}, force: {column: F, unit: N}}
+  derive: {pressure_rate: {rate_of: pressure, window: 300 ms, order: 2}}
+  resample: 100 ms
+  split: {validate: {last: 0.3}}
+target: {column: strain}
+dictionary:
+  - products:
+      of: [{lags: {of: [pressure], steps: [0, 1]}}, {slow: {of: [pressure], tau: [0.5]}}, {play: {of: [force], count: 2}}]
+      order: 2
+fit: {max_terms: 3, stop: bic, ridge: auto}
+report: {figures: [], formats: [csv]}
+"""
+
+FORMULA = """
+name: study
+data:
+  files:
+    - {path: study_1.csv, set: {displacement: 3 mm}, id: one, keep: [{quantity: force, above: -50 N}]}
+    - {path: study_2.csv, set: {displacement: 4 mm}}
+  columns: {pressure: {column: P, unit: kPa}, strain: {column: eps}, force: {column: F, unit: N}}
+  keep: [{quantity: strain, between: [0, 0.2]}]
+  missing: drop
+target: static
+model: {type: literature, name: sarosi}
+validate: {against: [polynomial_2, {model: sarosi, method: levenberg_marquardt, as: other}], require: {nrmse: 0.9}}
+report: {figures: [], formats: [csv]}
+"""
+
+SECTIONS = """
+name: study
+data:
+  files: ["study_*.csv"]
+  columns: {time: {column: t, unit: s}, pressure: {column: P, unit: kPa}, strain: {column: eps}}
+target: {column: strain}
+model: {type: state_space, input: pressure, sections: [100, 200], direction: true, solver: least_squares, particles: 4, iterations: 2}
+report: {figures: [], formats: [csv]}
+"""
+
+BASES = [yaml.safe_load(text) for text in (STATIC, MEMORY, FORMULA, SECTIONS)]
+NUMBERS = (0, 1, 2, -1, 0.5, 1e-9, 1e9, 1e300, -0.0, 5e-324, math.inf, math.nan, 10**30, 3, 7, 20, 250)
+TEXTS = (
+    *("", "x", "strain", "pressure", "time", "auto", "none", "5 kPa", "3 m", "1e3 N/mm", "${HOME}", "${X:-2}", "../../etc/passwd", "*"),
+    *("**/*", "[", "\u0430", "a" * 300, "\x1b[2J", "=1+1", "9" * 500, "1e999 kPa", "2 kg^20", "force[k-1]", "exp(strain)", "1/0", "off"),
+    *("~", "<<", "\ufeff", "study_1.csv"),
+)
+MARKS = "{}[]:,-#&*!|>'\"%@` \n\t?\\0123456789abc<~é\x07"
+
+
+@cache
+def schema() -> dict[str, Any]:
+    """The checked-in schema of experiments."""
+    return json.loads((PROJECT / "configs" / "experiment.schema.json").read_text())  # type: ignore[no-any-return]
+
+
+def value_of(rule: Any, chance: random.Random, depth: int = 0) -> Any:
+    """A value that keeps to a rule of the schema, as far as this is told by it."""
+    if "$ref" in rule:
+        return value_of(schema()["$defs"][rule["$ref"].rsplit("/", 1)[1]], chance, depth)
+    for key in ("oneOf", "anyOf"):
+        if key in rule:
+            return value_of(chance.choice(rule[key]), chance, depth)
+    if "enum" in rule:
+        return chance.choice(rule["enum"])
+    if "const" in rule:
+        return rule["const"]
+    match rule.get("type"):
+        case "object":
+            return _mapping_of(rule, chance, depth)
+        case "array":
+            if "prefixItems" in rule:
+                return [value_of(item, chance, depth + 1) for item in rule["prefixItems"]]
+            return [value_of(rule.get("items", {"type": "string"}), chance, depth + 1) for _ in range(chance.choice([0, 1, 1, 2, 3]))]
+        case "integer":
+            return chance.choice([rule.get("minimum", 0), min(rule.get("maximum", 9), chance.randrange(10)), chance.choice(NUMBERS)])
+        case "number":
+            return chance.choice([chance.random(), chance.randrange(300), chance.choice(NUMBERS)])
+        case "boolean":
+            return chance.random() < 0.5
+        case "null":
+            return None
+    return (
+        f"{chance.randrange(400)} {chance.choice(['kPa', 'ms', 'N', '%', 'mm', 's', 'bar'])}" if "pattern" in rule else chance.choice(TEXTS)
+    )
+
+
+def _mapping_of(rule: Any, chance: random.Random, depth: int) -> dict[str, Any]:
+    known = rule.get("properties", {})
+    wanted = [name for name in known if name in rule.get("required", ()) or chance.random() < (0.35 if depth < 2 else 0.1)]
+    found = {name: value_of(known[name], chance, depth + 1) for name in wanted}
+    inner = next(iter(rule.get("patternProperties", {}).values()), rule.get("additionalProperties"))
+    if isinstance(inner, dict):
+        found |= {chance.choice(TEXTS[1:6]): value_of(inner, chance, depth + 1) for _ in range(chance.randrange(3))}
+    return found
+
+
+Way = tuple[str | int, ...]
+
+
+def ways(tree: Any, here: Way = ()) -> Iterator[Way]:
+    """The places in a document."""
+    yield here
+    for key, value in tree.items() if isinstance(tree, dict) else enumerate(tree) if isinstance(tree, list) else ():
+        yield from ways(value, (*here, key))
+
+
+def at(tree: Any, way: Way) -> Any:
+    """What stands at a place."""
+    for step in way:
+        tree = tree[step]
+    return tree
+
+
+def changed_tree(tree: Any, chance: random.Random) -> None:
+    """Change a document at one place."""
+    place = chance.choice([way for way in ways(tree) if way])
+    holder, key = at(tree, place[:-1]), place[-1]
+    match chance.randrange(8):
+        case 0:
+            del holder[key]
+        case 1:
+            holder[key] = chance.choice(NUMBERS) if isinstance(holder[key], int | float) or chance.random() < 0.3 else chance.choice(TEXTS)
+        case 2:
+            other = chance.choice(BASES)
+            holder[key] = json.loads(json.dumps(at(other, chance.choice(list(ways(other))))))
+        case 3 if isinstance(holder, dict):
+            holder[chance.choice([changed_text(str(key), chance, "abcxyz_"), chance.choice(TEXTS)])] = holder.pop(key)
+        case 4 if isinstance(holder, list):
+            holder.append(holder[int(key)])
+        case _:
+            section = chance.choice(list(schema()["properties"]))
+            rule = schema()["properties"][section]
+            ref = rule.get("$ref") or next((item["$ref"] for item in rule.get("oneOf", ()) if "$ref" in item), None)
+            known = schema()["$defs"][ref.rsplit("/", 1)[1]].get("properties", {}) if ref else {}
+            if isinstance(tree.get(section), dict) and known:
+                key = chance.choice(list(known))
+                tree[section][key] = value_of(known[key], chance)
+            elif section != "extends" or chance.random() < 0.1:
+                tree[section] = value_of(rule, chance)
+
+
+def text_of(chance: random.Random) -> str:
+    """An input: a valid document with one to three changes, as YAML."""
+    tree = json.loads(json.dumps(chance.choice(BASES)))
+    for _ in range(chance.choice([0, 1, 1, 1, 2, 3])):
+        changed_tree(tree, chance)
+    text = yaml.safe_dump(tree, allow_unicode=True, sort_keys=False, width=200)
+    return changed_text(text, chance, MARKS) if chance.random() < 0.1 else text
+
+
+def write_data(folder: Path) -> None:
+    """Two recordings of 20 rows: a study of 40."""
+    for number in (1, 2):
+        time = np.arange(20) * 0.1
+        strain = np.linspace(0, 0.15, 20)
+        force = 200.0 * number * (1 - 3 * strain) - 40 + np.sin(9 * time)
+        rows = [f"{t:.2f},{100 * number + i % 3},{e:.4f},{f:.3f}" for i, (t, e, f) in enumerate(zip(time, strain, force, strict=True))]
+        (folder / f"study_{number}.csv").write_text("\n".join(["t,P,eps,F", *rows]) + "\n")
+
+
+def _is_yaml(path: Path) -> bool:
+    try:
+        yaml_loader.parse(yaml_loader.read_source(path), [])
+    except MapmoreError:
+        return False
+    return True
+
+
+def attempt(chance: random.Random, number: int, folder: Path) -> str:
+    """Load; what loads is written out and loads again to the same."""
+    path = folder / "spec.yaml"
+    path.write_text(text_of(chance), encoding="utf-8", errors="surrogatepass")
+    try:
+        loaded = load(path)
+    except MapmoreError as error:
+        return refused(error) if _is_yaml(path) else "no YAML"
+    path.write_text(loaded.resolved, encoding="utf-8")
+    if load(path).spec != loaded.spec:
+        raise Fault("its resolved form loads to another spec")
+    return "loaded"
+
+
+def run(chance: random.Random, number: int, folder: Path) -> str:
+    """The next spec that loads is run on 40 rows; every second one has an expression of the grammar in its dictionary."""
+    if not (folder / "study_1.csv").exists():
+        write_data(folder)
+    path = folder / "spec.yaml"
+    while True:
+        path.write_text(_with_expression(chance) if number % 2 else text_of(chance), encoding="utf-8", errors="surrogatepass")
+        try:
+            loaded = load(path)
+            break
+        except MapmoreError:
+            continue
+    runs = folder / f"runs{number}"
+    try:
+        bring_up_to_date(loaded, runs, warn=lambda _message: None)
+    except MapmoreError as error:
+        return refused(error)
+    finally:
+        shutil.rmtree(runs, ignore_errors=True)
+    return "done"
+
+
+def _with_expression(chance: random.Random) -> str:
+    tree = yaml.safe_load(chance.choice([STATIC, STATIC, MEMORY]))
+    names = ("strain", "pressure") if tree["target"] == "static" else ("pressure", "force")
+    terms = [expressions.expression(chance, chance.randrange(1, 5), names) for _ in range(chance.choice([1, 1, 3]))]
+    tree["dictionary"].append({"terms": terms})
+    if chance.random() < 0.3:
+        changed_tree(tree, chance)
+    return yaml.safe_dump(tree, allow_unicode=True, sort_keys=False, width=200)
+
+
+TARGET = Target("specs", attempt, ("spec",), past=("loaded", "refused (exit 3)"))
+RUNS = Target("runs", run, ("stages",), past=("done", "refused (exit 3)", "refused (exit 4)", "refused (exit 5)", "refused (exit 6)"))

@@ -1,0 +1,71 @@
+"""A few inputs of every kind; `make fuzz` tries as many as one likes."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+
+import expressions
+import pytest
+import readers
+import specs
+from driver import LONGEST, Fault, Target, explore
+
+from mapmore_cli.modelling import terms
+
+pytestmark = pytest.mark.filterwarnings("ignore")
+
+
+@pytest.mark.parametrize(
+    ("target", "count"), [(expressions.TARGET, 400), (specs.TARGET, 25), (readers.TARGET, 60)], ids=lambda x: getattr(x, "name", x)
+)
+def test_what_strangers_may_write_is_read_or_refused(target: Target, count: int, tmp_path: Path) -> None:
+    found = explore(target, count, 16, tmp_path, traced=0)
+    assert found.faults == []
+    assert found.outcomes.total() == count
+
+
+def test_at_least_half_of_specs_and_expressions_are_past_the_syntax(tmp_path: Path) -> None:
+    for target in (expressions.TARGET, specs.TARGET):
+        found = explore(target, 30, 1, tmp_path, traced=0)
+        assert sum(found.outcomes[outcome] for outcome in target.past) >= 15
+
+
+def test_what_the_driver_must_notice(tmp_path: Path) -> None:
+    """A fault, a refusal to end, memory without end, and a crash; the inputs behind them are tried."""
+
+    def attempt(_chance: random.Random, number: int, _folder: Path) -> str:
+        match number:
+            case 1:
+                raise Fault("this one")
+            case 2:
+                while True:
+                    pass
+            case 3:
+                return str(len(bytearray(1 << 31)))
+            case 4:
+                import os
+
+                os.abort()
+        return "fine"
+
+    found = explore(Target("driver", attempt, ("modelling/terms/errors.py",), longest=1), 6, 16, tmp_path, traced=0)
+    assert found.outcomes == {"fine": 2, "FAULT": 4}
+    assert [fault.split(": ", 1)[1].split(" (")[0] for fault in found.faults] == [
+        "Fault: this one",
+        "longer than 1 s",
+        "MemoryError:",
+        "ended by signal 6",
+    ]
+    assert LONGEST <= 5
+
+
+def test_lines_that_run_are_counted(tmp_path: Path) -> None:
+    found = explore(expressions.TARGET, 20, 16, tmp_path, traced=20)
+    assert 0.4 < found.ran / found.lines < 1
+
+
+def test_what_is_too_long_when_it_is_written_out_is_refused() -> None:
+    """Accepted, its model would have a term that cannot be read again."""
+    with pytest.raises(terms.ExpressionError, match=r"11997 characters when it is written out"):
+        terms.parse("+".join(["x1", "x2"] * 1200))

@@ -1,0 +1,25 @@
+"""A few disturbed commands; `make torture` tries as many as one likes. Every instant of a run: tests/stages/pipeline."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).parent
+
+SCRIPT = """
+import json, sys
+from torture import torture
+ends, wrong = torture(6, 16, ("fit", "freeze"))
+print(json.dumps({"ends": {how: found.total() for how, found in ends.items()}, "wrong": wrong}))
+"""
+
+
+def test_disturbed_commands_leave_whole_files(tmp_path: Path) -> None:
+    import json
+
+    done = subprocess.run([sys.executable, "-c", SCRIPT], cwd=HERE, capture_output=True, text=True, check=True)
+    outcome = json.loads(done.stdout.splitlines()[-1])
+    assert outcome["wrong"] == []
+    assert sum(outcome["ends"].values()) == 6

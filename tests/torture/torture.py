@@ -1,0 +1,261 @@
+"""Disturbs commands at random instants and looks at what is left: `python tests/torture/torture.py COUNT [SEED]`.
+
+Each trial starts from the results of older settings. A command is begun in a fork and is killed, interrupted, left without room on the
+disk or without the right to write, or meets a second one. Afterwards every file is whole, old or new. The same command again comes to its
+end, and leaves, byte for byte, what it leaves undisturbed.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import os
+import random
+import resource
+import shutil
+import signal
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "stages" / "campaigns"))
+
+from run_studies import write_study
+
+from mapmore_cli.__main__ import main as mapmore
+from mapmore_cli.cli.app import app
+from mapmore_cli.storage.run_folder import LOCK
+
+RUN_RECORD = "run.json"  # tells seconds, so its bytes differ from run to run
+NEW = ("--set", "fit.max_terms=2", "--set", "segment.strain.count=3")
+COMMANDS: Mapping[str, tuple[str, ...]] = {
+    **{stage: (stage, "one.yaml", *NEW, "-q") for stage in ("ingest", "segment", "fit", "fuse", "validate", "report")},
+    "run": ("run", "one.yaml", *NEW, "-q"),
+    "freeze": ("freeze", "runs/one", "--tag", "new", "--archive", "archive"),
+    "compare": ("compare", "archive/one@old", "runs/one", "--figure", "drift.svg"),
+    "export": ("export", "runs/one/model.h5", "--to", "c", "-o", "out", "-q"),
+    "batch": ("batch", "one.yaml", "two.yaml", "--jobs", "2", "-q"),
+}
+BATCHES = 25  # trials, of which one is of the last command: the processes of `batch` import everything anew, which takes long
+DONE = (0, 6)  # a missed limit is an end too
+PATIENCE = 60.0  # seconds for a lock that a dying worker holds
+
+
+def begin(folder: Path, arguments: tuple[str, ...], before: Callable[[], None] = lambda: None) -> int:
+    """Start a command in a fork, everything imported already; its process."""
+    child = os.fork()
+    if child:
+        return child
+    os.setpgid(0, 0)
+    os.chdir(folder)
+    log = os.open(folder.parent / "log", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+    os.dup2(log, 1)
+    os.dup2(log, 2)
+    sys.argv = ["mapmore", *arguments]
+    try:
+        before()
+        mapmore()
+        code = 0
+    except SystemExit as end:
+        code = end.code if isinstance(end.code, int) else 1
+    os._exit(code)
+
+
+def end_of(child: int) -> int:
+    """Wait for a process; its exit code, or the negative number of the signal that ended it."""
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """All files below a folder but locks and records."""
+    paths = sorted(path for path in folder.rglob("*") if path.is_file() and path.name not in (LOCK, RUN_RECORD, ".batch.lock"))
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
+
+
+def killed(child: int, delay: float, _folder: Path) -> None:
+    """SIGKILL at a random instant."""
+    time.sleep(delay)
+    os.kill(child, signal.SIGKILL)
+
+
+def interrupted(child: int, delay: float, _folder: Path) -> None:
+    """Ctrl-C at a random instant, which the terminal sends to the whole group."""
+    time.sleep(delay)
+    os.killpg(child, signal.SIGINT)
+
+
+def left_alone(_child: int, _delay: float, _folder: Path) -> None:
+    """Nothing more."""
+
+
+def little_room(chance: random.Random) -> Callable[[], None]:
+    """No file can grow beyond some kilobytes."""
+    size = chance.choice([0, 200, 3_000, 9_000, 20_000])
+    return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+
+
+def no_rights(_chance: random.Random) -> Callable[[], None]:
+    """The folders of results may not be written; where root runs this, it gives up its privileges first."""
+
+    def give_up() -> None:
+        for name in ("runs/one", "runs", "archive", "out", "."):
+            if Path(name).is_dir():
+                Path(name).chmod(0o555)
+        if os.getuid() == 0:
+            header, nothing = (ctypes.c_uint32 * 2)(0x20080522, 0), (ctypes.c_uint32 * 6)()
+            if ctypes.CDLL(None, use_errno=True).capset(header, nothing):
+                os._exit(99)
+
+    return give_up
+
+
+def restored(folder: Path) -> None:
+    """Make all folders writable again."""
+    for place in (folder, *(path for path in folder.rglob("*") if path.is_dir())):
+        place.chmod(0o755)
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """What is done to a process from outside, or before it begins."""
+
+    strike: Callable[[int, float, Path], None]
+    before: Callable[[random.Random], Callable[[], None]] = lambda _chance: lambda: None
+    twice: bool = False
+
+
+DISTURBANCES: Mapping[str, Disturbance] = {
+    "killed": Disturbance(killed),
+    "interrupted": Disturbance(interrupted),
+    "full disk": Disturbance(left_alone, little_room),
+    "read-only": Disturbance(left_alone, no_rights),
+    "two at once": Disturbance(killed, twice=True),
+}
+SHARES = (60, 15, 10, 5, 10)  # per cent of the trials
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Where every trial of one command starts, what it leaves undisturbed, and how many seconds it takes."""
+
+    start: Path
+    after: dict[str, bytes]
+    seconds: float
+
+
+def prepare(root: Path, name: str) -> Bench:
+    """Results of older settings, and those of the command."""
+    start, done = root / f"{name} start", root / f"{name} done"
+    shutil.copytree(root / "old", start)
+    if name in ("freeze", "compare", "export", "batch"):
+        assert end_of(begin(start, COMMANDS["run"])) in DONE
+    shutil.copytree(start, done)
+    began = time.monotonic()
+    assert end_of(begin(done, COMMANDS[name])) in DONE, (root / "log").read_text()
+    return Bench(start, contents(done), time.monotonic() - began)
+
+
+def trial(bench: Bench, name: str, how: str, chance: random.Random, folder: Path) -> tuple[str, list[str]]:
+    """Disturb a command once; how it ended, and what is wrong afterwards."""
+    shutil.rmtree(folder, ignore_errors=True)
+    shutil.copytree(bench.start, folder)
+    old, disturbance = contents(folder), DISTURBANCES[how]
+    other = begin(folder, COMMANDS[name]) if disturbance.twice else None
+    child = begin(folder, COMMANDS[name], disturbance.before(chance))
+    disturbance.strike(child, chance.uniform(0, 1.1 * bench.seconds), folder)
+    code = end_of(child)
+    wrong = [] if code in (*DONE, 4, 7, 130, -signal.SIGKILL, -signal.SIGINT) else [f"ended with {code}: {said(folder)}"]
+    if other is not None and (second := end_of(other)) not in (*DONE, 7):
+        wrong.append(f"the other ended with {second}: {said(folder)}")
+    restored(folder)
+    for place, text in contents(folder).items():
+        hidden = any(part.startswith((".tmp-", ".old-")) for part in Path(place).parts)
+        if not hidden and text not in (old.get(place), bench.after.get(place)):
+            wrong.append(f"{place} is neither the old nor the new one")
+    for record in folder.rglob(RUN_RECORD):
+        json.loads(record.read_text())
+    again = repeated(folder, name)
+    if again not in DONE and not (name == "freeze" and again == 7 and (folder / "archive" / "one@new").is_dir()):
+        wrong.append(f"the next one ends with {again}: {said(folder)}")
+    after = {place: text for place, text in contents(folder).items() if not place.startswith("archive/.tmp-")}
+    if after != bench.after:
+        different = sorted(place for place in {*after, *bench.after} if after.get(place) != bench.after.get(place))
+        wrong.append(f"the next one leaves others: {', '.join(different)[:300]}")
+    return f"ended with {code}", wrong
+
+
+def repeated(folder: Path, name: str) -> int:
+    """Run the command again, as soon as no dying worker holds a run."""
+    deadline = time.monotonic() + PATIENCE
+    while (code := end_of(begin(folder, COMMANDS[name]))) == 7 and "another process" in said(folder) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    return code
+
+
+def said(folder: Path) -> str:
+    """The first words of what the last command said."""
+    return " ".join((folder.parent / "log").read_text(errors="replace").split())[:200]
+
+
+def warm_up(folder: Path, names: tuple[str, ...]) -> None:
+    """Make the results of older settings, here: what is imported by and by is there for all forks."""
+    for spec in ("one", "two")[: 1 + ("batch" in names)]:
+        write_study(folder, spec)
+        called(folder, ("run", f"{spec}.yaml", "-q"))
+    called(folder, ("freeze", "runs/one", "--tag", "old", "--archive", "archive"))
+    for name in ("compare", "export"):
+        if name in names:
+            called(folder, COMMANDS[name])
+    shutil.rmtree(folder / "out", ignore_errors=True)
+    (folder / "drift.svg").unlink(missing_ok=True)
+
+
+def called(folder: Path, arguments: tuple[str, ...]) -> None:
+    """A command in this process."""
+    here, log = Path.cwd(), folder.parent / "log"
+    os.chdir(folder)
+    try:
+        with log.open("w") as stream, redirect_stdout(stream), redirect_stderr(stream):
+            app([*arguments], prog_name="mapmore", standalone_mode=False)
+    except SystemExit as end:
+        if end.code not in DONE:
+            raise RuntimeError(log.read_text()) from end
+    finally:
+        os.chdir(here)
+
+
+def torture(count: int, seed: int, names: tuple[str, ...] = (*COMMANDS,)) -> tuple[dict[str, Counter[str]], list[str]]:
+    """Disturb commands `count` times in turn; how the trials of every disturbance ended, and what was wrong."""
+    chance, ends, wrong = random.Random(seed), {how: Counter[str]() for how in DISTURBANCES}, list[str]()
+    with TemporaryDirectory() as place:
+        root = Path(place)
+        old = root / "old"
+        old.mkdir()
+        warm_up(old, names)
+        benches = {name: prepare(root, name) for name in names}
+        for number in range(count):
+            name = names[number % len(names)] if number % BATCHES else names[-1]
+            how = chance.choices(list(DISTURBANCES), SHARES)[0]
+            end, found = trial(benches[name], name, how, chance, root / "trial")
+            ends[how][end] += 1
+            wrong += [f"{number}, {name}, {how}: {one}" for one in found]
+    return ends, wrong
+
+
+def main(count: int, seed: int) -> int:
+    """Print the table; 1 where something was wrong."""
+    ends, wrong = torture(count, seed)
+    print("| disturbance | trials | how the command ended |\n|---|---:|---|")
+    for how, found in ends.items():
+        print(f"| {how} | {found.total()} | {', '.join(f'{count} {end}' for end, count in sorted(found.items()))} |")
+    print(*wrong, sep="\n")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(int(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 16))
