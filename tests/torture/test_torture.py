@@ -11,7 +11,7 @@ HERE = Path(__file__).parent
 SCRIPT = """
 import json, sys
 from torture import torture
-ends, wrong = torture(6, 16, ("fit", "freeze"))
+ends, wrong = torture(4, 16, ("fit", "freeze"))
 print(json.dumps({"ends": {how: found.total() for how, found in ends.items()}, "wrong": wrong}))
 """
 
@@ -22,4 +22,4 @@ def test_disturbed_commands_leave_whole_files(tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, "-c", SCRIPT], cwd=HERE, capture_output=True, text=True, check=True)
     outcome = json.loads(done.stdout.splitlines()[-1])
     assert outcome["wrong"] == []
-    assert sum(outcome["ends"].values()) == 6
+    assert sum(outcome["ends"].values()) == 4

@@ -16,9 +16,10 @@ import shutil
 import signal
 import sys
 import time
+import traceback
 from collections import Counter
 from collections.abc import Callable, Mapping
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -48,22 +49,31 @@ PATIENCE = 60.0  # seconds for a lock that a dying worker holds
 
 def begin(folder: Path, arguments: tuple[str, ...], before: Callable[[], None] = lambda: None) -> int:
     """Start a command in a fork, everything imported already; its process."""
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # until the fork is where it may be interrupted
     child = os.fork()
     if child:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         return child
-    os.setpgid(0, 0)
-    os.chdir(folder)
-    log = os.open(folder.parent / "log", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
-    os.dup2(log, 1)
-    os.dup2(log, 2)
-    sys.argv = ["mapmore", *arguments]
+    code = 1
     try:
+        os.setpgid(0, 0)
+        os.chdir(folder)
+        log = os.open(folder.parent / "log", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        os.dup2(log, 1)
+        os.dup2(log, 2)
+        sys.argv = ["mapmore", *arguments]
         before()
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         mapmore()
         code = 0
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else 1
-    os._exit(code)
+    except KeyboardInterrupt:
+        code = 130
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        os._exit(code)  # nothing of the parent's is cleared away here
 
 
 def end_of(child: int) -> int:
@@ -86,7 +96,8 @@ def killed(child: int, delay: float, _folder: Path) -> None:
 def interrupted(child: int, delay: float, _folder: Path) -> None:
     """Ctrl-C at a random instant, which the terminal sends to the whole group."""
     time.sleep(delay)
-    os.killpg(child, signal.SIGINT)
+    with suppress(ProcessLookupError, PermissionError):  # it has ended, or has no group of its own yet
+        os.killpg(child, signal.SIGINT)
 
 
 def left_alone(_child: int, _delay: float, _folder: Path) -> None:

@@ -44,7 +44,7 @@ def threshold(x: Array, y: Array) -> float:
 def _two_lines(x: Array, y: Array) -> tuple[float, float, float]:
     """Sum of squared errors and slopes of two lines that meet at x = 0."""
     P = np.column_stack([np.ones(len(x)), np.minimum(x, 0.0), np.maximum(x, 0.0)])
-    parameters = np.linalg.lstsq(P, y)[0]
+    parameters = np.linalg.lstsq(P, y, rcond=None)[0]
     return float(np.sum((P @ parameters - y) ** 2)), float(parameters[1]), float(parameters[2])
 
 

@@ -61,7 +61,7 @@ def test_pruning_leaves_out_the_term_that_costs_least(n, M, seed, ridge):
     data, (Z, z) = regularised(P, y, ridge), in_full(P, y, ridge)
 
     def cost(kept):
-        residual = z - Z[:, kept] @ np.linalg.lstsq(Z[:, kept], z)[0]
+        residual = z - Z[:, kept] @ np.linalg.lstsq(Z[:, kept], z, rcond=None)[0]
         return residual @ residual
 
     subsets = prune(data, np.arange(M))
@@ -82,7 +82,7 @@ def test_a_substitute_is_the_best_of_the_others_in_the_place_of_a_term(n, M, see
 
     def gain(kept, one):
         def left(columns):
-            residual = z - Z[:, columns] @ np.linalg.lstsq(Z[:, columns], z)[0] if len(columns) else z
+            residual = z - Z[:, columns] @ np.linalg.lstsq(Z[:, columns], z, rcond=None)[0] if len(columns) else z
             return residual @ residual
 
         return left(kept) - left(np.append(kept, one))
