@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import re
+import shutil
 import subprocess
 import sys
 import zipfile
@@ -14,10 +16,19 @@ import pytest
 PROJECT = Path(__file__).resolve().parents[2]
 
 
+BUILD_SDIST = "import sys; from setuptools.build_meta import build_sdist; print(build_sdist(sys.argv[1]))"
+
+
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Built from the archive of the sources, as an index would hand it out."""
     folder = tmp_path_factory.mktemp("wheel")
-    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "--wheel-dir", folder, PROJECT]
+    copy = folder / "copy"  # a build leaves folders where it works
+    wanted = shutil.ignore_patterns(".*", "tests", "docs", "configs", "datasets", "runs", "build", "*.egg-info", "__pycache__")
+    shutil.copytree(PROJECT, copy, ignore=wanted)
+    subprocess.run([sys.executable, "-c", BUILD_SDIST, folder], check=True, cwd=copy, capture_output=True)
+    (archive,) = folder.glob("*.tar.gz")
+    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "--wheel-dir", folder, archive]
     subprocess.run(command, check=True, env={**os.environ, "PIP_DISABLE_PIP_VERSION_CHECK": "1"}, cwd=folder)
     (found,) = folder.glob("*.whl")
     return found
@@ -29,9 +40,44 @@ def test_the_wheel_holds_every_module_and_file(wheel: Path) -> None:
     assert ours <= set(zipfile.ZipFile(wheel).namelist())
 
 
+def test_the_wheel_tells_what_it_is_installed_with(wheel: Path) -> None:
+    with zipfile.ZipFile(wheel) as archive:
+        (name,) = [name for name in archive.namelist() if ".dist-info/sboms/" in name]
+        document = json.loads(archive.read(name))
+        (metadata,) = [archive.read(name).decode() for name in archive.namelist() if name.endswith(".dist-info/METADATA")]
+    assert (document["bomFormat"], document["specVersion"]) == ("CycloneDX", "1.6")
+    scopes = {component["name"]: component["scope"] for component in document["components"]}
+    declared = {line.split(": ")[1] for line in metadata.splitlines() if line.startswith("Requires-Dist: ")}
+    wanted = {re.split(r"[<>=;]", line)[0].lower(): line for line in declared if "extra ==" not in line}
+    assert {name for name, scope in scopes.items() if scope == "required"} == {*wanted}
+    assert scopes["openpyxl"] == scopes["dask"] == "optional"
+    for component in document["components"]:
+        assert component["purl"] == f"pkg:pypi/{component['name']}@{component['version']}"
+
+
+NO_NETWORK = """
+import sys
+
+def refuse(event, arguments):
+    if event in ("socket.connect", "socket.bind", "socket.getaddrinfo", "socket.gethostbyname", "socket.sendto"):
+        raise RuntimeError(f"{event} {arguments}")
+
+sys.addaudithook(refuse)
+"""
+
+
 def test_an_installed_program_makes_its_example(wheel: Path, tmp_path: Path) -> None:
-    """From the wheel alone, far from the checkout."""
+    """From the wheel alone, far from the checkout, and without a network: whoever opens a connection ends with an internal fault."""
     zipfile.ZipFile(wheel).extractall(tmp_path / "site")
+    (tmp_path / "site" / "sitecustomize.py").write_text(NO_NETWORK)
+    probe = subprocess.run(
+        [sys.executable, "-c", "import socket; socket.socket().connect(('127.0.0.1', 9))"],
+        env={**os.environ, "PYTHONPATH": str(tmp_path / "site")},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert "RuntimeError: socket.connect" in probe.stderr
     env = {**os.environ, "PYTHONPATH": str(tmp_path / "site")}
 
     def mapmore(*arguments: str) -> str:
