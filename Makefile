@@ -7,7 +7,7 @@ unexport PYTHONDONTWRITEBYTECODE  # a set one has each of some hundred processes
 
 STUDIES := configs/m2/dmsp-20-88-static.yaml configs/m2/peano-static.yaml
 
-.PHONY: demo test lint schema datasets measured motion paper bench fuzz torture clean
+.PHONY: demo test lint schema datasets measured motion paper bench fuzz torture test-lowest audit clean
 
 demo: .venv/program
 	$(BIN)/mapmore batch $(STUDIES)
@@ -57,8 +57,19 @@ TORTURE ?= 100
 torture: .venv/development  # commands that are killed, interrupted, out of room, not allowed to write, or two at once; docs/reliability.md
 	$(BIN)/python tests/torture/torture.py $(TORTURE)
 
+LOWEST_TESTS := tests/modelling/frols tests/modelling/terms tests/modelling/scores tests/spec tests/storage tests/stages/ingestion
+test-lowest: .venv/development .venv-lowest/program  # the oldest libraries that pyproject.toml allows: tests, and the results beside those of .venv
+	.venv-lowest/bin/pytest -q -o filterwarnings=default $(LOWEST_TESTS)  # old libraries warn of others that are newer
+	mkdir -p build
+	.venv-lowest/bin/python tests/lowest/lowest.py run build/lowest.json
+	$(BIN)/python tests/lowest/lowest.py run build/newest.json
+	$(BIN)/python tests/lowest/lowest.py compare build/lowest.json build/newest.json
+
+audit: .venv-audit/program  # known weaknesses of the tested versions; asks an advisory service over the network
+	.venv-audit/bin/pip-audit --no-deps --disable-pip -r constraints.txt
+
 clean:
-	rm -rf .venv runs build *.egg-info
+	rm -rf .venv .venv-lowest .venv-audit runs build *.egg-info
 
 .venv/program: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
@@ -72,4 +83,16 @@ clean:
 .venv-bench/peers: tests/bench/peers.txt
 	$(PYTHON) -m venv .venv-bench
 	while read -r peer; do .venv-bench/bin/pip install --quiet --disable-pip-version-check "$$peer" || true; done < $<
+	touch $@
+
+.venv-lowest/program: pyproject.toml tests/lowest/lowest.py
+	$(PYTHON) -m venv .venv-lowest
+	$(PYTHON) tests/lowest/lowest.py requirements > .venv-lowest/requirements.txt
+	.venv-lowest/bin/pip install --quiet --disable-pip-version-check -r .venv-lowest/requirements.txt
+	.venv-lowest/bin/pip install --quiet --disable-pip-version-check --no-deps -e .
+	touch $@
+
+.venv-audit/program:
+	$(PYTHON) -m venv .venv-audit
+	.venv-audit/bin/pip install --quiet --disable-pip-version-check pip-audit
 	touch $@
