@@ -141,7 +141,7 @@ def _with_static_samples(draft: Draft, recordings: Sequence[Recording], held: He
         draft = draft.with_data("derive", {"pressure_rate": rule}, f"to find settled samples; a window of {settled.window:g} s")
         return draft.with_data("keep", [{"quantity": "pressure_rate", "abs_below": settled.limit}]).noted(("data", "keep", 0), why)
     if goes_in_cycles(recordings, held, CYCLE_SAMPLES):
-        why = f"{held.swept} goes there and back at every level: the mean of both branches is the static force"
+        why = f"{held.swept} goes there and back at every level: the mean of both branches is static, half their difference is `hysteresis`"
         return draft.with_data("cycles", {"over": held.swept, "samples": CYCLE_SAMPLES}, why)
     return draft
 
