@@ -122,6 +122,35 @@ def solvers() -> Table:
     return Table("solvers", "Solvers on data that the published linear row made, with noise", columns, tuple(rows))
 
 
+BOUNDS = (0.5, 1.0, 2.0, 4.0, 1000.0)
+"""s; the second is a quarter of the wavelength that a section of P is found on, which is the default."""
+EVERY = 5
+"""One sample in so many of the simulated waveforms, as the study has it."""
+
+
+def log(path: Path) -> Record:
+    """A recording of the simulated muscle: input (V) and displacement (cm)."""
+    rows = np.loadtxt(path, delimiter=",", skiprows=1)[::EVERY]
+    return Record({"input": rows[:, 1], "displacement": rows[:, 3] / 10}, np.ones(len(rows), dtype=np.bool_))
+
+
+def slowest() -> Table:
+    """P's linear and piecewise model by least squares, with the longest time constant that a section may have."""
+    folder = DOCS.parent / "datasets" / "waveforms"
+    held_out = [log(path) for path in sorted(folder.glob("waveform_*.csv"))]
+    rows = []
+    for bound in BOUNDS:
+        errors = []
+        for pattern, settings in (("reference_full.csv", {}), ("reference_section_*.csv", {"sections": BOUNDARIES})):
+            recipe = MotionRecipe("input", "displacement", STEP, slowest=bound, **settings)  # type: ignore[arg-type]
+            model = fit_motion([log(path) for path in sorted(folder.glob(pattern))], recipe).model
+            wrong = [simulate(model, one.columns) - one.columns["displacement"] for one in held_out]
+            errors.append(float(np.sqrt(np.mean(np.concatenate(wrong) ** 2))))
+        rows.append((f"{bound:g} s", *errors))
+    columns = (Column("slowest"), Column("linear", "cm", ".3f"), Column("piecewise", "cm", ".3f"))
+    return Table("slowest", "RMSE over all seven waveforms, by the bound on the time constants", columns, tuple(rows))
+
+
 def waveforms(runs: Path) -> Table:
     """RMSE over the last wavelength of every waveform, by model, with the greatest error."""
     run = finished(Entry(CONFIGS / "motion" / "dmsp-20-400-waveforms.yaml", ()), runs).run_dir
@@ -172,6 +201,7 @@ def tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
     return {
         "poles": poles,
         "solvers": solvers,
+        "slowest": slowest,
         "waveforms": lambda: waveforms(runs),
         "sections": lambda: sections(runs),
         "coiled_motion": lambda: nrmse_table(campaign("coiled_motion", runs)),

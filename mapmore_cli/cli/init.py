@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -50,8 +51,11 @@ def init(
             reporter.say(f"left out: {remark}")
     if output == STDOUT:
         print(found.drafts[0].text(), end="")
-    else:
-        _write({output or Path(f"{draft.name}.yaml"): draft.text() for draft in found.drafts}, force)
+        return
+    texts = {output or Path(f"{draft.name}.yaml"): draft.text() for draft in found.drafts}
+    _write(texts, force)
+    if not quiet:
+        print(f"Next: mapmore check {next(iter(texts))}", file=sys.stderr)
 
 
 def _metres(text: str) -> float:

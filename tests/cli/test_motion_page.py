@@ -93,6 +93,15 @@ def test_errors_by_waveform_are_made_again_from_the_recordings(model: str) -> No
         assert float(rows[f"{name}, largest"][model]) == pytest.approx(np.abs(error).max(), rel=0.02, abs=6e-3)
 
 
+@pytest.mark.parametrize(("row", "slowest"), [("0.5 s", 0.5), ("1 s", None), ("1000 s", 1000.0)])
+def test_a_section_may_not_be_too_slow(row: str, slowest: float | None) -> None:
+    """The default is a quarter of the wavelength."""
+    motion = fitted(PARTS, {"sections": BOUNDARIES, "slowest": slowest})
+    logs = [log(path.stem) for path in sorted((DATASETS / "waveforms").glob("waveform_*.csv"))]
+    error = np.concatenate([simulate(motion, record) - record["displacement"] for record in logs])
+    assert float(table("slowest")[row]["piecewise"]) == pytest.approx(np.sqrt(np.mean(error**2)), rel=0.02)
+
+
 @pytest.mark.parametrize("count", [1, 3])
 def test_errors_by_the_number_of_sections_are_made_again(count: int) -> None:
     motion = fitted((*FULL, *PARTS), {"sections": count, "direction": True, "offset": True})

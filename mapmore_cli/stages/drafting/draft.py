@@ -12,6 +12,7 @@ from typing import Any
 from mapmore_cli.domain.errors import printable
 from mapmore_cli.spec.yaml_core import escaped, tag_of
 
+TAIL = "# report: {formats: [html, pdf, tex]}  # for a paper: panels as PDF, tables for LaTeX"
 HEAD = ("Started by `mapmore init`. Every guess says why: look first at those marked CHECK, then run `mapmore check` on this file.",)
 
 
@@ -80,7 +81,7 @@ class Note:
 
 def to_yaml(spec: Mapping[str, Any], notes: Mapping[Loc, Note], head: tuple[str, ...]) -> str:
     """The spec with its notes, under comment lines of its own."""
-    return "\n".join([*(f"# {line}" for line in head), *_mapping(spec, (), notes), ""])
+    return "\n".join([*(f"# {line}" for line in head), *_mapping(spec, (), notes), TAIL, ""])
 
 
 def _mapping(value: Mapping[str, Any], loc: Loc, notes: Mapping[Loc, Note]) -> Iterator[str]:

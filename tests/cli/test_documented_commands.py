@@ -1,0 +1,132 @@
+"""Every command that the documentation shows is one; those of the tutorial and of the pipelines are run."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+import yaml
+from documented import PAGES, ROOT, commands, words
+from test_readme import spec_of_readme, write_recordings
+
+from mapmore_cli.cli.app import app
+
+EXAMPLES = ROOT / "docs" / "examples"
+EVERY = [(page.relative_to(ROOT).as_posix(), tuple(command)) for page in PAGES for command in commands(page)]
+
+
+def test_there_are_commands_to_look_at() -> None:
+    assert len(EVERY) > 45
+    assert {"README.md", "docs/tutorial.md", "docs/campaigns.md", "docs/examples/ci.yaml"} <= {page for page, _ in EVERY}
+
+
+@pytest.mark.parametrize(("page", "command"), EVERY, ids=[f"{page}: {' '.join(command)}"[:100] for page, command in EVERY])
+def test_every_command_has_the_arguments_that_it_is_shown_with(page: str, command: tuple[str, ...]) -> None:
+    group: Any = typer.main.get_command(app)
+    context = group.make_context("mapmore", list(command), resilient_parsing=False)
+    name, found, rest = group.resolve_command(context, [*context._protected_args, *context.args])
+    found.make_context(name, rest, parent=context)
+
+
+def test_the_tutorial_from_beginning_to_end(tmp_path: Path, mapmore: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for command in commands(ROOT / "docs" / "tutorial.md"):
+        result = mapmore(*command)
+        assert result.exit_code == 0, (command, result.stderr)
+        if command[0] in ("example", "simulate"):
+            thin_out(tmp_path)
+        if command[0] == "init":  # one figure a run is quicker than all
+            spec = tmp_path / "muscle.yaml"
+            spec.write_text(spec.read_text() + "report: {figures: [fit]}\n")
+    report = tmp_path / "runs" / "bench-2026" / "report"
+    assert (report / "tables" / "scores.tex").read_text().startswith("%")
+    assert (tmp_path / "fig3.pdf").read_bytes().startswith(b"%PDF")
+    assert any((report / "panels").glob("*.pdf"))
+    assert any((tmp_path / "controller").glob("*.c"))
+
+
+def thin_out(folder: Path) -> None:
+    """One sample in 20 of every recording, which is quicker."""
+    for path in folder.glob("*/load_cycle_*.csv"):
+        head, *rows = path.read_text().splitlines()
+        if len(rows) > 1000:
+            path.write_text("\n".join([head, *rows[::20]]) + "\n")
+
+
+@pytest.fixture(scope="module")
+def workshop(tmp_path_factory: pytest.TempPathFactory, mapmore: Callable[..., Any]) -> Path:
+    """The study of the README, run and frozen, and a `mapmore` on the path of scripts."""
+    folder = tmp_path_factory.mktemp("workshop")
+    write_recordings(folder)
+    (folder / "muscle.yaml").write_text(spec_of_readme())
+    for command in (
+        ["run", folder / "muscle.yaml", "--runs", folder / "runs", "-q"],
+        ["freeze", folder / "runs" / "my-muscle", "--tag", "spring", "--archive", folder / "archive"],
+    ):
+        result = mapmore(*command)
+        assert result.exit_code == 0, result.stderr
+    (folder / "table.csv").write_text("pressure,strain\n150,0.02\n250,0.05\n")
+    (folder / "bin").mkdir()
+    (folder / "bin" / "mapmore").write_text(f'#!/bin/sh\nexec "{sys.executable}" -m mapmore_cli "$@"\n')
+    (folder / "bin" / "mapmore").chmod(0o755)
+    return folder
+
+
+def run(folder: Path, *command: object) -> subprocess.CompletedProcess[str]:
+    """A command in the workshop's folder."""
+    places = [str(folder / "bin"), str(Path(sys.executable).parent), os.environ["PATH"]]
+    environment = {**os.environ, "PATH": os.pathsep.join(places), "PYTHONPATH": str(ROOT)}
+    return subprocess.run(list(map(str, command)), cwd=folder, env=environment, capture_output=True, text=True, check=False)
+
+
+def test_the_shell_pipeline(workshop: Path) -> None:
+    done = run(workshop, EXAMPLES / "pipeline.sh", "muscle.yaml", "table.csv")
+    assert done.returncode == 0, done.stderr
+    head, *rows = done.stdout.splitlines()
+    assert head.startswith("pressure,strain,")
+    assert len(rows) == 2
+    assert "mapmore" in done.stderr
+    assert "%" in done.stderr
+    assert run(workshop, EXAMPLES / "pipeline.sh", "nothing.yaml", "table.csv").returncode == 3  # ends where it fails
+
+
+@pytest.mark.skipif(shutil.which("make") is None, reason="there is no make on this machine")
+def test_the_makefile_makes_what_is_missing_and_nothing_twice(workshop: Path) -> None:
+    done = run(workshop, "make", "-f", EXAMPLES / "Makefile")
+    assert done.returncode == 0, done.stderr
+    made = {path.name: path.stat().st_mtime_ns for path in (workshop / "out").iterdir()}
+    assert set(made) == {"model.h5", "figure.pdf", "lookup.csv"}
+    again = run(workshop, "make", "-f", EXAMPLES / "Makefile")
+    assert again.returncode == 0, again.stderr
+    assert {path.name: path.stat().st_mtime_ns for path in (workshop / "out").iterdir()} == made
+
+
+@pytest.mark.skipif(shutil.which("snakemake") is None, reason="Snakemake is not installed")
+def test_the_snakefile(workshop: Path) -> None:
+    (workshop / "specs").mkdir()
+    for name in ("one", "two"):
+        (workshop / "specs" / f"{name}.yaml").write_text(spec_of_readme().replace("my-muscle", name).replace('["muscle_', '["../muscle_'))
+    done = run(workshop, "snakemake", "--snakefile", EXAMPLES / "Snakefile", "--cores", "1", "--config", "specs=specs", "runs=snake")
+    assert done.returncode == 0, done.stderr
+    head, *rows = (workshop / "snake" / "scores.csv").read_text().splitlines()
+    assert head.startswith("run,model,")
+    assert {row.split(",")[0] for row in rows} == {"one", "two"}
+
+
+def test_the_steps_of_the_workflow(workshop: Path, mapmore: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(workshop)
+    workflow = yaml.safe_load((EXAMPLES / "ci.yaml").read_text())
+    steps = [step["run"] for step in workflow["jobs"]["model"]["steps"] if step.get("run", "").startswith("mapmore ")]
+    assert [words(step)[0] for step in steps] == ["check", "run", "compare"]
+    for step in steps:
+        result = mapmore(*words(step))
+        assert result.exit_code == 0, (step, result.stderr)
+    assert (workshop / "junit.xml").is_file()
+    assert "mapmore" in (workshop / "summary.md").read_text()
