@@ -192,7 +192,21 @@ def _work(function: Callable[[J], T], job: J, shared: Shared, begun: tuple[str, 
     from distributed import get_worker
 
     get_worker().log_event(TOPIC, begun)
-    with _one_at_a_time:
+    with _one_at_a_time, _variables_set(shared.environment):
         shared.check()
-        os.environ.update(shared.environment)
         return function(job)
+
+
+@contextmanager
+def _variables_set(variables: Mapping[str, str]) -> Iterator[None]:
+    """Set variables of the environment for a while: the next job may come from another client."""
+    before = {name: os.environ.get(name) for name in variables}
+    os.environ.update(variables)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value

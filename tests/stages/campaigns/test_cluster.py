@@ -15,7 +15,7 @@ from run_studies import wait_until, write_slow_study, write_study
 
 from mapmore_cli.domain.errors import UsageError, WriteError
 from mapmore_cli.stages.campaigns.batch import Job, run_one
-from mapmore_cli.stages.campaigns.cluster import ClusterWorkers, Shared
+from mapmore_cli.stages.campaigns.cluster import ClusterWorkers, Shared, _work
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="looks into /proc for the worker that does a run")
 
@@ -92,6 +92,25 @@ def test_workers_that_see_another_folder_are_refused(tmp_path: Path) -> None:
     for token in (tmp_path / "token", tmp_path / "missing"):
         with pytest.raises(WriteError, match="does not see this folder"):
             Shared(token, "word", {}).check()
+
+
+def variables(names: list[str]) -> list[str | None]:
+    return [os.environ.get(name) for name in names]
+
+
+def test_variables_of_the_client_are_set_for_a_job_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Worker:
+        def log_event(self, *_: object) -> None:
+            pass
+
+    monkeypatch.setattr("distributed.get_worker", Worker)
+    monkeypatch.setenv("MAPMORE_HERE", "the worker's")
+    monkeypatch.delenv("MAPMORE_DATA", raising=False)
+    names = ["MAPMORE_HERE", "MAPMORE_DATA"]
+    (tmp_path / "token").write_text("word")
+    shared = Shared(tmp_path / "token", "word", {"MAPMORE_HERE": "the client's", "MAPMORE_DATA": "/data"})
+    assert _work(variables, names, shared, ("batch", 0)) == ["the client's", "/data"]
+    assert variables(names) == ["the worker's", None]
 
 
 def silent(*_: object) -> None:
