@@ -137,7 +137,7 @@ class Compiled:
 
 
 def compiled(
-    model: Model, folder: Path, *, single: bool = False, more: tuple[str, ...] = ("-O1",), inverse: tuple[str, ...] | None = None
+    model: Model, folder: Path, *, single: bool = False, more: tuple[str, ...] = ("-O0",), inverse: tuple[str, ...] | None = None
 ) -> Compiled:
     """Write, compile and load a model, with its derivatives and the `inverse` for some inputs if so wished; any warning is an error."""
     name = _written(model, folder, single, inverse)

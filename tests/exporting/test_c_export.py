@@ -21,7 +21,7 @@ pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no
 
 @pytest.mark.parametrize("name", STATIC)
 def test_pieces_and_sums(tmp_path: Path, name: str) -> None:
-    assert compare(STATIC[name], tmp_path)[0] < 1e-12
+    assert compare(STATIC[name], tmp_path, 30_000)[0] < 1e-12
 
 
 @pytest.mark.parametrize(
@@ -29,6 +29,10 @@ def test_pieces_and_sums(tmp_path: Path, name: str) -> None:
 )
 def test_formulas(tmp_path: Path, name: str) -> None:
     assert compare(FORMULAS[name], tmp_path)[0] < 1e-12
+
+
+def test_optimised_code_has_the_same_numbers_and_no_warning_either(tmp_path: Path) -> None:
+    assert compare(STATIC["smooth levels, aligned"], tmp_path, 3_000, more=("-O2",), inverse=("strain",))[0] < 1e-12
 
 
 @pytest.mark.parametrize("name", WITH_MEMORY)
