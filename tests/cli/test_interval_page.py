@@ -1,0 +1,44 @@
+"""docs/intervals.md: a row of the simulated table and the quick rows of the measured one are made anew; the coverage is what is said."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from page_tables import DOCS, numbers, page_table
+
+PAGE = DOCS / "intervals.md"
+
+
+@pytest.fixture(scope="module")
+def interval_tables() -> Iterator[ModuleType]:
+    sys.path.insert(0, str(DOCS))
+    yield importlib.import_module("interval_tables")
+    sys.path.remove(str(DOCS))
+
+
+def test_a_simulated_row(interval_tables: ModuleType) -> None:
+    name, *values = interval_tables.simulated_row("mckibben", "sarosi", 4)
+    assert list(numbers(page_table("simulated", PAGE)[name]).values()) == pytest.approx(values, rel=0.01)
+
+
+@pytest.mark.parametrize("config", ["coiled/coiled_loops", "muscle-like/antagonist-pam"])
+def test_a_measured_row(config: str, interval_tables: ModuleType, tmp_path: Path, measured_data: Path) -> None:
+    name, _, *values, _ = interval_tables.measured_row(config, tmp_path)
+    assert list(numbers(page_table("measured", PAGE)[name]).values()) == pytest.approx(values, rel=0.01)
+
+
+def test_new_curves_are_covered_as_often_as_is_said() -> None:
+    rows = {name: numbers(row)["inside"] for name, row in page_table("simulated", PAGE).items()}
+    assert len(rows) == 12
+    assert min(rows.values()) > 93
+    many = [inside for name, inside in rows.items() if "4 curves" not in name]
+    assert max(many) < 99
+
+
+def test_every_study_of_the_table_is_there(interval_tables: ModuleType) -> None:
+    assert list(page_table("measured", PAGE)) == [Path(config).name for config in interval_tables.MEASURED]
