@@ -26,7 +26,7 @@ LARGEST_ERROR = 1e-6
 
 def test_every_shipped_study_agrees_by_the_page() -> None:
     rows = page_table("agreement", PAGE)
-    assert list(rows) == sorted(path.stem for path in STUDIES)
+    assert list(rows) == sorted(path.stem for path in STUDIES), "a new study gets its row by tests/exporting/agreement.py"
     for study, row in rows.items():
         assert float(row["points"]) == POINTS, study
         assert float(row["largest relative difference"]) <= LIMIT, study
