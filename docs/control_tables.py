@@ -1,0 +1,113 @@
+"""Write the table and the figure of docs/control.md: `python docs/control_tables.py RUNS`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+import yaml
+from pages import CONFIGS, DOCS, write_tables
+
+from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.domain.models import Model
+from mapmore_cli.modelling.inverse import NEAREST, invert
+from mapmore_cli.reporting.table import Cell, Column, Table
+from mapmore_cli.rig.closed_loop import Lift, Loop, closed_loop, wanted_force
+from mapmore_cli.spec.loader import load
+from mapmore_cli.spec.simulation import SimulationSpec
+from mapmore_cli.stages.pipeline.runner import bring_up_to_date
+from mapmore_cli.stages.simulation.rig_parts import KPA, hysteresis_of, muscle_of
+from mapmore_cli.storage.artefacts import read_model
+
+LIFT = Lift(mass=20.0, length=0.088, damping=400.0, lag=0.05, highest=350 * KPA, step=0.5e-3)
+LOOP = Loop(period=5e-3, kp=500 * KPA, ki=4000 * KPA)
+SECONDS, SETTLED = 8.0, 2.0
+"""How long the course is, and what is left out of the errors at its beginning."""
+
+STUDY = "m2/dmsp-20-88-static"
+FEEDS: Mapping[str, tuple[str, ...] | None] = {
+    "mapmore": (),
+    "mapmore on sarosi": ("name=dmsp-20-88-static.on_sarosi", "model={backbone: sarosi}"),
+    "sarosi": ("name=dmsp-20-88-static.sarosi", "model={type: literature, name: sarosi}"),
+    "nothing": None,
+}
+"""Models whose inverse is fed forward: all trained on 80, 150 and 350 kPa."""
+
+
+def course(seconds: float) -> Array:
+    """Strain to follow: two sines of 0.3 and 0.8 Hz about 0.08, which grow over the first second."""
+    time = np.arange(0.0, seconds, LOOP.period)
+    growing = np.clip(time, 0.0, 1.0) ** 2 * (3 - 2 * np.clip(time, 0.0, 1.0))
+    return np.asarray(0.08 + growing * (0.03 * np.sin(2 * np.pi * 0.3 * time) + 0.01 * np.sin(2 * np.pi * 0.8 * time)))
+
+
+def model_of(settings: tuple[str, ...], runs: Path) -> Model:
+    """The static model of the study, with other settings."""
+    loaded = load(CONFIGS / f"{STUDY}.yaml", (*settings, "validate.against=[]"))
+    return read_model(bring_up_to_date(loaded, runs, "fuse").run_dir / "model.h5")
+
+
+def followed(feed: str, runs: Path, seconds: float, loop: Loop = LOOP) -> Columns:
+    """What the loop does with a pressure fed forward by the inverse of a model, or with that of the first sample alone."""
+    given = yaml.safe_load((DOCS.parent / "datasets" / "mckibben" / "load_cycles.yaml").read_text(encoding="utf-8"))
+    spec = SimulationSpec.model_validate(given)
+    reference, settings = course(seconds), FEEDS[feed]
+    force = wanted_force(LIFT, reference, LOOP.period)
+    found = invert(model_of(settings or (), runs), force, {"strain": reference}, "pressure", NEAREST).picked
+    if not np.isfinite(found).all():
+        raise ValueError(f"{feed}: there is no pressure for {int(np.sum(~np.isfinite(found)))} of {len(found)} samples of the course")
+    fed = KPA * (found if settings is not None else np.full(len(found), found[0]))
+    return closed_loop(muscle_of(spec.muscle), hysteresis_of(spec.hysteresis), LIFT, loop, reference, fed)
+
+
+def errors(feed: str, runs: Path, seconds: float = SECONDS, loop: Loop = LOOP) -> tuple[float, float]:
+    """RMSE and largest error of the strain, in % strain, after the beginning."""
+    error = 100 * (followed(feed, runs, seconds, loop)["strain"] - course(seconds))[round(SETTLED / LOOP.period) :]
+    return float(np.sqrt(np.mean(error**2))), float(np.max(np.abs(error)))
+
+
+def tracking(runs: Path) -> Table:
+    """Tracking errors with the loop closed, and of what is fed forward alone."""
+    rows: list[tuple[Cell, ...]] = []
+    for feed, settings in FEEDS.items():
+        alone = (None, None) if settings is None else errors(feed, runs, loop=Loop(LOOP.period, 0.0, 0.0))
+        rows.append((feed, *errors(feed, runs), *alone))
+    heads = ("RMSE", "largest error", "RMSE without the loop", "largest error without the loop")
+    columns = (Column("fed forward"), *(Column(head, "% strain", ".3g") for head in heads))
+    return Table("tracking", "A weight of 20 kg along a course of strain", columns, tuple(rows))
+
+
+def figure(runs: Path, path: Path) -> None:
+    """Strain and error over time for every loop."""
+    from matplotlib.figure import Figure
+
+    from mapmore_cli.reporting.figures.style import figure_style, model_styles
+
+    reference = course(SECONDS)
+    time = LOOP.period * np.arange(len(reference))
+    with figure_style():
+        drawn = Figure(figsize=(7.0, 3.4), layout="constrained")
+        top, bottom = drawn.subplots(2, 1, sharex=True)
+        for feed, style in model_styles(list(FEEDS)).items():
+            strain = followed(feed, runs, SECONDS)["strain"]
+            look = {"color": style.colour, "linestyle": style.dashes, "linewidth": 1.0, "label": feed}
+            top.plot(time, 100 * strain, **look)
+            bottom.plot(time, 100 * (strain - reference), **look)
+        top.plot(time, 100 * reference, color="black", linewidth=0.8, label="course")
+        top.set_ylabel("Strain (%)")
+        bottom.set_ylabel("Error (%)")
+        bottom.set_xlabel("Time (s)")
+        drawn.legend(*top.get_legend_handles_labels(), loc="outside upper left", ncols=5)
+        drawn.savefig(path, metadata={"Date": None})
+
+
+def tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
+    """The table of the page."""
+    return {"tracking": lambda: tracking(runs)}
+
+
+if __name__ == "__main__":
+    write_tables(DOCS / "control.md", tables(Path(sys.argv[1])))
+    figure(Path(sys.argv[1]), DOCS / "figures" / "closed-loop.svg")
