@@ -67,6 +67,7 @@ class Part:
     title: str
     tables: tuple[Table, ...]
     figures: tuple[RenderedFigure, ...]
+    specs: tuple[str, ...]
 
 
 def recordings() -> Path:
@@ -99,8 +100,9 @@ def measured(runs: Path, failed: dict[str, str]) -> Iterator[Part]:
         except MapmoreError as fault:
             failed[name] = told(fault)
             continue
-        title = load_campaign(CONFIGS / "campaigns" / f"{name}.yaml")[0].title or name
-        yield Part(title, campaign_tables(scores), tuple(rendered(drawing) for drawing in campaign_figures(scores)))
+        spec, entries = load_campaign(CONFIGS / "campaigns" / f"{name}.yaml")
+        paths = dict.fromkeys(entry.config.resolve().relative_to(CONFIGS).as_posix() for entry in entries)
+        yield Part(spec.title or name, campaign_tables(scores), tuple(map(rendered, campaign_figures(scores))), tuple(paths))
 
 
 def spec_texts(path: Path) -> dict[str, str]:
@@ -123,7 +125,7 @@ def page(found: Sequence[Result], parts: Sequence[Part], failed: Mapping[str, st
     templates = environment()
     assert templates.loader is not None
     templates.loader = ChoiceLoader([templates.loader, FileSystemLoader(DOCS / "paper")])
-    specs = list(dict.fromkeys(spec for result in found for spec in result.specs))
+    specs = list(dict.fromkeys(spec for one in (*found, *parts) for spec in one.specs))
     templates.filters["prose"] = prose
     return templates.get_template("paper.html").render(
         version=__version__,
@@ -136,7 +138,7 @@ def page(found: Sequence[Result], parts: Sequence[Part], failed: Mapping[str, st
         measured=parts,
         absent=absent,
         specs={spec: spec_texts(CONFIGS / spec) for spec in specs},
-        names={spec: load(CONFIGS / spec).spec.name for spec in specs},
+        names={spec: load(CONFIGS / spec).spec.name for result in found for spec in result.specs},
         scale=SCREEN_SCALE,
     )
 

@@ -84,6 +84,8 @@ def test_the_page_is_one_file(paper_page: ModuleType, tmp_path: Path, mapmore: C
     found = list(paper_page.results(tmp_path, failed))
     assert [one.id for one in found] == ["m2-static"]
     assert list(failed) == ["m1-static"]  # whose runs are not there
+    part = paper_page.Part("a campaign", (), (), ("coiled/coiled_steps.yaml",))
+    assert 'href="#coiled/coiled_steps.yaml"' in paper_page.page([], [part], {}, "")
     html = paper_page.page(found, [], failed, "none here")
     assert "m1-static failed" in html
     outside = [link for link in re.findall(r'(?:href|src)="([^"]*)"', html) if not re.match(r"#|[\w.-]+/report/index\.html$", link)]
