@@ -11,6 +11,7 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.stages.inspection.labels import ColumnTitle, read_label, unit_in
 
 STATES = 6  # different values, up to which a column is a state and not a measurement
+SINCE_1970 = (1e8, 1e11)  # s, of any date within a lifetime
 LOGGED = 1000  # samples of a record that a logger took
 SLOWEST = 0.2  # s between samples of a logger
 LARGEST_FRACTION = 1.5
@@ -77,6 +78,8 @@ def _unit_by_size(quantity: str, values: Sequence[Array]) -> tuple[str, str, boo
     largest = max(float(np.abs(one).max()) for one in values)
     match quantity:
         case "time":
+            if SINCE_1970[0] < largest < SINCE_1970[1]:
+                return "s", "its stamps are dates, read as seconds since 1970", True
             step = float(np.median(np.diff(values[0]))) if len(values[0]) > 1 else 0.0
             if len(values[0]) >= LOGGED and step > SLOWEST:
                 return "ms", f"a step of {step:g} s would be slow for a logger", False

@@ -21,7 +21,8 @@ Row = Sequence[Any]
 class Preview:
     """How a file is read: by which `reader` with which `settings` of `data`, and the `titles` of its columns where it has a header.
 
-    `below` are the texts under the titles, as units, where the header has more lines.
+    `below` are the texts under the titles, as units, where the header has more lines. `left` counts the sheets of
+    a workbook that are laid out in another way.
     """
 
     reader: str
@@ -29,6 +30,7 @@ class Preview:
     titles: tuple[str, ...] | None
     settings: dict[str, Any] = field(default_factory=dict)
     below: tuple[str, ...] = ()
+    left: int = 0
 
     @property
     def columns(self) -> tuple[str | int, ...]:
@@ -60,7 +62,9 @@ def _of_all_sheets(found: Preview, layouts: Sequence[Preview], sheets: int) -> P
         return layout.titles, layout.width, {key: value for key, value in layout.settings.items() if key != "sheet"}
 
     alike = [layout for layout in layouts if shape(layout) == shape(found)]
-    return replace(found, settings={**found.settings, "sheet": "*"}) if len(alike) == sheets > 1 else found
+    if len(alike) == sheets > 1:
+        return replace(found, settings={**found.settings, "sheet": "*"})
+    return replace(found, left=sheets - 1)
 
 
 def _layout(first_rows: Top, reader: str) -> tuple[int, Preview] | None:

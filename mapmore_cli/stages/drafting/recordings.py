@@ -132,6 +132,10 @@ def started(group: Group, name: str, folder: Path, quantity: str, constants: Seq
     draft = draft.noted(("muscle",), "kind, length and diameter help `check`, as {kind: mckibben, length: 88 mm, diameter: 20 mm}", False)
     if "header" in group.layout.settings and not group.layout.settings["header"]:
         draft = draft.noted(("data", "header"), "the first line holds numbers")
+    if group.layout.left:
+        others = "1 other is" if group.layout.left == 1 else f"{group.layout.left} others are"
+        why = f"the sheet with the most rows; {others} laid out in another way, and left out"
+        draft = draft.noted(("data", "sheet" if "sheet" in data else "reader"), why, False)
     if constants is None:
         found = patterns(group.files, folder)
         return draft.with_data("files", found).noted(

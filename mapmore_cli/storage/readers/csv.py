@@ -17,7 +17,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables.lines import Growing, Lines, guess_encoding, last_lines, open_lines, open_quote, quote_left_open
-from mapmore_cli.storage.tables.numbers import cut_short, shortened
+from mapmore_cli.storage.tables.numbers import cut_short, seconds_of_stamp, shortened
 from mapmore_cli.storage.tables.reader import Reader, Top
 from mapmore_cli.storage.tables.table import RawTable, TableRequest, locate_columns
 from mapmore_cli.storage.tables.text import (
@@ -207,12 +207,21 @@ def _with_point(cell: str) -> bool:
     try:
         float(cell)
     except ValueError:
-        return False
+        return _is_stamp(cell)
     return "_" not in cell  # Python reads 1_5 as 15
 
 
+def _is_stamp(cell: str) -> bool:
+    """Whether it is a date with a time, or a time of day, which is read as seconds."""
+    try:
+        seconds_of_stamp(cell.strip())
+    except ValueError:
+        return False
+    return True
+
+
 def _with_comma(cell: str) -> bool:
-    return "." not in cell and _with_point(cell.replace(",", "."))
+    return ("." not in cell and _with_point(cell.replace(",", "."))) or _is_stamp(cell.strip().replace(",", "."))
 
 
 _DIALECTS: tuple[tuple[str | None, dict[str, Any]], ...] = (

@@ -70,6 +70,29 @@ def test_files_of_older_programs_are_read_as_what_they_look_like(tmp_path: Path,
     assert "Prüfdruck" in draft.text()
 
 
+@pytest.mark.parametrize(
+    ("stamp", "delimiter"), [("01.03.2026 12:00:{:06.3f}", ";"), ("2026-03-01T12:00:{:06.3f}+02:00", ","), ("12:00:{:06.3f}", ",")]
+)
+def test_local_dates_and_times_of_day_are_the_time(tmp_path: Path, stamp: str, delimiter: str) -> None:
+    rng = np.random.default_rng(2)
+    pressure = 100 + np.cumsum(rng.normal(0, 5, 150))
+    for number in range(1):
+        rows = [(stamp.format(k / 10), f"{p:.3f}", f"{2 * p + k / 50:.3f}") for k, p in enumerate(pressure)]
+        lines = [delimiter.join(row).replace(".", ",") if delimiter == ";" else delimiter.join(row) for row in rows]
+        if delimiter == ";":
+            lines = [line.replace("01,03,2026", "01.03.2026") for line in lines]
+        (tmp_path / f"log_{number}.csv").write_text("\n".join([delimiter.join(["Time", "P [kPa]", "F [N]"]), *lines]) + "\n")
+    (draft,) = start(tmp_path, tmp_path).drafts
+    assert draft.data["columns"]["time"] == {"column": "Time", "unit": "s"}
+    spec = tmp_path / "spec.yaml"
+    spec.write_text(draft.text())
+    found = inspect(load(spec))
+    assert found.verdict is None
+    assert found.dataset is not None
+    (time, *_) = (recording.columns["time"] for recording in found.dataset.recordings)
+    np.testing.assert_allclose(np.diff(time), 0.1, atol=1e-6)
+
+
 @pytest.mark.parametrize("content", [b"", b"\x00\x01\x02" * 50, b"dear diary\ntoday\n", b"1\n2\n3\n", b"a,b\n", b'"never closed,1\n2,3\n'])
 def test_what_is_no_table_is_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "a.csv"
@@ -266,6 +289,21 @@ def test_a_line_of_units_and_every_sheet(tmp_path: Path) -> None:
     assert [data.columns[name].unit for name in ("pressure", "strain", "force")] == ["bar", "%", "kN"]
     assert data.levels is not None
     assert data.levels.at == [100, 200, 300, 400]
+
+
+def test_of_sheets_of_different_layout_the_longest_is_read_and_the_others_are_told(tmp_path: Path) -> None:
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.active.append(["Rig 4, operator, remarks"])
+    for title, header, count in (("short", ["a", "b", "c"], 5), ("run", ["P [kPa]", "eps", "F [N]"], 60)):
+        sheet = book.create_sheet(title)
+        sheet.append(header)
+        for k in range(count):
+            sheet.append([100.0 * (1 + k // 20), 0.005 * (k % 20), 100.0 * (1 + k // 20) * (2 - 0.05 * (k % 20))])
+    book.save(tmp_path / "all.xlsx")
+    (draft,) = start(tmp_path, tmp_path).drafts
+    assert draft.data["sheet"] == "run"
+    assert "CHECK: the sheet with the most rows; 2 others are laid out in another way, and left out" in draft.text()
 
 
 def test_what_fails_its_own_run_is_made_simpler(tmp_path: Path) -> None:
