@@ -10,7 +10,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import SegmentedCurve
-from mapmore_cli.domain.models import Equation, Model
+from mapmore_cli.domain.models import Equation, LeftOut, Model
 from mapmore_cli.domain.motion import MotionFit
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult
@@ -163,9 +163,14 @@ class ReportInputs:
 
         return runs_over_time(self.model)
 
+    @property
+    def left_out(self) -> LeftOut | None:
+        """What intervals are made of; None where there are none, or where the model is shown as one of another quantity than its output."""
+        return self.model.left_out if self.target == self.model.output else None
+
     def interval(self, number: int) -> tuple[Array, Array] | None:
         """Ends of the run's own intervals along a curve of the dataset, (n,) each; None where the model has none."""
-        if self.model.left_out is None:
+        if self.left_out is None:
             return None
         from mapmore_cli.modelling.intervals import ends, half_width_of
         from mapmore_cli.modelling.kinds import outside_range

@@ -71,7 +71,7 @@ def _figure(inputs: ReportInputs, name: str, numbers: list[int]) -> Drawing:
     alt = f"Measured and predicted {inputs.target.name} over time, {what} recordings."
     panels = tuple(_panel(inputs, number, styles) for number in shown)
     grid = Grid(width=DOUBLE, height=2.5, stack=(2.0, 1.0))
-    interval = None if inputs.model.left_out is None else interval_key(styles[inputs.own].colour)
+    interval = None if inputs.left_out is None else interval_key(styles[inputs.own].colour)
     return Drawing(name, caption, alt, panels, grid, tuple(_legend(styles, resting, mixed, sections, interval)))
 
 

@@ -193,7 +193,7 @@ def interval_key(colour: str) -> Patch:
 
 def interval_words(inputs: ReportInputs) -> str:
     """What the caption says of it, where there is one."""
-    left_out = inputs.model.left_out
+    left_out = inputs.left_out
     if left_out is None:
         return ""
     return f" The band holds a sample of a new curve with a probability of {INTERVAL:.0%}, by left-out {left_out.kind} of training data."
