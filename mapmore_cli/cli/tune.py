@@ -39,9 +39,10 @@ def tune(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Try settings out on training data, and name the simplest that is as good as the best.
+    """Try settings on left-out training data, and name the best.
 
     Every combination is fitted without a level (or a block) of the training data and judged on it; held-out data are not used.
+    The one that is named is the simplest that is as good as the best.
     """
     from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.progress import Reporter

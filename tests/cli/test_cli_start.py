@@ -21,6 +21,7 @@ COMMANDS = [
     "report",
     "run",
     "batch",
+    "tune",
     "predict",
     "invert",
     "freeze",
