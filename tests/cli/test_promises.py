@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import json
+import locale
+import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
+import pytest
 from cli_samples import write_study
 
 LATER = ["fuse", "validate", "report"]
@@ -106,3 +110,38 @@ def test_a_formula_as_the_runs_own_model(tmp_path: Path, mapmore: Callable[..., 
     rows = [row for row in json.loads(result.stdout)["scores"] if row["curve"] == "all"]
     own, other = ([r["rmse"] for r in rows if r["model"] == name] for name in ("mapmore", "polynomial_2"))
     assert own == other
+
+
+def test_order_of_rows_names_of_files_threads_and_time_zone_do_not_matter(
+    tmp_path: Path, mapmore: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nor does the language: numbers are read and written in one way everywhere."""
+    from threadpoolctl import threadpool_limits
+
+    found: list[tuple[bytes, list[Any]]] = []
+    for place in ("plain", "other"):
+        folder = tmp_path / place
+        folder.mkdir()
+        spec = write_study(folder)
+        if place == "other":
+            rng = np.random.default_rng(3)
+            for number, level in zip("3x1", (100, 200, 300), strict=True):
+                head, *rows = (folder / f"bench_{level}.csv").read_text().splitlines()
+                (folder / f"bench_{number}.csv").write_text("\n".join([head, *rng.permutation(rows)]) + "\n")
+                (folder / f"bench_{level}.csv").unlink()
+            monkeypatch.setenv("TZ", "Pacific/Kiritimati")
+            time.tzset()
+            for language in ("de_DE.UTF-8", "C.UTF-8", ""):
+                with suppress(locale.Error):
+                    locale.setlocale(locale.LC_ALL, language)
+                    break
+        try:
+            with threadpool_limits(2 if place == "other" else 1):
+                assert mapmore("validate", spec, "--runs", folder / "runs", "-q").exit_code == 0
+        finally:
+            locale.setlocale(locale.LC_ALL, "C")
+        shown = json.loads(mapmore("show", folder / "runs" / "bench" / "fit.h5", "--json").stdout)
+        found.append(((folder / "runs" / "bench" / "scores.json").read_bytes(), [segment["terms"] for segment in shown["segments"]]))
+    monkeypatch.undo()
+    time.tzset()
+    assert found[0] == found[1]

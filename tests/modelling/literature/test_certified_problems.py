@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -115,6 +116,43 @@ def test_certified_digits_without_starting_values(problem: Certified, method: st
     assert digits(fit.sse, problem.sse) > 9
 
 
+LEVELS = {
+    "Misra1a": "lower",
+    "Misra1b": "lower",
+    "DanWood": "lower",
+    "Misra1c": "average",
+    "Misra1d": "average",
+    "BoxBOD": "higher",
+    "Rat42": "higher",
+}
+
+
+def digits_reached(problem: Certified, method: str) -> tuple[int, int, int]:
+    """Whole correct digits of the worst parameter, of the worst standard error, and of the sum of squares."""
+    fit = problem.formula.fit({"x": np.array(problem.x)}, np.array(problem.y, dtype=float), method)
+    parameters = min(digits(fit.parameters[name], value) for name, (value, _) in problem.parameters.items())
+    errors = min(digits(fit.errors[name], error) for name, (_, error) in problem.parameters.items())
+    return math.floor(parameters), math.floor(errors), math.floor(digits(fit.sse, problem.sse))
+
+
+def digits_table() -> list[str]:
+    """The rows of the table of docs/reliability.md."""
+    rows = []
+    for problem in sorted((*PROBLEMS, RAT42), key=lambda problem: ("lower", "average", "higher").index(LEVELS[problem.name])):
+        cells = [f"{value}" for method in ("variable_projection", "levenberg_marquardt") for value in digits_reached(problem, method)]
+        rows.append(f"| {problem.name} | {LEVELS[problem.name]} | {' | '.join(cells)} |")
+    return rows
+
+
+def test_the_page_states_no_more_digits_than_are_reached() -> None:
+    """Of the last digits, a machine's own rounding decides; so what is printed may be less."""
+    page = (Path(__file__).resolve().parents[3] / "docs" / "reliability.md").read_text()
+    for row in digits_table():
+        name, _, *reached = row.strip("| ").split(" | ")
+        (printed,) = [line.strip("| ").split(" | ")[2:] for line in page.splitlines() if line.startswith(f"| {name} |")]
+        assert all(int(found) >= int(told) - 1 for found, told in zip(reached, printed, strict=True)), (row, printed)
+
+
 def test_wampler_polynomials_have_their_certified_digits() -> None:
     """Wampler1 and Wampler2: exact polynomials of order five on 0..20 (coefficients one, and powers of a tenth)."""
     x = np.arange(21.0)
@@ -123,3 +161,7 @@ def test_wampler_polynomials_have_their_certified_digits() -> None:
         formula = Formula("wampler", "NIST StRD", ("x",), names, " + ".join(f"b{i}*x^{i}" for i in range(6)))
         fit = formula.fit({"x": x}, np.polynomial.polynomial.polyval(x, base ** np.arange(6)))
         assert min(digits(fit.parameters[f"b{i}"], base**i) for i in range(6)) > least
+
+
+if __name__ == "__main__":
+    print(*digits_table(), sep="\n")
