@@ -196,9 +196,9 @@ def _parsed(unit: str) -> Any:
     """A pint unit; `1` is dimensionless. The grammar is checked first, as pint would compute `m**9**9**9`."""
     text = unit.strip()
     if len(text) <= _LONGEST_UNIT and _UNIT.fullmatch(text):
-        spelled = re.sub(r"°([CF])", r"deg\1", text).replace("%", "percent")
+        spelled, registry = re.sub(r"°([CF])", r"deg\1", text).replace("%", "percent"), _registry()
         try:
-            return _registry().parse_units("" if spelled == "1" else spelled)
+            return registry.parse_units("" if spelled == "1" else spelled)
         except Exception:  # pint and the tokenizer below it raise a dozen kinds, all for the same reason
             pass
     shown = unit if len(unit) <= _LONGEST_UNIT else f"{unit[:_LONGEST_UNIT]}..."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import os
 import subprocess
 import sys
@@ -18,6 +19,7 @@ from mapmore_cli.domain.errors import DataError, WriteError, csv_cell, printable
 from mapmore_cli.storage.atomic import write_text
 from mapmore_cli.storage.globs import expand
 from mapmore_cli.storage.readers import READERS, TableRequest
+from mapmore_cli.storage.tables.reader import reading
 from mapmore_cli.storage.text_streams import lines_of, replaced
 
 
@@ -301,3 +303,25 @@ def test_a_row_number_that_no_sheet_has_and_thousands_of_sheets_are_refused(tmp_
     monkeypatch.setattr("mapmore_cli.storage.readers.xlsx.MOST_SHEETS", 1)
     with pytest.raises(DataError, match="has 2 sheets"):
         READERS["xlsx"].read(tmp_path / "a.xlsx", TableRequest("a.xlsx", ("x",)))
+
+
+def test_a_packed_log_that_is_damaged_is_wrong_data_for_everybody(tmp_path: Path) -> None:
+    """Also where its encoding is guessed, and where `init` looks at its first lines."""
+    whole = bytearray(gzip.compress("t,P\n1,2\n3,é\n".encode("latin-1")))
+    whole[-8] ^= 1  # of the checksum
+    reader = READERS["csv"]
+    assert reader.peek is not None
+    for name, content in (("a.csv", bytes(whole)), ("b.csv", bytes(whole[:-4]))):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(DataError, match="the file is damaged"):
+            reader.read(tmp_path / name, TableRequest(name, ("t",)))
+        with pytest.raises(DataError, match="the file is damaged"):
+            reader.peek(tmp_path / name, 200)
+
+
+def test_whatever_a_library_raises_on_damage_is_wrong_data() -> None:
+    """SciPy reads a variable before it has a value; a name that nobody knows is a fault of ours."""
+    with pytest.raises(DataError, match="a\\.mat: the file is damaged"), reading("a.mat", "MAT file"):
+        raise UnboundLocalError("arr")
+    with pytest.raises(NameError), reading("a.mat", "MAT file"):
+        raise NameError("arr")

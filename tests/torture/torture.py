@@ -254,7 +254,9 @@ def torture(count: int, seed: int, names: tuple[str, ...] = (*COMMANDS,)) -> tup
             how = chance.choices(list(DISTURBANCES), SHARES)[0]
             end, found = trial(benches[name], name, how, chance, root / "trial")
             ends[how][end] += 1
-            wrong += [f"{number}, {name}, {how}: {one}" for one in found]
+            for one in found:
+                wrong.append(f"{number}, {name}, {how}: {one}")
+                print(wrong[-1], file=sys.stderr, flush=True)
     return ends, wrong
 
 

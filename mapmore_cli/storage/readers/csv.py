@@ -7,6 +7,7 @@ import gzip
 import math
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -49,12 +50,26 @@ def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
     DataError
         Empty, damaged or binary file; a missing column; a record with too few or too many fields; a field that is not a number.
     """
+    with _damage_told(request.label):
+        return _read(path, request)
+
+
+@contextmanager
+def _damage_told(label: str) -> Iterator[None]:
+    """Turn what unpacking says of a damaged file into a DataError."""
+    try:
+        yield
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise DataError(f"{label}: the file is damaged: {error}", "It may have been cut off while copying; get it again.") from error
+
+
+def _read(path: Path, request: TableRequest) -> list[RawTable]:
     label = request.label
     try:
         with open_lines(path, request.encoding, label) as lines:
             return [replace(_parse(lines, request), doubts=_doubts(path, request))]
-    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-        raise DataError(f"{label}: the file is damaged: {error}", "It may have been cut off while copying; get it again.") from error
+    except gzip.BadGzipFile:  # an OSError, and told as damage
+        raise
     except UnicodeError as error:
         byte = f" (byte 0x{error.object[error.start]:02x})" if isinstance(error, UnicodeDecodeError) else f" ({error})"
         raise DataError(
@@ -171,9 +186,10 @@ def _header_hint(first: Sequence[str], request: TableRequest) -> str | None:
 
 def peek_csv(path: Path, most: int) -> Iterable[Top]:
     """The first lines of a text file, cut in every way that is usual; those with decimal points first."""
-    encoding = guess_encoding(path)
+    with _damage_told(path.name):
+        encoding = guess_encoding(path)
+        lines = [line.rstrip("\r\n") for line in _first_lines(path, encoding, most)]
     told = {} if encoding == "utf-8" else {"encoding": encoding}
-    lines = [line.rstrip("\r\n") for line in _first_lines(path, encoding, most)]
     if any("\0" in line for line in lines):
         raise DataError(f"{path.name}: is no text", "save the table as CSV")
     return [

@@ -67,9 +67,9 @@ def reading(label: str, kind: str) -> Iterator[None]:
         if label not in error.message:
             error.message = f"{label}: {error.message}"
         raise
-    except (NameError, ImportError):
-        raise
     except Exception as error:
+        if isinstance(error, ImportError) or type(error) is NameError:  # SciPy has an UnboundLocalError for some damaged files
+            raise
         if isinstance(error, OSError) and error.errno is not None:
             raise DataError(f"{label}: cannot be read: {error.strerror or error}") from error
         reason = " ".join(str(error).split()) or type(error).__name__
