@@ -105,9 +105,16 @@ def left_alone(_child: int, _delay: float, _folder: Path) -> None:
 
 
 def little_room(chance: random.Random) -> Callable[[], None]:
-    """No file can grow beyond some kilobytes."""
+    """No file can grow beyond some kilobytes; what is said goes nowhere, since that is a file here."""
     size = chance.choice([0, 200, 3_000, 9_000, 20_000])
-    return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+
+    def limit() -> None:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, 1)
+        os.dup2(nowhere, 2)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+
+    return limit
 
 
 def no_rights(_chance: random.Random) -> Callable[[], None]:
