@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pytest
 from cli_samples import write_study
 
 Call = Callable[..., Any]
@@ -47,13 +48,21 @@ def test_errors_are_json_too(tmp_path: Path, mapmore: Call) -> None:
 
 def test_a_warning_of_many_runs_is_told_once(tmp_path: Path, mapmore: Call) -> None:
     spec = write_study(tmp_path)
-    (tmp_path / "bench_300.csv").write_text("\n".join((tmp_path / "bench_300.csv").read_text().splitlines()[:10]) + "\n")
-    variations = "[polynomial_2, {set: {fit.max_terms: 1}, as: one}, {set: {fit.max_terms: 2}, as: two}]"
-    result = mapmore("run", spec, "--runs", tmp_path / "runs", "--set", f"validate.against={variations}")
+    others = ", ".join(f"{{set: {{segment.strain.min_samples: {least}}}, as: {name}}}" for least, name in ((30, "one"), (31, "two")))
+    cuts = "segment.strain={method: even, count: 4, min_samples: 29}"
+    result = mapmore("run", spec, "--runs", tmp_path / "runs", "--set", cuts, "--set", f"validate.against=[{others}]")
     assert result.exit_code == 0, result.stderr
-    warnings = [line for line in result.stderr.splitlines() if "holds only 9 samples" in line]
+    warnings = [line for line in result.stderr.splitlines() if "curve pressure=300: 1 segment(s) along strain instead of 4" in line]
     assert len(warnings) == 1
     assert "(the same in 3 runs: bench.one, bench.two)" in warnings[0]
+
+
+def test_what_was_read_for_all_variations_is_told_once(tmp_path: Path, mapmore: Call) -> None:
+    spec = write_study(tmp_path)
+    (tmp_path / "bench_300.csv").write_text("\n".join((tmp_path / "bench_300.csv").read_text().splitlines()[:10]) + "\n")
+    result = mapmore("run", spec, "--runs", tmp_path / "runs", "--set", "validate.against=[{set: {fit.max_terms: 1}, as: one}]")
+    assert result.exit_code == 0, result.stderr
+    assert result.stderr.count("holds only 9 samples") == 1
 
 
 def test_a_batch_names_its_failed_runs(tmp_path: Path, mapmore: Call) -> None:
@@ -64,3 +73,13 @@ def test_a_batch_names_its_failed_runs(tmp_path: Path, mapmore: Call) -> None:
     assert any(line.split()[:2] == ["second", "–"] and "failed" in line for line in result.stdout.splitlines())
     assert "second: error:" in result.stderr
     assert "1 of 2 runs in order" in (tmp_path / "s.md").read_text()
+
+
+def test_a_level_that_was_measured_at_one_place_is_cut_into_one_segment(tmp_path: Path, mapmore: Call) -> None:
+    spec = write_study(tmp_path)
+    rows = [f"300,0.1,{380 + repeat}" for repeat in (-1, 0, 1)]
+    (tmp_path / "bench_300.csv").write_text("\n".join(["P,eps,F", *rows]) + "\n")
+    result = mapmore("run", spec, "--runs", tmp_path / "runs", "--set", "segment.strain={method: even, count: 2}")
+    assert result.exit_code == 0, result.stderr
+    table = mapmore("predict", tmp_path / "runs/bench/model.h5", "--grid", "pressure=300:300:1,strain=0.1:0.1:1", "-o", "-").stdout
+    assert float(table.splitlines()[1].split(",")[2]) == pytest.approx(380)

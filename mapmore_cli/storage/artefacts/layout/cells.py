@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.terms import ExpressionError, parse
 from mapmore_cli.storage.artefacts.codecs import adapted, named, number, numbers, optional, shown, text, texts
 from mapmore_cli.storage.artefacts.integrity import Invalid
@@ -38,8 +41,14 @@ def _is_span(span: tuple[float, ...], where: str) -> None:
         raise Invalid(where, "is not a least and a greatest value")
 
 
+def _are_cuts(boundaries: Array, where: str) -> None:
+    if len(boundaries) != 2 or boundaries[0] > boundaries[1]:  # a curve that was measured at one place has one segment, from there to there
+        ASCENDING.check(boundaries, where, {})
+
+
 SPAN = adapted(REALS, store=list, load=lambda array: tuple(array.tolist()), check=_is_span)
 PAIR = adapted(REALS, store=list, load=lambda array: tuple(array.tolist()), check=_is_pair)
+CUTS = adapted(REALS, store=np.asarray, load=np.asarray, check=_are_cuts)
 LIMITS = named(SPAN)
 
 

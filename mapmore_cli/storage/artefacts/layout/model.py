@@ -33,9 +33,9 @@ from mapmore_cli.storage.artefacts.label import NO_UNIT
 from mapmore_cli.storage.artefacts.layout.cells import (
     ANY_REAL,
     ANY_REALS,
-    ASCENDING,
     CELL,
     COUNT,
+    CUTS,
     INDICES,
     LIMITS,
     NAME,
@@ -137,7 +137,7 @@ CURVE_FUNCTION = Schema(
     (
         Field("curve", TEXT, "identifier of the curve", NO_UNIT),
         Field("level", OPTIONAL_REAL, "value of the level quantity", "[level]"),
-        Field("boundaries", numbered(ASCENDING), "(p) segment locations of each segmented variable, both ends included", "[variables.*]"),
+        Field("boundaries", numbered(CUTS), "(p) segment locations of each segmented variable, both ends included", "[variables.*]"),
         Field("limits", LIMITS, "least and greatest training value of each input", "[*]"),
         Field("segments", numbered(record(SEGMENT_FUNCTION)), "segment functions", NO_UNIT),
         Field("threshold", OPTIONAL_REAL, "threshold along the aligned variable, where there is one", "[aligned]"),
