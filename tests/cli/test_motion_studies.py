@@ -77,13 +77,18 @@ def pooled(run_dir: Path) -> dict[str, float]:
     return {row["model"]: row["nrmse"] for row in rows if (row["split"], row["curve"]) == ("validate", "all")}
 
 
+MADE: dict[str, Path] = {}
+
+
 @pytest.fixture(scope="module", params=[pytest.param(name, marks=pytest.mark.xdist_group(name)) for name in sorted(NRMSE)])
 def muscle(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory, mapmore: Callable[..., Any]) -> tuple[str, Path]:
-    """A muscle and the folder of its runs, made by one command."""
-    runs = tmp_path_factory.mktemp(request.param)
-    result = mapmore("run", CONFIGS / f"{request.param}-dynamic.yaml", "--runs", runs, "-q")
-    assert result.exit_code == 0, result.stderr
-    return request.param, runs
+    """A muscle and the folder of its runs, made by one command; once, in whatever order the tests come."""
+    if request.param not in MADE:
+        runs = tmp_path_factory.mktemp(request.param)
+        result = mapmore("run", CONFIGS / f"{request.param}-dynamic.yaml", "--runs", runs, "-q")
+        assert result.exit_code == 0, result.stderr
+        MADE[request.param] = runs
+    return request.param, MADE[request.param]
 
 
 def test_one_command_makes_every_study_with_its_scores(muscle: tuple[str, Path]) -> None:

@@ -119,6 +119,7 @@ def test_order_of_rows_names_of_files_threads_and_time_zone_do_not_matter(
     from threadpoolctl import threadpool_limits
 
     found: list[tuple[bytes, list[Any]]] = []
+    before = locale.setlocale(locale.LC_ALL)
     for place in ("plain", "other"):
         folder = tmp_path / place
         folder.mkdir()
@@ -139,7 +140,7 @@ def test_order_of_rows_names_of_files_threads_and_time_zone_do_not_matter(
             with threadpool_limits(2 if place == "other" else 1):
                 assert mapmore("validate", spec, "--runs", folder / "runs", "-q").exit_code == 0
         finally:
-            locale.setlocale(locale.LC_ALL, "C")
+            locale.setlocale(locale.LC_ALL, before)
         shown = json.loads(mapmore("show", folder / "runs" / "bench" / "fit.h5", "--json").stdout)
         found.append(((folder / "runs" / "bench" / "scores.json").read_bytes(), [segment["terms"] for segment in shown["segments"]]))
     monkeypatch.undo()

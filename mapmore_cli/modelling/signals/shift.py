@@ -122,12 +122,13 @@ def _peak(one: Array, other: Array, width: int, offset: float, step: float, with
     top = int(np.argmax(size))
     if size[top] == 0:
         return None
+    rises_on = not 0 < top < len(r) - 1 or r[top - 1] == 0.0 or r[top + 1] == 0.0  # the edge of what is looked at is no peak
     below, above = _lobe(size, top)
     outside = size.copy()
     outside[below : above + 1] = 0.0
     rival = int(np.argmax(outside))
     best, independent = min(float(size[top]), 1 - 1e-12), max(float(overlap[top]) / (2 * width), 4.0)
-    sigmas = math.atanh(best) * math.sqrt(independent - 3) if independent > 3 else 0.0
+    sigmas = math.atanh(best) * math.sqrt(independent - 3) if independent > 3 and not rises_on else 0.0
     place = top + _vertex(size, top)
     error = _standard_error(u, v, int(lags[top]), best)
     next_best = float(outside[rival])
