@@ -15,7 +15,7 @@ from threading import Thread
 from types import FrameType, TracebackType
 from typing import NoReturn, Protocol, TypeVar
 
-from mapmore_cli.domain.errors import MapmoreError, Stopped
+from mapmore_cli.domain.errors import MapmoreError, Stopped, WriteError
 
 J = TypeVar("J")
 T = TypeVar("T")
@@ -90,8 +90,12 @@ def worker_died(times: int) -> MapmoreError:
 
 
 def _one_process() -> ProcessPoolExecutor:
-    # Spawned, not forked: a fork of a process with BLAS threads or an open HDF5 file may hang.
-    return ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=end_with_parent, initargs=(os.getpid(),))
+    try:
+        # Spawned, not forked: a fork of a process with BLAS threads or an open HDF5 file may hang.
+        return ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=end_with_parent, initargs=(os.getpid(),))
+    except OSError as fault:  # the system keeps the locks between processes as small files
+        what = f"no worker process can be started: {os.strerror(fault.errno or 0)}"
+        raise WriteError(what, "make room in shared memory (/dev/shm) and on the disk, or use `mapmore run` for each spec") from fault
 
 
 def end_with_parent(parent: int) -> None:

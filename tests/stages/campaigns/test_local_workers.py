@@ -86,3 +86,15 @@ def is_alive(pid: int) -> bool:
     except OSError:
         return False
     return state != "Z"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no limits of that kind")
+def test_without_room_for_its_locks_no_worker_starts() -> None:
+    code = (
+        "import resource; from mapmore_cli.stages.campaigns.processes import LocalWorkers; from mapmore_cli.domain.errors import WriteError\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))\n"
+        "try:\n    list(LocalWorkers(2).each(abs, [1, 2]))\nexcept WriteError as told:\n    print(told, told.remedy)"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert "no worker process can be started: File too large" in ended.stdout, ended.stderr
+    assert "/dev/shm" in ended.stdout
