@@ -91,7 +91,9 @@ def is_alive(pid: int) -> bool:
 @pytest.mark.skipif(sys.platform == "win32", reason="there are no limits of that kind")
 def test_without_room_for_its_locks_no_worker_starts() -> None:
     code = (
-        "import resource; from mapmore_cli.stages.campaigns.processes import LocalWorkers; from mapmore_cli.domain.errors import WriteError\n"
+        "import resource\n"
+        "from mapmore_cli.domain.errors import WriteError\n"
+        "from mapmore_cli.stages.campaigns.processes import LocalWorkers\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))\n"
         "try:\n    list(LocalWorkers(2).each(abs, [1, 2]))\nexcept WriteError as told:\n    print(told, told.remedy)"
     )
