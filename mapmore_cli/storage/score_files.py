@@ -40,19 +40,36 @@ def write_scores(folder: Path, table: ScoreTable, name: str) -> None:
 def read_scores(path: Path) -> ScoreTable:
     """What `write_scores` wrote; raises DataError for a file that says something else."""
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-        scores = tuple(_score(row) for row in document["scores"])
-        units = {str(name): str(unit) for name, unit in document["units"].items()}
-        return ScoreTable(scores, units, *(tuple(map(str, document[key])) for key in ("failed", "warnings")))
+        return scores_in(json.loads(path.read_text(encoding="utf-8")))
     except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
         what = f"no table of scores: {type(error).__name__}: {error}"
         raise DataError(f"{path}: {what}", "run `mapmore validate SPEC --force`, which writes it again") from error
 
 
+def scores_in(document: Any) -> ScoreTable:
+    """The table in the document of a scores.json, also of older ones, which lack some keys.
+
+    Raises ValueError, TypeError, KeyError or AttributeError for another document.
+    """
+    scores = tuple(_score(row) for row in document["scores"])
+    units = {str(name): str(unit) for name, unit in document["units"].items()}
+    return ScoreTable(scores, units, *(tuple(map(str, document.get(key, ()))) for key in ("failed", "warnings")))
+
+
 def _score(row: Mapping[str, Any]) -> Score:
     """A row of the file; null stands for a number that is not finite."""
-    values = {name: math.nan if row[name] is None else row[name] for name in COLUMNS}
-    return Score(**{name: kind(values[name]) for name, kind in KINDS.items()})
+    values: dict[str, Any] = {n: _text(row[n]) if kind is str else _number(row.get(n), kind) for n, kind in KINDS.items()}
+    return Score(**values)
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise TypeError(f"{value!r} is no text")
+    return value
+
+
+def _number(value: Any, kind: Callable[[Any], Any]) -> Any:
+    return math.nan if value is None and kind is float else kind(value)
 
 
 def score_row(score: Score) -> Mapping[str, str | int | float | None]:

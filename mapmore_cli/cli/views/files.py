@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable, Mapping
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from types import NoneType
 from typing import TYPE_CHECKING, Any
@@ -89,26 +88,24 @@ def _of_hdf5(path: Path, warn: Callable[[str], None] = lambda _message: None, un
 
 def _of_json(path: Path) -> View:
     """`scores.json` or `run.json`, as they are; the table has what fits on a screen."""
+    from mapmore_cli.reporting.score_tables import score_table
+    from mapmore_cli.storage.score_files import scores_in
+
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as fault:
         raise DataError(f"{path}: cannot be read ({fault})", "give a file that mapmore wrote") from fault
     if isinstance(document, dict) and _are_entries(document.get("stages"), _STAGE):
         return View(document, (_stages_table(document["stages"]),))
-    scores = document.get("scores") if isinstance(document, dict) else None
-    if isinstance(scores, list) and _are_entries(dict(enumerate(scores)), _score_types()) and isinstance(document.get("units"), dict):
-        return View(document, (_score_table(document),))
-    raise DataError(f"{path}: is neither a scores.json nor a run.json", "give a file that mapmore wrote")
+    try:
+        found = scores_in(document)
+    except (ValueError, TypeError, KeyError, AttributeError) as fault:
+        raise DataError(f"{path}: is neither a scores.json nor a run.json", "give a file that mapmore wrote") from fault
+    return View(document, (score_table(found.scores, found.units, failed=found.failed),))
 
 
 _STAGE: Mapping[str, Any] = {"seconds": (float, int, NoneType), "why": (str, NoneType)}
 """What the table of stages takes from an entry, and of which types."""
-
-
-def _score_types() -> Mapping[str, Any]:
-    from mapmore_cli.domain.scores import Score
-
-    return {field.name: str if field.type == "str" else (float, int, NoneType) for field in fields(Score)}
 
 
 def _are_entries(entries: Any, types: Mapping[str, Any]) -> bool:
@@ -123,11 +120,3 @@ def _stages_table(stages: Mapping[str, Any]) -> Table:
 
     rows = tuple((name, entry.get("seconds"), entry.get("why")) for name, entry in stages.items())
     return Table("stages", "Stages", (Column("stage"), Column("took", "s", ".2f"), Column("why it ran")), rows)
-
-
-def _score_table(document: Mapping[str, Any]) -> Table:
-    from mapmore_cli.domain.scores import Score
-    from mapmore_cli.reporting.score_tables import score_table
-
-    rows: list[dict[str, Any]] = [{name: math.nan if value is None else value for name, value in row.items()} for row in document["scores"]]
-    return score_table([Score(**row) for row in rows], document["units"])

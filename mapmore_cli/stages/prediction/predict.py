@@ -90,10 +90,7 @@ def predicted_lines(
     reading = reading_of(model, names) if turned_for is None else _reading_turned(model, turned_for)
     read = tuple(dict.fromkeys((*reading.columns, *reading.outputs)))
     places = locate_columns(TableRequest(label, read, header=True), names, len(names))
-    added = (f"{turned_for or model.output.name}_predicted", FLAG, *extra.names(model))
-    for name in added:
-        if name in names:
-            raise DataError(f"{label}: already has a column {name}", "rename or remove it")
+    added = _added_names(model, turned_for, extra, names, label)
     yield f"{header.text},{','.join(added)}{header.end}"
     predicted = beyond = 0
     for block in recordings(rows, names) if reading.over_time else _chunks(rows, chunk):
@@ -108,6 +105,15 @@ def predicted_lines(
             yield row.text + row.end if cells is None else f"{row.text},{added_cells}{row.end}"
     if predicted and beyond == predicted:
         warn(f"{label}: every row lies outside of the training range; the model expects {_named(model)}")
+
+
+def _added_names(model: Model, turned_for: str | None, extra: Extra, names: Sequence[str], label: str) -> tuple[str, ...]:
+    """The columns that are added; DataError where the table has one of them."""
+    added = (f"{turned_for or model.output.name}_predicted", FLAG, *extra.names(model))
+    for name in added:
+        if name in names:
+            raise DataError(f"{label}: already has a column {name}", "rename or remove it")
+    return added
 
 
 def _reading_turned(model: Model, name: str) -> Reading:
