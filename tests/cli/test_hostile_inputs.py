@@ -81,7 +81,7 @@ def test_a_packed_file_that_unpacks_to_hundreds_of_times_its_size_is_refused(tmp
 
 
 def test_lines_end_alike_however_the_file_is_cut_into_pieces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mapmore_cli.storage.tables.lines._AT_ONCE", 3)
+    monkeypatch.setattr("mapmore_cli.storage.tables.lines.BLOCK", 3)
     path = tmp_path / "a.csv"
     path.write_bytes(b"a,b\r\n1,2\r\n\r\n3,4\r5,6\n7,8")
     assert list(lines_of(path)) == ["a,b\r\n", "1,2\r\n", "\r\n", "3,4\r", "5,6\n", "7,8"]

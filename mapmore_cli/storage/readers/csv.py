@@ -17,7 +17,16 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.tables.lines import Growing, Lines, guess_encoding, last_lines, open_lines, open_quote, quote_left_open
+from mapmore_cli.storage.tables.lines import (
+    Growing,
+    Lines,
+    guess_encoding,
+    last_lines,
+    lines_of_text,
+    open_lines,
+    open_quote,
+    quote_left_open,
+)
 from mapmore_cli.storage.tables.numbers import cut_short, seconds_of_stamp, shortened
 from mapmore_cli.storage.tables.reader import Reader, Top
 from mapmore_cli.storage.tables.table import RawTable, TableRequest, locate_columns
@@ -29,6 +38,7 @@ from mapmore_cli.storage.tables.text import (
     separator_hint,
     values_of_lines,
     values_of_records,
+    values_of_text,
 )
 from mapmore_cli.storage.text_streams import lines_of
 
@@ -140,14 +150,26 @@ def _parts(
     """Line numbers (n,) and values (n, columns) of the data, piece by piece; `leading` are records that have been taken already."""
     if leading:
         yield _numbered(leading, layout, request)
-    while block := lines.take(CHUNK):
-        values = values_of_lines(block, layout, request)
+    while block := lines.take_block():
+        values, end = values_of_text(block, layout, request), lines.taken
         if values is not None:
-            yield np.arange(lines.taken - len(block) + 1, lines.taken + 1), values
+            yield np.arange(end - len(values) + 1, end + 1), values
         else:
-            end = lines.taken
+            lines.put_back(list(lines_of_text(block)))
+            yield from _parts_of_lines(end, lines, records, layout, request)
+
+
+def _parts_of_lines(
+    end: int, lines: Lines, records: Iterator[Numbered], layout: Layout, request: TableRequest
+) -> Iterator[tuple[IntArray, Array]]:
+    """The same up to line `end`, where not all that is there is plain numbers."""
+    while block := lines.take(min(CHUNK, max(0, end - lines.taken))):
+        values, last = values_of_lines(block, layout, request), lines.taken
+        if values is not None:
+            yield np.arange(last - len(values) + 1, last + 1), values
+        else:
             lines.put_back(block)
-            if found := list(_filled_until(end, lines, records)):
+            if found := list(_filled_until(last, lines, records)):
                 yield _numbered(found, layout, request)
 
 

@@ -32,11 +32,18 @@ UNDEFINED = bytes((0x81, 0x8D, 0x8F, 0x90, 0x9D))  # in cp1252
 class Lines:
     """An iterator over the lines of an open file, with their ends; `taken` counts them, so it is the number of the last one, from 1."""
 
-    def __init__(self, lines: Iterator[str], raw: IO[bytes]) -> None:
+    def __init__(self, blocks: Iterator[str], raw: IO[bytes]) -> None:
         self.taken = 0
-        self._lines = lines
+        self._blocks = blocks
+        self._begun: Iterator[str] = iter(())  # what is left of the block that has been begun
+        self._lines = self._each()
         self._raw = raw
         self._back: list[str] = []  # the next one last
+
+    def _each(self) -> Iterator[str]:
+        for block in self._blocks:
+            self._begun = lines_of_text(block)
+            yield from self._begun
 
     def __iter__(self) -> Lines:
         return self
@@ -63,6 +70,13 @@ class Lines:
         lines += islice(self._lines, count - len(lines))
         self.taken += len(lines)
         return lines
+
+    def take_block(self) -> str:
+        """The next lines in one piece: the rest of a block that has been begun, or a whole one; empty at the end."""
+        block = "".join([*reversed(self._back), *self._begun]) or next(self._blocks, "")
+        self._back = []
+        self.taken += count_lines(block)
+        return block
 
     def put_back(self, lines: list[str]) -> None:
         """Have these, the last ones that were taken, taken again."""
@@ -111,26 +125,48 @@ LONGEST = 10_000_000
 BOMB_SIZE, BOMB_RATIO = 100_000_000, 200
 """Bytes unpacked from which on it matters how many times larger they are than packed: logs shrink to a tenth, at most to a fiftieth."""
 
-_AT_ONCE = 1 << 20
+BLOCK = 1 << 17
+"""Characters that are read at once: what is computed of them stays in the processor's cache."""
 
 
-def bounded_lines(text: TextIO, label: str, packed: int | None = None) -> Iterator[str]:
-    """The lines of a text, with their ends (LF, CR LF or CR); `packed` is the size of the file where it is a packed one.
+def bounded_blocks(text: TextIO, label: str, packed: int | None = None) -> Iterator[str]:
+    """A text in blocks of whole lines, which end in LF, CR LF or CR; `packed` is the size of the file where it is a packed one.
 
     Raises DataError for a line that is too long for a table, and for text that is hundreds of times larger than its file.
     """
     rest, number, size = "", 0, 0
-    while chunk := text.read(_AT_ONCE):
+    while chunk := text.read(BLOCK):
         size += len(chunk)
         if packed is not None and size > max(BOMB_SIZE, BOMB_RATIO * packed):
             raise DataError(f"{label}: unpacks from {packed / 1e6:.2g} MB to more than {size / 1e6:.0f} MB", "unpack it, if it is right so")
-        lines = list(io.StringIO(rest + chunk, newline=""))
-        rest = "" if lines[-1].endswith("\n") else lines.pop()  # one that ends in CR may go on with LF
+        end = chunk.rfind("\n") + 1 or chunk.rfind("\r", 0, -1) + 1  # a CR at the end may go on with LF
+        if not end:
+            rest += chunk
+        else:
+            block, rest = rest + chunk[:end], chunk[end:]
+            number += count_lines(block)
+            yield block
         if len(rest) > LONGEST:
-            raise DataError(f"{label}:row {number + len(lines) + 1}: is longer than {LONGEST // 10**6} million characters", "give a table")
-        number += len(lines)
-        yield from lines
-    yield from io.StringIO(rest, newline="")
+            raise DataError(f"{label}:row {number + 1}: is longer than {LONGEST // 10**6} million characters", "give a table")
+    if rest:
+        yield rest
+
+
+def bounded_lines(text: TextIO, label: str) -> Iterator[str]:
+    """The lines of a text, with their ends; DataError for one that is too long for a table."""
+    for block in bounded_blocks(text, label):
+        yield from lines_of_text(block)
+
+
+def lines_of_text(text: str) -> Iterator[str]:
+    """The lines of a text in memory, with their ends."""
+    return io.StringIO(text, newline="")
+
+
+def count_lines(text: str) -> int:
+    """How many lines a text has; the last one may lack its end."""
+    ends = text.count("\n") + text.count("\r") - text.count("\r\n")
+    return ends + (text[-1:] not in ("\n", "\r", ""))
 
 
 def quote_left_open(lines: Sequence[str], cells: Sequence[str], delimiter: str) -> bool:
@@ -173,7 +209,7 @@ def open_lines(path: Path, encoding: str, label: str) -> Iterator[Lines]:
         raw.seek(0)
         binary = cast(IO[bytes], gzip.GzipFile(fileobj=raw)) if zipped else raw
         with io.TextIOWrapper(binary, encoding=encoding, newline="") as text:
-            yield Lines(bounded_lines(text, label, os.fstat(raw.fileno()).st_size if zipped else None), raw)
+            yield Lines(bounded_blocks(text, label, os.fstat(raw.fileno()).st_size if zipped else None), raw)
 
 
 SPARE = 1.02

@@ -18,7 +18,7 @@ data: {files: [log.csv], reader: csv, columns: {time: {column: t}, force: {colum
 target: {column: force}
 dictionary: [{terms: [strain]}]
 """
-ROWS = 30_000
+ROWS = 50_000
 
 
 @pytest.fixture
