@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from io import BufferedRandom
 from pathlib import Path
 from secrets import token_hex
 
 from mapmore_cli.domain.errors import WriteError
+
+try:
+    import fcntl
+except ImportError:  # no such locks in this system: nothing shows that an unfinished file is abandoned, and all of them stay
+    fcntl = None  # type: ignore[assignment]
 
 TEMPORARY = ".tmp-"
 """How the names of unfinished files and folders start."""
@@ -35,20 +41,76 @@ def replaced_place(path: Path) -> Path:
 
 
 @contextmanager
+def unfinished_beside(path: Path, folder: bool = False) -> Iterator[Path]:
+    """An empty file or folder that is to become `path`, gone at the end unless it was moved there.
+
+    What killed processes left of the same file is cleared away. This process holds its own with a lock of the system, which dies with it.
+    """
+    _clear_abandoned(path)
+    while True:
+        unfinished = path.with_name(f"{TEMPORARY}{token_hex(6)}-{path.name}")
+        unfinished.mkdir(0o700) if folder else unfinished.touch(exist_ok=False)
+        handle = _held(unfinished)
+        if unfinished.exists():
+            break
+        _let_go(handle)  # another process took it for abandoned before it was held
+    try:
+        yield unfinished
+    finally:
+        remove(unfinished)
+        _let_go(handle)
+
+
+def _clear_abandoned(path: Path) -> None:
+    """Remove the unfinished files and folders for `path` that no process holds."""
+    name = re.compile(rf"{re.escape(TEMPORARY)}[0-9a-f]{{12}}-{re.escape(path.name)}", re.DOTALL)
+    with suppress(OSError):  # a folder that cannot be looked at, or that is another user's, does not keep this one from writing
+        for left in [entry.path for entry in os.scandir(path.parent) if name.fullmatch(entry.name)]:
+            handle = _held(Path(left), patient=False)
+            try:
+                if handle is not None:
+                    remove(Path(left))
+            finally:
+                _let_go(handle)
+
+
+def _held(place: Path, patient: bool = True) -> int | None:
+    """Hold a file or folder against other processes that ask for it; None where another one holds it, or the system has no such locks."""
+    if fcntl is None:
+        return None
+    handle = None
+    try:
+        handle = os.open(place, os.O_RDONLY | os.O_NONBLOCK)
+        fcntl.flock(handle, fcntl.LOCK_EX | (0 if patient else fcntl.LOCK_NB))
+    except OSError:
+        _let_go(handle)
+        return None
+    return handle
+
+
+def _let_go(handle: int | None) -> None:
+    if handle is not None:
+        os.close(handle)
+
+
+def remove(place: Path) -> None:
+    """Remove a file, a link or a whole folder, if it is there."""
+    if place.is_dir() and not place.is_symlink():
+        shutil.rmtree(place)
+    else:
+        place.unlink(missing_ok=True)
+
+
+@contextmanager
 def replacing(path: Path) -> Iterator[BufferedRandom]:
     """A file that takes the place of `path` when the block ends without an error: written beside it, flushed to the disk, moved over it."""
     path = replaced_place(path)
-    unfinished = path.with_name(f"{TEMPORARY}{token_hex(6)}-{path.name}")
-    with refusals_told(path.parent):
-        try:
-            with unfinished.open("x+b") as file:
-                yield file
-                file.flush()
-                os.fsync(file.fileno())
-            unfinished.replace(path)
-        except BaseException:
-            unfinished.unlink(missing_ok=True)
-            raise
+    with refusals_told(path.parent), unfinished_beside(path) as unfinished:
+        with unfinished.open("r+b") as file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        unfinished.replace(path)
         sync_folder(path.parent)
 
 

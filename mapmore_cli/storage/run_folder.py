@@ -20,7 +20,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from mapmore_cli.domain.errors import WriteError
-from mapmore_cli.storage.atomic import TEMPORARY, refusals_told, sync_folder, sync_tree
+from mapmore_cli.storage.atomic import TEMPORARY, refusals_told, remove, sync_folder, sync_tree
 from mapmore_cli.storage.run_record import CAMPAIGN_RECORD, RUN_RECORD
 
 if TYPE_CHECKING:
@@ -208,10 +208,10 @@ def recover(run_dir: Path, outputs: Iterable[str]) -> None:
             if aside.is_dir() and not place.exists():
                 aside.rename(place)
             elif aside.is_dir():
-                _remove(aside)
+                remove(aside)
         for entry in sorted(run_dir.iterdir()):
             if _UNFINISHED.fullmatch(entry.name):
-                _remove(entry)
+                remove(entry)
 
 
 def is_tidy(run_dir: Path) -> bool:
@@ -249,11 +249,4 @@ def _swap_folder(new: Path, place: Path) -> None:
     except BaseException:
         aside.rename(place)
         raise
-    _remove(aside)
-
-
-def _remove(path: Path) -> None:
-    if path.is_dir() and not path.is_symlink():
-        shutil.rmtree(path)
-    else:
-        path.unlink()
+    remove(aside)

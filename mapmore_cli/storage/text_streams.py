@@ -12,11 +12,10 @@ import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from secrets import token_hex
 from typing import IO, TextIO, cast
 
 from mapmore_cli.domain.errors import DataError, WriteError
-from mapmore_cli.storage.atomic import TEMPORARY, is_special, replaced_place, sync_folder
+from mapmore_cli.storage.atomic import is_special, replaced_place, sync_folder, unfinished_beside
 from mapmore_cli.storage.tables.lines import bounded_lines
 
 TEXT_ERRORS = "surrogateescape"
@@ -62,18 +61,15 @@ def replaced(path: Path) -> Iterator[TextIO]:
             yield text
         return
     path = replaced_place(path)
-    unfinished = path.with_name(f"{TEMPORARY}{token_hex(6)}-{path.name}")
     try:
-        try:
-            with unfinished.open("xb") as raw:
+        with unfinished_beside(path) as unfinished:
+            with unfinished.open("wb") as raw:
                 with _encoded(raw, path.suffix == ".gz") as text:
                     yield text
                 raw.flush()
                 os.fsync(raw.fileno())
             unfinished.replace(path)
-        finally:
-            unfinished.unlink(missing_ok=True)
-        sync_folder(path.parent)
+            sync_folder(path.parent)
     except OSError as fault:
         raise WriteError(f"{path}: cannot be written ({fault.strerror})", "choose another place with -o, or make room") from fault
 

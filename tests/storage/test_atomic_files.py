@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import errno
 import os
+import signal
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from mapmore_cli.domain.errors import WriteError
-from mapmore_cli.storage import run_folder
-from mapmore_cli.storage.atomic import refusals_told, write_bytes, write_text
+from mapmore_cli.storage import atomic, run_folder
+from mapmore_cli.storage.atomic import refusals_told, replacing, unfinished_beside, write_bytes, write_text
 from mapmore_cli.storage.run_folder import open_run_folder, recover, run_lock, stage_folder, swap_in
 from mapmore_cli.storage.run_record import stamps_of, take_stamp
+from mapmore_cli.storage.text_streams import replaced
 
 
 def test_write_replaces_the_whole_file(tmp_path: Path) -> None:
@@ -159,6 +161,64 @@ def test_only_temporaries_of_our_own_are_removed(tmp_path: Path) -> None:
         (tmp_path / name).write_text("precious")
     recover(tmp_path, ["report"])
     assert len(list(tmp_path.iterdir())) == 3
+
+
+def killed_while_it_writes(path: Path) -> None:
+    """A process that dies with an unfinished file, and with an unfinished folder, for `path`."""
+    child = os.fork()
+    if child == 0:
+        with unfinished_beside(path) as file, unfinished_beside(path.with_name("folder"), folder=True) as folder:
+            file.write_text("half")
+            (folder / "half").write_text("half")
+            os.kill(os.getpid(), signal.SIGKILL)
+    os.waitpid(child, 0)
+
+
+def test_the_next_write_clears_away_what_a_killed_one_left(tmp_path: Path) -> None:
+    killed_while_it_writes(tmp_path / "model.c")
+    precious = [".tmp-0123456789ab-other.c", ".tmp-model.c", "x.tmp-0123456789ab-model.c", ".tmp-0123456789AB-model.c"]
+    for name in precious:
+        (tmp_path / name).write_text("precious")
+    assert len(list(tmp_path.iterdir())) == 2 + len(precious)
+    with replaced(tmp_path / "model.c") as text:
+        text.write("whole")
+    with unfinished_beside(tmp_path / "folder", folder=True) as folder:
+        folder.rename(tmp_path / "folder")
+    assert {path.name for path in tmp_path.iterdir()} == {"model.c", "folder", *precious}
+    assert list((tmp_path / "folder").iterdir()) == []
+
+
+def test_what_another_process_is_writing_stays(tmp_path: Path) -> None:
+    written, go_on = os.pipe(), os.pipe()
+    child = os.fork()
+    if child == 0:
+        with replacing(tmp_path / "model.c") as file:
+            file.write(b"theirs")
+            os.write(written[1], b".")
+            os.read(go_on[0], 1)
+        os._exit(0)
+    os.read(written[0], 1)
+    write_bytes(tmp_path / "model.c", b"ours")
+    assert len(list(tmp_path.iterdir())) == 2
+    os.write(go_on[1], b".")
+    assert os.waitpid(child, 0)[1] == 0
+    assert [path.read_bytes() for path in tmp_path.iterdir()] == [b"theirs"]
+
+
+def test_a_file_that_was_taken_for_abandoned_is_begun_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another process may look between the making of a file and the lock on it."""
+    touch, begun = Path.touch, list[Path]()
+
+    def looked_at(self: Path, **options: Any) -> None:
+        touch(self, **options)
+        begun.append(self)
+        if len(begun) == 1:
+            atomic._clear_abandoned(tmp_path / "a")
+
+    monkeypatch.setattr(Path, "touch", looked_at)
+    write_bytes(tmp_path / "a", b"whole")
+    assert len(begun) == 2
+    assert [path.read_bytes() for path in tmp_path.iterdir()] == [b"whole"]
 
 
 @pytest.mark.parametrize("files", [["scores.csv"], ["report/notes.txt"], ["run.json"], [".tmp-x"]])

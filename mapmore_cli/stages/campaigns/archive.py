@@ -6,11 +6,10 @@ import json
 import re
 import shutil
 from pathlib import Path
-from tempfile import mkdtemp
 
 from mapmore_cli import __version__
 from mapmore_cli.domain.errors import DataError, UsageError, WriteError
-from mapmore_cli.storage.atomic import TEMPORARY, refusals_told, sync_tree, write_text
+from mapmore_cli.storage.atomic import refusals_told, sync_tree, unfinished_beside, write_text
 from mapmore_cli.storage.run_folder import MODEL
 from mapmore_cli.storage.run_record import RUN_RECORD, load_records, take_stamp
 
@@ -41,14 +40,10 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
         raise WriteError(f"{place}: is frozen already, and stays as it is", "choose another tag")
     with refusals_told(archive):
         archive.mkdir(parents=True, exist_ok=True)
-        unfinished = Path(mkdtemp(prefix=TEMPORARY, dir=archive))
-        try:
+        with unfinished_beside(place, folder=True) as unfinished:
             _fill(unfinished, run_dir, name, tag)
             unfinished.chmod(0o755)
             unfinished.rename(place)
-        except BaseException:
-            shutil.rmtree(unfinished, ignore_errors=True)
-            raise
     return place
 
 
@@ -88,7 +83,7 @@ def find_model(text: str, runs: Path, archive: Path) -> Path:
     path = Path(text)
     if path.is_file():
         return path
-    tagged = sorted(archive.glob(f"*@{text}")) if TAG.fullmatch(text) else []
+    tagged = sorted(archive.glob(f"[!.]*@{text}")) if TAG.fullmatch(text) else []
     places = [path, runs / text, archive / text, *tagged]
     found = list(dict.fromkeys(place for place in places if (place / MODEL).is_file()))
     if not found:
