@@ -29,10 +29,12 @@ _REFUSED = {errno.EACCES, errno.EPERM, errno.EISDIR, errno.ENOTDIR, errno.EEXIST
 def is_special(path: Path) -> bool:
     """Whether something other than a file stands at `path`, which is written into and never replaced: a pipe, a terminal, `/dev/null`.
 
-    So is what goes by a name in `/dev` or `/proc`, as `/dev/stdout`, even where it is a file: another program holds it open.
+    So is what goes by a name in `/dev`, `/dev/fd` or `/proc`, as `/dev/stdout`, even where it is a file: another program holds it open.
+    What lies in a folder of `/dev`, as in `/dev/shm`, is a file like any other.
     """
     place = Path(os.path.abspath(path))  # noqa: PTH100 - links stay as they are named
-    return (place.exists() and not place.is_file() and not place.is_dir()) or place.parts[1:2] in (("dev",), ("proc",))
+    by_name = place.parts[1:2] == ("proc",) or place.parent in (Path("/dev"), Path("/dev/fd"))
+    return by_name or (place.exists() and not place.is_file() and not place.is_dir())
 
 
 def replaced_place(path: Path) -> Path:

@@ -12,7 +12,7 @@ import pytest
 
 from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.storage import atomic, run_folder
-from mapmore_cli.storage.atomic import refusals_told, replacing, unfinished_beside, write_bytes, write_text
+from mapmore_cli.storage.atomic import is_special, refusals_told, replacing, unfinished_beside, write_bytes, write_text
 from mapmore_cli.storage.run_folder import open_run_folder, recover, run_lock, stage_folder, swap_in
 from mapmore_cli.storage.run_record import stamps_of, take_stamp
 from mapmore_cli.storage.text_streams import replaced
@@ -24,6 +24,12 @@ def test_write_replaces_the_whole_file(tmp_path: Path) -> None:
     write_text(path, "ü\n")
     assert path.read_bytes() == "ü\n".encode()
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_what_is_written_into_and_what_is_replaced(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    special = ("/dev/stdout", "/dev/null", "/dev/fd/1", "/proc/self/fd/1", tmp_path / "pipe")
+    assert [is_special(Path(path)) for path in (*special, tmp_path / "a", "/dev/shm/runs/demo/run.json")] == [True] * 5 + [False] * 2
 
 
 def full_disk(*_arguments: Any) -> None:

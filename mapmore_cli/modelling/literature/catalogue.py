@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import importlib
 import pkgutil
+from functools import cache
 
 from mapmore_cli.modelling.literature import formulas
 from mapmore_cli.modelling.literature.literature_model import LiteratureModel
@@ -23,6 +24,7 @@ class UnknownFormula(KeyError):
         return f"there is no formula `{self.name}`; {hint}"
 
 
+@cache
 def names() -> tuple[str, ...]:
     """Names of all formulas, in alphabetical order."""
     return tuple(sorted(module.name for module in pkgutil.iter_modules(formulas.__path__)))

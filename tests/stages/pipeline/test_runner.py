@@ -190,6 +190,48 @@ def test_touched_files_are_remembered(folder: Path) -> None:
     assert record(folder)["stages"]["ingest"]["inputs"]["data/a.csv"]["mtime_ns"] == 1
 
 
+AN_HOUR, IN_TEN_YEARS = 3_600_000_000_000, 315_000_000_000_000_000
+
+
+def shifted(path: Path, nanoseconds: int) -> None:
+    state = path.stat()
+    os.utime(path, ns=(state.st_atime_ns + nanoseconds, state.st_mtime_ns + nanoseconds))
+
+
+def test_a_source_written_after_the_clock_was_set_back_is_another(folder: Path) -> None:
+    run(study(folder))
+    source = folder / "data" / "a.csv"
+    before = source.stat()
+    source.write_text(source.read_text().replace("a", "z"))
+    os.utime(source, ns=(before.st_atime_ns, before.st_mtime_ns - AN_HOUR))
+    assert source.stat().st_size == before.st_size
+    assert run(study(folder)).reasons["ingest"] == "source changed: data/a.csv"
+    assert run(study(folder)).reasons == {}  # results that are newer than it, made with a later clock, included
+
+
+def test_the_same_content_with_another_time_is_the_same(folder: Path) -> None:
+    run_dir = run(study(folder)).run_dir
+    for shift in (-AN_HOUR, IN_TEN_YEARS):
+        shifted(folder / "data" / "a.csv", shift)
+        assert run(study(folder)).reasons == {}
+    for path in run_dir.rglob("*"):
+        shifted(path, IN_TEN_YEARS)
+    assert run(study(folder)).reasons == {}
+
+
+def test_results_from_the_future_are_made_anew_where_the_study_changed(folder: Path) -> None:
+    run_dir = run(study(folder)).run_dir
+    for path in run_dir.rglob("*"):
+        shifted(path, IN_TEN_YEARS)
+    (folder / "data" / "a.csv").write_text("e,F\n0,1\n")
+    assert run(study(folder)).reasons["ingest"] == "source changed: data/a.csv"
+    output = run_dir / "model.h5"
+    output.write_text(output.read_text().replace("fused", "FUSED"))
+    shifted(output, IN_TEN_YEARS)
+    assert run(study(folder)).reasons["fuse"] == "output changed: model.h5"
+    assert run(study(folder)).reasons == {}
+
+
 def test_force(folder: Path) -> None:
     run(study(folder))
     assert run(study(folder), until="fit", force=True).reasons == {"ingest": "forced", "fit": "forced"}
