@@ -36,7 +36,8 @@ Try = Callable[[random.Random, int, Path], str]
 class Target:
     """What is fuzzed: `name`, how one input is tried, the parts of the package that are meant, and the outcomes that are past the syntax.
 
-    `library` is what crashes and hangs are laid to where the input goes through foreign machine code.
+    `library` is what crashes and hangs are laid to where the input goes through foreign machine code. `warm` imports and makes, once and
+    before the forks, what every input needs.
     """
 
     name: str
@@ -45,6 +46,7 @@ class Target:
     past: tuple[str, ...] = ()
     library: str | None = None
     longest: int = LONGEST
+    warm: Callable[[Path], None] = lambda _folder: None
 
 
 @dataclass
@@ -64,6 +66,7 @@ class Fault(Exception):
 def explore(target: Target, count: int, seed: int, folder: Path, traced: int = 100) -> Findings:
     """Try `count` inputs; the first `traced` of them under a tracer that notes the lines which run, and takes long."""
     found, start = Findings(), 0
+    target.warm(folder)
     lines: set[tuple[str, int]] = set()
     while start < count:
         start = _batch(

@@ -166,4 +166,12 @@ def attempt(chance: random.Random, number: int, folder: Path) -> str:
     return "read"
 
 
-TARGET = Target("recordings", attempt, ("storage/readers", "storage/tables"), past=("read",), library="libhdf5")
+def warm(_folder: Path) -> None:
+    """Make the whole files, and import what reads them."""
+    for kind in ("xlsx", "mat", "packed.mat", "hdf5", "tdms"):
+        binary(kind)
+        with suppress(MapmoreError):
+            READERS[kind.rsplit(".", 1)[-1]].read(Path("none"), TableRequest("log", (0,)))
+
+
+TARGET = Target("recordings", attempt, ("storage/readers", "storage/tables"), past=("read",), library="libhdf5", warm=warm)
