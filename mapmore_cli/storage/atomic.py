@@ -6,6 +6,7 @@ import errno
 import os
 import re
 import shutil
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from io import BufferedRandom
@@ -13,11 +14,6 @@ from pathlib import Path
 from secrets import token_hex
 
 from mapmore_cli.domain.errors import WriteError
-
-try:
-    import fcntl
-except ImportError:  # no such locks in this system: nothing shows that an unfinished file is abandoned, and all of them stay
-    fcntl = None  # type: ignore[assignment]
 
 TEMPORARY = ".tmp-"
 """How the names of unfinished files and folders start."""
@@ -78,8 +74,10 @@ def _clear_abandoned(path: Path) -> None:
 
 def _held(place: Path, patient: bool = True) -> int | None:
     """Hold a file or folder against other processes that ask for it; None where another one holds it, or the system has no such locks."""
-    if fcntl is None:
+    if sys.platform == "win32":  # there, nothing shows that an unfinished file is abandoned, and all of them stay
         return None
+    import fcntl
+
     handle = None
     try:
         handle = os.open(place, os.O_RDONLY | os.O_NONBLOCK)
