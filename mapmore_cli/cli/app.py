@@ -1,42 +1,59 @@
 """The `mapmore` command: its subcommands in the order of the work, and where every error ends.
 
-Nothing heavy is imported here or in the modules of the commands; each command imports what it needs when it runs.
+Nothing heavy is imported here or in the modules of the commands. Only the command of the line is imported, and it imports what it needs
+when it runs.
 """
 
 from __future__ import annotations
 
 import io
 import sys
+from collections.abc import Iterator, Mapping
+from importlib import import_module
 from typing import Annotated, Any, cast
 
 import typer
 from typer.core import TyperGroup
 
-from mapmore_cli.cli import (
-    batch,
-    check,
-    compare,
-    example,
-    exits,
-    export,
-    figure,
-    freeze,
-    init,
-    invert,
-    pipeline,
-    predict,
-    schema,
-    show,
-    simulate,
-    tune,
+from mapmore_cli.cli import exits
+
+STAGES = ("ingest", "segment", "fit", "fuse", "validate", "report", "run")
+OTHERS = (
+    *("batch", "tune", "predict", "invert", "freeze", "compare", "export", "figure"),
+    *("simulate", "show", "init", "example", "check", "schema"),
 )
+MODULES = {**dict.fromkeys(STAGES, "pipeline"), **{name: name for name in OTHERS}}
+"""The module of `cli/` that has the function of each command, which bears its name."""
 
 AS_JSON = "mapmore.json"
 """Key of the context: whether the line asks for JSON, in which errors are then told too."""
 
 
+class _Lazily(Mapping[str, Any]):
+    """The commands by name. A command's module is imported, and its arguments are built, when it is asked for."""
+
+    def __init__(self) -> None:
+        self._built: dict[str, Any] = {}
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self._built:
+            alone = typer.Typer(add_completion=False, rich_markup_mode=None)
+            alone.command(name)(getattr(import_module(f"mapmore_cli.cli.{MODULES[name]}"), name))
+            self._built[name] = typer.main.get_command(alone)
+        return self._built[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(MODULES)
+
+    def __len__(self) -> int:
+        return len(MODULES)
+
+
 class Commands(TyperGroup):
     """The group of subcommands: turns errors into exit codes, and takes `--debug` anywhere on the line."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**{**settings, "commands": _Lazily()})
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Move `--debug` to the front, so that it can be added at the end of a line that failed."""
@@ -75,23 +92,6 @@ def _common(
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error (anywhere on the line).")] = False,
 ) -> None:
     """Models of soft fluidic muscles from measured curves: one spec, one command, a validated model and a page to look at."""
-
-
-pipeline.add_to(app)
-batch.add_to(app)
-tune.add_to(app)
-predict.add_to(app)
-invert.add_to(app)
-freeze.add_to(app)
-compare.add_to(app)
-export.add_to(app)
-figure.add_to(app)
-simulate.add_to(app)
-show.add_to(app)
-init.add_to(app)
-example.add_to(app)
-check.add_to(app)
-schema.add_to(app)
 
 
 def main() -> None:

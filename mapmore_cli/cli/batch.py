@@ -27,11 +27,6 @@ if TYPE_CHECKING:
     Result = Finished | BaseException
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command()(batch)
-
-
 def batch(
     configs: Annotated[list[Path], typer.Argument(metavar="CONFIG...", help="Experiment specs or campaigns (YAML).", show_default=False)],
     runs: Runs = RUNS,

@@ -18,11 +18,6 @@ if TYPE_CHECKING:
     from mapmore_cli.stages.inspection.lint import Inspection
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command()(check)
-
-
 def check(
     config: Annotated[Path, typer.Argument(metavar="CONFIG", help="Experiment spec or campaign (YAML).", show_default=False)],
     overrides: Overrides = NO_OVERRIDES,

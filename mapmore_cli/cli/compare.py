@@ -13,11 +13,6 @@ from mapmore_cli.domain.errors import DataError, LimitMissed, UsageError
 FIGURES = ("svg", "pdf", "png", "pgf")
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command()(compare)
-
-
 def compare(
     models: Annotated[
         list[str], typer.Argument(metavar="BEFORE AFTER...", help="Runs, tags (2026-spring, NAME@TAG) or model files.", show_default=False)

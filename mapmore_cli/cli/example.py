@@ -10,11 +10,6 @@ import typer
 from mapmore_cli.cli.options import AsJson, Quiet
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command()(example)
-
-
 def example(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="A new folder.", show_default=False)],
     as_json: AsJson = False,

@@ -22,11 +22,6 @@ class Target(StrEnum):
     PY = "py"
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command()(export)
-
-
 def export(
     model_file: Annotated[Path, typer.Argument(metavar="MODEL", help="A model.h5.", show_default=False)],
     to: Annotated[Target, typer.Option("--to", help="C99 source, an FMU, a lookup table, equations in LaTeX, or a module of NumPy.")],

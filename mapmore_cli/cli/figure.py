@@ -14,11 +14,6 @@ from mapmore_cli.domain.page import FIGURES
 SUFFIXES = ("svg", "pdf", "png", "pgf")
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command()(figure)
-
-
 def figure(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder, or the name of a run.", show_default=False)],
     name: Annotated[str, typer.Argument(metavar="FIGURE", help=f"One of {', '.join(FIGURES)}.", show_default=False)],

@@ -10,11 +10,6 @@ import typer
 from mapmore_cli.cli.options import ARCHIVE, RUNS, Archive, Runs
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command()(freeze)
-
-
 def freeze(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder, or the name of a run.", show_default=False)],
     tag: Annotated[str, typer.Option("--tag", metavar="TAG", help="What this campaign is called, as 2026-spring.", show_default=False)],

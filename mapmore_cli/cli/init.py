@@ -15,11 +15,6 @@ from mapmore_cli.domain.errors import UsageError, WriteError
 STDOUT = Path("-")
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command()(init)
-
-
 def init(
     path: Annotated[Path, typer.Argument(metavar="PATH", help="A recording, or a folder of recordings.", show_default=False)],
     output: Annotated[

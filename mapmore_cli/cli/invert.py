@@ -12,11 +12,6 @@ from mapmore_cli.cli.options import Quiet
 from mapmore_cli.cli.predict import STANDARD, write_lines
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command()(invert)
-
-
 def invert(
     model_file: Annotated[Path, typer.Argument(metavar="MODEL", help="A model.h5 without memory.", show_default=False)],
     table: Annotated[

@@ -24,15 +24,6 @@ if TYPE_CHECKING:
     from mapmore_cli.reporting.ci import RunReport
     from mapmore_cli.spec.loader import LoadedSpec
 
-SUMMARIES = {
-    "ingest": "Read the recordings and sort them into curves.",
-    "segment": "Cut the training curves into segments.",
-    "fit": "Select the terms of every segment.",
-    "fuse": "Join the segments into one model that stands alone.",
-    "validate": "Score the model and its competitors.",
-    "report": "Write the page, its figures and tables.",
-}
-
 
 @dataclass(frozen=True)
 class Options:
@@ -47,14 +38,9 @@ class Options:
     files: CiFiles = field(default_factory=CiFiles)
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the stage commands in the order of the pipeline, then `run`."""
-    for stage, summary in SUMMARIES.items():
-        app.command(stage, help=f"{summary} Brings the stages before it up to date first.")(_stage_command(stage))
-    app.command()(run)
+def _stage_command(stage: str, summary: str) -> Callable[..., None]:
+    """The function of the command that ends with a stage."""
 
-
-def _stage_command(stage: str) -> Callable[..., None]:
     def command(
         config: Config,
         runs: Runs = RUNS,
@@ -75,7 +61,16 @@ def _stage_command(stage: str) -> Callable[..., None]:
         else:
             _bring_up_to_date(loaded, stage, options)
 
+    command.__doc__ = f"{summary} Brings the stages before it up to date first."
     return command
+
+
+ingest = _stage_command("ingest", "Read the recordings and sort them into curves.")
+segment = _stage_command("segment", "Cut the training curves into segments.")
+fit = _stage_command("fit", "Select the terms of every segment.")
+fuse = _stage_command("fuse", "Join the segments into one model that stands alone.")
+validate = _stage_command("validate", "Score the model and its competitors.")
+report = _stage_command("report", "Write the page, its figures and tables.")
 
 
 def run(

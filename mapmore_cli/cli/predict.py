@@ -24,11 +24,6 @@ STANDARD = Path("-")
 MEGABYTE = 10**6
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command()(predict)
-
-
 def predict(
     model_file: Annotated[Path, typer.Argument(metavar="MODEL", help="A model.h5.", show_default=False)],
     table: Annotated[

@@ -2,13 +2,6 @@
 
 from __future__ import annotations
 
-import typer
-
-
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command()(schema)
-
 
 def schema() -> None:
     """Print the JSON Schema of the experiment spec."""

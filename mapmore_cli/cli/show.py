@@ -10,11 +10,6 @@ import typer
 from mapmore_cli.cli.options import AsJson, Quiet, Unverified
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command()(show)
-
-
 def show(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A file of a run folder, or the folder itself.", show_default=False)],
     as_json: AsJson = False,

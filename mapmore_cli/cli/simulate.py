@@ -10,11 +10,6 @@ import typer
 from mapmore_cli.cli.options import NO_OVERRIDES, AsJson, Overrides, Quiet
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command()(simulate)
-
-
 def simulate(
     config: Annotated[Path, typer.Argument(metavar="CONFIG", help="The spec of the simulation (YAML).", show_default=False)],
     output: Annotated[

@@ -17,11 +17,6 @@ if TYPE_CHECKING:
 FIGURES, TABLES = ("svg", "pdf", "png", "pgf"), ("csv", "tex")
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command()(tune)
-
-
 def tune(
     config: Config,
     over: Annotated[

@@ -10,19 +10,11 @@ from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.fits import FormulaFit, Scaling
 from mapmore_cli.domain.memory import MemoryModel
 from mapmore_cli.domain.motion import Motion
-from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.domain.recording import Quantity, Signal
+from mapmore_cli.domain.words import Between, Hold, Transition
 
 Side = str | float
 """Behaviour beyond one limit: `continue`, `continue_linear`, `saturate`, `zero`, or a value (M2 eq 12)."""
-
-Transition = Literal["linear", "quadratic", "cubic"]
-"""Course of a weight over a transition zone (M2 figure 5)."""
-
-Between = Literal["linear", "pchip"]
-"""Interpolation between the curves of neighbouring levels."""
-
-Hold = Literal["samples", "none"]
-"""Whether a segment function is held where a transition zone reaches far beyond its samples."""
 
 
 @dataclass(frozen=True)
@@ -79,24 +71,6 @@ class Fusion:
     shrink: float = 1.0
     hold: Hold = "samples"
     domain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Signal:
-    """An input that follows from another one over time: a `rate`, or the `direction` of motion that a rate tells.
-
-    A rate is `factor` times the derivative by the time in seconds, over a `window` in seconds by polynomials of `order`, where the time
-    comes in units of so many `seconds`; the direction has a `dead_band` in the unit of the rate. Numbers that a kind does not have are 0.
-    """
-
-    name: str
-    kind: str  # rate | direction
-    of: str
-    window: float = 0.0
-    order: int = 0
-    factor: float = 1.0
-    seconds: float = 1.0
-    dead_band: float = 0.0
 
 
 @dataclass(frozen=True)

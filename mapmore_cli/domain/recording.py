@@ -145,3 +145,21 @@ class Dataset:
     def unit(self, name: str) -> str:
         """Unit of a column."""
         return self.quantities[name].unit
+
+
+@dataclass(frozen=True)
+class Signal:
+    """An input that follows from another one over time: a `rate`, or the `direction` of motion that a rate tells.
+
+    A rate is `factor` times the derivative by the time in seconds, over a `window` in seconds by polynomials of `order`, where the time
+    comes in units of so many `seconds`; the direction has a `dead_band` in the unit of the rate. Numbers that a kind does not have are 0.
+    """
+
+    name: str
+    kind: str  # rate | direction
+    of: str
+    window: float = 0.0
+    order: int = 0
+    factor: float = 1.0
+    seconds: float = 1.0
+    dead_band: float = 0.0

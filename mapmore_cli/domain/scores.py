@@ -6,10 +6,12 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
-from mapmore_cli.domain.arrays import Array
-from mapmore_cli.domain.fits import FormulaFit
-from mapmore_cli.domain.motion import MotionFit
+if TYPE_CHECKING:
+    from mapmore_cli.domain.arrays import Array
+    from mapmore_cli.domain.fits import FormulaFit
+    from mapmore_cli.domain.motion import MotionFit
 
 OWN = "mapmore"
 """Name of the run's own model in its scores, and of the needed static model in a composite."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import UsageError
-from mapmore_cli.domain.models import Model, Signal
-from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.recording import Quantity, Signal
 from mapmore_cli.exporting.c_blocks import CBlocks, comment, indented
 from mapmore_cli.exporting.dialect import DOUBLE, SINGLE, Dialect, Expressions
 from mapmore_cli.exporting.names import identifier

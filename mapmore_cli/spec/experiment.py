@@ -8,6 +8,7 @@ the unit that the field's mark names.
 
 from __future__ import annotations
 
+import functools
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, TypeAdapter, ValidationError, ValidationInfo, model_validator
@@ -57,10 +58,15 @@ _DEFAULTS_OF_TARGET: dict[str, tuple[str, dict[str, str]]] = {
 }
 
 
+@functools.cache
+def _dictionaries() -> TypeAdapter[list[DictionaryEntry]]:
+    return TypeAdapter(list[DictionaryEntry])
+
+
 def _given_memory(dictionary: Any) -> bool:
     """Whether a dictionary that is not validated yet has terms with memory; False where its form is wrong, which is reported elsewhere."""
     try:
-        return remembers(TypeAdapter(list[DictionaryEntry]).validate_python(dictionary))
+        return remembers(_dictionaries().validate_python(dictionary))
     except ValidationError:
         return False
 

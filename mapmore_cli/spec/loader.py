@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Generic, TypeVar
 
@@ -34,8 +35,6 @@ class Loaded(Generic[M]):
         What the file says, with defaults; numbers in the model's units.
     path, folder
         The file, and the folder that relative paths start at.
-    resolved
-        YAML with the defaults filled in and `extends`, variables and units resolved; it loads to an equal spec.
     overrides
         What was set on top of the file.
     """
@@ -43,9 +42,13 @@ class Loaded(Generic[M]):
     spec: M
     path: Path
     folder: Path
-    resolved: str
     overrides: tuple[str, ...]
     _root: Node = field(repr=False, compare=False)
+
+    @cached_property
+    def resolved(self) -> str:
+        """YAML with the defaults filled in and `extends`, variables and units resolved; it loads to an equal spec."""
+        return resolved(self.spec)
 
     def resolved_in(self, folder: Path) -> str:
         """The resolved spec for a file in another folder: relative paths start there, so that it runs again where it lies."""
@@ -84,7 +87,7 @@ def load_as(path: Path, model: type[M], overrides: Sequence[str] = (), check: Ch
     except ValidationError as error:
         later = [*explain(error, root, model), *_beyond(error, root, model, check)]
     raise_if_any([*problems, *new_places(later, problems)])
-    return Loaded(spec, path, path.parent, resolved(spec), tuple(overrides), root)
+    return Loaded(spec, path, path.parent, tuple(overrides), root)
 
 
 def resolved(spec: BaseModel, folder: Path | None = None, to: Path | None = None) -> str:

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.memory import MemoryModel, StateSet
-from mapmore_cli.domain.models import CurveRange, Memory, Model, Part, Signal, Sum
-from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.domain.models import CurveRange, Memory, Model, Part, Sum
+from mapmore_cli.domain.recording import Quantity, Signal
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.stages.prediction.predict import predicted_lines
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns, IntArray
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.models import Signal
+from mapmore_cli.domain.recording import Signal
 
 STEPS = 10
 """Points within one window."""

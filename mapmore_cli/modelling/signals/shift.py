@@ -11,7 +11,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.signals.sampling import typical_step
@@ -156,6 +155,8 @@ def correlation(u: Array, v: Array) -> tuple[Array, Array, Array]:
 
     Zero where the overlap is too short, or holds too little of the changes of either.
     """
+    from scipy.fft import irfft, next_fast_len, rfft  # takes long to load, and few specs need it
+
     n, m = len(u), len(v)
     size = next_fast_len(n + m - 1, real=True)
 

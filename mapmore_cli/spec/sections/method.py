@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from mapmore_cli.domain.models import Between, Hold, Transition
+from mapmore_cli.domain.words import Between, Hold, Transition
 from mapmore_cli.spec.fields import (
     Keyed,
     Number,

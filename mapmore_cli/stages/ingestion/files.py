@@ -9,15 +9,15 @@ from typing import Literal
 
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.spec.experiment import ExperimentSpec
-from mapmore_cli.spec.fields import Section
-from mapmore_cli.spec.sections.data import Data, Split
+from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.spec.sections.logs import FileEntry, Join, Keep
 from mapmore_cli.stages.kinds.dictionary import derivations_of, units_of
 from mapmore_cli.stages.pipeline.stage import Progress
 from mapmore_cli.storage.globs import expand, relative_name, unique_ids
 
 
-class IngestSlice(Section):
+@dataclass(frozen=True)
+class IngestSlice:
     """What ingest depends on: the quantity that is `measured`, its `component` to model, and the model's unit of every quantity.
 
     `static` is the spec of the run whose model leaves the damping force.
@@ -26,13 +26,13 @@ class IngestSlice(Section):
     data: Data
     measured: str
     component: Literal["static", "hysteresis", "damping"]
-    units: dict[str, str]
+    units: Mapping[str, str]
     static: str | None = None
 
 
 def slice_of(spec: ExperimentSpec) -> IngestSlice:
     """Return the part of the spec that ingest reads; cross-validation is no business of its."""
-    split = Split(validate=spec.data.split.hold_out)
+    split = spec.data.split.model_copy(update={"leave_one_level_out": False})
     component: Literal["static", "hysteresis", "damping"] = "static"
     if spec.target in ("hysteresis", "damping"):
         component = "hysteresis" if spec.target == "hysteresis" else "damping"

@@ -81,7 +81,7 @@ def _of_recordings_alone(loaded: LoadedSpec) -> tuple[Issue, ...]:
     bare: dict[str, Any] = {"derive": {}, "keep": [], "cycles": None, "levels": None, "split": Split()}
     bare |= {"missing": "drop", "repeated_time": "average"}
     try:
-        plain = build_dataset(part.model_copy(update={"data": part.data.model_copy(update=bare)}), loaded.folder)
+        plain = build_dataset(replace(part, data=part.data.model_copy(update=bare)), loaded.folder)
     except (SpecError, DataError):
         return ()
     subject = Subject(loaded.spec, loaded.where, plain.recordings, part.units, loaded.folder)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -63,7 +63,7 @@ class Subject:
     spec: ExperimentSpec
     where: Callable[..., str]
     recordings: tuple[Recording, ...]
-    units: dict[str, str]
+    units: Mapping[str, str]
     folder: Path
     dataset: Dataset | None = None
 

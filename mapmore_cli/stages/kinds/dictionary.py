@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.domain.models import Signal
+from mapmore_cli.domain.recording import Signal
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.data import Direction, Rate
 from mapmore_cli.spec.sections.dictionary import Delays, DictionaryEntry, Lags, Polynomial, Products

@@ -21,7 +21,9 @@ NOT_SET = "not set"
 def plain(value: Any) -> Any:
     """A slice (frozen dataclasses, spec models and what they hold) as JSON values, under the names of the YAML file."""
     if isinstance(value, BaseModel):
-        return value.model_dump(mode="json", by_alias=True)
+        return {field.alias or name: plain(getattr(value, name)) for name, field in type(value).model_fields.items()} | plain(
+            value.model_extra or {}
+        )
     if is_dataclass(value):
         return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
     if isinstance(value, Mapping):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.models import Signal
+from mapmore_cli.domain.recording import Signal
 from mapmore_cli.modelling.signals.plateau import find_plateau, without_steady_state
 from mapmore_cli.modelling.signals.rates import direction, needed_signals, with_signals
 

@@ -18,10 +18,9 @@ from mapmore_cli.domain.models import (
     Model,
     Part,
     Pieces,
-    Signal,
     Sum,
 )
-from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.domain.recording import Quantity, Signal
 from mapmore_cli.domain.results import FitResult, PiecesFit
 from mapmore_cli.storage.artefacts.codecs import added, numbered, optional
 from mapmore_cli.storage.artefacts.label import NO_UNIT

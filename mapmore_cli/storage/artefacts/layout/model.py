@@ -22,10 +22,10 @@ from mapmore_cli.domain.models import (
     Pieces,
     SegmentFunction,
     Side,
-    Signal,
     StateSpace,
     Sum,
 )
+from mapmore_cli.domain.recording import Signal
 from mapmore_cli.modelling import literature
 from mapmore_cli.storage.artefacts.codecs import adapted, added, named, number, numbered, optional, pairs, shown, text
 from mapmore_cli.storage.artefacts.integrity import Invalid
