@@ -6,6 +6,7 @@ import csv
 import io
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -46,6 +47,7 @@ def render_page(inputs: ReportInputs, tables: Sequence[Table], figures: Mapping[
     )
 
 
+@cache
 def environment() -> Environment:
     """The templates of the package, with tables and figures as filters."""
     from jinja2 import Environment, PackageLoader, StrictUndefined

@@ -40,23 +40,12 @@ def test_the_spec_for_your_own_recordings_runs(tmp_path: Path, mapmore: Callable
     assert (tmp_path / "runs" / "my-muscle" / "report" / "index.html").is_file()
 
 
-def test_the_table_of_the_demo_is_true() -> None:
-    """The scores themselves are held by test_shipped_studies."""
-    shown = re.findall(r"^(\S+-static) +(\S+) +validate +([0-9.]+)", README, re.MULTILINE)
-    assert len(shown) == 6
-    for study, model, per_cent in shown:
-        assert NRMSE[study][model] == pytest.approx(float(per_cent) / 100, abs=1e-4)
-
-
-@pytest.mark.parametrize("study", ["dmsp-20-88-static", "peano-static"])
-def test_every_row_of_the_demo_is_true(study: str, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
-    spec = Path(__file__).parents[2] / "configs" / "m2" / f"{study}.yaml"
-    result = mapmore("validate", spec, "--runs", tmp_path, "--json", "-q")
-    assert result.exit_code == 0, result.stderr
-    scores = json.loads((tmp_path / study / "scores.json").read_text())["scores"]
-    found = {(row["model"], row["split"]): f"{100 * row['nrmse']:.2f}" for row in scores if row["curve"] == "all"}
-    shown = re.findall(rf"^{study} +(\S+) +(train|validate) +([0-9.]+)", README, re.MULTILINE)
-    assert {(model, split): per_cent for model, split, per_cent in shown} == found
+def test_the_table_of_the_demo_has_every_model() -> None:
+    """The scores themselves, of training as well, are held by test_shipped_studies."""
+    shown = re.findall(r"^(\S+-static) +(\S+) +(train|validate) +[0-9.]+", README, re.MULTILINE)
+    wanted = {(study, model) for study in ("dmsp-20-88-static", "peano-static") for model in NRMSE[study]}
+    for split in ("train", "validate"):
+        assert {(study, model) for study, model, side in shown if side == split} == wanted
 
 
 def test_files_that_readme_names_exist() -> None:

@@ -6,6 +6,7 @@ These are docs/measured-static.md and docs/memory.md.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,14 +17,23 @@ import yaml
 from page_tables import MEMORY, numbers, page_table
 
 from mapmore_cli.spec.loader import load
-from mapmore_cli.spec.schema import json_schema
 from mapmore_cli.storage.artefacts import read_model
 
 CONFIGS = Path(__file__).parents[2] / "configs"
+README = CONFIGS.parent / "README.md"
 STUDIES = sorted(path for path in CONFIGS.rglob("*.yaml") if not path.name.startswith("_") and "campaigns" not in path.parts)
 IN_FREE_RUN = ("cascaded_tanks", "bouc_wen")
 """Studies whose search takes minutes: see test_free_run_studies.py."""
-MEASURED = [path for path in STUDIES if path.stem not in IN_FREE_RUN and "/datasets/" not in load(path).resolved]
+
+
+def is_measured(path: Path) -> bool:
+    """True for a study of recordings that are not part of the project, whose folder it or what it extends names."""
+    text = path.read_text(encoding="utf-8")
+    base = re.search(r"^extends: (\S+)", text, re.MULTILINE)
+    return "MAPMORE_DATA" in text or (base is not None and is_measured(path.parent / base[1]))
+
+
+MEASURED = [path for path in STUDIES if path.stem not in IN_FREE_RUN and is_measured(path)]
 CHAINED = [path for path in STUDIES if any(word in path.stem for word in ("-damping", "-dynamic", "-from-zero"))]
 """Studies that one run of a dynamic study makes: see test_motion_studies.py."""
 WITH_PAGE = [path for path in STUDIES if path.parent.name in ("wrist", "muscle-like")]
@@ -47,6 +57,9 @@ NRMSE = {
 }
 """Validation scores on the committed recordings; a change of these is a change of numbers and belongs in the changelog."""
 
+WITH_REPORT = ("dmsp-20-88-static", "peano-m1-static", "peano-m1-hysteresis", "peano-inner-reversals")
+"""Simulated studies whose page is made as well, one of each kind; test_motion_studies.py makes damping and dynamic ones."""
+
 IN_CAMPAIGNS = {
     "coiled_loops": ("coiled", "loops-1-200g"),
     "coiled_steps": ("coiled", "steps-1-200g"),
@@ -67,16 +80,22 @@ def test_there_are_studies_of_both_kinds() -> None:
     assert len(MEASURED) >= 3
 
 
+@pytest.fixture(scope="module")
+def schema() -> jsonschema.Draft202012Validator:
+    return jsonschema.Draft202012Validator(json.loads((CONFIGS / "experiment.schema.json").read_text(encoding="utf-8")))
+
+
 @pytest.mark.parametrize("path", STUDIES, ids=names(STUDIES))
-def test_a_study_is_named_after_its_file_and_follows_the_schema(path: Path) -> None:
+def test_a_study_is_named_after_its_file_and_follows_the_schema(path: Path, schema: jsonschema.Draft202012Validator) -> None:
     loaded = load(path)
     assert loaded.spec.name == path.stem
-    assert path.read_text().startswith("# yaml-language-server: $schema=")
-    assert (path.parent / path.read_text().splitlines()[0].split("=", 1)[1]).resolve() == CONFIGS / "experiment.schema.json"
-    jsonschema.validate(yaml.safe_load(loaded.resolved), json_schema())
+    assert ("/datasets/" not in loaded.resolved) == is_measured(path)
+    modeline = path.read_text(encoding="utf-8").splitlines()[0].removeprefix("# yaml-language-server: $schema=")
+    assert (path.parent / modeline).resolve() == CONFIGS / "experiment.schema.json"
+    schema.validate(yaml.safe_load(loaded.resolved))
 
 
-def run(mapmore: Callable[..., Any], path: Path, runs: Path, with_report: bool = True) -> dict[str, Any]:
+def run(mapmore: Callable[..., Any], path: Path, runs: Path, *, with_report: bool) -> dict[str, Any]:
     result = mapmore("run" if with_report else "validate", path, "--runs", runs, "--json", "-q")
     assert result.exit_code == 0, result.stderr
     document = json.loads(result.stdout)
@@ -86,9 +105,13 @@ def run(mapmore: Callable[..., Any], path: Path, runs: Path, with_report: bool =
 
 @pytest.mark.parametrize("path", SIMULATED, ids=names(SIMULATED))
 def test_a_simulated_study_gives_its_scores(path: Path, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
-    rows = run(mapmore, path, tmp_path)
+    rows = run(mapmore, path, tmp_path, with_report=path.stem in WITH_REPORT)
     for model, nrmse in NRMSE[path.stem].items():
         assert rows[model]["nrmse"] == pytest.approx(nrmse, abs=1e-4, rel=5e-3)
+    if shown := re.findall(rf"^{path.stem} +(\S+) +(train|validate) +([0-9.]+)", README.read_text(encoding="utf-8"), re.MULTILINE):
+        scores = json.loads((tmp_path / path.stem / "scores.json").read_text())["scores"]
+        found = {(row["model"], row["split"]): f"{100 * row['nrmse']:.2f}" for row in scores if row["curve"] == "all"}
+        assert {(model, split): per_cent for model, split, per_cent in shown} == found
 
 
 @pytest.mark.parametrize("path", MEASURED, ids=names(MEASURED))
