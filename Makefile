@@ -7,13 +7,16 @@ unexport PYTHONDONTWRITEBYTECODE  # a set one has each of some hundred processes
 
 STUDIES := configs/m2/dmsp-20-88-static.yaml configs/m2/peano-static.yaml
 
-.PHONY: demo test lint schema datasets measured motion paper bench fuzz torture test-lowest audit clean
+.PHONY: demo test test-all lint schema datasets measured motion paper bench fuzz torture test-lowest audit clean
 
 demo: .venv/program
 	$(BIN)/mapmore batch $(STUDIES)
 
 test: lint
-	$(BIN)/pytest -q -n 2 --dist loadgroup  # the tests of one long study follow each other
+	$(BIN)/pytest -q -n 2 --dist loadgroup -m "not long"  # the tests of one long study follow each other
+
+test-all: lint  # with the studies that are of the same kind as others
+	$(BIN)/pytest -q -n 2 --dist loadgroup
 
 lint: .venv/development
 	$(BIN)/ruff check .

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 from test_shipped_studies import NRMSE
 
 README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")

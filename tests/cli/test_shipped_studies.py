@@ -14,6 +14,7 @@ from typing import Any
 import jsonschema
 import pytest
 import yaml
+from cli_samples import without_figures
 from page_tables import MEMORY, numbers, page_table
 
 from mapmore_cli.spec.loader import load
@@ -33,12 +34,14 @@ def is_measured(path: Path) -> bool:
     return "MAPMORE_DATA" in text or (base is not None and is_measured(path.parent / base[1]))
 
 
-MEASURED = [path for path in STUDIES if path.stem not in IN_FREE_RUN and is_measured(path)]
+ON_RATES = CONFIGS / "coiled" / "coiled_steps_rates.yaml"
+"""A study of docs/damping.md: see test_motion_studies.py."""
+MEASURED = [path for path in STUDIES if path.stem not in IN_FREE_RUN and path != ON_RATES and is_measured(path)]
 CHAINED = [path for path in STUDIES if any(word in path.stem for word in ("-damping", "-dynamic", "-from-zero"))]
 """Studies that one run of a dynamic study makes: see test_motion_studies.py."""
 WITH_PAGE = [path for path in STUDIES if path.parent.name in ("wrist", "muscle-like")]
 """Studies that a page of their own is about: see test_muscle_pages.py."""
-ELSEWHERE = [path for path in STUDIES if path in CHAINED or path in WITH_PAGE or path.stem in IN_FREE_RUN]
+ELSEWHERE = [path for path in STUDIES if path == ON_RATES or path in CHAINED or path in WITH_PAGE or path.stem in IN_FREE_RUN]
 SIMULATED = [path for path in STUDIES if path not in MEASURED and path not in ELSEWHERE]
 
 NRMSE = {
@@ -57,8 +60,14 @@ NRMSE = {
 }
 """Validation scores on the committed recordings; a change of these is a change of numbers and belongs in the changelog."""
 
-WITH_REPORT = ("dmsp-20-88-static", "peano-m1-static", "peano-m1-hysteresis", "peano-inner-reversals")
-"""Simulated studies whose page is made as well, one of each kind; test_motion_studies.py makes damping and dynamic ones."""
+WITH_REPORT = (
+    *("dmsp-20-88-static", "peano-m1-static", "peano-m1-hysteresis", "peano-inner-reversals"),
+    *("festo_10mm_10cm_pressure", "pgm_force", "coiled_loops", "buck", "antagonist-pam"),
+)
+"""Studies whose page is made as well, one of each kind; test_motion_studies.py makes those of damping and dynamic ones."""
+
+AGAIN = re.compile(r"festo_10mm_[23]0cm_|bellows_strain")
+"""Measured studies like others: the Festo muscle of 10 cm and bellows_raw hold the same pages."""
 
 IN_CAMPAIGNS = {
     "coiled_loops": ("coiled", "loops-1-200g"),
@@ -96,7 +105,8 @@ def test_a_study_is_named_after_its_file_and_follows_the_schema(path: Path, sche
 
 
 def run(mapmore: Callable[..., Any], path: Path, runs: Path, *, with_report: bool) -> dict[str, Any]:
-    result = mapmore("run" if with_report else "validate", path, "--runs", runs, "--json", "-q")
+    spec = without_figures(path, runs) if "needs:" in path.read_text(encoding="utf-8") else path
+    result = mapmore("run" if with_report else "validate", spec, "--runs", runs, "--json", "-q")
     assert result.exit_code == 0, result.stderr
     document = json.loads(result.stdout)
     assert (runs / path.stem / "report" / "index.html").is_file() == with_report
@@ -114,10 +124,11 @@ def test_a_simulated_study_gives_its_scores(path: Path, tmp_path: Path, mapmore:
         assert {(model, split): per_cent for model, split, per_cent in shown} == found
 
 
-@pytest.mark.parametrize("path", MEASURED, ids=names(MEASURED))
+@pytest.mark.parametrize(
+    "path", [pytest.param(path, marks=pytest.mark.long if AGAIN.match(path.stem) else (), id=path.stem) for path in MEASURED]
+)
 def test_a_measured_study_runs(path: Path, tmp_path: Path, mapmore: Callable[..., Any], measured_data: Path) -> None:
-    first = next(other for other in MEASURED if other.parent == path.parent)  # one report of each kind of data takes long enough
-    rows = run(mapmore, path, tmp_path, with_report=path == first)
+    rows = run(mapmore, path, tmp_path, with_report=path.stem in WITH_REPORT)
     assert 0 < rows["mapmore"]["nrmse"] < 0.6
     assert rows["mapmore"]["n"] >= 10
     told = shown_of(path.stem)
