@@ -1,24 +1,20 @@
 """Variable projection with several nonlinear parameters, within their bounds and from several starts.
 
-The linear parameters follow from the coordinates c by least squares, so that only the k coordinates are sought: the trust region reflective
-method minimises `|r(c)|^2`, `r(c) = Phi(c) Phi(c)^+ y - y`.
+The linear parameters follow from the coordinates c by least squares, so that only the k coordinates are sought: Levenberg and Marquardt's
+method minimises `|r(c)|^2`, `r(c) = Phi(c) Phi(c)^+ y - y`, from all starts at once.
 """
 
 from __future__ import annotations
 
-from functools import lru_cache
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.modelling.literature import linear, trust_region
+from mapmore_cli.modelling.literature import linear
+from mapmore_cli.modelling.literature.descent import Bounds, End, descend, onto_bounds
 from mapmore_cli.modelling.literature.multistart import STARTS, draw, lowest, rivals
 from mapmore_cli.modelling.literature.problem import Problem, Solution, at_limit, failure
-from mapmore_cli.modelling.terms import NotFinite
-
-if TYPE_CHECKING:
-    from scipy.optimize import OptimizeResult
 
 METHOD = "variable projection"
 TOLERANCE = 1e-12  # of the starts (W section III)
@@ -32,48 +28,41 @@ def fit(problem: Problem) -> Solution:
     note says how many starts agree, and one which parameter ends at a bound. The status is `converged`, `at_bound`, `stopped_by_limit`,
     or `failed` where every start overflowed.
     """
-    few = problem.condensed()
-    ends = [end for start in draw(problem.nonlinear) if (end := _descend(few, start, TOLERANCE)) is not None]
+    ends = _descents(problem.condensed(), list(draw(problem.nonlinear)), TOLERANCE)
     if not ends:
         return failure(problem, METHOD)
     best, agreement = lowest(ends, STARTS)
-    end = _descend(problem, best.x, FINAL_TOLERANCE)
-    if end is None:
+    finished = _descents(problem, [best.x], FINAL_TOLERANCE)
+    if not finished:
         return failure(problem, METHOD)
-    c, touched = trust_region.onto_bounds(end.x, _bounds(problem))
+    end = finished[0]
+    c, touched = onto_bounds(end.x, _bounds(problem))
     limits = [at_limit(problem.nonlinear[i], c[i]) for i in touched]
-    status = "at_bound" if limits else "converged" if end.status > 0 else "stopped_by_limit"
-    others = tuple((_project(problem, other.x).beta, other.x) for other in rivals([end for end in ends if end.status > 0], best))
-    return Solution(_project(problem, c).beta, c, status, METHOD, (agreement, *limits), others)
+    status = "at_bound" if limits else "converged" if end.converged else "stopped_by_limit"
+    others = [other.x for other in rivals([end for end in ends if end.converged], best)]
+    places = np.array([c, *others])
+    betas = _projected(problem, places).beta
+    return Solution(betas[0], c, status, METHOD, (agreement, *limits), tuple(zip(betas[1:], others, strict=True)))
 
 
-def _descend(problem: Problem, start: Array, tolerance: float) -> OptimizeResult | None:
-    """The nearest minimum within the bounds; None where the formula overflows on the way."""
-    unit = float(np.linalg.norm(problem.target(start))) or 1.0
+def _descents(problem: Problem, starts: Sequence[Array], tolerance: float) -> list[End]:
+    """The nearest minima within the bounds, but for starts in which the formula overflows."""
+    unit = float(np.linalg.norm(problem.target(starts[0]))) or 1.0
 
-    @lru_cache(maxsize=2)  # the derivative is asked for where the residual was just computed
-    def projection(c: tuple[float, ...]) -> linear.LinearFit:
-        return _project(problem, np.array(c))
+    def system(c: Array) -> tuple[Array, Array]:
+        """r and `dr/dc`, but for a part within the regressors' space, which has no share in the gradient (Kaufman)."""
+        found = _projected(problem, c)
+        jacobian = problem.each_slopes(found.beta, c)
+        outside = jacobian - found.basis @ (found.basis.transpose(0, 2, 1) @ jacobian)
+        return found.residual / unit, outside / unit
 
-    def residual(c: Array) -> Array:
-        return projection(tuple(c)).residual / unit
-
-    def slopes(c: Array) -> Array:
-        """`dr/dc` but for a part within the regressors' space, which has no share in the gradient (Kaufman)."""
-        projected = projection(tuple(c))
-        jacobian = problem.jacobian(projected.beta, c)[:, len(problem.linear) :]
-        return np.asarray((jacobian - projected.basis @ (projected.basis.T @ jacobian)) / unit)
-
-    try:
-        return trust_region.descend(residual, slopes, start, _bounds(problem), tolerance)
-    except NotFinite:
-        return None
+    return descend(system, starts, _bounds(problem), tolerance)
 
 
-def _project(problem: Problem, c: Array) -> linear.LinearFit:
-    return linear.solve(problem.regressors(c), problem.target(c))
+def _projected(problem: Problem, c: Array) -> linear.LinearFits:
+    return linear.solve_each(problem.each_regressors(c), problem.each_target(c))
 
 
-def _bounds(problem: Problem) -> tuple[Array, Array]:
+def _bounds(problem: Problem) -> Bounds:
     lowest, highest = zip(*(parameter.bounds for parameter in problem.nonlinear), strict=True)
     return np.array(lowest), np.array(highest)

@@ -14,8 +14,8 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.literature import linear
+from mapmore_cli.modelling.literature.descent import descend, onto_bounds
 from mapmore_cli.modelling.literature.problem import Problem, Solution
-from mapmore_cli.modelling.literature.trust_region import descend, onto_bounds
 from mapmore_cli.modelling.terms import Expression, derivative, evaluate
 
 REACH = 1.0
@@ -121,15 +121,14 @@ def refined(problem: Problem, solution: Solution, name: str) -> Solution:
     high = np.concatenate([np.full(count, np.inf), [p.bounds[1] for p in problem.nonlinear]])
     start = np.clip(np.concatenate([solution.beta, solution.c]), low, high)
     inner = np.concatenate([start[:count], _inside(start[count:], low[count:], high[count:])])
-    found = descend(
-        lambda place: (along.roots(place) - along.measured) / unit,
-        lambda place: along.jacobian(place) / unit,
-        inner,
-        (low, high),
-        TOLERANCE,
-    )
+
+    def system(places: Array) -> tuple[Array, Array]:
+        missed = [(along.roots(place) - along.measured) / unit for place in places]
+        return np.stack(missed), np.stack([along.jacobian(place) / unit for place in places])
+
+    found = descend(system, [inner], (low, high), TOLERANCE)[0]
     beta, c = along.split(onto_bounds(found.x, (low, high))[0])
-    status = "stopped_by_limit" if found.status == 0 else "at_bound" if onto_bounds(found.x, (low, high))[1] else "converged"
+    status = "stopped_by_limit" if not found.converged else "at_bound" if onto_bounds(found.x, (low, high))[1] else "converged"
     return Solution(beta, c, status, f"{solution.method}, then the error of {name}")
 
 

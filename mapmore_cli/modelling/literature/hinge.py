@@ -20,24 +20,27 @@ A, A3, B, B1, LN_W = [0, 1, 3, 4, 5], 2, [6, 7, 8], 7, 9
 
 
 def force(q: Array, p: Array, x: Array) -> Array:
-    """The normalised force, `(n,)`."""
+    """The normalised force, `(n,)`; of several places q, `(s, 10)`, a row for each, `(s, n)`."""
     _, high, low = _sides(q, p, x)
-    w = np.exp(q[LN_W])
+    w = np.exp(_each(q, LN_W))
     return np.asarray(low + w * np.logaddexp(0.0, (high - low) / w))
 
 
-def jacobian(q: Array, p: Array, x: Array) -> Array:
-    """Derivative of `force` for q, `(n, 10)`."""
-    w = np.exp(q[LN_W])
+def linearised(q: Array, p: Array, x: Array) -> tuple[Array, Array]:
+    """`force` and its derivative for q, `(n, 10)`; of several places `(s, n)` and `(s, n, 10)`."""
+    w = np.exp(_each(q, LN_W))
     decay, high, low = _sides(q, p, x)
     above = (high - low) / w
+    softened = np.logaddexp(0.0, above)
     share = 0.5 * (1.0 + np.tanh(0.5 * above))  # d force / d hi
-    columns = np.empty((len(p), len(NAMES)))
-    columns[:, A] = upper_regressors(q[A3], p, x) * share[:, None]
-    columns[:, A3] = (q[0] * p + q[1]) * x * decay * share
-    columns[:, B] = foot_regressors(p, x) * (1.0 - share)[:, None]
-    columns[:, LN_W] = w * (np.logaddexp(0.0, above) - share * above)
-    return columns
+    below = 1.0 - share
+    falling = decay * share
+    slopes = (
+        *(p * falling, falling, (_each(q, 0) * p + _each(q, 1)) * x * falling, x * p * share, p * share, share),
+        *(below, p * below, x * below),
+        w * (softened - share * above),
+    )
+    return low + w * softened, np.stack(slopes, axis=-1)
 
 
 def upper_regressors(a3: float, p: Array, x: Array) -> Array:
@@ -58,6 +61,12 @@ def units(pressure: float, strain: float, target: float) -> Array:
 
 
 def _sides(q: Array, p: Array, x: Array) -> tuple[Array, Array, Array]:
-    """`exp(a3 x)`, `hi` and `lo`, each `(n,)`."""
-    regressors = upper_regressors(q[A3], p, x)
-    return regressors[:, 1], regressors @ q[A], foot_regressors(p, x) @ q[B]
+    """`exp(a3 x)`, `hi` and `lo`, each `(n,)` or `(s, n)`."""
+    a1, a2, a3, a4, a5, a6, b0, b1, b2, _ = (_each(q, place) for place in range(len(NAMES)))
+    decay = np.exp(a3 * x)
+    return decay, (a1 * p + a2) * decay + (a4 * x + a5) * p + a6, b0 + b1 * p + b2 * x
+
+
+def _each(q: Array, place: int) -> Array:
+    """One coordinate of every place, to be multiplied with rows."""
+    return np.asarray(q[..., place, np.newaxis])

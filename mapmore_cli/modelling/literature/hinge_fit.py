@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
-from mapmore_cli.modelling.literature import hinge, linear, trust_region
+from mapmore_cli.modelling.literature import hinge, linear
 from mapmore_cli.modelling.literature.cells import condensed
+from mapmore_cli.modelling.literature.descent import Bounds, descend, onto_bounds
 from mapmore_cli.modelling.literature.hinge import A3, B1, LN_W, NAMES, A, B
 from mapmore_cli.modelling.literature.multistart import lowest, rivals
 
@@ -27,7 +28,7 @@ INDEPENDENT = 300
 """Most samples that the data count as against the priors. Neighbouring samples of a slow recording repeat each other: counted one by one,
 100 000 of them leave the priors no weight, and a3, which three strain levels do not show, runs to its bounds again. On the Festo muscles
 any number from 30 to 1000 predicts left-out strains about as well."""
-TOLERANCE = 1e-10
+TOLERANCE = 1e-13
 
 
 @dataclass(frozen=True)
@@ -74,17 +75,16 @@ class _Problem:
     centre: Array
     weight: Array
 
-    def data_residual(self, q: Array) -> Array:
-        return self.root * (hinge.force(q, self.p, self.x) - self.f)
+    def of_data(self, q: Array) -> tuple[Array, Array]:
+        """Residuals of the rows and their derivatives, `(n,)` and `(n, 10)`; of several places `(s, n)` and `(s, n, 10)`."""
+        force, slopes = hinge.linearised(q, self.p, self.x)
+        return self.root * (force - self.f), self.root[:, None] * slopes
 
-    def data_jacobian(self, q: Array) -> Array:
-        return self.root[:, None] * hinge.jacobian(q, self.p, self.x)
-
-    def residual(self, q: Array) -> Array:
-        return np.concatenate([self.data_residual(q), self.weight * (q - self.centre)])
-
-    def jacobian(self, q: Array) -> Array:
-        return np.vstack([self.data_jacobian(q), np.diag(self.weight)])
+    def system(self, q: Array) -> tuple[Array, Array]:
+        """The same with the priors below, for a `descent`: `(s, n + 10)` and `(s, n + 10, 10)`."""
+        residual, slopes = self.of_data(q)
+        priors = np.broadcast_to(np.diag(self.weight), (*q.shape, len(NAMES)))
+        return np.concatenate([residual, self.weight * (q - self.centre)], axis=-1), np.concatenate([slopes, priors], axis=-2)
 
 
 def fit(columns: Columns, y: Array) -> HingeFit:
@@ -96,10 +96,10 @@ def fit(columns: Columns, y: Array) -> HingeFit:
     scales = _scale(columns["pressure"]), _scale(columns["strain"]), _scale(y)
     problem = _normalised(columns, y, *scales)
     bounds = _bounds()
-    ends = [trust_region.descend(problem.residual, problem.jacobian, start, bounds, TOLERANCE) for start in _starts(problem)]
+    ends = descend(problem.system, list(_starts(problem)), bounds, TOLERANCE)
     best, agreement = lowest(ends, len(START_A3))
-    q, touched = trust_region.onto_bounds(best.x, bounds)
-    _, rank, condition = linear.standard_errors(problem.data_jacobian(q), 0.0)
+    q, touched = onto_bounds(best.x, bounds)
+    _, rank, condition = linear.standard_errors(problem.of_data(q)[1], 0.0)
     natural, errors = _natural(q), _errors(problem, q)
     errors[LN_W] *= natural[LN_W]
     units = hinge.units(*scales)
@@ -113,8 +113,8 @@ def fit(columns: Columns, y: Array) -> HingeFit:
         rank=rank,
         condition=condition,
         agreement=agreement,
-        converged=best.status > 0,
-        others=tuple(_natural(end.x) * units for end in rivals([end for end in ends if end.status > 0], best)),
+        converged=best.converged,
+        others=tuple(_natural(end.x) * units for end in rivals([end for end in ends if end.converged], best)),
     )
 
 
@@ -136,7 +136,7 @@ def _normalised(columns: Columns, y: Array, pressure: float, strain: float, targ
     return _Problem(cells.columns["pressure"] / pressure, cells.columns["strain"] / strain, cells.y / target, root, centre, weight)
 
 
-def _bounds() -> tuple[Array, Array]:
+def _bounds() -> Bounds:
     lower, upper = np.full(len(NAMES), -np.inf), np.full(len(NAMES), np.inf)
     for i, (low, high) in LIMITS.items():
         lower[i], upper[i] = low, high
@@ -163,7 +163,7 @@ def _least_squares(problem: _Problem, phi: Array, chosen: BoolArray) -> Array:
 
 def _errors(problem: _Problem, q: Array) -> Array:
     """Standard errors of q, `(10,)`; NaN where there are no more independent samples than parameters."""
-    data, slopes = problem.data_residual(q), problem.jacobian(q)
+    (data, _), (_, slopes) = problem.of_data(q), problem.system(q)
     freedom = float(problem.root @ problem.root) - len(NAMES)
     variance = float(data @ data) / freedom if freedom > 0.5 else np.nan
     return np.sqrt(variance * np.diag(np.linalg.inv(slopes.T @ slopes)))

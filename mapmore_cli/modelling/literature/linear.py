@@ -11,9 +11,6 @@ from mapmore_cli.domain.arrays import Array
 RANK_TOLERANCE = 1e-13
 """Singular values below this fraction of the largest are rounding (exactly dependent columns leave about 1e-16)."""
 
-BLOCK = 8192
-"""Rows at a time in `least_sse`, which then stay in the processor's cache."""
-
 
 @dataclass(frozen=True)
 class LinearFit:
@@ -61,12 +58,39 @@ def solve(phi: Array, y: Array) -> LinearFit:
     return LinearFit(beta, basis, residual, rank, condition)
 
 
-def least_sse(phi: Array, y: Array) -> float:
-    """`min |Phi beta - y|^2` alone, many times faster than `solve`: with `[Phi y] = Q R`, only R is left to solve (m + 1 rows)."""
-    columns = np.column_stack([phi, y])
-    blocks = [np.linalg.qr(columns[start : start + BLOCK], mode="r") for start in range(0, len(y), BLOCK)]
-    triangle = np.asarray(np.linalg.qr(np.vstack(blocks), mode="r"))
-    return solve(triangle[:, :-1], triangle[:, -1]).sse
+@dataclass(frozen=True)
+class LinearFits:
+    """Of s problems: `beta`, `(s, m)`; `basis`, `(s, n, m)`, zero beyond the rank; `residual`, `(s, n)`, infinite where Phi is."""
+
+    beta: Array
+    basis: Array
+    residual: Array
+
+
+def solve_each(phi: Array, y: Array) -> LinearFits:
+    """As `solve`, with several regressors at once, `(s, n, m)`, and a target for each, `(s, n)`."""
+    sound = np.asarray(np.isfinite(phi).all(axis=(1, 2)) & np.isfinite(y).all(axis=1))
+    phi, y = np.where(sound[:, None, None], phi, 0.0), np.where(sound[:, None], y, 0.0)
+    lengths = _lengths(phi)
+    u, s, vt = np.linalg.svd(phi / lengths[:, None], full_matrices=False)
+    above = s > RANK_TOLERANCE * s[:, :1]
+    basis = u * above[:, None]
+    turned = basis.transpose(0, 2, 1)
+    components = turned @ y[:, :, None]
+    residual = basis @ components - y[:, :, None]
+    residual -= basis @ (turned @ residual)
+    weights = np.divide(components[:, :, 0], s, out=np.zeros_like(s), where=above)
+    beta = (vt.transpose(0, 2, 1) @ weights[:, :, None])[:, :, 0] / lengths
+    return LinearFits(beta, basis, np.where(sound[:, None], residual[:, :, 0], np.inf))
+
+
+def least_sse(phi: Array, y: Array) -> Array:
+    """`min |Phi beta - y|^2` alone of several problems, `(s,)`: with `[Phi y] = Q R`, only R is left to solve (m + 1 rows)."""
+    columns = np.concatenate([phi, y[:, :, None]], axis=2)
+    sound = np.asarray(np.isfinite(columns).all(axis=(1, 2)))
+    triangles = np.asarray(np.linalg.qr(np.where(sound[:, None, None], columns, 0.0), mode="r"))
+    residual = solve_each(triangles[:, :, :-1], triangles[:, :, -1]).residual
+    return np.where(sound, np.einsum("sn,sn->s", residual, residual), np.inf)
 
 
 def numerical_rank(phi: Array) -> int:
@@ -90,11 +114,12 @@ def standard_errors(jacobian: Array, sse: float) -> tuple[Array, int, float]:
 
 
 def _lengths(columns: Array) -> Array:
-    largest = np.abs(columns).max(axis=0)
+    """Lengths of columns, `(n, m)`, or of several sets of them, `(s, n, m)`; one for a column of zeros."""
+    largest = np.abs(columns).max(axis=-2, keepdims=True)
     largest[largest == 0.0] = 1.0
-    lengths = largest * np.linalg.norm(columns / largest, axis=0)  # squares of tiny or huge columns would leave the range
+    lengths = largest * np.linalg.norm(columns / largest, axis=-2, keepdims=True)  # squares of tiny or huge columns would leave the range
     lengths[lengths == 0.0] = 1.0
-    return np.asarray(lengths)
+    return np.asarray(lengths[..., 0, :])
 
 
 def _rank(s: Array) -> tuple[int, float]:

@@ -20,8 +20,13 @@ DISTINCT = 1e-3  # relative difference between sums of squares of minima that ar
 class End(Protocol):
     """Where a descent ended."""
 
-    x: Array
-    cost: float
+    @property
+    def x(self) -> Array:
+        """The place."""
+
+    @property
+    def cost(self) -> float:
+        """Half of the sum of squares there, or all of it."""
 
 
 Found = TypeVar("Found", bound=End)

@@ -11,7 +11,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.modelling.literature import linear
 from mapmore_cli.modelling.literature.cells import condensed, nominal
-from mapmore_cli.modelling.terms import Expression, Number, dictionary_matrix, evaluate, substitute
+from mapmore_cli.modelling.terms import Expression, Number, dictionary_matrix, evaluate, stacked_matrices, substitute
 
 
 @dataclass(frozen=True)
@@ -97,6 +97,21 @@ class Problem:
         """`Phi(c)`, `(n, m)`; raises `NotFinite` where it overflows."""
         return self._matrix(self.linear, self.values(np.zeros(len(self.linear)), c))
 
+    def each_regressors(self, c: Array) -> Array:
+        """Phi at several places c, `(s, k)`: `(s, n, m)`, not finite where it overflows."""
+        return self._matrices(self.linear, self._each(np.zeros((len(c), len(self.linear))), c))
+
+    def each_target(self, c: Array) -> Array:
+        """`target` at several places, `(s, n)`."""
+        if self.offset == Number(0.0):
+            return np.broadcast_to(self._weighted(self.y), (len(c), len(self.y)))
+        values = self._each(np.zeros((len(c), len(self.linear))), c)
+        return self._weights * (self.y - stacked_matrices([self.offset], self.columns, values, len(self.y))[:, :, 0])
+
+    def each_slopes(self, beta: Array, c: Array) -> Array:
+        """Derivative of the formula for c at several places `(beta, c)`: `(s, n, k)`, not finite where it overflows."""
+        return self._matrices(tuple(parameter.name for parameter in self.nonlinear), self._each(beta, c)) / self.spans
+
     def jacobian(self, beta: Array, c: Array) -> Array:
         """Derivative of the formula for `(beta, c)`, `(n, m + k)`; raises `NotFinite` where it overflows."""
         matrix = self._matrix(self.names, self.values(beta, c))
@@ -112,7 +127,7 @@ class Problem:
         """The linear parameters, then the nonlinear ones."""
         return (*self.linear, *(parameter.name for parameter in self.nonlinear))
 
-    @property
+    @cached_property
     def spans(self) -> Array:
         """Coordinates of the value one of the nonlinear parameters, `(k,)`."""
         return np.array([parameter.span(self.columns) for parameter in self.nonlinear])
@@ -137,8 +152,19 @@ class Problem:
     def _matrix(self, names: tuple[str, ...], values: Mapping[str, float]) -> Array:
         return self._weighted(dictionary_matrix([self.gradient[name] for name in names], self._with(values), len(self.y)))
 
+    def _matrices(self, names: tuple[str, ...], values: Mapping[str, Array]) -> Array:
+        return self._weights[:, None] * stacked_matrices([self.gradient[name] for name in names], self.columns, values, len(self.y))
+
+    def _each(self, beta: Array, c: Array) -> dict[str, Array]:
+        """Parameters of several places by name, `(s,)` each."""
+        return dict(zip(self.names, [*beta.T, *(c / self.spans).T], strict=True))
+
     def _weighted(self, rows: Array) -> Array:
-        return rows if self.counts is None else (rows.T * np.sqrt(self.counts)).T
+        return rows if self.counts is None else (rows.T * self._weights).T
+
+    @cached_property
+    def _weights(self) -> Array:
+        return np.ones(len(self.y)) if self.counts is None else np.sqrt(self.counts)
 
     def _with(self, values: Mapping[str, float]) -> Columns:
         return {**self.columns, **{name: np.asarray(value) for name, value in values.items()}}

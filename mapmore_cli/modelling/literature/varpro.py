@@ -7,6 +7,7 @@ taken, and those that are nearly as deep are its rivals.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +20,12 @@ from mapmore_cli.modelling.literature.problem import Problem, Solution, at_limit
 METHOD = "variable projection"
 
 SCAN_POINTS = 24  # in each interval of the coordinate
+STACK = 2**18  # rows times places of the scan that are computed at once
 HALF_DIGITS = 1e-4  # relative distance within which the lowest sum of squares surely places the minimum
+DIGITS = 1e-13  # relative length of a step below which a place has all the digits that it can have
+NOISY = 1e-6  # relative length of a step below which the slopes at its ends differ by little more than rounding
+FAR = 1e-2  # relative length of a step to the minimum of all samples that is not to be trusted
+STEPS = 30  # most of them: a dozen do, and more only go about in rounding
 WORTH_REFINING = 4.0  # times the lowest sum of squares of the scan, up to which a valley is refined
 FLAT = 1e-10  # relative change of the sum of squares over the whole scan
 ROUNDING = 1e-24  # of y'y: sums of squares below are rounding
@@ -28,24 +34,31 @@ ROUNDING = 1e-24  # of y'y: sums of squares below are rounding
 def fit(problem: Problem) -> Solution:
     """Solve `problem`, over the whole interval of the nonlinear parameter where there is one, and from several starts where there are more.
 
-    With one, the solution's status is `converged` or `at_bound`; a parameter that the data do not show is noted.
+    With one, the scan goes over means of neighbouring samples where there are many, and the deepest valley is finished on all samples. The
+    status is `converged` or `at_bound`; a parameter that the data do not show is noted.
     """
     if len(problem.nonlinear) > 1:
         return bounded.fit(problem)
     if not problem.nonlinear:
         straight = linear.solve(problem.at_levels.regressors(np.empty(0)), problem.target(np.empty(0)))
         return Solution(straight.beta, np.empty(0), "converged", "linear least squares")
-    parameter = problem.nonlinear[0]
+    parameter, few = problem.nonlinear[0], problem.condensed()
     grids = np.array([np.geomspace(*interval, SCAN_POINTS) for interval in parameter.intervals])
-    sse = np.array([[_sse(problem, c) for c in grid] for grid in grids])
+    sse = _sse(few, grids.ravel()).reshape(grids.shape)
     if _flat(sse, problem.y):
         c = min(grids.flat, key=lambda c: abs(np.log(abs(c))))
         return _solution(problem, c, "converged", (f"{parameter.name} is arbitrary: every value fits these data equally well",))
-    valleys = sorted((_refine(problem, grids[number], i) for number, i in _valleys(sse)), key=lambda valley: _sse(problem, valley[0]))
-    c, status = valleys[0]
-    least = _sse(problem, c)
-    near = [other for other, _ in valleys[1:] if (1 + DISTINCT) * least < _sse(problem, other) <= RIVAL * least]
+    places = _valleys(sse)
+    valleys = [_refine(few, grids[number], i) for number, i in places]
+    depths = _sse(few, np.array([c for c, _ in valleys]))
+    deepest = int(np.argmin(depths))
+    c, status = valleys[deepest]
+    if few is not problem and status == "converged":
+        number, i = places[deepest]
+        c = _finished(problem, few, c) or _refine(problem, grids[number], i)[0]
     solution = _solution(problem, c, status, (at_limit(parameter, c),) if status == "at_bound" else ())
+    least, rivals = depths[deepest], np.argsort(depths, kind="stable")
+    near = [valleys[other][0] for other in rivals if (1 + DISTINCT) * least < depths[other] <= RIVAL * least]
     return replace(solution, rivals=tuple((_project(problem, other).beta, np.array([other])) for other in near))
 
 
@@ -63,23 +76,72 @@ def _flat(sse: Array, y: Array) -> bool:
 
 def _refine(problem: Problem, grid: Array, i: int) -> tuple[float, str]:
     """The lowest point of the valley around `grid[i]`, and the status of having got there."""
-    from scipy.optimize import brentq, minimize_scalar
-
     lower, c, upper = float(grid[max(i - 1, 0)]), float(grid[i]), float(grid[min(i + 1, len(grid) - 1)])
-    outward = _slope(problem, c)
+
+    def slope(place: float) -> float:
+        return _slope(problem, place)
+
+    outward = slope(c)
     if (i == 0 and outward >= 0) or (i == len(grid) - 1 and outward <= 0):
         return c, "at_bound"
-    c = float(minimize_scalar(lambda c: _sse(problem, c), bounds=(lower, upper), method="bounded", options={"xatol": 1e-8 * abs(c)}).x)
-    # A lowest value shows only half the digits of its place; the zero of the slope shows the rest, where it stands out of the rounding.
-    left, right = max(lower, c - HALF_DIGITS * abs(c)), min(upper, c + HALF_DIGITS * abs(c))
-    if _slope(problem, left) < 0 < _slope(problem, right):
-        c = float(brentq(lambda c: _slope(problem, c), left, right, xtol=1e-300))
-    return c, "converged"
+    left, right = (lower, c) if outward > 0 else (c, upper)
+    if not slope(left) < 0 < slope(right):
+        c = _lowest(problem, lower, upper, 1e-8 * abs(c))
+        # A lowest value shows only half the digits of its place; the zero of the slope shows the rest, where it stands out of the rounding.
+        left, right = max(lower, c - HALF_DIGITS * abs(c)), min(upper, c + HALF_DIGITS * abs(c))
+    return _root(slope, left, right) if slope(left) < 0 < slope(right) else c, "converged"
 
 
-def _sse(problem: Problem, c: float) -> float:
-    at = np.array([c])
-    return linear.least_sse(problem.regressors(at), problem.target(at))
+def _lowest(problem: Problem, lower: float, upper: float, within: float) -> float:
+    """The place with the lowest sum of squares."""
+    from scipy.optimize import minimize_scalar
+
+    return float(
+        minimize_scalar(lambda c: _sse(problem, np.array([c]))[0], bounds=(lower, upper), method="bounded", options={"xatol": within}).x
+    )
+
+
+def _root(function: Callable[[float], float], left: float, right: float) -> float:
+    """Where a function that is negative at `left` and positive at `right` is zero: secants, an end that stays being halved (Illinois)."""
+    ends, values, side, middle = [left, right], [function(left), function(right)], -1, np.inf
+    for _ in range(STEPS):
+        before, middle = middle, (ends[0] * values[1] - ends[1] * values[0]) / (values[1] - values[0])
+        value = function(middle)
+        if value == 0.0 or abs(middle - before) <= DIGITS * abs(middle):
+            break
+        moved = int(value > 0)
+        ends[moved], values[moved] = middle, value
+        if moved == side:
+            values[1 - moved] /= 2
+        side = moved
+    return float(middle)
+
+
+def _finished(problem: Problem, few: Problem, c: float) -> float | None:
+    """Where the slope of all samples is zero, near `c`, where that of their means is: secants, the first one with the curvature of the
+    means. None where they do not lead there."""
+    apart = HALF_DIGITS * abs(c)
+    curvature = (_slope(few, c + apart) - _slope(few, c - apart)) / (2 * apart)
+    slope = _slope(problem, c)
+    for _ in range(STEPS):
+        step = -slope / curvature if curvature > 0 else np.inf
+        if abs(step) > FAR * abs(c):
+            return None
+        c, before = c + step, slope
+        if abs(step) <= DIGITS * abs(c):
+            return c
+        slope = _slope(problem, c)
+        if abs(step) > NOISY * abs(c):
+            curvature = (slope - before) / step
+        elif abs(slope) > 0.1 * abs(before):  # rounding is all that is left of it
+            return c
+    return None
+
+
+def _sse(problem: Problem, places: Array) -> Array:
+    """Sums of squares at several places of the coordinate, `(s,)`."""
+    parts = np.array_split(places[:, None], -(-len(places) * len(problem.y) // STACK))
+    return np.concatenate([linear.least_sse(problem.each_regressors(part), problem.each_target(part)) for part in parts])
 
 
 def _slope(problem: Problem, c: float) -> float:

@@ -2,7 +2,7 @@
 
 from mapmore_cli.modelling.terms.calculus import affine, derivative, exponents, substitute
 from mapmore_cli.modelling.terms.errors import ExpressionError, NotFinite
-from mapmore_cli.modelling.terms.evaluation import dictionary_blocks, dictionary_matrix, evaluate
+from mapmore_cli.modelling.terms.evaluation import dictionary_blocks, dictionary_matrix, evaluate, stacked_matrices
 from mapmore_cli.modelling.terms.families import monomials
 from mapmore_cli.modelling.terms.operators import OPERATORS
 from mapmore_cli.modelling.terms.parsing import parse
@@ -36,6 +36,7 @@ __all__ = [
     "multiply",
     "parse",
     "power",
+    "stacked_matrices",
     "state",
     "substitute",
     "to_latex",

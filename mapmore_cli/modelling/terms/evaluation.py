@@ -64,6 +64,21 @@ def dictionary_blocks(terms: Sequence[Expression], columns: Columns, n: int) -> 
         yield rows, block
 
 
+def stacked_matrices(terms: Sequence[Expression], columns: Columns, parameters: Columns, n: int) -> Array:
+    """Regressors of several sets of parameters at once, `(s, n, M)`; values that are not finite are left in.
+
+    `columns` are `(n,)` each, `parameters` `(s,)` each. Raises `DataError` where a column is absent or of another length.
+    """
+    (sets,) = {len(values) for values in parameters.values()}
+    names = frozenset[str]().union(*(term.names for term in terms))
+    values = _needed(names - parameters.keys(), columns, n) | {name: parameters[name][:, None] for name in names & parameters.keys()}
+    stack = np.empty((sets, n, len(terms)))
+    with np.errstate(all="ignore"):
+        for place, value in enumerate(compiled(tuple(terms)).values(values)):
+            stack[:, :, place] = value
+    return stack
+
+
 def constant_value(expression: Expression) -> float:
     """Value of an expression without names; NaN or infinite where it has none."""
     with np.errstate(all="ignore"):

@@ -11,7 +11,6 @@ from literature_cases import grid
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.literature import cells, get
 from mapmore_cli.modelling.literature.problem import Problem
-from mapmore_cli.modelling.literature.trust_region import descend, onto_bounds
 
 PLANTED = {
     "chou_hannaford": {"c1": 2.4, "c2": 1.8},
@@ -156,12 +155,3 @@ def test_cells_keep_sums_and_ranges(seed: int, inputs: int, rows: int, levels: b
         np.testing.assert_allclose(np.unique(few.columns["0"].round(12)), np.unique(columns["0"]))
     if rows <= cells.LIMIT:
         assert few.y is y
-
-
-def test_trust_region_stays_within_the_bounds_and_says_where_it_touches() -> None:
-    """The distance to a point outside of the unit box, in the first coordinate; the third has no upper end."""
-    bounds = np.array([0.0, 0.0, 0.0]), np.array([1.0, 1.0, np.inf])
-    found = descend(lambda x: x - np.array([2.0, 0.3, -1.0]), lambda _: np.eye(3), np.array([0.5, 0.5, 0.5]), bounds, 1e-12)
-    moved, touched = onto_bounds(found.x, bounds)
-    assert touched == [0, 2]
-    assert moved == pytest.approx([1.0, 0.3, 0.0], abs=1e-9)
