@@ -19,6 +19,8 @@ from mapmore_cli.storage.artefacts import read_model
 STUDY = Path(__file__).parents[2] / "configs" / "m2" / "dmsp-20-88-static.yaml"
 POINTS = 1_000_000
 RUNS = 5
+LIBRARIES = "import numpy, typer, pydantic\nclass Model(pydantic.BaseModel):\n    x: int"
+"""What a command that reads a spec cannot do without."""
 
 
 def mapmore(*arguments):
@@ -27,14 +29,16 @@ def mapmore(*arguments):
 
 
 def start_up(runs_folder):
-    """Seconds of the shortest command, of a run with everything to do and of one with nothing, beside Python's own start."""
+    """Seconds of the shortest command, of a run with everything to do and of one with nothing, beside Python's start and its libraries'."""
     run = mapmore("run", STUDY, "--runs", runs_folder)
     whole_run = median_seconds(run, 1)
     return {
         "python": median_seconds(lambda: subprocess.run([sys.executable, "-c", "pass"], check=True), RUNS),
+        "libraries": median_seconds(lambda: subprocess.run([sys.executable, "-c", LIBRARIES], check=True), RUNS),
         "version": median_seconds(mapmore("--version"), RUNS),
         "first_run": whole_run,
         "run_up_to_date": median_seconds(run, RUNS),
+        "check": median_seconds(mapmore("check", STUDY), RUNS),
     }
 
 

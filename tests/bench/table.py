@@ -78,5 +78,6 @@ def other_lines(bench):
     )
     yield (
         f"start-up    mapmore --version {start['version']:.2f} s (Python alone {start['python']:.2f}), "
-        f"a run {start['first_run']:.2f} s, up to date {start['run_up_to_date']:.2f} s"
+        f"a run {start['first_run']:.2f} s, up to date {start['run_up_to_date']:.2f} s, a check {start['check']:.2f} s "
+        f"(NumPy, pydantic and Typer alone {start['libraries']:.2f})"
     )
