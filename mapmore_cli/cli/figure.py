@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from mapmore_cli.cli.options import RUNS, Runs
+from mapmore_cli.cli.options import NO_OVERRIDES, RUNS, Runs
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.page import FIGURES
 
@@ -23,11 +23,21 @@ def figure(
         typer.Option("--curve", "--panel", metavar="ID", help="One panel alone: of a curve (250 or pressure=250), a recording or a model."),
     ] = None,
     data: Annotated[Path | None, typer.Option("--data", metavar="FILE", help="Also write what the panel was drawn from (CSV).")] = None,
+    looks: Annotated[
+        list[str],
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="Another look, as report.style.width=120mm. Repeatable.",
+            show_default=False,
+        ),
+    ] = NO_OVERRIDES,
     runs: Runs = RUNS,
 ) -> None:
     """Draw one figure of a run as a file.
 
-    All of it, or the panel of one curve by itself; sizes, fonts and colours are those of the spec's report.style.
+    All of it, or the panel of one curve by itself, also of a curve that the page leaves out. Width, font, size, labels and colours are
+    those of the spec's report.style, or of --set.
     """
     from mapmore_cli.stages.report import drawn_figure
     from mapmore_cli.storage.atomic import write_bytes, write_text
@@ -39,7 +49,7 @@ def figure(
         raise UsageError(f"{out}: figures are not written as {out.suffix or 'a file without an ending'}", f"choose .{', .'.join(SUFFIXES)}")
     if data is not None and curve is None:
         raise UsageError("--data needs one panel", "name it with --curve")
-    drawn, numbers = drawn_figure(run if run.is_dir() else runs / run, name, curve, suffix)
+    drawn, numbers = drawn_figure(run if run.is_dir() else runs / run, name, curve, suffix, looks)
     write_bytes(out, drawn)
     if data is not None and numbers is not None:
         write_text(data, numbers)

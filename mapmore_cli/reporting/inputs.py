@@ -85,6 +85,8 @@ class ReportInputs:
         How its figures look.
     published_tables
         Tables of a publication, as they were transcribed.
+    asked
+        Ids of the curves and recordings that alone are to be drawn; empty for some that stand for all.
     """
 
     name: str
@@ -104,6 +106,7 @@ class ReportInputs:
     other_equations: Mapping[str, tuple[Equation, ...]] = field(default_factory=dict)
     style: FigureStyle = field(default_factory=FigureStyle)
     published_tables: tuple[Table, ...] = ()
+    asked: frozenset[str] = frozenset()
 
     def axis_label(self, quantity: Quantity, prefix: str = "") -> str:
         """What stands at an axis."""
@@ -217,6 +220,12 @@ class ReportInputs:
     def all_notes(self) -> tuple[str, ...]:
         """Notes of the run and of every stage, each once."""
         return tuple(dict.fromkeys((*self.notes, *self.dataset.notes, *self.fit.notes, *self.model.notes)))
+
+    def ids_of(self, words: str) -> frozenset[str]:
+        """Ids of the curve or the recordings that a user calls so: by id, level (`250`, `250 kPa`), or the log that was cut into pieces."""
+        curves = [curve.id for curve in self.dataset.curves if words in (curve.id, curve.id.partition("=")[2], self.curve_label(curve))]
+        logs = [one.id for one in self.dataset.recordings if words in (one.id, one.log)]
+        return frozenset((*curves, *logs))
 
     def curve_label(self, curve: Curve) -> str:
         """Short name of a curve: its level with the unit (`150 kPa`, `strain 0.04`), else its id."""

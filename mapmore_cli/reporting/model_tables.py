@@ -118,10 +118,15 @@ def coefficients_table(inputs: ReportInputs) -> Table:
 
 
 def equations_table(equations: Sequence[Equation], others: Mapping[str, Sequence[Equation]]) -> Table:
-    """The model in physical units, as text and as LaTeX source; in `others` as text alone, a column for each."""
-    columns = (Column("id"), Column("equation"), *(Column(f"with {units}") for units in others), Column("latex"))
-    texts = zip(*([equation.text for equation in same] for same in (equations, *others.values())), strict=True)
-    rows = tuple((equation.id, *text, equation.latex) for equation, text in zip(equations, texts, strict=True))
+    """The model in physical units, and in `others`, as text and as LaTeX source: a column for each."""
+    texts = ("equation", *(f"with {units}" for units in others))
+    sources = ("latex", *(f"latex with {units}" for units in others))
+    columns = (Column("id"), *(Column(name, form="text") for name in texts), *(Column(name, form="source") for name in sources))
+    forms = [[(one.text, one.latex) for one in same] for same in (equations, *others.values())]
+    rows = tuple(
+        (equation.id, *(text for text, _ in same), *(source for _, source in same))
+        for equation, *same in zip(equations, *forms, strict=True)
+    )
     return Table("equations", "Equations in physical units", columns, rows)
 
 

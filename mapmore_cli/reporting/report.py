@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.page import FIGURES
 from mapmore_cli.reporting.comparison_tables import verdict
@@ -20,7 +20,7 @@ from mapmore_cli.reporting.tables import all_tables
 if TYPE_CHECKING:
     from jinja2 import Environment
 if TYPE_CHECKING:
-    from mapmore_cli.reporting.figures.drawing import Drawing
+    from mapmore_cli.reporting.figures.drawing import Drawing, Values
 
 
 LONG_TABLE = 40
@@ -87,6 +87,8 @@ def write_report(inputs: ReportInputs, out: Path, figures: Sequence[str], format
         if suffix in formats:
             (out / "tables").mkdir(exist_ok=True)
             for table in tables:
+                if suffix == "tex" and not table.rows:
+                    continue  # a document does not want a table of nothing
                 _write(out / "tables" / f"{table.name}.{suffix}", text_of(table))
     if set(formats) <= set(TABLE_FILES):
         return
@@ -139,14 +141,25 @@ def _stems(drawn: Sequence[Drawing]) -> Iterator[str]:
             yield stem
 
 
-def data_csv(data: Mapping[str, Any]) -> str:
+def data_csv(data: Mapping[str, Values]) -> str:
     """What a panel was drawn from, a column for each heading; 12 significant digits, an empty field where there is no number."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(data)
-    columns = [values.tolist() if hasattr(values, "tolist") else values for values in data.values()]
-    writer.writerows([number_text(cell) for cell in row] for row in zip(*columns, strict=True))
+    writer.writerows(zip(*map(_texts, data.values()), strict=True))
     return text.getvalue()
+
+
+def _texts(values: Values) -> list[str]:
+    """The cells of a column, as `number_text` writes them: a panel may have a million."""
+    cells = values if isinstance(values, Sequence) else values.tolist()
+    kinds = {type(cell) for cell in cells}
+    if kinds == {float}:
+        return ["" if cell != cell else f"{cell:.12g}" for cell in cells]  # NaN differs from itself
+    if kinds == {str}:
+        known = {word: number_text(word) for word in set(cells)}
+        return [known[word] for word in cells]
+    return [number_text(cell) for cell in cells]
 
 
 def _write(path: Path, text: str) -> None:

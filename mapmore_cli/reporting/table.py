@@ -8,6 +8,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
+from typing import Literal
 
 from mapmore_cli.domain.errors import csv_cell
 
@@ -16,6 +17,8 @@ Cell = str | int | float | None
 
 MISSING = "–"
 LONG_TEXT = 24
+EQUATIONS = 0.75
+"""What of a page's width LaTeX gives to equations."""
 _LATEX = str.maketrans(
     {
         "\\": r"\textbackslash{}",
@@ -43,11 +46,15 @@ def latex_text(text: str) -> str:
 
 @dataclass(frozen=True)
 class Column:
-    """A column: `unit` is empty where there is none to name, `spec` formats its floats for people."""
+    """A column: `unit` is empty where there is none to name, `spec` formats its floats for people.
+
+    Equations have two forms: as `text`, which LaTeX leaves out, and as LaTeX `source`, which LaTeX sets.
+    """
 
     name: str
     unit: str = ""
     spec: str = "#.4g"
+    form: Literal["cell", "text", "source"] = "cell"
 
     @property
     def heading(self) -> str:
@@ -140,9 +147,14 @@ def markdown_text(text: str) -> str:
 
 
 def to_latex(table: Table) -> str:
-    """A `tabular` with booktabs rules, its title and its notes as comments; it needs `\\usepackage{booktabs}`."""
-    lines = [" & ".join(map(latex_text, line)) + r" \\" for line in (table.headings, *table.shown)]
-    align = "".join("r" if number else "l" for number in table.numeric)
+    """A `tabular` with booktabs rules, title and notes as comments, equations set; it needs `\\usepackage{booktabs}`."""
+    kept = [(j, column) for j, column in enumerate(table.columns) if column.form != "text"]
+    sources = sum(column.form == "source" for _, column in kept)
+    equation = rf"p{{{EQUATIONS / max(sources, 1):.3g}\linewidth}}"
+    align = "".join(equation if column.form == "source" else "r" if table.numeric[j] else "l" for j, column in kept)
+    head = [column.heading.replace("latex", "equation") if column.form == "source" else column.heading for _, column in kept]
+    rows = [[f"${line[j]}$" if column.form == "source" else latex_text(line[j]) for j, column in kept] for line in table.shown]
+    lines = [" & ".join(line) + r" \\" for line in (map(latex_text, head), *rows)]
     words = [f"% {latex_text(text)}" for text in (table.title, *table.notes)]
     frame = [*words, rf"\begin{{tabular}}{{{align}}}", r"\toprule", lines[0], r"\midrule"]
     return "\n".join([*frame, *lines[1:], r"\bottomrule", r"\end{tabular}"]) + "\n"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -150,18 +150,27 @@ def faults_of(style: FigureStyle) -> list[str]:
     return []
 
 
-def drawn_figure(run_dir: Path, name: str, key: str | None, suffix: str) -> tuple[bytes, str | None]:
+LOOKS = "report.style."
+"""What of a run's spec may be replaced to draw its results anew."""
+
+
+def drawn_figure(run_dir: Path, name: str, key: str | None, suffix: str, looks: Sequence[str] = ()) -> tuple[bytes, str | None]:
     """A figure of a run as a file: all of it, or the panel of one curve (or model) as wide as the spec says, with its numbers as CSV.
+
+    Parameters
+    ----------
+    looks
+        Values that replace those of the run's spec, as `report.style.width=120 mm`.
 
     Raises
     ------
     DataError
         Where the folder holds no finished run.
     UsageError
-        Where there is no such panel; the message names those that there are.
+        Where there is no such panel (the message names those that there are), or `looks` are about anything else.
     """
-    from mapmore_cli.reporting.figures.catalogue import drawings
-    from mapmore_cli.reporting.figures.drawing import alone, compose, find_panel
+    from mapmore_cli.reporting.figures.catalogue import drawings, panel_of
+    from mapmore_cli.reporting.figures.drawing import alone, compose
     from mapmore_cli.reporting.figures.saving import WRITERS
     from mapmore_cli.reporting.figures.style import figure_style
     from mapmore_cli.reporting.report import data_csv
@@ -169,16 +178,18 @@ def drawn_figure(run_dir: Path, name: str, key: str | None, suffix: str) -> tupl
 
     if not (run_dir / VALIDATION).is_file():
         raise DataError(f"{run_dir}: holds no finished run", "give a folder that `mapmore run` wrote, as runs/NAME")
-    inputs = collected(reads(load(run_dir / "experiment.yaml").spec), run_dir)
+    if other := next((one for one in looks if not one.startswith(LOOKS)), None):
+        raise UsageError(f"--set {other}: changes more than looks", f"set a key of {LOOKS.rstrip('.')}, or run the study anew")
+    inputs = collected(reads(load(run_dir / "experiment.yaml", looks).spec), run_dir)
     faults_of(inputs.style)
-    found = drawings(name, inputs)
-    if not found:
-        raise UsageError(f"{run_dir}: has nothing to draw as {name!r}", "choose another figure")
     with figure_style(inputs.style):
         if key is None:
+            found = drawings(name, inputs)
+            if not found:
+                raise UsageError(f"{run_dir}: has nothing to draw as {name!r}", "choose another figure")
             figure = compose(found[0], inputs.style)
             return WRITERS[suffix](figure, found[0].name, found[0].alt), None
-        drawing, panel = find_panel(found, key)
+        drawing, panel = panel_of(name, inputs, key)
         figure = alone(drawing, panel, inputs.style)
         return WRITERS[suffix](figure, drawing.name, drawing.alt), data_csv(panel.data)
 
@@ -207,4 +218,4 @@ def _labels(muscle: Muscle) -> dict[str, str]:
     }
 
 
-STAGE = Stage(name="report", revision=4, outputs=("report",), reads=reads, run=run, sources=sources)
+STAGE = Stage(name="report", revision=5, outputs=("report",), reads=reads, run=run, sources=sources)

@@ -32,12 +32,24 @@ def test_one_curve_as_pdf_with_its_numbers(finished: tuple[Path, Path], tmp_path
         (("fit", "-o", "x.docx"), 2, "choose .svg"),
         (("fit", "--curve", "201", "-o", "x.pdf"), 2, "pressure=200"),
         (("fit", "-o", "x.svg", "--data", "x.csv"), 2, "--curve"),
+        (("fit", "-o", "x.svg", "--set", "fit.max_terms=1"), 2, "set a key of report.style"),
+        (("fit", "-o", "x.svg", "--set", "report.style.widht=80mm"), 3, "did you mean `width`"),
     ],
 )
 def test_what_cannot_be_drawn(finished: Any, arguments: tuple[str, ...], code: int, words: str, mapmore: Callable[..., Any]) -> None:
     result = mapmore("figure", finished[1] / "bench", *arguments)
     assert result.exit_code == code
     assert words in result.stderr
+
+
+def test_the_looks_of_one_figure(finished: Any, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    for curve, out in (("100 kPa", "fig1.svg"), ("200", "fig2.svg")):  # 100 kPa trains, and has no panel of its own on the page
+        looks = ("--set", "report.style.width=120 mm", "--set", "report.style.labels={force: Pull (N)}")
+        result = mapmore("figure", finished[1] / "bench", "fit", "--curve", curve, "-o", tmp_path / out, *looks)
+        assert result.exit_code == 0, result.stderr
+        text = (tmp_path / out).read_text()
+        assert f'width="{120 / 25.4 * 72:.6g}' in text
+        assert "Pull (N)" in text
 
 
 def test_an_empty_folder_is_no_run(tmp_path: Path, mapmore: Callable[..., Any]) -> None:

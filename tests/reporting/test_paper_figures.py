@@ -16,14 +16,19 @@ import pytest
 from matplotlib.image import imread
 from report_builder import build
 
+from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.domain.models import Equation
 from mapmore_cli.domain.page import FIGURES
-from mapmore_cli.reporting.figures.catalogue import drawings
-from mapmore_cli.reporting.figures.drawing import alone, compose, find_panel
+from mapmore_cli.reporting.figures import data
+from mapmore_cli.reporting.figures.catalogue import drawings, panel_of
+from mapmore_cli.reporting.figures.drawing import alone, compose
 from mapmore_cli.reporting.figures.saving import DOTS_PER_INCH, WRITERS
 from mapmore_cli.reporting.figures.style import figure_style, wrong_formula
 from mapmore_cli.reporting.inputs import FigureStyle
+from mapmore_cli.reporting.model_tables import equations_table
 from mapmore_cli.reporting.report import write_report
-from mapmore_cli.reporting.table import Column, Table, latex_text, to_latex
+from mapmore_cli.reporting.table import Column, Table, latex_text, to_csv, to_latex
+from mapmore_cli.reporting.tables import all_tables
 
 HOSTILE = r"\input{/etc/passwd}\write18{rm}$%&#_{}^~[2]*" + "\n\n\\def"
 OBEYED = re.compile(r"(?<!\\)\\(input|write|def|include|catcode|csname|immediate|openout)\b")
@@ -127,12 +132,71 @@ def test_what_tex_reads_is_text():
     assert rows[5:7] == [r"{[}3pt{]} \\", r"{*} \\"]
 
 
-def test_panels_are_found_by_level_and_by_id(mixed):
-    found = drawings("fit", mixed)
-    assert find_panel(found, "250")[1] is find_panel(found, "pressure=250")[1]
-    with pytest.raises(Exception, match="no panel of this figure is called '251'") as caught:
-        find_panel(found, "251")
-    assert "pressure=250" in caught.value.remedy
+def test_equations_are_set_in_latex():
+    names = [("pressure", r"\mathrm{pressure}"), ("p^2", "p^{2}")]
+    table = equations_table([Equation("a_1", *names[0])], {"pressure in Pa": [Equation("a_1", *names[1])]})
+    assert to_latex(table).splitlines()[1:6] == [
+        r"\begin{tabular}{lp{0.375\linewidth}p{0.375\linewidth}}",
+        r"\toprule",
+        r"id & equation & equation with pressure in Pa \\",
+        r"\midrule",
+        r"a\_1 & $\mathrm{pressure}$ & $p^{2}$ \\",
+    ]
+    assert to_csv(table).splitlines() == [
+        "id,equation,with pressure in Pa,latex,latex with pressure in Pa",
+        r"a_1,pressure,p^2,\mathrm{pressure},p^{2}",
+    ]
+
+
+def test_every_table_is_what_latex_can_read(paper, inputs):
+    """No column too many, no brace left open, no letter that pdfLaTeX does not know, no table of nothing."""
+    tables = {table.name: table for table in all_tables(inputs) if table.rows}
+    assert {path.stem for path in (paper / "tables").glob("*.tex")} == set(tables)
+    for name in tables:
+        text = (paper / "tables" / f"{name}.tex").read_text(encoding="utf-8")
+        assert text.isascii(), name
+        *_, begin, top, head, middle = text[: text.index("\\midrule\n") + 9].splitlines()
+        columns = len(re.findall(r"[lr]|p\{[\d.]+\\linewidth\}", begin.removeprefix(r"\begin{tabular}")))
+        rows = text[text.index("\\midrule\n") + 9 : text.index("\\bottomrule")].splitlines()
+        assert (top, middle, len(rows)) == (r"\toprule", r"\midrule", len(tables[name].rows)), name
+        for line in (head, *rows):
+            assert line.endswith(r" \\"), name
+            assert len(re.findall(r"(?<!\\)&", line)) == columns - 1, name
+            bare = re.sub(r"\\[{}]", "", line)
+            assert bare.count("{") == bare.count("}"), name
+            assert len(re.findall(r"(?<!\\)\$", line)) % 2 == 0, name
+
+
+@pytest.mark.parametrize("words", ["250", "250 kPa", "pressure=250"])
+def test_panels_are_found_by_level_and_by_id(words, mixed):
+    assert panel_of("fit", mixed, words)[1].key == "pressure=250"
+    with pytest.raises(UsageError, match="no panel of this figure is called '251'") as caught:
+        panel_of("fit", mixed, "251")
+    assert "pressure=250" in (caught.value.remedy or "")
+
+
+def test_a_panel_that_the_page_leaves_out_is_drawn_when_it_is_asked_for(inputs, monkeypatch):
+    for drawing in drawings("fit", inputs):
+        assert "pressure=150" not in [panel.key for panel in drawing.panels]  # it trains: all training curves are in one panel
+    drawing, panel = panel_of("fit", inputs, "150")
+    assert [one.key for one in drawing.panels] == ["pressure=150"]
+    curve = next(one for one in inputs.dataset.curves if one.id == "pressure=150")
+    assert set(panel.data["data"]) == {"train"}
+    assert sorted(panel.data["force [N]"]) == sorted(curve.columns["force"])
+    assert drawing.legend[0].get_label() == "training"
+    assert "no prediction" not in drawing.alt
+    monkeypatch.setattr(data, "MOST_RECORDINGS", 1)
+    shown = [one.key for drawing in drawings("data", inputs) for one in drawing.panels]
+    other = next(one.id for one in inputs.dataset.recordings if one.id not in shown)
+    assert panel_of("data", inputs, other)[1].key == other
+
+
+def test_a_log_that_was_cut_is_found_by_its_name(inputs):
+    first, second, *others = inputs.dataset.recordings
+    pieces = tuple(replace(one, id=f"Run 7#{place}", log="Run 7") for place, one in enumerate((first, second), start=1))
+    cut = replace(inputs, dataset=replace(inputs.dataset, recordings=(*pieces, *others)))
+    assert cut.ids_of("Run 7") == {"Run 7#1", "Run 7#2"}
+    assert panel_of("data", cut, "Run 7")[1].key == "Run 7#1"
 
 
 def test_labels_and_colours_are_the_users(inputs):

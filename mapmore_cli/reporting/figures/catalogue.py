@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 
+from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.page import FIGURES
-from mapmore_cli.reporting.figures.drawing import Drawing, compose
+from mapmore_cli.reporting.figures.drawing import Drawing, Panel, compose, find_panel
 from mapmore_cli.reporting.figures.saving import to_svg
 from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import FigureStyle, ReportInputs
@@ -17,6 +18,30 @@ def drawings(name: str, inputs: ReportInputs) -> list[Drawing]:
     """The figures behind a name: none where there is nothing to draw (no segments), or several (two variables)."""
     found: list[Drawing] = import_module(f"{__package__}.{name}").draw(inputs)
     return found
+
+
+def panel_of(name: str, inputs: ReportInputs, words: str) -> tuple[Drawing, Panel]:
+    """The panel of a curve, a recording or a model, also of one that the page leaves out.
+
+    Parameters
+    ----------
+    words
+        The panel's key, or what a user calls a curve: its level alone (`250`, `250 kPa` for `pressure=250`), or a log that was cut.
+
+    Raises
+    ------
+    UsageError
+        Where there is no such panel; the message names those that there are.
+    """
+    ids = inputs.ids_of(words)
+    if found := find_panel(drawings(name, inputs), (words, *ids)):
+        return found
+    if ids and (found := find_panel(drawings(name, replace(inputs, asked=ids)), ids)):
+        return found
+    all_ids = frozenset(one.id for one in (*inputs.dataset.curves, *inputs.dataset.recordings))
+    every = (panel.key for drawing in drawings(name, replace(inputs, asked=all_ids)) for panel in drawing.panels)
+    names = ", ".join(key for key in dict.fromkeys(every) if key)
+    raise UsageError(f"no panel of this figure is called {words!r}", f"choose one of {names}" if names else "leave the panel out")
 
 
 @dataclass(frozen=True)

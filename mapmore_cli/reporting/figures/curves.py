@@ -27,13 +27,14 @@ from mapmore_cli.reporting.figures.style import (
     interval_key,
     interval_words,
     model_styles,
+    places,
     shortened,
     some_of,
     thinned,
     width_for,
     zero_line,
 )
-from mapmore_cli.reporting.figures.thinning import cloud, spread
+from mapmore_cli.reporting.figures.thinning import cloud
 from mapmore_cli.reporting.inputs import ReportInputs
 
 MOST_PANELS = 9
@@ -54,6 +55,11 @@ class CurveFit:
     predictions: Mapping[str, Array]
     own: str
     interval: tuple[Array, Array] | None = None
+
+    @property
+    def scored(self) -> BoolArray:
+        """The held-out samples, or all where there are none, `(n,)`."""
+        return self.held_out if self.held_out.any() else ~self.held_out
 
     def predicted(self, model: str) -> bool:
         """False where the model gave no prediction, because its fit failed."""
@@ -117,9 +123,9 @@ def mark_held_out(ax: Axes, curve: CurveFit) -> None:
 
 
 def held_out_figures(inputs: ReportInputs) -> list[Drawing]:
-    """One pair of axes a curve that has held-out samples; no figure where nothing was held out."""
-    numbers = [i for i, curve in enumerate(inputs.dataset.curves) if curve.held_out.any()]
-    shown = [numbers[i] for i in spread(len(numbers), MOST_PANELS)]
+    """One pair of axes a curve that has held-out samples, or was asked for; no figure where there is none."""
+    numbers = [i for i, curve in enumerate(inputs.dataset.curves) if curve.held_out.any() or curve.id in inputs.asked]
+    shown = [numbers[i] for i in places(inputs, [inputs.dataset.curves[i].id for i in numbers], MOST_PANELS)]
     if not shown:
         return []
     curves = [curve_fit(inputs, number) for number in shown]
@@ -163,7 +169,9 @@ def curve_data(inputs: ReportInputs, curve: CurveFit) -> dict[str, Values]:
 
 def _legend(curves: Sequence[CurveFit], styles: Mapping[str, ModelStyle], mixed: bool) -> list[Line2D | Patch]:
     dots: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 3}
-    handles: list[Line2D | Patch] = [Line2D([], [], color=BLACK, label="held out" if mixed else "measured", **dots)]
+    handles: list[Line2D | Patch] = []
+    if any(curve.held_out.any() for curve in curves):
+        handles.append(Line2D([], [], color=BLACK, label="held out" if mixed else "measured", **dots))
     if mixed:
         handles.append(Line2D([], [], markerfacecolor="none", markeredgecolor=GREY, label="training", **dots))
     for model, style in styles.items():
@@ -178,7 +186,7 @@ def _legend(curves: Sequence[CurveFit], styles: Mapping[str, ModelStyle], mixed:
 
 def _worst_errors(curves: Sequence[CurveFit]) -> str:
     def worst(model: str) -> str:
-        errors = np.concatenate([np.abs(curve.predictions[model] - curve.y)[curve.held_out] for curve in curves])
+        errors = np.concatenate([np.abs(curve.predictions[model] - curve.y)[curve.scored] for curve in curves])
         return f"largest error {np.nanmax(errors):.3g}" if np.isfinite(errors).any() else "no prediction"
 
     return ", ".join(f"{model}: {worst(model)}" for model in curves[0].predictions)

@@ -12,8 +12,8 @@ from matplotlib.ticker import MaxNLocator
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Quantity, Recording
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
-from mapmore_cli.reporting.figures.style import BLUE, some_of, two_lines, width_for
-from mapmore_cli.reporting.figures.thinning import envelope, spread
+from mapmore_cli.reporting.figures.style import BLUE, places, some_of, two_lines, width_for
+from mapmore_cli.reporting.figures.thinning import envelope
 from mapmore_cli.reporting.inputs import FigureStyle, ReportInputs
 
 MOST_RECORDINGS = 5
@@ -52,7 +52,7 @@ def draw_trace(ax: Axes, trace: Trace) -> None:
 def draw(inputs: ReportInputs) -> list[Drawing]:
     """One panel a recording, an axis for each quantity."""
     recordings = [recording for recording in inputs.dataset.recordings if recording.rows_kept]
-    shown = [recordings[i] for i in spread(len(recordings), MOST_RECORDINGS)]
+    shown = [recordings[i] for i in places(inputs, [one.id for one in recordings], MOST_RECORDINGS)]
     found = [traces(recording, inputs.dataset.quantities, inputs.style) for recording in shown]
     height = max((len(of_one) for of_one in found), default=0)
     if height == 0:

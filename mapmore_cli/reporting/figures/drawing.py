@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -11,7 +11,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.reporting.figures.style import small
 from mapmore_cli.reporting.inputs import SINGLE, FigureStyle
 
@@ -94,14 +93,10 @@ class Drawing:
     legend: tuple[Any, ...] = ()
 
 
-def find_panel(drawings: Sequence[Drawing], key: str) -> tuple[Drawing, Panel]:
-    """The panel of a curve, a recording or a model, by its id or by the value of its level alone (`250` for `pressure=250`)."""
-    every = [(drawing, panel) for drawing in drawings for panel in drawing.panels]
-    found = [pair for pair in every if key in (pair[1].key, pair[1].key.partition("=")[2])]
-    if not found:
-        names = ", ".join(panel.key for _, panel in every if panel.key)
-        raise UsageError(f"no panel of this figure is called {key!r}", f"choose one of {names}" if names else "leave the panel out")
-    return found[0]
+def find_panel(drawings: Sequence[Drawing], keys: Collection[str]) -> tuple[Drawing, Panel] | None:
+    """The first panel that has one of the keys; None where there is none."""
+    every = ((drawing, panel) for drawing in drawings for panel in drawing.panels)
+    return next((pair for pair in every if pair[1].key in keys), None)
 
 
 def compose(drawing: Drawing, style: FigureStyle | None = None) -> Figure:

@@ -12,8 +12,8 @@ from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
 from mapmore_cli.reporting.figures.motion import MEASURED, shown_models
-from mapmore_cli.reporting.figures.style import BLACK, DOUBLE, OWN_STYLE, ModelStyle, model_styles, shortened, some_of
-from mapmore_cli.reporting.figures.thinning import envelope, spread
+from mapmore_cli.reporting.figures.style import BLACK, DOUBLE, OWN_STYLE, ModelStyle, model_styles, places, shortened, some_of
+from mapmore_cli.reporting.figures.thinning import envelope
 from mapmore_cli.reporting.inputs import SINGLE, ReportInputs
 
 MOST_RECORDINGS = 3
@@ -24,7 +24,7 @@ POINTS_A_PATH = 600
 def loop_figures(inputs: ReportInputs) -> list[Drawing]:
     """A row of panels for each held-out recording: the run's own model over the measured loops, and its best competitors likewise."""
     numbers = [i for i, curve in enumerate(inputs.dataset.curves) if curve.held_out.any()]
-    shown = [numbers[i] for i in spread(len(numbers), MOST_RECORDINGS)]
+    shown = [numbers[i] for i in places(inputs, [inputs.dataset.curves[i].id for i in numbers], MOST_RECORDINGS)]
     if not shown:
         return []
     models = shown_models(inputs, MOST_RIVALS)

@@ -22,11 +22,12 @@ from mapmore_cli.reporting.figures.style import (
     interval_key,
     interval_words,
     model_styles,
+    places,
     shortened,
     some_of,
     zero_line,
 )
-from mapmore_cli.reporting.figures.thinning import envelope, spread
+from mapmore_cli.reporting.figures.thinning import envelope
 from mapmore_cli.reporting.inputs import ReportInputs
 
 MOST_RECORDINGS = 4
@@ -52,7 +53,7 @@ def motion_figures(inputs: ReportInputs) -> list[Drawing]:
 
 def _figure(inputs: ReportInputs, name: str, numbers: list[int]) -> Drawing:
     most = MOST_WAVEFORMS if inputs.motions else MOST_RECORDINGS
-    shown = [numbers[i] for i in spread(len(numbers), most)]
+    shown = [numbers[i] for i in places(inputs, [inputs.dataset.curves[i].id for i in numbers], most)]
     models = shown_models(inputs, MOST_RIVALS)
     styles = model_styles(models, inputs.style.palette)
     resting = any(curve.at_rest is not None and curve.at_rest.any() for curve in inputs.dataset.curves)

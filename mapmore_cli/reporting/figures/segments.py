@@ -21,11 +21,12 @@ from mapmore_cli.reporting.figures.style import (
     SEGMENT_COLOURS,
     SEGMENT_MARKERS,
     columns_for,
+    places,
     shortened,
     some_of,
     width_for,
 )
-from mapmore_cli.reporting.figures.thinning import cloud, spread
+from mapmore_cli.reporting.figures.thinning import cloud
 from mapmore_cli.reporting.inputs import ReportInputs
 
 MOST_CURVES = 6
@@ -105,7 +106,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
 
 def _variable_figure(inputs: ReportInputs, fusion: Fusion, variable: int, name: str) -> Drawing:
     every = segment_curves(inputs, variable)
-    shown = [every[i] for i in spread(len(every), MOST_CURVES)]
+    shown = [every[i] for i in places(inputs, [curve.id for curve in every], MOST_CURVES)]
     panels = tuple(_panel(inputs, fusion, curve, inputs.dataset.quantities[name]) for curve in shown)
     grid = Grid(columns_for(len(panels)), width_for(len(panels)), 2.2, (2.0, 0.8), common_y="row")
     joined = f"{fusion.transition} transitions, z_s = {fusion.z_s:g}"

@@ -16,7 +16,7 @@ from matplotlib.mathtext import MathTextParser
 from matplotlib.patches import Patch
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.reporting.figures.thinning import MOST_ON_A_LINE, band
+from mapmore_cli.reporting.figures.thinning import MOST_ON_A_LINE, band, spread
 from mapmore_cli.reporting.inputs import INTERVAL, SINGLE, FigureStyle, ReportInputs
 
 DOUBLE = 7.16
@@ -148,6 +148,13 @@ def columns_for(count: int) -> int:
 def width_for(count: int) -> float:
     """Width of a figure of `count` panels, inches: one column of a journal page, or two."""
     return SINGLE if count == 1 else DOUBLE
+
+
+def places(inputs: ReportInputs, ids: Sequence[str], most: int) -> list[int]:
+    """Which of the curves or recordings of these ids are drawn: those that were asked for, else at most so many, evenly spread."""
+    if inputs.asked:
+        return [place for place, one in enumerate(ids) if one in inputs.asked]
+    return spread(len(ids), most)
 
 
 def some_of(shown: int, count: int, what: str) -> str:
