@@ -158,7 +158,7 @@ def _error(score: Score, quantity: str) -> float:
 
 def panel(runs: Path, study: str, figure: str, key: str | None, of: str, caption: str) -> Shown:
     """A figure of a run."""
-    svg = drawn_figure(runs / study, figure, key, "svg")[0].decode()
+    svg = drawn_figure(runs / study, figure, key, "svg", warn=print)[0].decode()
     return Shown(of, caption, svg[svg.index("<svg") :])
 
 

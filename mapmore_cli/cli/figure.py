@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from mapmore_cli.cli.options import NO_OVERRIDES, RUNS, Runs
+from mapmore_cli.cli.options import NO_OVERRIDES, RUNS, Quiet, Runs
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.page import FIGURES
 
@@ -33,12 +33,14 @@ def figure(
         ),
     ] = NO_OVERRIDES,
     runs: Runs = RUNS,
+    quiet: Quiet = False,
 ) -> None:
     """Draw one figure of a run as a file.
 
     All of it, or the panel of one curve by itself, also of a curve that the page leaves out. Width, font, size, labels and colours are
     those of the spec's report.style, or of --set.
     """
+    from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.stages.report import drawn_figure
     from mapmore_cli.storage.atomic import write_bytes, write_text
 
@@ -49,7 +51,8 @@ def figure(
         raise UsageError(f"{out}: figures are not written as {out.suffix or 'a file without an ending'}", f"choose .{', .'.join(SUFFIXES)}")
     if data is not None and curve is None:
         raise UsageError("--data needs one panel", "name it with --curve")
-    drawn, numbers = drawn_figure(run if run.is_dir() else runs / run, name, curve, suffix, looks)
+    with Reporter(quiet) as reporter:
+        drawn, numbers = drawn_figure(run if run.is_dir() else runs / run, name, curve, suffix, reporter.warn, looks)
     write_bytes(out, drawn)
     if data is not None and numbers is not None:
         write_text(data, numbers)

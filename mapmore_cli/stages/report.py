@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -154,11 +154,15 @@ LOOKS = "report.style."
 """What of a run's spec may be replaced to draw its results anew."""
 
 
-def drawn_figure(run_dir: Path, name: str, key: str | None, suffix: str, looks: Sequence[str] = ()) -> tuple[bytes, str | None]:
+def drawn_figure(
+    run_dir: Path, name: str, key: str | None, suffix: str, warn: Callable[[str], None], looks: Sequence[str] = ()
+) -> tuple[bytes, str | None]:
     """A figure of a run as a file: all of it, or the panel of one curve (or model) as wide as the spec says, with its numbers as CSV.
 
     Parameters
     ----------
+    warn
+        Is told of a font that this machine does not have.
     looks
         Values that replace those of the run's spec, as `report.style.width=120 mm`.
 
@@ -181,7 +185,8 @@ def drawn_figure(run_dir: Path, name: str, key: str | None, suffix: str, looks: 
     if other := next((one for one in looks if not one.startswith(LOOKS)), None):
         raise UsageError(f"--set {other}: changes more than looks", f"set a key of {LOOKS.rstrip('.')}, or run the study anew")
     inputs = collected(reads(load(run_dir / "experiment.yaml", looks).spec), run_dir)
-    faults_of(inputs.style)
+    for warning in faults_of(inputs.style):
+        warn(warning)
     with figure_style(inputs.style):
         if key is None:
             found = drawings(name, inputs)

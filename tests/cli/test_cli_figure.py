@@ -44,9 +44,17 @@ def test_what_cannot_be_drawn(finished: Any, arguments: tuple[str, ...], code: i
 
 def test_the_looks_of_one_figure(finished: Any, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
     for curve, out in (("100 kPa", "fig1.svg"), ("200", "fig2.svg")):  # 100 kPa trains, and has no panel of its own on the page
-        looks = ("--set", "report.style.width=120 mm", "--set", "report.style.labels={force: Pull (N)}")
+        looks = (
+            "--set",
+            "report.style.width=120 mm",
+            "--set",
+            "report.style.labels={force: Pull (N)}",
+            "--set",
+            "report.style.font=No Font",
+        )
         result = mapmore("figure", finished[1] / "bench", "fit", "--curve", curve, "-o", tmp_path / out, *looks)
         assert result.exit_code == 0, result.stderr
+        assert result.stderr == "warning: report.style.font: 'No Font' is not installed here; PDF and PNG figures are set in another font\n"
         text = (tmp_path / out).read_text()
         assert f'width="{120 / 25.4 * 72:.6g}' in text
         assert "Pull (N)" in text

@@ -38,7 +38,7 @@ def panel_of(name: str, inputs: ReportInputs, words: str) -> tuple[Drawing, Pane
         return found
     if ids and (found := find_panel(drawings(name, replace(inputs, asked=ids)), ids)):
         return found
-    all_ids = frozenset(one.id for one in (*inputs.dataset.curves, *inputs.dataset.recordings))
+    all_ids = frozenset([curve.id for curve in inputs.dataset.curves] + [recording.id for recording in inputs.dataset.recordings])
     every = (panel.key for drawing in drawings(name, replace(inputs, asked=all_ids)) for panel in drawing.panels)
     names = ", ".join(key for key in dict.fromkeys(every) if key)
     raise UsageError(f"no panel of this figure is called {words!r}", f"choose one of {names}" if names else "leave the panel out")

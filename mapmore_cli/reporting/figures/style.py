@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from logging import LogRecord, getLogger
 from typing import Any
 
 import numpy as np
@@ -54,10 +55,27 @@ def figure_style(style: FigureStyle | None = None) -> Iterator[None]:
     large, small = ["axes.labelsize", "font.size"], ["axes.titlesize", "legend.fontsize", "xtick.labelsize", "ytick.labelsize"]
     sizes: dict[Any, Any] = {**dict.fromkeys(large, style.size), **dict.fromkeys(small, style.size - SMALLER)}
     fonts: dict[Any, Any] = {"font.family": [*([style.font] if style.font else []), "sans-serif"]}
-    with rc_context():
+    with rc_context(), _no_word_of_absent_fonts():
         rcdefaults()
         with rc_context({**RC, **sizes, **fonts}):
             yield
+
+
+@contextmanager
+def _no_word_of_absent_fonts() -> Iterator[None]:
+    """Matplotlib logs a line for every letter group that is set in another font; the user has been told once (`faults_of`)."""
+
+    def keep(record: LogRecord) -> bool:
+        return not record.getMessage().startswith(("findfont: Font family", "Ignoring unknown font"))
+
+    loggers = [getLogger(f"matplotlib.{name}") for name in ("font_manager", "backends.backend_pgf")]
+    for logger in loggers:
+        logger.addFilter(keep)
+    try:
+        yield
+    finally:
+        for logger in loggers:
+            logger.removeFilter(keep)
 
 
 def has_font(name: str) -> bool:
