@@ -26,7 +26,7 @@ def score_table(scores: Sequence[Score], units: Mapping[str, str], published: Pu
     `failed` have no scores; they get a row that says so.
     """
     pooled = sorted((s for s in scores if s.curve == "all"), key=lambda s: s.split != "validate")
-    unit = units[pooled[0].target] if pooled else ""
+    unit = units.get(pooled[0].target, "") if pooled else ""
     free_running = _run_free(pooled)
     columns = [Column("model"), Column("data"), *_metric_columns(unit, free_running)]
     rows = [_score_cells(s, free_running) for s in pooled] + [(name, "failed", *[None] * (len(columns) - 2)) for name in failed]
@@ -68,7 +68,7 @@ def curve_scores_table(scores: Sequence[Score], units: Mapping[str, str]) -> Tab
     """Scores of every curve by itself, the models beside each other."""
     order = {curve: place for place, curve in enumerate(dict.fromkeys(s.curve for s in scores))}
     single = sorted((s for s in scores if s.curve != "all"), key=lambda s: (s.split != "validate", order[s.curve]))
-    unit = units[single[0].target] if single else ""
+    unit = units.get(single[0].target, "") if single else ""
     free_running = _run_free(single)
     columns = (Column("curve"), Column("model"), Column("data"), *_metric_columns(unit, free_running))
     return Table("curve_scores", "Scores by curve", columns, tuple((s.curve, *_score_cells(s, free_running)) for s in single))

@@ -36,8 +36,8 @@ Try = Callable[[random.Random, int, Path], str]
 class Target:
     """What is fuzzed: `name`, how one input is tried, the parts of the package that are meant, and the outcomes that are past the syntax.
 
-    `library` is what crashes and hangs are laid to where the input goes through foreign machine code. `warm` imports and makes, once and
-    before the forks, what every input needs.
+    `library` is what crashes and hangs are laid to where the input goes through foreign machine code. The first `traced` inputs are tried
+    under a tracer that notes the lines which run, and takes long. `warm` imports and makes, once and before the forks, what all inputs need.
     """
 
     name: str
@@ -46,6 +46,7 @@ class Target:
     past: tuple[str, ...] = ()
     library: str | None = None
     longest: int = LONGEST
+    traced: int = 100
     warm: Callable[[Path], None] = lambda _folder: None
 
 
@@ -63,9 +64,9 @@ class Fault(Exception):
     """What the program may not do: raised by a target where no exception shows it."""
 
 
-def explore(target: Target, count: int, seed: int, folder: Path, traced: int = 100) -> Findings:
-    """Try `count` inputs; the first `traced` of them under a tracer that notes the lines which run, and takes long."""
-    found, start = Findings(), 0
+def explore(target: Target, count: int, seed: int, folder: Path, traced: int | None = None) -> Findings:
+    """Try `count` inputs; `traced` as the target says, if not otherwise."""
+    found, start, traced = Findings(), 0, target.traced if traced is None else traced
     target.warm(folder)
     lines: set[tuple[str, int]] = set()
     while start < count:

@@ -288,5 +288,6 @@ RUNS = Target(
     run,
     ("stages",),
     past=("done", "refused (exit 3)", "refused (exit 4)", "refused (exit 5)", "refused (exit 6)"),
+    traced=10,
     warm=warm_runs,
 )

@@ -94,14 +94,15 @@ def datasets(draw: st.DrawFn) -> Dataset:
 DATASETS = datasets()
 
 CELLS = some(st.integers(1, 9))
-SEGMENTS = st.builds(Segment, NAMES, NAMES, CELLS, st.integers(0, 4).flatmap(whole))
 
 
 @st.composite
 def segmented_curves(draw: st.DrawFn) -> SegmentedCurve:
     variables = draw(NOTES)
     boundaries = tuple(draw(st.integers(2, 4).flatmap(ascending)) for _ in variables)
-    return SegmentedCurve(draw(NAMES), draw(st.none() | FINITE), variables, boundaries, draw(LIMITS), draw(some(SEGMENTS)))
+    cells = st.tuples(*(st.integers(1, len(locations) - 1) for locations in boundaries))
+    segments = some(st.builds(Segment, NAMES, NAMES, cells, st.integers(0, 4).flatmap(whole)))
+    return SegmentedCurve(draw(NAMES), draw(st.none() | FINITE), variables, boundaries, draw(LIMITS), draw(segments))
 
 
 SEGMENTATIONS = some(segmented_curves())
@@ -227,7 +228,8 @@ def models(bodies: st.SearchStrategy[Any]) -> st.SearchStrategy[Model]:
 
 ALONE = pieces() | st.builds(Formula, BACKBONES, st.none(), RANGES) | st.builds(Memory, MEMORIES, RANGES, st.none() | BACKBONES)
 RENAMED = table(st.sampled_from(["pressure", "-strain", "2*pressure"]))
-SUMS = st.builds(Sum, some(st.builds(Part, models(ALONE), st.sampled_from([1.0, -1.0]), RENAMED)))
+PARTS = st.builds(Part, models(ALONE), st.sampled_from([1.0, -1.0]), RENAMED)
+SUMS = st.builds(Sum, st.lists(PARTS, min_size=1, max_size=2).map(tuple))
 MODELS = models(ALONE | SUMS)
 
 SCORES = st.builds(Score, NAMES, NAMES, st.sampled_from(["train", "validate"]), NAMES, COUNT, REAL, REAL, REAL, NAMES, REAL, REAL, REAL)

@@ -130,7 +130,7 @@ def examples() -> dict[str, Any]:
                 "pressure",
                 ("strain",),
                 (CurveFunction("pressure=250", 250.0, boundaries, limits, (function,)),),
-                Fusion("linear", 0.25, {"strain": ("continue", 0.0)}),
+                Fusion("linear", 0.25, {"strain": ("continue", 0.0), "pressure": ("saturate", "saturate")}),
                 formula,
             ),
         ),

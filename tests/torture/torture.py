@@ -62,6 +62,7 @@ def begin(folder: Path, arguments: tuple[str, ...], before: Callable[[], None] =
         os.dup2(log, 1)
         os.dup2(log, 2)
         sys.argv = ["mapmore", *arguments]
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell that starts this in the background has it ignored
         before()
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         mapmore()

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from mapmore_cli.stages.inspection.lint import Inspection
     from mapmore_cli.stages.inspection.subject import Issue
 if TYPE_CHECKING:
-    from mapmore_cli.domain.fits import SegmentedCurve
+    from mapmore_cli.domain.fits import Segment, SegmentedCurve
     from mapmore_cli.domain.recording import Curve, Dataset
     from mapmore_cli.reporting.table import Cell
 
@@ -92,9 +92,15 @@ def of_segmentation(curves: Sequence[SegmentedCurve]) -> View:
         (
             segment.id,
             len(segment.rows),
-            *(float(end) for place, at in zip(segment.cell, curve.boundaries, strict=True) for end in at[place - 1 : place + 1]),
+            *(end for name in variables for end in _ends(curve, segment).get(name, (None, None))),
         )
         for curve in curves
         for segment in curve.segments
     )
     return View(document, (Table("segments", "Segments", columns, rows),))
+
+
+def _ends(curve: SegmentedCurve, segment: Segment) -> dict[str, tuple[float, float]]:
+    """From where to where a segment goes along each variable that its curve is cut along."""
+    cuts = zip(curve.variables, segment.cell, curve.boundaries, strict=True)
+    return {name: (float(locations[place - 1]), float(locations[place])) for name, place, locations in cuts}

@@ -118,7 +118,7 @@ class FileKind:
             return f"is of the newer format {version}: its checksum cannot be verified here"
         digest = Digest()
         self.schema.feed(digest, "", record)
-        return None if stored == digest.text else _ALTERED
+        return None if isinstance(stored, str) and stored == digest.text else _ALTERED
 
 
 KINDS = (
@@ -153,10 +153,10 @@ def _kind_and_version(path: Path, file: h5py.File) -> tuple[str, str]:
             kind, version = file.attrs.get("kind"), file.attrs.get("format_version")
     except Invalid as fault:
         raise DataError(f"{path}: {fault}", _GET_ANOTHER) from fault
-    if kind not in {known.name for known in KINDS} or not isinstance(version, str):
+    if not isinstance(kind, str) or kind not in {known.name for known in KINDS} or not isinstance(version, str):
         raise DataError(f"{path}: is an HDF5 file, but not one of mapmore's", "give a file out of a run folder, as runs/NAME/model.h5")
     refuse_newer(path, version, FORMAT_VERSION)
-    return str(kind), version
+    return kind, version
 
 
 def _as_numbers(version: str) -> tuple[int, ...]:

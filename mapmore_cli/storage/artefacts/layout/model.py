@@ -304,7 +304,10 @@ PART = Schema(
 )
 
 SUM = Schema(
-    Sum, "Models that are added up.", (Field("parts", numbered(record(PART)), "the summands, with their signs and inputs", NO_UNIT),)
+    Sum,
+    "Models that are added up.",
+    (Field("parts", numbered(record(PART)), "the summands, with their signs and inputs", NO_UNIT),),
+    rule=lambda body: () if body.parts else [("parts", "holds no model")],
 )
 
 BODIES = {"pieces": PIECES, "formula": FORMULA, "memory": MEMORY, "state_space": STATE_SPACE, "sum": SUM}
@@ -323,6 +326,8 @@ def _model_faults(model: Model) -> Iterator[Fault]:
     if isinstance(model.body, Sum):
         for place, part in enumerate(model.body.parts):
             yield from expression_faults(f"body/parts/{place:03d}/inputs", part.inputs.values(), known)
+            if strange := [one.name for one in part.model.inputs if one.name not in (*part.inputs, *known)]:
+                yield f"body/parts/{place:03d}/inputs", f"does not say what {shown(strange[0])} is, which is none of the inputs of the sum"
 
 
 def _formula_faults(fit: FormulaFit, known: Sequence[str]) -> Iterator[Fault]:
@@ -347,8 +352,9 @@ def _input_faults(pieces: Pieces, known: Sequence[str]) -> Iterator[Fault]:
         if strange := [name for name in names if name not in known]:
             yield field, f"has {shown(strange[0])}, which is none of the inputs"
     free = [name for name in known if name != pieces.level]
-    for field, given in [("body/fusion/extrapolation", pieces.fusion.extrapolation), *(("body/curves", c.limits) for c in pieces.curves)]:
-        if missing := [name for name in free if name not in given]:
+    wanted = [("body/fusion/extrapolation", known, pieces.fusion.extrapolation), *(("body/curves", free, c.limits) for c in pieces.curves)]
+    for field, names, given in wanted:
+        if missing := [name for name in names if name not in given]:
             yield field, f"says nothing of {shown(missing[0])}"
 
 

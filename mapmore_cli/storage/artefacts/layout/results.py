@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from mapmore_cli.domain.fits import Segment, SegmentedCurve
@@ -24,7 +25,7 @@ from mapmore_cli.storage.artefacts.layout.cells import (
 from mapmore_cli.storage.artefacts.layout.fits import FORMULA_FIT, SEGMENT_FIT
 from mapmore_cli.storage.artefacts.layout.memory import MEMORY_FIT
 from mapmore_cli.storage.artefacts.layout.motion import MOTION_FIT
-from mapmore_cli.storage.artefacts.schema import Field, Schema, record, rows, variant
+from mapmore_cli.storage.artefacts.schema import Fault, Field, Schema, record, rows, variant
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,17 @@ SEGMENT = Schema(
     ),
 )
 
+
+def _cut_faults(curve: SegmentedCurve) -> Iterator[Fault]:
+    if len(curve.boundaries) != len(curve.variables):
+        yield "boundaries", f"are of {len(curve.boundaries)} variables, where there are {len(curve.variables)}"
+        return
+    counts = [len(locations) - 1 for locations in curve.boundaries]
+    for place, segment in enumerate(curve.segments):
+        if len(segment.cell) != len(counts) or any(cell > count for cell, count in zip(segment.cell, counts, strict=True)):
+            yield f"segments/{place:03d}/cell", f"is none of {' x '.join(map(str, counts)) or '1'} cells"
+
+
 SEGMENTED_CURVE = Schema(
     SegmentedCurve,
     "A training curve cut up; samples stay in the dataset file.",
@@ -57,6 +69,7 @@ SEGMENTED_CURVE = Schema(
         Field("segments", numbered(record(SEGMENT)), "segments of the curve", NO_UNIT),
     ),
     units=lambda curve: {f"variables.{place}": f"[{name}]" for place, name in enumerate(curve.variables)},
+    rule=_cut_faults,
 )
 
 SEGMENTATION = Schema(

@@ -1,0 +1,302 @@
+"""Result files: whole ones of every kind, changed as trees of groups, arrays and attributes, then read, shown and used.
+
+The files are those of examples, of random records, and of earlier formats. A change renames, removes, adds, or gives another type, shape or
+value; HDF5 itself is never damaged (`artefacts.py` does that). A file is refused with exit 4, told, or every value read is the one that was
+written. It is read once more as `--unverified` does, as if the checksum had been made anew: what is then shown, computed or exported is
+refused or done, and no internal fault.
+"""
+
+from __future__ import annotations
+
+import json
+import random
+import sys
+from collections.abc import Iterator
+from contextlib import redirect_stdout, suppress
+from functools import cache
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from driver import Fault, Target, refused
+from hypothesis import HealthCheck, Phase, given, settings
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "storage"))
+
+from stored_records import same
+from test_artefacts import KINDS, examples
+
+from mapmore_cli.cli.console import print_view
+from mapmore_cli.cli.views.files import of_file
+from mapmore_cli.domain.errors import DataError, MapmoreError, printable
+from mapmore_cli.domain.models import Model
+from mapmore_cli.modelling.kinds import equations
+from mapmore_cli.stages.exports import exported
+from mapmore_cli.stages.prediction.predict import predicted_lines
+from mapmore_cli.storage import artefacts
+
+ARCHIVES = Path(__file__).resolve().parents[1] / "storage" / "archives"
+FILES = {"ingest.h5": "dataset", "segment.h5": "segmentation", "fit.h5": "fit", "model.h5": "model", "validate.h5": "validation"}
+RANDOM_RECORDS = 25  # of every kind
+LONGEST_MESSAGE = 1000
+
+WORDS = (
+    *("", "strain", "pressure", "1", "saturate", "zero", "none", "levels", "x" * 5000, "\x1b[2J", "a\nb", "=1+1", "é", "..", "a/b", "%2F"),
+    *("strain^2", "exp(strain", "force[k-1]", "slow(pressure, 0.5)", "strain[k-99999999999]", "unit_square", "max_terms", "converged"),
+)
+VALUES = (0, 1, -1, 2, 0.5, -0.0, 1e-300, 1e300, -1e308, 5e-324, np.nan, np.inf, -np.inf, 2**31, 2**53, 2**62, 1e9)
+TYPES = ("<f4", ">f8", "<f2", "<i8", "<i4", "|i1", "<u8", "|u1", "|b1", "<c16", "S8", "V3")
+PACKINGS: tuple[dict[str, Any], ...] = ({"compression": "gzip"}, {"compression": "lzf"}, {"shuffle": True}, {"fletcher32": True})
+VERSIONS = ("1.0", "1.1", "1.2", "2.0", "2.1", "2.9", "3.0", "99", "", "two", "2", "2.1.1", "-1.0", "1e3", "\u0662.1", 2.1, 2)
+
+
+@cache
+def whole_files() -> tuple[tuple[str, bytes, Any], ...]:
+    """Kind, bytes and record of the files that are changed."""
+    place = Path(_folder[0]) / "whole.h5"
+    found = [_written(place, kind, record) for kind, record in examples().items()]
+    for kind, (_, _, strategy) in KINDS.items():
+        records: list[Any] = []
+        _collect(strategy, records)
+        found += [_written(place, kind, record) for record in records[-RANDOM_RECORDS:]]
+    for path in sorted(ARCHIVES.glob("*/*.h5")):
+        kind = FILES.get(path.name, "model")
+        found.append((kind, path.read_bytes(), KINDS[kind][1](path)))
+    return tuple(found)
+
+
+_folder = ["."]
+
+
+def _written(place: Path, kind: str, record: Any) -> tuple[str, bytes, Any]:
+    KINDS[kind][0](place, record)
+    return kind, place.read_bytes(), record
+
+
+def _collect(strategy: Any, records: list[Any]) -> None:
+    """Random records, the same in every process."""
+
+    @settings(
+        max_examples=3 * RANDOM_RECORDS, phases=[Phase.generate], derandomize=True, database=None, suppress_health_check=[*HealthCheck]
+    )
+    @given(strategy)
+    def collect(record: Any) -> None:
+        records.append(record)
+
+    collect()
+
+
+def places(file: h5py.File) -> Iterator[tuple[str, str]]:
+    """Every group, dataset and attribute but the root: its path (of an attribute, that of its holder) and an attribute's name."""
+    found: list[tuple[str, str]] = [("/", name) for name in file.attrs]
+
+    def note(path: str, item: Any) -> None:
+        found.append((path, ""))
+        found.extend((path, name) for name in item.attrs if name not in ("unit", "description"))
+
+    file.visititems(note)
+    return iter(found)
+
+
+def changed(file: h5py.File, chance: random.Random) -> None:
+    """Change a file at one place; a change that HDF5 refuses is none."""
+    path, attribute = chance.choice(list(places(file)))
+    with suppress(ValueError, TypeError, KeyError, OSError, RuntimeError, OverflowError, AttributeError):
+        if path == "/" and attribute == "format_version":
+            file.attrs[attribute] = chance.choice(VERSIONS)
+        elif attribute:
+            _change_attribute(file[path].attrs, attribute, chance)
+        elif chance.random() < 0.3:
+            _change_tree(file, path, chance)
+        elif isinstance(file[path], h5py.Dataset):
+            _change_dataset(file, path, chance)
+        else:
+            _change_group(file, file[path], chance)
+
+
+def _change_attribute(attributes: Any, name: str, chance: random.Random) -> None:
+    match chance.randrange(4):
+        case 0:
+            del attributes[name]
+        case 1:
+            attributes[name] = chance.choice(WORDS)
+        case 2:
+            attributes[name] = chance.choice([*VALUES, np.zeros(3), np.zeros((2, 2)), b"\xff\xfe", h5py.Empty("f8"), [1, 2]])
+        case _:
+            value = attributes[name]
+            listed = list(value) if isinstance(value, np.ndarray) and value.dtype.kind == "O" else [value]
+            chance.shuffle(listed)
+            attributes[name] = chance.choice([listed[:-1], listed * 2, [*listed, chance.choice(WORDS)], listed])
+
+
+def _change_tree(file: h5py.File, path: str, chance: random.Random) -> None:
+    """Remove, rename, exchange, copy or link a group or a dataset."""
+    parent = file[path].parent
+    other = chance.choice([place for place, attribute in places(file) if not attribute])
+    name = chance.choice([*WORDS[1:7], "000", "001", "002", "999", f"{path.rsplit('/', 1)[-1]}x"])
+    match chance.randrange(7):
+        case 0 | 1:
+            del file[path]
+        case 2:
+            parent.move(path.rsplit("/", 1)[-1], name)
+        case 3:
+            file.copy(file[other], parent, name=name)
+        case 4:
+            del file[path]
+            file.copy(file[other], file, name=path) if other in file else file.create_group(path)
+        case 5:
+            parent[name] = chance.choice([h5py.SoftLink(f"/{other}"), h5py.ExternalLink("other.h5", "/"), file[other], file["/"]])
+        case _:
+            del file[path]
+            file[path] = chance.choice([h5py.SoftLink("/nowhere"), h5py.SoftLink(f"/{path}"), np.dtype("<f8")])
+
+
+def _change_group(file: h5py.File, group: h5py.Group, chance: random.Random) -> None:
+    """Put something more into a group, or a dataset in its place."""
+    name = chance.choice([*WORDS[1:7], "000", "001", "more"])
+    match chance.randrange(4):
+        case 0:
+            group.create_group(name)
+        case 1:
+            group[name] = chance.choice([np.zeros(3), "text", 1.5, np.zeros((2, 2)), np.zeros(0)])
+        case 2:
+            place = group.name
+            del file[place]
+            file[place] = np.zeros(2)
+        case _:
+            for number in range(chance.choice([1, 150])):
+                group.attrs[f"more{number}"] = number
+
+
+def _change_dataset(file: h5py.File, path: str, chance: random.Random) -> None:
+    """Give a dataset other values, another type or another shape; what is said about it stays."""
+    old = file[path]
+    values = old.asstr()[()] if h5py.check_string_dtype(old.dtype) else old[()]
+    attributes = dict(old.attrs)
+    del file[path]
+    match chance.randrange(8):
+        case 0:
+            file[path] = np.asarray(values).astype(chance.choice(TYPES)) if not _is_text(values) else np.zeros(np.shape(values))
+        case 1:
+            file.create_dataset(path, data=_reshaped(values, chance), dtype=h5py.string_dtype() if _is_text(values) else None)
+        case 2:
+            file[path] = chance.choice([h5py.Empty("f8"), "text", 1.5, np.zeros((0, 2)), b"\xff", ["a", "b"], np.zeros(1, "i4,f8")])
+        case 3 if np.ndim(values):
+            text = h5py.string_dtype() if _is_text(values) else None
+            file.create_dataset(path, data=values, chunks=True, dtype=text, **chance.choice(PACKINGS))
+        case _:
+            file.create_dataset(path, data=_revalued(values, chance), dtype=h5py.string_dtype() if _is_text(values) else None)
+    file[path].attrs.update(attributes)
+
+
+def _is_text(values: Any) -> bool:
+    return isinstance(values, str) or (isinstance(values, np.ndarray) and values.dtype.kind in "OSU")
+
+
+def _reshaped(values: Any, chance: random.Random) -> Any:
+    array = np.asarray(values)
+    flat = array.reshape(-1)
+    one = flat[:1].reshape(()) if flat.size else flat
+    return chance.choice([flat[:-1], flat[:0], np.concatenate([flat, flat]), one, array[np.newaxis], array.T])
+
+
+def _revalued(values: Any, chance: random.Random) -> Any:
+    """The values with one to all of them replaced, exchanged or reversed, in their type."""
+    array = np.array(values)
+    flat, made = array.reshape(-1), chance.choice(WORDS if _is_text(values) else VALUES)
+    if not flat.size:
+        return np.array([made])
+    match chance.randrange(4):
+        case 0:
+            flat[:] = flat[::-1].copy()
+        case 1:
+            flat[:] = _of_type(made, flat.dtype)
+        case 2:
+            flat[chance.randrange(flat.size)] = flat[chance.randrange(flat.size)]
+        case _:
+            flat[chance.randrange(flat.size)] = _of_type(made, flat.dtype)
+    return flat.reshape(array.shape)
+
+
+def _of_type(value: Any, dtype: Any) -> Any:
+    """A number as an integer where the array holds integers."""
+    return int(value) if dtype.kind in "iu" and np.isfinite(value) and abs(value) < 2**62 else value
+
+
+def attempt(chance: random.Random, number: int, folder: Path) -> str:
+    """Change a file and read it; then read it without its checksum, and show and use what it holds."""
+    kind, whole, record = chance.choice(whole_files())
+    path = folder / "file.h5"
+    path.write_bytes(whole)
+    with h5py.File(path, "r+") as file:
+        for _ in range(chance.choice([1, 1, 1, 2, 4])):
+            changed(file, chance)
+    _, read, _ = KINDS[kind]
+    told: list[str] = []
+    try:
+        found = read(path, told.append)
+    except DataError as error:
+        _check_words(error, path)
+        outcome = refused(error)
+    else:
+        outcome = "nothing altered" if same(found, record) else "told" if told else "MISSED"
+    if outcome == "MISSED":
+        raise Fault(f"{kind}: another value without a word")
+    try:
+        use(path, kind, chance)
+    except MapmoreError:
+        return f"{outcome}, unverified too" if outcome.startswith("refused") else outcome
+    return f"{outcome}, unverified used" if outcome.startswith("refused") else outcome
+
+
+def _check_words(error: DataError, path: Path) -> None:
+    """A message names the file, is of a bearable length, and sends no escapes to a terminal."""
+    said = printable(str(error))  # as it reaches a terminal
+    if error.exit_code != 4 or str(path) not in said or len(said) > LONGEST_MESSAGE:
+        raise Fault(f"a message as no user wants it: {said[:300]!r}")
+
+
+def use(path: Path, kind: str, chance: random.Random) -> None:
+    """`show`, and with a model `predict` and `export`, all of them unverified; MapmoreError where one of them is refused."""
+    with redirect_stdout(StringIO()) as shown:
+        view = of_file(path, lambda _message: None, True)
+        print_view(view, False)
+        print_view(view, True)
+    json.loads(shown.getvalue()[shown.getvalue().index("\n{\n") if "\n{\n" in shown.getvalue() else 0 :])
+    if artefacts.kind_of(path) == "model":
+        model: Model = artefacts.read_model(path, unverified=True)
+        with np.errstate(all="ignore"):
+            list(predicted_lines(model, _table(model), "table.csv"))
+        equations(model)
+        if chance.random() < 0.2:
+            exported(model, chance.choice(["c", "py", "tex"]))
+
+
+def _table(model: Model) -> Iterator[str]:
+    """Rows of all that a model may ask for."""
+    names = dict.fromkeys(["time", *(quantity.name for quantity in model.inputs), model.output.name])
+    names |= dict.fromkeys(name for name in model.fed_signals) if hasattr(model, "fed_signals") else {}
+    yield ",".join(names) + "\n"
+    for row in range(12):
+        yield ",".join(str(0.1 * row + 0.01 * place) for place, _ in enumerate(names)) + "\n"
+
+
+def warm(folder: Path) -> None:
+    """Make the whole files, and use each kind once."""
+    _folder[0] = str(folder)
+    chance = random.Random(1)
+    for kind, whole, _ in whole_files()[:5]:
+        (folder / "file.h5").write_bytes(whole)
+        use(folder / "file.h5", kind, chance)
+
+
+TARGET = Target(
+    "artefacts",
+    attempt,
+    ("storage/artefacts",),
+    past=("nothing altered", "told", "refused (exit 4), unverified used", "refused (exit 4), unverified too"),
+    traced=50,
+    warm=warm,
+)
