@@ -41,7 +41,7 @@ def read_scores(path: Path) -> ScoreTable:
     """What `write_scores` wrote; raises DataError for a file that says something else."""
     try:
         return scores_in(json.loads(path.read_text(encoding="utf-8")))
-    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
         what = f"no table of scores: {type(error).__name__}: {error}"
         raise DataError(f"{path}: {what}", "run `mapmore validate SPEC --force`, which writes it again") from error
 
@@ -49,7 +49,7 @@ def read_scores(path: Path) -> ScoreTable:
 def scores_in(document: Any) -> ScoreTable:
     """The table in the document of a scores.json, also of older ones, which lack some keys.
 
-    Raises ValueError, TypeError, KeyError or AttributeError for another document.
+    Raises ValueError, TypeError, KeyError, AttributeError or OverflowError for another document.
     """
     scores = tuple(_score(row) for row in document["scores"])
     units = {str(name): str(unit) for name, unit in document["units"].items()}

@@ -37,7 +37,7 @@ class Target:
     """What is fuzzed: `name`, how one input is tried, the parts of the package that are meant, and the outcomes that are past the syntax.
 
     `library` is what crashes and hangs are laid to where the input goes through foreign machine code. The first `traced` inputs are tried
-    under a tracer that notes the lines which run, and takes long. `warm` imports and makes, once and before the forks, what all inputs need.
+    under a tracer that notes the lines which run, and takes long. `warm` imports and makes what all inputs need, once, before the forks.
     """
 
     name: str

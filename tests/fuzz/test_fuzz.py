@@ -7,10 +7,12 @@ import random
 import signal
 from pathlib import Path
 
+import documents
 import expressions
 import pytest
 import readers
 import specs
+import structures
 from driver import LONGEST, Fault, Target, explore
 
 from mapmore_cli.modelling import terms
@@ -25,6 +27,17 @@ def test_what_strangers_may_write_is_read_or_refused(target: Target, count: int,
     found = explore(target, count, 16, tmp_path, traced=0)
     assert found.faults == []
     assert found.outcomes.total() == count
+
+
+@pytest.mark.parametrize(("target", "count"), [(structures.TARGET, 30), (documents.TARGET, 20)], ids=["artefacts", "documents"])
+def test_results_that_somebody_changed_are_refused_or_say_the_same(
+    target: Target, count: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(structures, "RANDOM_RECORDS", 2)
+    found = explore(target, count, 16, tmp_path, traced=0)
+    assert found.faults == []
+    assert found.outcomes.total() == count
+    assert sum(found.outcomes[outcome] for outcome in target.past) >= count / 2
 
 
 def test_at_least_half_of_specs_and_expressions_are_past_the_syntax(tmp_path: Path) -> None:

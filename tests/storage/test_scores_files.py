@@ -13,6 +13,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from stored_records import VALIDATIONS
 
+from mapmore_cli.cli.views.files import of_file
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.scores import Score, ScoreTable, Validation
 from mapmore_cli.storage.score_files import read_scores, write_scores
@@ -87,3 +88,19 @@ def test_a_file_that_says_something_else_is_refused(text: str, tmp_path: Path) -
     with pytest.raises(DataError, match="no table of scores") as refused:
         read_scores(tmp_path / "scores.json")
     assert "--force" in (refused.value.remedy or "")
+
+
+@pytest.mark.parametrize("count", ["Infinity", "1e999", "[]", "{}"])
+def test_a_count_that_is_none_is_wrong_data(count: str, tmp_path: Path) -> None:
+    written(tmp_path, ROW)
+    path = tmp_path / "scores.json"
+    path.write_text(path.read_text(encoding="utf-8").replace('"n": 40', f'"n": {count}'), encoding="utf-8")
+    with pytest.raises(DataError, match="no table of scores"):
+        read_scores(path)
+    with pytest.raises(DataError, match="neither"):
+        of_file(path, print, False)
+
+
+def test_scores_of_a_target_without_a_unit_are_shown(tmp_path: Path) -> None:
+    write_scores(tmp_path, ScoreTable((ROW, replace(ROW, curve="all")), {}), "demo")
+    assert len(of_file(tmp_path / "scores.json", print, False).tables) == 1

@@ -99,7 +99,7 @@ def _of_json(path: Path) -> View:
         return View(document, (_stages_table(document["stages"]),))
     try:
         found = scores_in(document)
-    except (ValueError, TypeError, KeyError, AttributeError) as fault:
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError) as fault:
         raise DataError(f"{path}: is neither a scores.json nor a run.json", "give a file that mapmore wrote") from fault
     return View(document, (score_table(found.scores, found.units, failed=found.failed),))
 

@@ -48,9 +48,6 @@ SEGMENT = Schema(
 
 
 def _cut_faults(curve: SegmentedCurve) -> Iterator[Fault]:
-    if len(curve.boundaries) != len(curve.variables):
-        yield "boundaries", f"are of {len(curve.boundaries)} variables, where there are {len(curve.variables)}"
-        return
     counts = [len(locations) - 1 for locations in curve.boundaries]
     for place, segment in enumerate(curve.segments):
         if len(segment.cell) != len(counts) or any(cell > count for cell, count in zip(segment.cell, counts, strict=True)):

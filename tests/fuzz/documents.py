@@ -1,0 +1,131 @@
+"""Documents of a run: whole ones, changed as trees or as text, then read and shown; beside the results of a small study.
+
+A changed `scores.json` is refused or read, and makes the run out of date. A changed `run.json` is ignored with a warning, refused, or read;
+it never ends as an internal fault, and neither do the next plan of the run, `show`, or a comparison.
+"""
+
+from __future__ import annotations
+
+import json
+import random
+import shutil
+from contextlib import redirect_stdout, suppress
+from functools import cache
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+from driver import Fault, Target, changed_text, refused
+from specs import STATIC, at, ways, write_data
+
+from mapmore_cli.cli.console import print_view
+from mapmore_cli.cli.views.files import of_file
+from mapmore_cli.domain.errors import MapmoreError
+from mapmore_cli.spec.loader import LoadedSpec, load
+from mapmore_cli.stages.campaigns.archive import find_model, freeze
+from mapmore_cli.stages.pipeline.runner import bring_up_to_date, explain
+from mapmore_cli.storage.run_record import load_origin
+from mapmore_cli.storage.score_files import read_scores, scores_beside
+
+VALUES: tuple[Any, ...] = (
+    *(None, True, "", "x", "2.9", "\x1b[2J", "a" * 5000, "\ud800", [], {}, [[]], {"a": {}}, 0, -1, 1.5, 1e308, 10**400, 2**63, -(10**30)),
+    *(float("nan"), float("inf"), float("-inf"), "../../etc/passwd", "/etc/passwd", "fit.h5", "ingest", "stages", "3.0", "99"),
+)
+MARKS = '{}[]:,"\\ntrue0123456789eE+-. \n\x00é'
+
+
+def changed(document: Any, chance: random.Random) -> None:
+    """Change a document at one place."""
+    places = [way for way in ways(document) if way]
+    if not places:
+        return
+    place = chance.choice(places)
+    holder, key = at(document, place[:-1]), place[-1]
+    match chance.randrange(6):
+        case 0:
+            del holder[key]
+        case 1 | 2:
+            holder[key] = chance.choice(VALUES)
+        case 3:
+            holder[key] = json.loads(json.dumps(at(document, chance.choice(places))))
+        case 4 if isinstance(holder, dict):
+            holder[changed_text(str(key), chance, "abcxyz_./")] = holder.pop(key)
+        case _:
+            if isinstance(holder, dict):
+                holder[str(chance.choice(VALUES[3:9]))] = chance.choice(VALUES)
+            else:
+                holder.append(holder[int(key)])
+
+
+def text_of(whole: str, chance: random.Random) -> str:
+    """A document with one to three changes, or changed as text."""
+    kind = chance.random()
+    if kind < 0.15:
+        return changed_text(whole, chance, MARKS)
+    if kind < 0.18:
+        return chance.choice(["", "null", "[]", "{", "[" * 100_000, "1" * 5000, "{}", whole[: chance.randrange(len(whole))], whole * 2])
+    document = json.loads(whole)
+    for _ in range(chance.choice([1, 1, 1, 2, 3])):
+        changed(document, chance)
+    return json.dumps(document)
+
+
+@cache
+def study(folder: Path) -> tuple[LoadedSpec, dict[str, str]]:
+    """A study of 40 rows that was run, and its documents."""
+    write_data(folder)
+    (folder / "study.yaml").write_text(STATIC)
+    loaded = load(folder / "study.yaml")
+    run_dir = bring_up_to_date(loaded, folder / "runs").run_dir
+    freeze(run_dir, "old", folder / "archive")
+    return loaded, {name: (run_dir / name).read_text() for name in ("run.json", "scores.json")}
+
+
+def attempt(chance: random.Random, number: int, folder: Path) -> str:
+    """Change one of the documents, do what reads it, and put it back."""
+    loaded, documents = study(folder)
+    runs = folder / "runs"
+    run_dir, name = runs / "study", chance.choice(sorted(documents))
+    path = run_dir / name
+    path.write_text(text_of(documents[name], chance), encoding="utf-8", errors="surrogatepass")
+    told: list[str] = []
+    try:
+        outcome = "read"
+        try:
+            for place in (path, run_dir):
+                with redirect_stdout(StringIO()):
+                    view = of_file(place, told.append, False)
+                    print_view(view, False)
+                    print_view(view, True)
+        except MapmoreError as error:
+            outcome = refused(error)
+        if name == "scores.json":
+            with suppress(MapmoreError):
+                read_scores(path)
+            scores_beside(run_dir / "model.h5")
+            again = [stage for stage, why in explain(loaded, runs, warn=told.append) if why is not None]
+            if "validate" not in again and path.read_text(errors="replace") != documents[name]:
+                raise Fault("changed scores are taken for those of the run")
+            return f"scores {outcome}"
+        load_origin(run_dir)
+        with suppress(MapmoreError):
+            explain(loaded, runs, warn=told.append)
+        with suppress(MapmoreError):
+            freeze(run_dir, "new", folder / "archive")
+        shutil.rmtree(folder / "archive" / "study@new", ignore_errors=True)
+        with suppress(MapmoreError):
+            find_model("study", runs, folder / "archive")
+        return f"record {outcome}{', ignored with a warning' if told else ''}"
+    finally:
+        path.write_text(documents[name])
+
+
+def warm(folder: Path) -> None:
+    """Run the study."""
+    study(folder)
+
+
+PAST = ("scores read", "scores refused (exit 4)", "record read", "record refused (exit 4)", "record read, ignored with a warning")
+TARGET = Target(
+    "documents", attempt, ("storage/run_record.py", "storage/score_files.py", "cli/views/files.py"), past=PAST, traced=50, warm=warm
+)
