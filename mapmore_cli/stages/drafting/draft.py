@@ -38,6 +38,12 @@ class Draft:
         """The draft with a key of `data` added or replaced."""
         return replace(self, spec={**self.spec, "data": {**self.data, key: value}}).noted(("data", key), why, sure)
 
+    def without_data(self, *keys: str) -> Draft:
+        """The draft without some keys of `data` and what was said about them."""
+        data = {key: value for key, value in self.data.items() if key not in keys}
+        notes = {loc: note for loc, note in self.notes.items() if loc[:1] != ("data",) or len(loc) < 2 or loc[1] not in keys}
+        return replace(self, spec={**self.spec, "data": data}, notes=notes)
+
     def with_section(self, key: str, value: Any, why: str | None = None, sure: bool = True) -> Draft:
         """The draft with a section added or replaced."""
         return replace(self, spec={**self.spec, key: value}).noted((key,), why, sure)

@@ -7,11 +7,10 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import takewhile
 from pathlib import Path
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.stages.drafting.preview import Preview, preview
+from mapmore_cli.stages.drafting.preview import Preview, preview, shared_start
 from mapmore_cli.storage.globs import expand, relative_name
 from mapmore_cli.storage.readers import reader_of, suffix_of
 
@@ -155,12 +154,7 @@ def patterns(files: Sequence[Path], folder: Path) -> list[str]:
 
 def _candidates(names: Sequence[str]) -> list[str]:
     """Patterns made of the words at which all names begin and end; the shortest are tried first."""
-    begin = _shared(names).rstrip("0123456789")
-    end = _shared([name[::-1] for name in names])[::-1]
+    begin = shared_start(names).rstrip("0123456789")
+    end = shared_start([name[::-1] for name in names])[::-1]
     words = [end[mark.start() :] for mark in re.finditer(r"(?:\.[A-Za-z]\w*)+$|[_\s-]", end)][::-1]
     return [f"{glob.escape(start)}*{glob.escape(stop)}" for stop in words for start in (begin, "")]
-
-
-def _shared(names: Sequence[str]) -> str:
-    """The characters that all names begin with."""
-    return "".join(letters[0] for letters in takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False)))

@@ -35,13 +35,20 @@ def with_model(draft: Draft, dataset: Dataset, inputs: Sequence[str]) -> Draft:
     draft = draft.with_section("dictionary", [{"polynomial": {"of": swept, "order": 3}}])
     turned = dataset.target != "force" and "force" in inputs
     known = [name for name in COMPETITORS if name in literature.names() and (turned or dataset.target == "force")]
-    formulas = [name for name in known if {*literature.get(name).inputs} <= {*dataset.quantities}]
+    samples = sum(int(curve.training.sum()) for curve in dataset.curves)
+    formulas = [name for name in known if _can_be_fitted(name, dataset, samples)]
     draft = _with_backbone(draft, dataset, formulas)
     draft = draft.with_section("fit", {"max_terms": 3, "stop": "bic"}, "up to three terms in each segment, as many as pay for themselves")
     if turned:
         why = f"the model of the {dataset.target} is inverted, so that scores are of the force, beside the formulas"
         return draft.with_section("validate", {"as": "force", "against": formulas}).noted(("validate", "as"), why)
     return draft.with_section("validate", {"against": formulas}) if formulas else draft
+
+
+def _can_be_fitted(name: str, dataset: Dataset, samples: int) -> bool:
+    """True where a formula finds its inputs, and more samples than it has parameters."""
+    formula = literature.get(name)
+    return {*formula.inputs} <= {*dataset.quantities} and len(formula.parameters) < samples
 
 
 def _with_segments(draft: Draft, dataset: Dataset, swept: Sequence[str]) -> Draft:

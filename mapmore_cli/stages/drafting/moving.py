@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.spec.units import is_canonical
 from mapmore_cli.stages.drafting.columns import Guess, Raw, is_clock, is_state, range_of
 from mapmore_cli.stages.drafting.draft import Draft
-from mapmore_cli.stages.inspection.evidence import settling, two_digits
+from mapmore_cli.stages.inspection.evidence import Remembered, remembered, settling, two_digits
 from mapmore_cli.stages.inspection.labels import read_label
 
 FEWEST = 200  # samples of a record that is worth a model with memory
@@ -21,16 +22,36 @@ MOST = 6_000  # samples to which records are resampled: a first try is quick
 BREAK = 5  # steps without a sample, that are a gap
 UNSETTLED = 0.2  # of the samples, in which the pressure changes: hardly static
 ORDER_OF_MEMORY = 2
+FEW, SOME = 2, 4  # samples of the inputs that count by themselves; more where nobody knows how long a sample is
 
 
 def moves(recordings: Sequence[Recording], target: str) -> bool:
     """True where a static model has nothing to hold on to: a position under pressure, or a force whose pressure never rests."""
     if sum(one.rows_kept for one in recordings) < FEWEST or "time" not in recordings[0].columns:
         return False
-    if target != "force":
+    if target != "force" or "pressure" not in recordings[0].columns:
         return True
     found = settling([(one.columns["time"], one.columns["pressure"]) for one in recordings])
     return found is not None and found.share < 1 - UNSETTLED
+
+
+HELPS = 0.8  # times the error of the input of now, that earlier ones leave at most where there is memory
+WORTH = 0.02  # of the spread of the response: an error below leaves nothing to explain
+
+
+def remembers(recordings: Sequence[Recording], drive: str, response: str) -> Remembered | None:
+    """The errors that tell of memory: earlier samples of what drives explain what the one of now does not. None where there is none."""
+    if min(one.rows_kept for one in recordings) < FEWEST:
+        return None
+    found = remembered([(one.columns[drive], one.columns[response]) for one in recordings])
+    return found if found is not None and found.now > WORTH and found.before < HELPS * found.now else None
+
+
+def with_counted_samples(draft: Draft, found: Remembered) -> Draft:
+    """The draft with a sample time, where no column is a clock and the response remembers."""
+    told = f"error {found.now:.0%} of its spread by the input of now, {found.before:.0%} by earlier ones as well"
+    why = f"s: no column is a clock, and the response remembers ({told}): say how long a sample takes"
+    return draft.with_data("sample_time", 1.0, why, False)
 
 
 def with_memory(draft: Draft, recordings: Sequence[Recording], inputs: Sequence[str], target: str) -> Draft:
@@ -44,10 +65,10 @@ def with_memory(draft: Draft, recordings: Sequence[Recording], inputs: Sequence[
     if gaps or "gaps" in draft.data:
         why = f"s: {gaps} gap{'s' if gaps != 1 else ''}, at which memory begins anew"
         draft = draft.with_data("gaps", {"longer_than": two_digits(BREAK * max(step, usual)), "action": "split"}, why)
-    draft = draft.with_data("split", {"validate": {"last": 0.5}}, "the second half of every recording is held out")
+    draft = _with_split(draft, recordings, [*inputs, target])
     draft = draft.with_section("target", {"column": target}, "it moves all the time: a model with memory, scored in free run")
     families: list[dict[str, Any]] = [
-        {"lags": {"of": list(inputs), "steps": [0, 1]}},
+        {"lags": {"of": list(inputs), "steps": list(range(FEW if "time" in draft.data["columns"] else SOME))}},
         {"slow": {"of": list(inputs), "count": 3}},
         {"play": {"of": list(inputs), "count": 3}},
     ]
@@ -57,12 +78,59 @@ def with_memory(draft: Draft, recordings: Sequence[Recording], inputs: Sequence[
     return draft.with_section("validate", {"normaliser": "range"}, "errors are divided by the range: the zero is arbitrary")
 
 
+STRETCHES = ((0.25, 0.5), (0.5, 0.75), (0.4, 0.6), (0.1, 0.35), (0.65, 0.9))  # of the time, that are held out where the end cannot be
+OUTSIDE = 0.05  # of the held-out samples, that may lie beyond what trains
+MARGIN, FURTHER = 0.01, 0.05  # of the training range of an input, and of the target, which overshoots
+LAST = 0.5
+MOVED = 0.25  # of the range of the target, that it goes through in what is held out
+
+
+def _with_split(draft: Draft, recordings: Sequence[Recording], names: Sequence[str]) -> Draft:
+    """The draft with a hold-out that lies within what trains: the second half, else a stretch of the time."""
+    times = [one.columns["time"] for one in recordings]
+    outside = _outside(recordings, names, [np.arange(len(time)) >= LAST * len(time) for time in times])
+    beyond = f"{outside:.0%} of the second half lies beyond the first one" if outside < 1 else "the second half rests, or is all new"
+    if outside <= OUTSIDE:
+        return draft.with_data("split", {"validate": {"last": LAST}}, "the second half of every recording is held out")
+    low, high = (float(edge(np.concatenate(times))) for edge in (np.min, np.max))
+    for begin, end in STRETCHES:
+        first, last = (float(f"{low + share * (high - low):.10g}") for share in (begin, end))
+        if _outside(recordings, names, [(time >= first) & (time <= last) for time in times]) <= OUTSIDE:
+            why = f"s: {beyond}, and this stretch moves within the others"
+            return draft.with_data("split", {"validate": {"time": {"between": [[first, last]]}}}, why)
+    why = f"{beyond}, and no stretch moves within the others: its error is that of an extrapolation"
+    return draft.with_data("split", {"validate": {"last": LAST}}, why, False)
+
+
+def _outside(recordings: Sequence[Recording], names: Sequence[str], held: Sequence[BoolArray]) -> float:
+    """The largest share, over quantities, of held-out samples beyond the range of the others; 1 where nothing or most is held out.
+
+    And where the target, the last of the names, hardly moves there: a rest tests nothing.
+    """
+    kept = np.concatenate(held)
+    pooled = {name: np.concatenate([one.columns[name] for one in recordings]) for name in names}
+    target = pooled[names[-1]]
+    if not kept.any() or np.mean(kept) > LAST + MARGIN or np.ptp(target[kept]) < MOVED * np.ptp(target):
+        return 1.0
+    shares = []
+    for name, values in pooled.items():
+        margin = (FURTHER if name == names[-1] else MARGIN) * float(np.ptp(values[~kept]))
+        beyond = (values[kept] < values[~kept].min() - margin) | (values[kept] > values[~kept].max() + margin)
+        shares.append(float(np.mean(beyond)))
+    return max(shares)
+
+
 def guess_others(titles: Mapping[str | int, str], raw: Raw, known: Mapping[str, Guess]) -> tuple[dict[str, Guess], list[str], str] | None:
     """Guess what drives and what follows where names say too little; None where not two columns move.
 
     Returns the columns by names made of their titles, the inputs, and the target: the pressure or what is named as an input first, then the
-    first column, drive; the last one follows.
+    first column, drive; the last one follows. A force follows the position.
     """
+    position = next((one for one in ("strain", "displacement", "length") if one in known and _varies(raw[known[one].column])), None)
+    if "force" in known and position is not None and _varies(raw[known["force"].column]):
+        why = f"{known[position].why}; no pressure was found: name its column, `set` it beside the files, or `join` its log"
+        guesses = {name: known[name] for name in ("time", position, "force") if name in known}
+        return {**guesses, position: replace(known[position], why=why, sure=False)}, [position], "force"
     time = known.get("time") or next((_clock(column, raw) for column in raw if all(map(is_clock, raw[column]))), None)
     columns = [column for column, values in raw.items() if (time is None or column != time.column) and _varies(values)]
     if len(columns) < 2:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import glob
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from fnmatch import fnmatchcase
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +17,8 @@ from mapmore_cli.storage.tables.reader import Top
 
 LINES = 200
 MOST_HEADER_LINES = 9
+MOST_UNIT_LINES = 2
+WORD = 3  # letters that titles of sheets share, to be a glob
 
 Row = Sequence[Any]
 
@@ -21,8 +27,9 @@ Row = Sequence[Any]
 class Preview:
     """How a file is read: by which `reader` with which `settings` of `data`, and the `titles` of its columns where it has a header.
 
-    `below` are the texts under the titles, as units, where the header has more lines. `left` counts the sheets of
-    a workbook that are laid out in another way.
+    `below` are the texts under the titles, as units, where the header has more lines. `sheets` are those of a workbook that are laid
+    out alike, where there is more than one and no glob names them; `left` are the others. `addresses` lead to the columns of a file
+    that is a tree.
     """
 
     reader: str
@@ -30,13 +37,27 @@ class Preview:
     titles: tuple[str, ...] | None
     settings: dict[str, Any] = field(default_factory=dict)
     below: tuple[str, ...] = ()
-    left: int = 0
+    sheets: tuple[str, ...] = ()
+    left: tuple[str, ...] = ()
+    addresses: tuple[str, ...] = ()
 
     @property
     def columns(self) -> tuple[str | int, ...]:
-        """How the spec names the columns: by their titles where each has one of its own, else by their indices."""
+        """How the spec names the columns: by their addresses, by their titles where each has one of its own, else by their indices."""
+        if self.addresses:
+            return self.addresses
         named = self.titles is not None and all(self.titles) and len(set(self.titles)) == self.width
         return self.titles if named and self.titles is not None else tuple(range(self.width))
+
+
+@dataclass(frozen=True)
+class _Table:
+    """A table that was found: its layout, how many rows it has, and how many columns of other texts than words."""
+
+    layout: Preview
+    rows: int
+    doubtful: int
+    sheet: str | None
 
 
 def preview(path: Path) -> Preview:
@@ -44,51 +65,91 @@ def preview(path: Path) -> Preview:
     reader = reader_of(path)
     if reader is None:
         raise DataError(f"{path.name}: no reader takes {suffix_of(path) or 'files without a suffix'}", "save the table as CSV")
+    remedy = f"write `columns` by hand, as `pressure: {{column: {reader.column}, unit: kPa}}`"
     if reader.peek is None:
-        remedy = f"write `columns` by hand, as `pressure: {{column: {reader.column}, unit: kPa}}`"
         raise DataError(f"{path.name}: its arrays have to be named", remedy)
     tops = list(reader.peek(path, LINES))
-    layouts = [layout for layout in (_layout(top, reader.name) for top in tops) if layout is not None]
-    if not layouts:
-        raise DataError(f"{path.name}: no table of numbers was found in its first {len(tops[0].rows)} lines", "save the table as CSV")
-    found = max(layouts, key=lambda layout: layout[0])[1]
-    return _of_all_sheets(found, [layout for _, layout in layouts], len(tops)) if reader.name == "xlsx" else found
+    tables = [table for table in (_table(top, reader.name) for top in tops) if table is not None]
+    if not tables:
+        lines = f" in its first {len(tops[0].rows)} lines" if tops[0].rows else ""
+        raise DataError(f"{path.name}: no table of numbers was found{lines}", f"save the table as CSV, or {remedy}")
+    found = max(tables, key=lambda table: (-table.doubtful, table.rows))
+    return found.layout if found.sheet is None else _of_all_sheets(found, tables, [top.sheet for top in tops if top.sheet is not None])
 
 
-def _of_all_sheets(found: Preview, layouts: Sequence[Preview], sheets: int) -> Preview:
-    """The layout of every sheet where all of them are alike, else that of the one with the most rows."""
+def _of_all_sheets(found: _Table, tables: Sequence[_Table], sheets: Sequence[str]) -> Preview:
+    """The layout of the sheet with the most rows, for it and all that are like it."""
 
     def shape(layout: Preview) -> tuple[Any, ...]:
         return layout.titles, layout.width, {key: value for key, value in layout.settings.items() if key != "sheet"}
 
-    alike = [layout for layout in layouts if shape(layout) == shape(found)]
-    if len(alike) == sheets > 1:
-        return replace(found, settings={**found.settings, "sheet": "*"})
-    return replace(found, left=sheets - 1)
+    alike = [str(table.sheet) for table in tables if shape(table.layout) == shape(found.layout)]
+    others = tuple(sheet for sheet in sheets if sheet not in alike)
+    if len(alike) == 1:
+        return replace(found.layout, left=others)
+    begin, end = shared_start(alike), shared_start([name[::-1] for name in alike])[::-1]
+    globs = ["*", *([f"{glob.escape(begin)}*"] if len(begin) >= WORD else []), *([f"*{glob.escape(end)}"] if len(end) >= WORD else [])]
+    exact = next((one for one in globs if {sheet for sheet in sheets if fnmatchcase(sheet, one)} == {*alike}), None)
+    if exact is not None:
+        return replace(found.layout, settings={**found.layout.settings, "sheet": exact}, left=others)
+    return replace(found.layout, settings={**found.layout.settings, "sheet": alike[0]}, sheets=tuple(alike), left=others)
 
 
-def _layout(first_rows: Top, reader: str) -> tuple[int, Preview] | None:
-    """The table that the last rows belong to, with the number of rows that do; None where they are no numbers in two columns or more.
+def _table(first_rows: Top, reader: str) -> _Table | None:
+    """The table that the last rows belong to; None where they are no numbers in two columns or more.
 
-    Cells may be empty. Rows right before it with as many cells are the header, what stands before these is skipped. The very last row may
-    be cut off.
+    Cells may be empty, a word may stand for a missing number, and whole columns may hold words. Rows right before it with as many cells
+    are the header, what stands before these is skipped. The very last row may be cut off, or be a remark.
     """
-    rows, is_number = first_rows.rows, first_rows.is_number
-    whole = rows[:-1] if len(rows) > 1 else rows
-    width = len(whole[-1]) if whole else 0
-    blank = [not any(_filled(row)) for row in whole]
-    data = [is_blank or (len(row) == width and all(map(is_number, _filled(row)))) for row, is_blank in zip(whole, blank, strict=True)]
-    first = next((i for i in range(len(whole), 0, -1) if not data[i - 1]), 0)
+    whole, width = _body(first_rows.rows)
+    numeric = _numeric_columns([row for row in whole[len(whole) // 2 :] if len(row) == width], first_rows.is_number)
+    if len(numeric) < 2:
+        return None
+    blank = [not _filled(row) for row in whole]
+    filled = [_filled([row[place] for place in numeric]) if len(row) == width else [] for row in whole]
+    numbers = [sum(map(first_rows.is_number, cells)) for cells in filled]
+    start = next((i for i in range(len(whole), 0, -1) if not (blank[i - 1] or numbers[i - 1])), 0)
+    unit_lines = range(start, min(start + MOST_UNIT_LINES, len(whole)))  # `kPa;1` has a number
+    first = next((i + 1 for i in reversed(unit_lines) if start and filled[i] and 2 * numbers[i] <= len(filled[i])), start)
     while first < len(whole) and blank[first]:
         first += 1
     top = next((i for i in range(first, 0, -1) if blank[i - 1] or len(whole[i - 1]) != width), 0)
     header = first - top
-    if width < 2 or first == len(whole) or header > MOST_HEADER_LINES:
+    if first == len(whole) or header > MOST_HEADER_LINES:
         return None
     titles = tuple("" if cell is None else str(cell).strip().strip('"') for cell in whole[top]) if header else None
     below = tuple(" ".join(str(row[place]) for row in whole[top + 1 : first] if row[place] is not None) for place in range(width))
     shape = {**({} if header == 1 else {"header": header or False}), **({"skip_rows": top} if top else {})}
-    return len(whole) - first, Preview(reader, width, titles, {**first_rows.settings, **shape}, below if header > 1 else ())
+    layout = Preview(reader, width, titles, {**first_rows.settings, **shape}, below if header > 1 else ())
+    if first_rows.addresses:
+        layout = replace(layout, settings={**first_rows.settings}, addresses=first_rows.addresses)
+    words = {place: _filled([row[place] for row in whole[first:] if len(row) == width]) for place in range(width) if place not in numeric}
+    doubtful = sum(any(mark in str(cell) for mark in "0123456789") for cells in words.values() for cell in cells[:1])
+    return _Table(layout, len(whole) - first, doubtful, first_rows.sheet)
+
+
+def _body(rows: Sequence[Row]) -> tuple[Sequence[Row], int]:
+    """The rows without the last one and without closing remarks, and the number of cells that most of the later ones have."""
+    whole = rows[:-1] if len(rows) > 1 else rows
+    widths = Counter(len(row) for row in whole[len(whole) // 2 :] if _filled(row))
+    width = widths.most_common(1)[0][0] if widths else 0
+    end = next((i for i in range(len(whole), 0, -1) if len(whole[i - 1]) == width and _filled(whole[i - 1])), 0)
+    return whole[:end], width
+
+
+def _numeric_columns(rows: Sequence[Row], is_number: Callable[[Any], bool]) -> list[int]:
+    """The columns of which most cells that are filled are numbers."""
+    found = []
+    for place in range(len(rows[0]) if rows else 0):
+        cells = _filled([row[place] for row in rows])
+        if 2 * sum(map(is_number, cells)) > len(cells):
+            found.append(place)
+    return found
+
+
+def shared_start(names: Sequence[str]) -> str:
+    """The characters that all names begin with."""
+    return "".join(letters[0] for letters in takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False)))
 
 
 def _filled(row: Row) -> list[Any]:

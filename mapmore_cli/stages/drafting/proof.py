@@ -45,9 +45,9 @@ def _simpler(draft: Draft) -> Iterator[Draft]:
         lambda one: _without(one, "model", "validate"),
         lambda one: _without(one, "segment"),
         lambda one: one.with_section("fit", {"max_terms": 1}),
-        lambda one: _without_data(one, "cycles", "keep", "derive"),
-        lambda one: _without_data(one, "split"),
-        lambda one: _without_data(_without(one, "segment"), "levels"),
+        lambda one: one.without_data("cycles", "keep", "derive"),
+        lambda one: one.without_data("split"),
+        lambda one: _without(one, "segment").without_data("levels"),
     )
     for step in steps:
         simpler = step(draft)
@@ -63,19 +63,13 @@ def _straight(draft: Draft) -> Draft:
     output = target["column"] if isinstance(target, dict) else "force"
     beside = [name for entry in draft.data["files"] if isinstance(entry, dict) for name in entry.get("set", {})]
     inputs = [name for name in (*draft.data["columns"], *beside) if name not in ("time", output)]
-    draft = _without_data(draft, "resample", "gaps")
+    draft = draft.without_data("resample", "gaps")
     return draft.with_section("dictionary", [{"polynomial": {"of": inputs[:1], "order": 1}}])
 
 
 def _without(draft: Draft, *sections: str) -> Draft:
     spec = {key: value for key, value in draft.spec.items() if key not in sections}
     return replace(draft, spec=spec, notes={loc: note for loc, note in draft.notes.items() if loc[0] not in sections})
-
-
-def _without_data(draft: Draft, *keys: str) -> Draft:
-    data = {key: value for key, value in draft.data.items() if key not in keys}
-    notes = {loc: note for loc, note in draft.notes.items() if loc[:1] != ("data",) or len(loc) < 2 or loc[1] not in keys}
-    return replace(draft, spec={**draft.spec, "data": data}, notes=notes)
 
 
 def _fault(draft: Draft, folder: Path) -> MapmoreError | None:
@@ -104,7 +98,10 @@ def _chosen(spec: dict[str, Any]) -> dict[str, Any]:
 def _absolute(spec: dict[str, Any], folder: Path) -> dict[str, Any]:
     """The spec with paths that mean the same from anywhere."""
     start = glob.escape(str(folder.resolve()))
-    files = [
-        {**entry, "path": f"{start}/{entry['path']}"} if isinstance(entry, dict) else f"{start}/{entry}" for entry in spec["data"]["files"]
-    ]
-    return {**spec, "data": {**spec["data"], "files": files}}
+
+    def moved(log: dict[str, Any]) -> dict[str, Any]:
+        files = [{**entry, "path": f"{start}/{entry['path']}"} if isinstance(entry, dict) else f"{start}/{entry}" for entry in log["files"]]
+        return {**log, "files": files}
+
+    data = moved(spec["data"])
+    return {**spec, "data": {**data, "join": [moved(log) for log in data["join"]]} if "join" in data else data}

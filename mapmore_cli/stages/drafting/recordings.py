@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -17,11 +17,16 @@ from mapmore_cli.spec.units import convert, default_unit
 from mapmore_cli.stages.drafting.columns import LARGEST_FRACTION, Guess
 from mapmore_cli.stages.drafting.draft import Draft
 from mapmore_cli.stages.drafting.groups import Group, number_in, patterns
+from mapmore_cli.stages.drafting.preview import Preview
 from mapmore_cli.stages.ingestion.dataset import build_dataset
 from mapmore_cli.stages.ingestion.files import IngestSlice
 from mapmore_cli.storage.globs import relative_name
+from mapmore_cli.storage.tables.numbers import NotANumber
 
 MOST_FILES = 5
+MOST_WORDS = 3  # that stand for missing numbers in one column; more are a column of words
+WHOLE = 0.5  # of the samples, at least
+MOST_TOLD = 8  # sheets that a note names
 T = TypeVar("T")
 
 
@@ -55,6 +60,25 @@ def raw_columns(group: Group, folder: Path) -> dict[str | int, list[Array]]:
         return found
 
 
+def tolerant(read: Callable[[tuple[str, ...]], Dataset]) -> tuple[Dataset, tuple[str, ...]]:
+    """A dataset whose samples are mostly whole, with the few words in its cells that then stand for missing numbers, as `---`.
+
+    `read` makes it, given such words. Raises DataError where the cells hold more words, or hardly a number.
+    """
+    words: tuple[str, ...] = ()
+    while True:
+        try:
+            dataset = read(words)
+        except NotANumber as fault:
+            if len(words) == MOST_WORDS:
+                raise
+            words = (*words, fault.cell)
+            continue
+        if words and sum(one.rows_kept for one in dataset.recordings) < WHOLE * sum(one.rows_read for one in dataset.recordings):
+            raise DataError(f"hardly a number among {', '.join(map(repr, words))}")
+        return dataset, words
+
+
 def _read(group: Group, folder: Path, columns: Sequence[str | int]) -> dict[str | int, list[Array]]:
     names = {f"column_{place}": column for place, column in enumerate(columns)}
     data = {
@@ -62,10 +86,18 @@ def _read(group: Group, folder: Path, columns: Sequence[str | int]) -> dict[str 
         "reader": group.layout.reader,
         **group.layout.settings,
         "columns": {name: {"column": column} for name, column in names.items()},
-        "missing": "drop",
     }
-    recordings = dataset_of(data, folder, next(iter(names)), dict.fromkeys(names, "1")).recordings
+
+    def read(words: tuple[str, ...]) -> Dataset:
+        return dataset_of({**data, "missing": missing(words)}, folder, next(iter(names)), dict.fromkeys(names, "1"))
+
+    recordings = tolerant(read)[0].recordings
     return {column: [np.asarray(recording.columns[name]) for recording in recordings] for name, column in names.items()}
+
+
+def missing(words: Sequence[str]) -> str | dict[str, Any]:
+    """What the spec says of samples without a number: they are left out, also where one of these words stands for it."""
+    return {"tokens": list(words)} if words else "drop"
 
 
 def _some(files: Sequence[T]) -> Sequence[T]:
@@ -132,22 +164,39 @@ def started(group: Group, name: str, folder: Path, quantity: str, constants: Seq
     draft = draft.noted(("muscle",), "kind, length and diameter help `check`, as {kind: mckibben, length: 88 mm, diameter: 20 mm}", False)
     if "header" in group.layout.settings and not group.layout.settings["header"]:
         draft = draft.noted(("data", "header"), "the first line holds numbers")
+    if "sample_time" in group.layout.settings:
+        draft = draft.noted(("data", "sample_time"), "s: as the file says")
+    if group.layout.sheets:
+        draft = draft.without_data("sheet")
     if group.layout.left:
-        others = "1 other is" if group.layout.left == 1 else f"{group.layout.left} others are"
-        why = f"the sheet with the most rows; {others} laid out in another way, and left out"
-        draft = draft.noted(("data", "sheet" if "sheet" in data else "reader"), why, False)
+        draft = draft.noted(("data", "sheet" if "sheet" in draft.data else "reader"), _of_sheets(group.layout), False)
     if constants is None:
         found = patterns(group.files, folder)
-        return draft.with_data("files", found).noted(
-            ("data", "files", 0), f"{len(group.files)} files" if len(found) < len(group.files) else None
-        )
-    entries: list[dict[str, Any]] = []
+        told_count = f"{len(group.files)} files" if len(found) < len(group.files) else None
+        return draft.with_data("files", _of_each_sheet(found, group.layout)).noted(("data", "files", 0), told_count)
+    entries: list[Any] = []
     for told in sorted(set(constants)):
         members = [file for file, own in zip(group.files, constants, strict=True) if own == told]
         for pattern in patterns(members, folder):
             draft = draft.noted(("data", "files", len(entries)), told.why, sure=False)
-            entries.append({"path": pattern, "set": {quantity: told.value}})
+            entries += _of_each_sheet([{"path": pattern, "set": {quantity: told.value}}], group.layout)
     return draft.with_data("files", entries)
+
+
+def _of_sheets(layout: Preview) -> str:
+    """Which sheets of a workbook are read, and which are not."""
+    several = bool(layout.sheets) or "*" in layout.settings.get("sheet", "")
+    which = "the sheets that are alike" if several else "the sheet with the most rows"
+    names = ", ".join(f"'{name}'" for name in layout.left[:MOST_TOLD]) + (" ..." if len(layout.left) > MOST_TOLD else "")
+    return f"{which}; laid out in another way, and left out: {names}"
+
+
+def _of_each_sheet(entries: Sequence[Any], layout: Preview) -> list[Any]:
+    """The entries of `files`, once for every sheet where sheets have to be named one by one."""
+    if not layout.sheets:
+        return list(entries)
+    plain = [entry if isinstance(entry, dict) else {"path": entry} for entry in entries]
+    return [{**entry, "sheet": sheet} for entry in plain for sheet in layout.sheets]
 
 
 def with_columns(draft: Draft, guesses: Mapping[str, Guess], titles: Sequence[str]) -> Draft:
@@ -155,6 +204,8 @@ def with_columns(draft: Draft, guesses: Mapping[str, Guess], titles: Sequence[st
     used = {guess.column for guess in guesses.values()}
     left = ", ".join(title for title in titles if title not in used)
     draft = draft.with_data("columns", {one: guess.as_spec() for one, guess in guesses.items()}, f"left out: {left}" if left else None)
+    if "time" in guesses:
+        draft = draft.without_data("sample_time")
     for quantity, guess in guesses.items():
         draft = draft.noted(("data", "columns", quantity), guess.why, guess.sure)
     return draft
@@ -162,44 +213,49 @@ def with_columns(draft: Draft, guesses: Mapping[str, Guess], titles: Sequence[st
 
 def cleaned(draft: Draft, folder: Path, target: str) -> tuple[Draft, Dataset]:
     """The draft with what its recordings need to be read, and these; a clock that runs backwards is left out."""
-    lenient = {"missing": "drop", "repeated_time": "average"}
+    draft = draft.with_data("missing", "drop").with_data("repeated_time", "average")
     try:
-        dataset = dataset_of({**draft.data, **lenient}, folder, target)
+        dataset, words = tolerant(lambda words: dataset_of({**draft.data, "missing": missing(words)}, folder, target))
     except DataError as fault:
         if "time" not in draft.data["columns"]:
             raise
-        split = _split_at_resets(draft, folder, target, lenient)
-        if split is not None:
+        found = _split_at_resets(draft, folder, target)
+        if found is not None:
             draft = draft.with_data("gaps", GAPS, f"s: the clock is set back, and splits the recording: {fault.message}", False)
-            return _told_losses(draft, split, target), split
-        columns = {name: column for name, column in draft.data["columns"].items() if name != "time"}
-        draft = draft.with_data("columns", columns, f"time is left out: {fault.message}", False)
-        dataset = dataset_of({**draft.data, **lenient}, folder, target)
-    return _told_losses(draft, dataset, target), dataset
+        else:
+            columns = {name: column for name, column in draft.data["columns"].items() if name != "time"}
+            draft = draft.with_data("columns", columns, f"time is left out: {fault.message}", False)
+            found = tolerant(lambda words: dataset_of({**draft.data, "missing": missing(words)}, folder, target))
+        dataset, words = found
+    return _told_losses(draft, dataset, target, words), dataset
 
 
 GAPS = {"longer_than": 60.0, "action": "split"}
 FEW_RESETS = 3  # pieces of a file, beyond which its clock is no clock
 
 
-def _split_at_resets(draft: Draft, folder: Path, target: str, lenient: Mapping[str, Any]) -> Dataset | None:
-    """The recordings, split where the clock is set back; None where it is no clock at all."""
+def _split_at_resets(draft: Draft, folder: Path, target: str) -> tuple[Dataset, tuple[str, ...]] | None:
+    """The recordings, split where the clock is set back, and words for missing numbers; None where it is no clock at all."""
     try:
-        dataset = dataset_of({**draft.data, **lenient, "gaps": GAPS}, folder, target)
+        dataset, words = tolerant(lambda words: dataset_of({**draft.data, "missing": missing(words), "gaps": GAPS}, folder, target))
     except DataError:
         return None
     files = len({one.source for one in dataset.recordings})
     sizes = [one.rows_kept for one in dataset.recordings]
-    return dataset if len(sizes) <= files + FEW_RESETS and min(sizes) > LONG_ENOUGH else None
+    return (dataset, words) if len(sizes) <= files + FEW_RESETS and min(sizes) > LONG_ENOUGH else None
 
 
 LONG_ENOUGH = 100  # samples of a piece
 
 
-def _told_losses(draft: Draft, dataset: Dataset, target: str) -> Draft:
+def _told_losses(draft: Draft, dataset: Dataset, target: str, words: Sequence[str]) -> Draft:
     """The draft with what is done about empty cells, stamps that repeat, and a force that pushes."""
     lost = {reason: sum(one.dropped.get(reason, 0) for one in dataset.recordings) for reason in ("missing value", "repeated time")}
-    if lost["missing value"]:
+    draft = draft.without_data("missing", "repeated_time")
+    if words:
+        why = f"{lost['missing value']} samples have a cell that is empty or holds {', '.join(map(repr, words))}: taken as no value"
+        draft = draft.with_data("missing", missing(words), why, False)
+    elif lost["missing value"]:
         draft = draft.with_data("missing", "drop", f"{lost['missing value']} samples have an empty cell")
     if lost["repeated time"]:
         draft = draft.with_data("repeated_time", "average", f"{lost['repeated time']} time stamps repeat: the logger rounds them")

@@ -14,7 +14,7 @@ from mapmore_cli.stages.drafting.draft import Draft
 from mapmore_cli.stages.drafting.experiment import find_held, with_experiment
 from mapmore_cli.stages.drafting.groups import Group, find_groups
 from mapmore_cli.stages.drafting.model import with_model
-from mapmore_cli.stages.drafting.moving import guess_others, moves, with_memory
+from mapmore_cli.stages.drafting.moving import guess_others, moves, remembers, with_counted_samples, with_memory
 from mapmore_cli.stages.drafting.proof import proven
 from mapmore_cli.stages.drafting.recordings import (
     cleaned,
@@ -26,16 +26,18 @@ from mapmore_cli.stages.drafting.recordings import (
     with_columns,
     with_strain,
 )
+from mapmore_cli.stages.drafting.second_logs import second_of, with_second_log
 from mapmore_cli.stages.inspection.evidence import set_in_steps
 
 POSITIONS = ("strain", "displacement", "length")
 """Quantities that say how far a muscle has contracted, the most telling first."""
 
 
-def propose(group: Group, name: str, folder: Path, length: float | None = None) -> Draft:
+def propose(group: Group, name: str, folder: Path, length: float | None = None, second: Group | None = None) -> Draft:
     """The spec of a group of recordings, with paths from `folder`; `length` is that of the muscle in m, where it is known.
 
-    What cannot be told from the data is marked `CHECK`. The spec passes its own check, and of short recordings its own run.
+    `second` are the logs of the pressure, where these are files of their own. What cannot be told from the data is marked `CHECK`. The
+    spec passes its own check, and of short recordings its own run.
 
     Raises
     ------
@@ -49,12 +51,16 @@ def propose(group: Group, name: str, folder: Path, length: float | None = None) 
     target: str | None = next((one for one in ("force", "displacement", "length") if one in guesses), None)
     position = next((one for one in POSITIONS if one in guesses), None) if target == "force" else None
     untold = next((one for one in ("pressure", position or "strain") if one not in guesses), "") if target == "force" else ""
+    untold = untold if second is None else ""
     constants = constants_of(group, untold) if untold else None
-    if target is None or ("pressure" not in guesses and not (constants and untold == "pressure")):
+    if target is None or ("pressure" not in guesses and not (constants and untold == "pressure") and second is None):
         return proven(_of_unknown(group, name, folder, titles, raw, guesses), folder)
     position = position or ("strain" if constants is not None and untold == "strain" else None)
     guesses = {one: guesses[one] for one in ("time", "pressure", position, target) if one in guesses}
     draft = with_columns(started(group, name, folder, untold, constants), guesses, list(titles.values()))
+    if second is not None:
+        clock = raw[guesses["time"].column][0]
+        draft = with_second_log(draft, second, folder, guesses["time"], (float(clock.min()), float(clock.max())))
     draft, dataset = cleaned(draft, folder, target)
     if length is not None:
         draft, position = with_strain(draft, dataset, length, position)
@@ -100,7 +106,11 @@ def _of_unknown(group: Group, name: str, folder: Path, titles: Mapping[str | int
     guesses, inputs, target = found
     draft = with_columns(started(group, name, folder, "", None), guesses, list(titles.values()))
     draft, dataset = cleaned(draft, folder, target)
-    if moves(dataset.recordings, target):
+    memory = remembers(dataset.recordings, inputs[0], target)
+    if memory is not None and "time" not in dataset.recordings[0].columns:
+        draft = with_counted_samples(draft, memory)
+        dataset = dataset_of(draft.data, folder, target)
+    if moves(dataset.recordings, target) and (target != "force" or memory is not None):
         return with_memory(draft, dataset.recordings, inputs, target)
     draft = draft.with_section("target", {"column": target})
     return with_model(draft, dataset, inputs)
@@ -124,13 +134,17 @@ def start(path: Path, folder: Path, name: str | None = None, single: bool = Fals
     """
     groups, remarks = find_groups(path)
     names = _unique([_name(group.label) for group in groups], [_name(group.files[0].parent.name) for group in groups])
+    seconds = {group.files: second_of(group, groups) for group in groups}
     drafts: list[Draft] = []
     for group, own in zip(groups, names, strict=True):
+        if group in seconds.values():
+            continue
         if drafts and single:
             remarks.append(f"{own} ({len(group.files)} files): another study; without -o every study gets a spec of its own")
             continue
         try:
-            drafts.append(propose(group, own if name is None else name if single or len(groups) == 1 else f"{name}-{own}", folder, length))
+            asked = own if name is None else name if single or len(groups) == 1 else f"{name}-{own}"
+            drafts.append(propose(group, asked, folder, length, seconds[group.files]))
         except (DataError, SpecError) as fault:
             remarks.append(fault.message)
     if not drafts:

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, IntArray
+from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.signals.rates import rate
+from mapmore_cli.modelling.terms.operator import filtered_from_rest
 
 HINGED = "sarosi_hinged"
 """The formula that is made for it."""
@@ -136,6 +137,61 @@ def settling(records: Sequence[tuple[Array, Array]]) -> Settling | None:
 def two_digits(value: float) -> float:
     """A positive number, rounded to two digits, as a person would choose it."""
     return float(f"{round(value, 1 - math.floor(math.log10(value))):.6g}")
+
+
+# What is remembered ----------------------------------------------------------------------------------------------------------
+
+KNOTS = 12  # of the curve over the input of now
+DELAYS = (1, 2)  # samples
+LAGS = (4, 16, 64)  # samples
+TENTHS = 10  # parts of each record, of which every second one is learnt from
+MOST_SHOWN = 20_000  # samples that are looked at
+RIDGE = 1e-6
+THERE_AND_BACK = 1.9  # ranges that an input travels at least
+
+
+@dataclass(frozen=True)
+class Remembered:
+    """Errors of a response, relative to its standard deviation: `now` by the input of the same sample, `before` by earlier ones as well."""
+
+    now: float
+    before: float
+
+
+def remembered(records: Sequence[tuple[Array, Array]]) -> Remembered | None:
+    """How much better earlier samples of an input tell the response, of records given as input and response, each `(n,)`, in order.
+
+    Two least-squares fits learn from every second tenth of each record and are tried on the others: a curve of 12 pieces over the input of
+    now, and the same with the input delayed and followed slowly. None where the input does not go there and back: nothing then tells the
+    two from each other.
+    """
+    records = [(u[:MOST_SHOWN], y[:MOST_SHOWN]) for u, y in records]
+    drive = np.concatenate([u for u, _ in records])
+    response = np.concatenate([y for _, y in records])
+    scale = float(np.ptp(drive)) or 1.0
+    if sum(float(np.abs(np.diff(u)).sum()) for u, _ in records) < THERE_AND_BACK * scale:
+        return None
+    knots = np.unique(np.quantile(drive, np.linspace(0, 1, KNOTS + 1)))
+    hats = np.column_stack([np.interp(drive, knots, row) for row in np.eye(len(knots))])
+    past = np.concatenate([_earlier((u - drive.min()) / scale) for u, _ in records])
+    learn = np.concatenate([np.arange(len(u)) * TENTHS // len(u) % 2 == 0 for u, _ in records])
+    spread = float(np.std(response[~learn])) or 1.0
+    errors = [_tried(columns, response, learn) / spread for columns in (hats, np.column_stack([hats, past]))]
+    return Remembered(*errors)
+
+
+def _earlier(u: Array) -> Array:
+    """The input delayed and followed slowly, and the square of the latter, `(n, 8)`."""
+    delayed = [np.concatenate([np.full(min(k, len(u)), u[0]), u[:-k]])[: len(u)] for k in DELAYS]
+    slow = [filtered_from_rest(u, [1 / lag], [1, 1 / lag - 1]) for lag in LAGS]
+    return np.column_stack([*delayed, *slow, *(one**2 for one in slow)])
+
+
+def _tried(columns: Array, y: Array, learn: BoolArray) -> float:
+    """RMSE on the rows that a ridge regression has not learnt from."""
+    gram = columns[learn].T @ columns[learn]
+    weights = np.linalg.solve(gram + RIDGE * np.trace(gram) / len(gram) * np.eye(len(gram)), columns[learn].T @ y[learn])
+    return float(np.sqrt(np.mean((y[~learn] - columns[~learn] @ weights) ** 2)))
 
 
 # What was set ----------------------------------------------------------------------------------------------------------------

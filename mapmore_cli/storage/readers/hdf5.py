@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from mapmore_cli.storage.readers.mat import matlab_file
 from mapmore_cli.storage.tables.members import Member, Selection, check_fit, own_values, refuse_other_files, tables
-from mapmore_cli.storage.tables.reader import Reader, reading
+from mapmore_cli.storage.tables.reader import Reader, Top, reading
 from mapmore_cli.storage.tables.table import RawTable, TableRequest
+from mapmore_cli.storage.tables.trees import top_of
 
 
 def read_hdf5(path: Path, request: TableRequest) -> list[RawTable]:
@@ -24,13 +26,25 @@ def read_hdf5(path: Path, request: TableRequest) -> list[RawTable]:
     DataError
         No HDF5 file, or a damaged one; an address that leads nowhere; arrays that are not columns of numbers of one length.
     """
+    with _opened(path, request.label) as top:
+        return tables(top, request)
+
+
+def peek_hdf5(path: Path, most: int) -> Iterable[Top]:
+    """The first rows of the log that a file holds."""
+    with _opened(path, path.name) as top:
+        return [top_of(top, most)]
+
+
+@contextmanager
+def _opened(path: Path, label: str) -> Iterator[Member]:
     import h5py
 
-    with reading(request.label, "HDF5 file"), path.open("rb") as stream, h5py.File(stream, "r") as file:
-        refuse_other_files(file, request.label)
+    with reading(label, "HDF5 file"), path.open("rb") as stream, h5py.File(stream, "r") as file:
+        refuse_other_files(file, label)
         members = (file.get(name) for name in file)  # None for a link that leads nowhere
         by_matlab = any("MATLAB_class" in member.attrs for member in members if member is not None)
-        return tables(matlab_file(file) if by_matlab else _member(file), request)
+        yield matlab_file(file) if by_matlab else _member(file)
 
 
 def _member(found: Any) -> Member:
@@ -47,8 +61,9 @@ def _member(found: Any) -> Member:
     fields = found.dtype.names
     size = " x ".join(map(str, found.shape)) or "a single value"
     if fields:
-        return Member(f"a table of {size}", fields, member=lambda name: Member(f"a field of {size}", values=_reader(found, name)))
-    return Member(f"an array of {size}", values=_reader(found, None))
+        read = {name: _reader(found, name) for name in fields}
+        return Member(f"a table of {size}", fields, member=lambda name: Member(f"a field of {size}", values=read[name], shape=found.shape))
+    return Member(f"an array of {size}", values=_reader(found, None), shape=found.shape)
 
 
 def _reader(dataset: Any, field: str | None) -> Callable[[Selection], Any]:
@@ -65,4 +80,4 @@ def _natural(name: str) -> list[tuple[bool, int | str]]:
     return [(not part.isdigit(), int(part) if part.isdigit() else part) for part in re.split(r"(\d+)", name) if part]
 
 
-READER = Reader("hdf5", read_hdf5, suffixes=(".h5", ".hdf5"), keys=("root",), column="group/dataset")
+READER = Reader("hdf5", read_hdf5, suffixes=(".h5", ".hdf5"), keys=("root",), column="group/dataset", peek=peek_hdf5)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +10,9 @@ import numpy as np
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables.members import EVERY, Member, Selection, check_fit, own_values, parse_address, refuse_other_files, tables
-from mapmore_cli.storage.tables.reader import Reader, reading
+from mapmore_cli.storage.tables.reader import Reader, Top, reading
 from mapmore_cli.storage.tables.table import RawTable, TableRequest
+from mapmore_cli.storage.tables.trees import top_of
 
 
 def read_mat(path: Path, request: TableRequest) -> list[RawTable]:
@@ -34,10 +36,25 @@ def read_mat(path: Path, request: TableRequest) -> list[RawTable]:
         return tables(_variables(stream, request), request)
 
 
-def _variables(stream: Any, request: TableRequest) -> Member:
-    """Return the variables of a file, of which those that the request names are loaded."""
+def peek_mat(path: Path, most: int) -> Iterable[Top]:
+    """The first rows of the log that a file holds."""
+    import h5py
+
+    with reading(path.name, "MAT file"), path.open("rb") as stream:
+        if h5py.is_hdf5(path):
+            with h5py.File(stream, "r") as file:
+                refuse_other_files(file, path.name)
+                return [top_of(matlab_file(file), most, ".")]
+        return [top_of(_variables(stream, None), most, ".")]
+
+
+def _variables(stream: Any, request: TableRequest | None) -> Member:
+    """Return the variables of a file, of which those that the request names are loaded; all without one."""
     from scipy.io import loadmat, whosmat
 
+    if request is None:
+        loaded = {name: value for name, value in loadmat(stream).items() if not name.startswith("__")}
+        return Member("the file", list(loaded), member=lambda name: _member(loaded[name], name))
     addresses = [request.root] if request.root else [column for column in request.columns if isinstance(column, str)]
     firsts = [step for address in addresses for step in parse_address(address.removesuffix(EVERY)).steps[:1]]
     wanted = {step for step in firsts if isinstance(step, str)}
@@ -81,7 +98,7 @@ def _member(value: Any, name: str) -> Member:
     def select(selection: Selection) -> Any:
         return value[selection]
 
-    return Member(f"an array of {size}", values=select)
+    return Member(f"an array of {size}", values=select, shape=value.shape)
 
 
 def matlab_file(file: Any) -> Member:
@@ -141,7 +158,7 @@ def _array(dataset: Any) -> Member:
         whole = (*selection, *(slice(None),) * (len(shape) - len(selection)))
         return np.transpose(own_values(dataset)[whole[::-1]])
 
-    return Member(f"an array of {' x '.join(map(str, shape))}", values=read)
+    return Member(f"an array of {' x '.join(map(str, shape))}", values=read, shape=shape)
 
 
 def _class_of(found: Any) -> str:
@@ -158,4 +175,4 @@ def _references(dataset: Any) -> Any:
     return own_values(dataset)[()].reshape(-1)
 
 
-READER = Reader("mat", read_mat, suffixes=(".mat",), keys=("root",), column="run.P")
+READER = Reader("mat", read_mat, suffixes=(".mat",), keys=("root",), column="run.P", peek=peek_mat)

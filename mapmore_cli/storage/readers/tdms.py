@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO, Literal
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.tables.members import as_numbers, table_of
-from mapmore_cli.storage.tables.reader import Reader, optional_library, reading
+from mapmore_cli.storage.tables.members import Member, as_numbers, table_of
+from mapmore_cli.storage.tables.reader import Reader, Top, optional_library, reading
 from mapmore_cli.storage.tables.table import RawTable, SourceColumn, TableRequest, known_names
+from mapmore_cli.storage.tables.trees import top_of
 
 TAG = b"TDSm"
 LEAD_IN = 28  # bytes: tag, flags, version, length of the segment, offset of its data
@@ -41,6 +43,25 @@ def read_tdms(path: Path, request: TableRequest) -> list[RawTable]:
     return [table_of(columns, request, request.label)]
 
 
+def peek_tdms(path: Path, most: int) -> Iterable[Top]:
+    """The first rows of the group with the longest channels; the step that LabVIEW noted is the sample time."""
+    nptdms = optional_library("nptdms", "npTDMS", path.name)
+    nptdms.log.log_manager.set_level("CRITICAL")
+    with reading(path.name, "TDMS file"), path.open("rb") as stream, nptdms.TdmsFile.open(stream) as file:
+        groups = {group.name: {channel.name: channel for channel in group.channels()} for group in file.groups()}
+        found = top_of(Member("the file", list(groups), member=lambda name: _group(groups[name])), most)
+        steps = [file[group][channel].properties.get("wf_increment") for group, channel in (a.split("/") for a in found.addresses)]
+    return [replace(found, settings={**found.settings, "sample_time": steps[0]}) if steps and steps[0] else found]
+
+
+def _group(channels: Mapping[str, Any]) -> Member:
+    def member(name: str) -> Member:
+        channel = channels[name]
+        return Member("a channel", values=lambda selection: channel[selection[0]] if selection else channel[:], shape=(len(channel),))
+
+    return Member("a group", list(channels), member=member)
+
+
 def _breaks_off(stream: BinaryIO) -> bool:
     """Walk over the segments' lead-ins: npTDMS passes over one that is cut off in silence."""
     size = stream.seek(0, os.SEEK_END)
@@ -61,4 +82,4 @@ def _channel(column: SourceColumn, channels: Mapping[str, Any], label: str) -> A
     return as_numbers(channels[str(column)][:], f"{label}: channel '{column}'")
 
 
-READER = Reader("tdms", read_tdms, suffixes=(".tdms",), column="Group/Channel", by_index=False)
+READER = Reader("tdms", read_tdms, suffixes=(".tdms",), column="Group/Channel", by_index=False, peek=peek_tdms)

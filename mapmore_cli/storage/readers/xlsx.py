@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.tables.numbers import number_of, shortened
+from mapmore_cli.storage.tables.numbers import NotANumber, number_of
 from mapmore_cli.storage.tables.reader import Reader, Top, optional_library, reading
 from mapmore_cli.storage.tables.table import RawTable, SourceColumn, TableRequest, known_names, locate_columns
 
@@ -54,10 +54,17 @@ def peek_xlsx(path: Path, most: int) -> Iterable[Top]:
         tops = []
         for number, sheet in enumerate(book.worksheets):
             sheet.reset_dimensions()
-            rows = [list(row) for row in islice(sheet.iter_rows(values_only=True), most)]
+            rows = _even([list(row) for row in islice(sheet.iter_rows(values_only=True), most)])
             if rows or not number:
-                tops.append(Top(rows, lambda cell: not isinstance(cell, str), {"sheet": sheet.title} if number else {}))
+                tops.append(Top(rows, lambda cell: not isinstance(cell, str), {"sheet": sheet.title} if number else {}, sheet=sheet.title))
     return tops
+
+
+def _even(rows: list[list[Any]]) -> list[list[Any]]:
+    """The rows, those with numbers as long as the longest of these: a row ends at its last cell that is filled."""
+    numbers = [any(isinstance(cell, int | float) for cell in row) for row in rows]
+    width = max((len(row) for row, has_some in zip(rows, numbers, strict=True) if has_some), default=0)
+    return [[*row, *[None] * (width - len(row))] if has_some else row for row, has_some in zip(rows, numbers, strict=True)]
 
 
 def _refuse_bombs(path: Path, label: str) -> None:
@@ -118,8 +125,9 @@ def _parse(rows: Iterator[Row], request: TableRequest, label: str, title: str | 
                 cells[column].append(_number(row[place] if place < len(row) else None, request.missing))
             except ValueError:
                 name = column if names is None else names[place]
-                raise DataError(
-                    f"{label}:row {number}, column {name}: '{shortened(str(row[place]))}' is not a number",
+                raise NotANumber(
+                    str(row[place]),
+                    f"{label}:row {number}, column {name}",
                     "mend the cell, or list it in `missing: {tokens: [...]}`; column names belong in the header",
                 ) from None
     if not numbers:

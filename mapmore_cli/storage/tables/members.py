@@ -71,8 +71,8 @@ class Member:
         The names of its members, empty where it has none, and how to get one.
     count, element
         The number of its elements, None where it is no collection, and how to get one, from 0.
-    values
-        For an array: reads a selection of it, `()` being all; raises IndexError.
+    values, shape
+        For an array: reads a selection of it, `()` being all; raises IndexError. And its size along each axis.
     """
 
     kind: str
@@ -81,6 +81,7 @@ class Member:
     count: int | None = None
     element: Callable[[int], Member] = _impossible
     values: Callable[[Selection], Any] = _impossible
+    shape: tuple[int, ...] = ()
 
     @property
     def is_array(self) -> bool:

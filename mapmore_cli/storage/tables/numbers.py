@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence, Set
 from datetime import UTC, datetime, timedelta
 
+from mapmore_cli.domain.errors import DataError
+
 MISSING = frozenset({"na", "n/a", "#n/a", "null", "none"})
 """What programs write, besides an empty cell and `nan`, where there is no value; lower case."""
 
@@ -14,6 +16,14 @@ LONGEST_STAMP = 40
 FEWEST_BEFORE = 10  # numbers that tell how long those of a column are
 _STAMPS = ("%d.%m.%Y %H:%M:%S", "%d.%m.%Y %H:%M:%S.%f", "%Y/%m/%d %H:%M:%S", "%Y/%m/%d %H:%M:%S.%f")
 _CLOCKS = ("%H:%M:%S", "%H:%M:%S.%f")
+
+
+class NotANumber(DataError):
+    """A cell that holds neither a number nor what stands for a missing one; `cell` is its text."""
+
+    def __init__(self, cell: str, where: str, remedy: str) -> None:
+        super().__init__(f"{where}: '{shortened(cell)}' is not a number", remedy)
+        self.cell = cell
 
 
 def number_of(cell: str, missing: Set[str] = frozenset()) -> float:

@@ -16,11 +16,16 @@ from mapmore_cli.storage.tables.table import RawTable, TableRequest
 
 @dataclass(frozen=True)
 class Top:
-    """The first rows of a file, read in one way: with these `settings` of `data`, under which `is_number` tells cells that hold numbers."""
+    """The first rows of a file, read in one way: with these `settings` of `data`, under which `is_number` tells cells that hold numbers.
+
+    `addresses` are how the spec names the columns, where these lie in a tree; `sheet` is the title of the sheet, in a workbook.
+    """
 
     rows: Sequence[Sequence[Any]]
     is_number: Callable[[Any], bool]
     settings: Mapping[str, Any] = field(default_factory=dict)
+    addresses: tuple[str, ...] = ()
+    sheet: str | None = None
 
 
 @dataclass(frozen=True)

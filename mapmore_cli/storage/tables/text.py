@@ -14,7 +14,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables.digits import plain_numbers
-from mapmore_cli.storage.tables.numbers import number_of, seconds_of_stamp, shortened
+from mapmore_cli.storage.tables.numbers import NotANumber, number_of, seconds_of_stamp
 from mapmore_cli.storage.tables.table import SourceColumn, TableRequest
 
 DELIMITERS = {"tab": "\t"}
@@ -114,8 +114,9 @@ def _numbers(chunk: Sequence[Numbered], place: int, title: SourceColumn, request
         try:
             values[i] = parse(record[place], request.missing)
         except ValueError:
-            raise DataError(
-                f"{request.label}:row {row}, column {title}: '{shortened(record[place].strip())}' is not a number",
+            raise NotANumber(
+                record[place].strip(),
+                f"{request.label}:row {row}, column {title}",
                 separator_hint(record)
                 or _decimal_hint(record[place])
                 or "mend the cell, or list it in `missing: {tokens: [...]}`; column names belong in the header",

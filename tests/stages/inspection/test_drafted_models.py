@@ -64,6 +64,11 @@ def test_a_model_of_the_strain_is_scored_as_force() -> None:
     assert list(spec["segment"]) == ["force"]
 
 
+def test_a_formula_with_more_parameters_than_there_are_samples_is_no_competitor() -> None:
+    assert "polynomial_5" in drafted(levels(2, 11), "pressure", "strain")["validate"]["against"]
+    assert "polynomial_5" not in drafted(levels(2, 10), "pressure", "strain")["validate"]["against"]
+
+
 def test_a_trial_of_a_draft_takes_the_usual_backbone() -> None:
     assert _chosen({"model": {"backbone": "auto"}}) == {"model": {"backbone": "sarosi_hinged"}}
     assert _chosen({"name": "study"}) == {"name": "study"}

@@ -1,0 +1,70 @@
+"""Two loggers beside each other: the one with the pressure is joined to the one with the force."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mapmore_cli.spec.units import convert
+from mapmore_cli.stages.drafting.columns import Guess, guess_columns
+from mapmore_cli.stages.drafting.draft import Draft
+from mapmore_cli.stages.drafting.groups import Group, patterns
+from mapmore_cli.stages.drafting.recordings import raw_columns
+from mapmore_cli.stages.inspection.evidence import two_digits
+from mapmore_cli.stages.inspection.labels import read_label
+
+POSITIONS = {"strain", "displacement", "length"}
+REST = 20.0  # usual steps of the second log, beyond which it rested
+OVERLAP = 0.5  # of the shorter log, in which both clocks run, where they are one
+
+
+def second_of(group: Group, groups: Sequence[Group]) -> Group | None:
+    """The log with the pressure of the same tests: the one group in the same folder whose titles have it, and that has as many files.
+
+    None where the group has a pressure of its own, lacks force, position or time, or more than one other comes into question.
+    """
+    if not {"time", "force"} <= _named(group) or "pressure" in _named(group) or not POSITIONS & _named(group):
+        return None
+    place, count = group.files[0].parent, len(group.files)
+    found = [
+        other
+        for other in groups
+        if other.files[0].parent == place and len(other.files) == count and {"time", "pressure"} <= _named(other)
+        and not _named(other) & {"force", *POSITIONS}
+    ]  # fmt: skip
+    return found[0] if len(found) == 1 else None
+
+
+def _named(group: Group) -> set[str]:
+    """The quantities that the titles of a group name."""
+    labels = (read_label(title) for title in group.layout.titles or ())
+    return {label.quantity for label in labels if label is not None}
+
+
+def with_second_log(draft: Draft, second: Group, folder: Path, clock: Guess, starts: tuple[float, float]) -> Draft:
+    """The draft with the pressure of a second log; `clock` is the time column of the first, which runs from and to `starts` there."""
+    titles = dict(zip(second.layout.columns, second.layout.titles or (), strict=False))
+    below = dict(zip(second.layout.columns, second.layout.below, strict=False))
+    raw = raw_columns(second, folder)
+    guesses = guess_columns(titles, raw, below)
+    time = convert(raw[guesses["time"].column][0], guesses["time"].unit, "s")
+    low, high = (float(convert(value, clock.unit, "s")) for value in starts)
+    common = min(high, float(time[-1])) - max(low, float(time[0]))
+    one_clock = common > OVERLAP * min(high - low, float(np.ptp(time)))
+    shift = 0.0 if one_clock else float(f"{low - time[0]:.6g}")
+    steps = np.diff(time)
+    entry: dict[str, Any] = {
+        "files": patterns(second.files, folder),
+        "reader": second.layout.reader,
+        **second.layout.settings,
+        "columns": {name: guesses[name].as_spec() for name in ("time", "pressure")},
+        "shift": shift,
+    }
+    if (steps > REST * np.median(steps)).any():
+        entry["max_gap"] = two_digits(REST * float(np.median(steps)))
+    clocks = "both clocks seem to be one" if one_clock else "both logs are taken to begin together"
+    why = f"the pressure is in a log of its own; {clocks}: look at `shift`; {guesses['pressure'].why}"
+    return draft.with_data("join", [entry], why, False)

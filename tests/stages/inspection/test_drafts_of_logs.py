@@ -1,0 +1,143 @@
+"""Records that say little: without a clock, without a pressure or with it in a log of its own, with an end beyond the rest."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.stages.drafting import start as drafting
+from mapmore_cli.stages.drafting.draft import Draft
+from mapmore_cli.stages.inspection.evidence import remembered
+
+K = np.arange(600)
+DRIVE = 3 + 2 * np.sin(0.031 * K) * np.cos(0.012 * K)
+NOISE = np.random.default_rng(0).normal(size=len(K))
+
+
+def followed(drive: Array, lag: float = 20.0) -> Array:
+    state, found = drive[0], []
+    for value in drive:
+        state += (value - state) / lag
+        found.append(state)
+    return np.array(found)
+
+
+@pytest.fixture
+def untried(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Drafts of a folder as they were before their trials."""
+
+    def of(**tables: dict[str, Array]) -> tuple[Draft, ...]:
+        for name, columns in tables.items():
+            np.savetxt(
+                tmp_path / f"{name}.csv", np.column_stack(list(columns.values())), "%.7g", ",", header=",".join(columns), comments=""
+            )
+        monkeypatch.setattr(drafting, "proven", lambda draft, _: draft)
+        return drafting.start(tmp_path, tmp_path).drafts
+
+    return of
+
+
+def has_memory(draft: Draft) -> bool:
+    return "products" in str(draft.spec["dictionary"])
+
+
+# Memory without a clock --------------------------------------------------------------------------------------------------------------
+
+
+def test_a_record_without_a_clock_that_remembers_is_a_model_with_memory(untried: Any) -> None:
+    """Two tanks: the level follows the pump slowly, and nobody wrote down the time."""
+    (draft,) = untried(tanks={"u_V": DRIVE, "y_V": followed(followed(DRIVE))})
+    assert has_memory(draft)
+    assert draft.data["sample_time"] == 1
+    assert "# CHECK: s: no column is a clock, and the response remembers" in draft.text()
+
+
+@pytest.mark.parametrize("response", [np.maximum(DRIVE - 3, 0) + 0.01 * NOISE, NOISE])
+def test_a_curve_or_noise_without_a_clock_is_static(untried: Any, response: Array) -> None:
+    (draft,) = untried(table={"u": DRIVE, "y": response})
+    assert not has_memory(draft)
+    assert "sample_time" not in draft.data
+
+
+def test_memory_is_seen_where_the_input_goes_there_and_back() -> None:
+    found = remembered([(DRIVE, followed(DRIVE))])
+    assert found is not None
+    assert found.before < 0.5 * found.now
+    static = remembered([(DRIVE, DRIVE**2)])
+    assert static is not None
+    assert static.now < 0.05
+    assert remembered([(np.sort(DRIVE), followed(np.sort(DRIVE)))]) is None
+
+
+# What is held out --------------------------------------------------------------------------------------------------------------------
+
+
+def grown(sizes: tuple[float, ...]) -> dict[str, Array]:
+    place = np.repeat(sizes, 200) * np.tile(np.sin(np.linspace(0, np.pi, 200)), len(sizes))
+    return {"t_s": 0.1 * np.arange(len(place)), "P_kPa": 100 * place, "x_mm": followed(place, 5.0)}
+
+
+def test_the_second_half_is_held_out_where_it_stays_within_the_first(untried: Any) -> None:
+    (draft,) = untried(lift=grown((4, 3, 2, 4)))
+    assert draft.data["split"] == {"validate": {"last": 0.5}}
+
+
+def test_an_end_that_goes_beyond_the_rest_trains(untried: Any) -> None:
+    """Strokes that grow: a stretch from their middle is held out, and reaches nowhere new."""
+    (draft,) = untried(lift=grown((1, 2, 3, 4)))
+    ((first, last),) = draft.data["split"]["validate"]["time"]["between"]
+    assert 0 < first < last < 60
+    assert "of the second half lies beyond the first one, and this stretch moves within the others" in draft.text()
+
+
+def test_an_extrapolation_that_cannot_be_helped_is_told(untried: Any) -> None:
+    """One pulse: whatever is held out rests, or goes where nothing else does."""
+    pulse = np.exp(-(((np.arange(800) - 500) / 14) ** 2))
+    (draft,) = untried(pulse={"t_s": 0.1 * np.arange(800), "P_kPa": 300 * pulse, "x_mm": 5 * followed(pulse, 2.0)})
+    assert draft.data["split"] == {"validate": {"last": 0.5}}
+    assert "that of an extrapolation" in str(draft.notes["data", "split"])
+    assert not draft.notes["data", "split"].sure
+
+
+# The pressure ------------------------------------------------------------------------------------------------------------------------
+
+
+def two_logs(late: float) -> dict[str, dict[str, Array]]:
+    """A tester that holds four strains, and a logger of the pressure that was switched on later and rests now and then."""
+    t = 0.02 * np.arange(2400)
+    strain = 0.05 * np.floor(t / 12)
+    pressure = 200 * np.abs(np.sin(0.5 * t))
+    logged = (t > 2) & (t % 12 < 11)
+    return {
+        "tester": {"Time_ms": 1000 * t, "strain": strain, "F_N": pressure * (2 - 8 * strain)},
+        "gauge": {"Time_s": t[logged] + late, "Pressure_kPa": pressure[logged]},
+    }
+
+
+@pytest.mark.parametrize(("late", "shift"), [(0.0, 0.0), (5000.0, -5002.02)])
+def test_the_pressure_of_a_second_log_is_joined(untried: Any, tmp_path: Path, late: float, shift: float) -> None:
+    (draft,) = untried(**two_logs(late))
+    (join,) = draft.data["join"]
+    assert join["files"] == ["gauge.csv"]
+    assert join["columns"]["pressure"] == {"column": "Pressure_kPa", "unit": "kPa"}
+    assert (join["shift"], join["max_gap"]) == (pytest.approx(shift, abs=0.01), 0.4)
+    assert not draft.notes["data", "join"].sure
+    assert draft.data["levels"]["of"] == "strain"
+
+
+def test_two_logs_of_pressure_are_no_pair(untried: Any) -> None:
+    logs = two_logs(0.0)
+    names = {draft.name for draft in untried(**logs, second=logs["gauge"] | {"extra_C": 20 + 0 * logs["gauge"]["Time_s"]})}
+    assert "tester" in names
+
+
+def test_a_force_without_a_pressure_follows_the_position(untried: Any) -> None:
+    (draft,) = untried(spring={"x_mm": 10 * DRIVE, "F_N": 30 - 4 * DRIVE + 0.01 * NOISE})
+    assert list(draft.data["columns"]) == ["displacement", "force"]
+    assert draft.spec["target"] == {"column": "force"}
+    assert not has_memory(draft)
+    assert "no pressure was found: name its column, `set` it beside the files, or `join` its log" in draft.text()

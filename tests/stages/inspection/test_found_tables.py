@@ -1,0 +1,193 @@
+"""What `init` takes for a table: in text with remarks and words, in workbooks of several sheets, in files that hold trees of arrays."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.stages.drafting import start as drafting
+from mapmore_cli.stages.drafting.draft import Draft
+from mapmore_cli.stages.drafting.preview import preview
+from mapmore_cli.stages.drafting.recordings import dataset_of
+
+N = 60
+T = 0.05 * np.arange(N)
+SWING = np.sin(0.1 * np.arange(N)) ** 2
+
+
+@pytest.fixture
+def drafted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """The one draft of the folder, as it was before its trial."""
+
+    def one(**settings: Any) -> Draft:
+        monkeypatch.setattr(drafting, "proven", lambda draft, _: draft)
+        (draft,) = drafting.start(tmp_path, tmp_path, **settings).drafts
+        return draft
+
+    return one
+
+
+def table(**columns: np.ndarray) -> list[list[Any]]:
+    return [list(columns), *np.column_stack(list(columns.values())).tolist()]
+
+
+RUN = table(time_s=T, P_kPa=np.repeat([100.0, 200.0, 300.0], N // 3), eps=0.2 * SWING, F_N=200 - 100 * SWING)
+
+
+def as_text(rows: list[list[Any]], delimiter: str = ",") -> str:
+    return "".join(delimiter.join(map(str, row)) + "\n" for row in rows)
+
+
+# Text --------------------------------------------------------------------------------------------------------------------------------
+
+
+def test_a_column_of_words_is_left_out(tmp_path: Path, drafted: Any) -> None:
+    rows = [[*row[:2], "note" if not k else "up" if k < 30 else "down", *row[2:]] for k, row in enumerate(RUN)]
+    (tmp_path / "a.csv").write_text(as_text(rows))
+    assert set(drafted().data["columns"]) == {"time", "pressure", "strain", "force"}
+    assert "left out: note" in drafted().text()
+
+
+@pytest.mark.parametrize("place", [7, 40])
+def test_a_word_for_a_missing_number_is_told_to_the_reader(tmp_path: Path, drafted: Any, place: int) -> None:
+    """Also beyond the lines that are looked at first."""
+    rows = [list(row) for row in RUN]
+    rows[place][3] = rows[place + 3][3] = "OVLD"
+    (tmp_path / "a.csv").write_text(as_text(rows))
+    draft = drafted()
+    assert draft.data["missing"] == {"tokens": ["OVLD"]}
+    assert "CHECK: 2 samples have a cell that is empty or holds 'OVLD': taken as no value" in draft.text()
+    assert dataset_of(draft.data, tmp_path, "force").recordings[0].dropped == {"missing value": 2}
+
+
+def test_a_closing_remark_and_blank_lines_are_no_table(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("Time,Pressure\n" + "".join(f"{k},{2 * k}\n\n" for k in range(20)) + "end of test\n\n\n")
+    assert (preview(path).titles, preview(path).settings) == (("Time", "Pressure"), {})
+
+
+def test_a_line_of_units_that_has_a_one(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("P;eps\nkPa;1\n" + "".join(f"{k};0,{k}\n" for k in range(10, 30)))
+    assert (preview(path).settings, preview(path).below) == ({"delimiter": ";", "decimal": ",", "header": 2}, ("kPa", "1"))
+
+
+def test_words_beside_numbers_do_not_hide_the_delimiter(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("t;state;F\n" + "".join(f"{k},5;up;{k},25\n" for k in range(20)))
+    assert preview(path).settings == {"delimiter": ";", "decimal": ","}
+
+
+# Workbooks ---------------------------------------------------------------------------------------------------------------------------
+
+
+def workbook(path: Path, **sheets: list[list[Any]]) -> None:
+    book = pytest.importorskip("openpyxl").Workbook()
+    book.remove(book.active)
+    for title, rows in sheets.items():
+        sheet = book.create_sheet(title)
+        for row in rows:
+            sheet.append(row)
+    book.save(path)
+
+
+def test_a_first_row_of_zeros_is_no_blank_one(tmp_path: Path) -> None:
+    workbook(tmp_path / "a.xlsx", run=table(t=T, P=SWING, F=SWING))
+    assert (preview(tmp_path / "a.xlsx").titles, preview(tmp_path / "a.xlsx").settings) == (("t", "P", "F"), {})
+
+
+def test_a_row_ends_at_its_last_filled_cell(tmp_path: Path) -> None:
+    workbook(tmp_path / "a.xlsx", run=[["rig 1"], [], ["t", "P", "F"], *([k, 2.0 * k, *([3.0 * k] if k % 2 else [])] for k in range(6))])
+    assert (preview(tmp_path / "a.xlsx").titles, preview(tmp_path / "a.xlsx").settings) == (("t", "P", "F"), {"skip_rows": 2})
+
+
+NOTES = [["operator", "remarks"], ["me", "none"]]
+
+
+@pytest.mark.parametrize(
+    ("titles", "sheet"), [(("run 1", "run 2"), "run *"), (("left", "right"), None), (("up load", "down load"), "* load"), (("one",), "one")]
+)
+def test_every_sheet_that_is_alike_is_read(tmp_path: Path, drafted: Any, titles: tuple[str, ...], sheet: str | None) -> None:
+    workbook(tmp_path / "a.xlsx", notes=NOTES, **dict.fromkeys(titles, RUN), summary=[["P", "F"], [1, 2], [3, 4]])
+    draft = drafted()
+    assert draft.data.get("sheet") == sheet
+    files: list[Any] = ["a.xlsx"] if sheet else [{"path": "a.xlsx", "sheet": title} for title in titles]
+    assert draft.data["files"] == files
+    assert len(dataset_of(draft.data, tmp_path, "force").recordings) == len(titles)
+    assert "CHECK: the sheet" in draft.text()
+    assert "laid out in another way, and left out: 'notes', 'summary'" in draft.text()
+
+
+# Trees -------------------------------------------------------------------------------------------------------------------------------
+
+
+def hdf5(path: Path, **arrays: Any) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(path, "w") as file:
+        for name, values in arrays.items():
+            file[name] = values
+
+
+RECORDED = np.array(list(zip(T, SWING, strict=True)), dtype=[("t", "f8"), ("P", "f8")])
+
+
+@pytest.mark.parametrize(
+    ("arrays", "columns", "settings"),
+    [
+        ({"run/P": SWING, "run/F": T[:, None], "run/fs": [[20.0]]}, ("run/F", "run/P"), {"sample_time": 0.05}),
+        ({"a/P": SWING, "b/F": T, "dt": 0.05, "photo": np.zeros((9, 9, 3))}, ("a/P", "b/F"), {"sample_time": 0.05}),
+        ({"all": RECORDED}, ("all/t", "all/P"), {}),
+        ({"data": np.column_stack([T, SWING])}, ("data[:,0]", "data[:,1]"), {}),
+        ({"data": np.stack([T, SWING])}, ("data[0,:]", "data[1,:]"), {}),
+        ({f"r_{k}/{name}": SWING for k in (1, 2, 10) for name in "FP"}, ("F", "P"), {"root": "[*]"}),
+        ({"short/P": SWING[:9], "short/F": T[:9], "long/P": SWING, "long/F": T, "who": "me"}, ("long/F", "long/P"), {}),
+    ],
+)
+def test_columns_of_an_hdf5_file(tmp_path: Path, arrays: Any, columns: tuple[str, ...], settings: dict[str, Any]) -> None:
+    hdf5(tmp_path / "a.h5", **arrays)
+    found = preview(tmp_path / "a.h5")
+    assert (found.columns, found.settings) == (columns, settings)
+
+
+def test_columns_of_a_mat_file(tmp_path: Path) -> None:
+    from scipy.io import savemat
+
+    cells = np.empty(2, dtype=object)
+    cells[:] = [{"t": T, "P": SWING}, {"t": T, "P": SWING}]
+    for content, columns, settings in (
+        ({"run": {"t": T, "P": SWING, "Ts": 0.05}, "who": "me"}, ("run.t", "run.P"), {"sample_time": 0.05}),
+        ({"train": cells, "fs": 20.0}, ("t", "P"), {"root": "train[*]"}),
+        ({"data": np.column_stack([T, SWING])}, ("data[:,0]", "data[:,1]"), {}),
+    ):
+        savemat(tmp_path / "a.mat", content)
+        found = preview(tmp_path / "a.mat")
+        assert (found.columns, found.settings) == (columns, settings)
+
+
+def test_columns_of_a_tdms_file(tmp_path: Path) -> None:
+    nptdms = pytest.importorskip("nptdms")
+    with nptdms.TdmsWriter(tmp_path / "a.tdms") as file:
+        waves = [nptdms.ChannelObject("Rig", name, values, {"wf_increment": 0.05}) for name, values in (("P", SWING), ("F", T))]
+        file.write_segment([*waves, nptdms.ChannelObject("Notes", "who", ["me", "you"])])
+    found = preview(tmp_path / "a.tdms")
+    assert (found.columns, found.titles, found.settings) == (("Rig/P", "Rig/F"), ("P", "F"), {"sample_time": 0.05})
+
+
+def test_a_tree_is_drafted_by_the_titles_of_its_arrays(tmp_path: Path, drafted: Any) -> None:
+    """The name of the group is no title; a clock among the columns takes the place of the sample time."""
+    hdf5(tmp_path / "a.h5", **{f"pressure test/{title}": values for title, values in zip(RUN[0], np.array(RUN[1:]).T, strict=True)}, dt=1.0)
+    data = drafted().data
+    assert data["columns"]["force"] == {"column": "pressure test/F_N", "unit": "N"}
+    assert "sample_time" not in data
+    assert dataset_of(data, tmp_path, "force").recordings[0].rows_kept == N
+
+
+@pytest.mark.parametrize("content", [{"x": 1.0}, {"who": "me"}, {"only": T}])
+def test_a_tree_without_a_table_is_refused(tmp_path: Path, content: dict[str, Any]) -> None:
+    hdf5(tmp_path / "a.h5", **content)
+    with pytest.raises(DataError, match=r"a\.h5: no table of numbers"):
+        preview(tmp_path / "a.h5")
