@@ -66,8 +66,14 @@ WITH_REPORT = (
 )
 """Studies whose page is made as well, one of each kind; test_motion_studies.py makes those of damping and dynamic ones."""
 
-AGAIN = re.compile(r"festo_10mm_[23]0cm_|bellows_strain")
-"""Measured studies like others: the Festo muscle of 10 cm and bellows_raw hold the same pages."""
+LONG = re.compile(r"festo_10mm_(10cm_repeat|10cm_strain|20cm_.*|30cm_.*|family)|bellows_.*|coiled_loops_motion")
+"""Measured studies with the competitors of festo_10mm_10cm_pressure or coiled_steps_motion, which take most of the time."""
+
+SHORT = {
+    **dict.fromkeys(("festo_10mm_10cm_repeat", "festo_10mm_10cm_strain", "festo_10mm_family", "bellows_raw", "bellows_strain"), "sarosi"),
+    "coiled_loops_motion": "",
+}
+"""Some of them, which are run with one competitor or none."""
 
 IN_CAMPAIGNS = {
     "coiled_loops": ("coiled", "loops-1-200g"),
@@ -104,9 +110,9 @@ def test_a_study_is_named_after_its_file_and_follows_the_schema(path: Path, sche
     schema.validate(yaml.safe_load(loaded.resolved))
 
 
-def run(mapmore: Callable[..., Any], path: Path, runs: Path, *, with_report: bool) -> dict[str, Any]:
+def run(mapmore: Callable[..., Any], path: Path, runs: Path, *settings: str, with_report: bool) -> dict[str, Any]:
     spec = without_figures(path, runs) if "needs:" in path.read_text(encoding="utf-8") else path
-    result = mapmore("run" if with_report else "validate", spec, "--runs", runs, "--json", "-q")
+    result = mapmore("run" if with_report else "validate", spec, "--runs", runs, "--json", "-q", *settings)
     assert result.exit_code == 0, result.stderr
     document = json.loads(result.stdout)
     assert (runs / path.stem / "report" / "index.html").is_file() == with_report
@@ -125,7 +131,7 @@ def test_a_simulated_study_gives_its_scores(path: Path, tmp_path: Path, mapmore:
 
 
 @pytest.mark.parametrize(
-    "path", [pytest.param(path, marks=pytest.mark.long if AGAIN.match(path.stem) else (), id=path.stem) for path in MEASURED]
+    "path", [pytest.param(path, marks=pytest.mark.long if LONG.fullmatch(path.stem) else (), id=path.stem) for path in MEASURED]
 )
 def test_a_measured_study_runs(path: Path, tmp_path: Path, mapmore: Callable[..., Any], measured_data: Path) -> None:
     rows = run(mapmore, path, tmp_path, with_report=path.stem in WITH_REPORT)
@@ -133,8 +139,7 @@ def test_a_measured_study_runs(path: Path, tmp_path: Path, mapmore: Callable[...
     assert rows["mapmore"]["n"] >= 10
     told = shown_of(path.stem)
     assert not told or set(told) == set(rows)
-    for model, per_cent in told.items():
-        assert 100 * rows[model]["nrmse"] == pytest.approx(per_cent, rel=0.02), model
+    assert_told(told, rows)
     if path.parent.name == "identification":
         row = numbers(page_table("identification", MEMORY)[path.stem])
         told_of_runs = (row["RRSE, free run"], row["RRSE, one step"])
@@ -142,6 +147,23 @@ def test_a_measured_study_runs(path: Path, tmp_path: Path, mapmore: Callable[...
     for backbone, left_out in left_out_of(path.stem).items():
         folds = read_model(tmp_path / f"{path.stem}.{backbone}" / "model.h5").body.cross_validation
         assert min(fold.rmse for fold in folds) == pytest.approx(left_out, rel=0.02)
+
+
+@pytest.mark.parametrize(("study", "competitor"), SHORT.items(), ids=SHORT)
+def test_a_long_measured_study_runs_almost_alone(
+    study: str, competitor: str, tmp_path: Path, mapmore: Callable[..., Any], measured_data: Path
+) -> None:
+    (path,) = (path for path in MEASURED if path.stem == study)
+    rows = run(mapmore, path, tmp_path, "--set", f"validate.against=[{competitor}]", with_report=False)
+    assert 0 < rows["mapmore"]["nrmse"] < 0.6
+    assert_told({model: per_cent for model, per_cent in shown_of(study).items() if model in rows}, rows)
+    assert rows.keys() - shown_of(study).keys() == (rows.keys() if study == "bellows_raw" else set())
+
+
+def assert_told(told: dict[str, float], rows: dict[str, Any]) -> None:
+    """The errors of a run are those of a page, in per cent."""
+    for model, per_cent in told.items():
+        assert 100 * rows[model]["nrmse"] == pytest.approx(per_cent, rel=0.02), model
 
 
 def shown_of(study: str) -> dict[str, float]:
