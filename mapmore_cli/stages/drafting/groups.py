@@ -5,14 +5,15 @@ from __future__ import annotations
 import glob
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.stages.drafting.preview import Preview, preview, shared_start
 from mapmore_cli.storage.globs import expand, relative_name
-from mapmore_cli.storage.readers import reader_of, suffix_of
+from mapmore_cli.storage.readers import READERS, reader_of, suffix_of
+from mapmore_cli.storage.text_streams import lines_of
 
 _REPEAT = re.compile(r"(?:test|run|rep|repeat|trial|take|try|no|nr|cycle)?\d{1,2}", re.IGNORECASE)
 _REPEAT_WORD = re.compile(r"test|run|rep|repeat|trial|take|try|no|nr", re.IGNORECASE)
@@ -87,12 +88,16 @@ def _follows_repeat_word(before: Sequence[str]) -> bool:
 
 @dataclass(frozen=True)
 class Group:
-    """Files of one layout with what their names say; `alone` where the folder has no other group."""
+    """Files of one layout with what their names say; `alone` where the folder has no other group.
+
+    `beside` is the file whose one column belongs beside the one column of this.
+    """
 
     files: tuple[Path, ...]
     names: tuple[NameParts, ...]
     layout: Preview
     alone: bool = True
+    beside: Group | None = None
 
     @property
     def label(self) -> str:
@@ -111,18 +116,45 @@ def find_groups(path: Path) -> tuple[list[Group], list[str]]:
         raise DataError(f"{path}: no such file or folder", "give a recording, or a folder of recordings")
     files = [path] if path.is_file() else sorted(file for file in path.rglob("*") if _is_recording(file, path))
     left_out = []
+    columns: dict[Path, Preview] = {}
     layouts: dict[tuple[Path, str], tuple[Preview, list[Path]]] = {}
     for file in files:
         try:
             layout = preview(file)
         except DataError as fault:
-            left_out.append(fault.message)
+            try:
+                columns[file] = preview(file, least=1)
+            except DataError:
+                left_out.append(fault.message)
             continue
         layouts.setdefault((file.parent, repr(layout)), (layout, []))[1].append(file)
     groups = [group for layout, members in layouts.values() for group in _by_names(members, layout)]
+    pairs = _pairs(columns)
+    paired = {file for group in pairs for file in (*group.files, *(group.beside.files if group.beside else ()))}
+    left_out += [f"{file.name}: a single column, and no other of as many rows beside it" for file in columns if file not in paired]
+    groups += pairs
     folders = Counter(group.files[0].parent for group in groups)
     groups = [replace(group, alone=folders[group.files[0].parent] == 1) for group in groups]
     return sorted(groups, key=lambda group: (-len(group.files), group.files[0])), left_out
+
+
+def _pairs(columns: Mapping[Path, Preview]) -> list[Group]:
+    """Two files of a single column in one folder, of as many lines: the first one by its name, with the other beside it."""
+    found = []
+    for folder in dict.fromkeys(file.parent for file in columns):
+        files = sorted(file for file in columns if file.parent == folder and reader_of(file) == READERS["csv"])
+        if len(files) == 2 and (count := _lines(files[0])) is not None and count == _lines(files[1]):
+            first, other = (Group((file,), (NameParts((), None, False),), columns[file]) for file in files)
+            found.append(replace(first, beside=other))
+    return found
+
+
+def _lines(file: Path) -> int | None:
+    """The number of lines; None of a damaged file."""
+    try:
+        return sum(1 for _ in lines_of(file))
+    except DataError:
+        return None
 
 
 def _is_recording(file: Path, folder: Path) -> bool:

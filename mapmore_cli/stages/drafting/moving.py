@@ -138,7 +138,7 @@ def guess_others(titles: Mapping[str | int, str], raw: Raw, known: Mapping[str, 
     drives = [column for column in columns if (label := read_label(titles.get(column, ""))) is not None and label.quantity == "input"]
     drives = drives or [known["pressure"].column] if "pressure" in known and known["pressure"].column in columns else drives or columns[:1]
     follows = next(column for column in reversed(columns) if column not in drives[:1])
-    names = _names([drives[0], follows], titles)
+    names = names_of([drives[0], follows], titles)
     guesses = {} if time is None else {"time": time}
     for name, column, what in zip(names, (drives[0], follows), ("drives", "follows"), strict=True):
         guesses[name] = Guess(column, "1", f"taken as what {what}, without a unit; {range_of(raw[column], '1')}", False)
@@ -154,7 +154,7 @@ def _varies(values: Sequence[Array]) -> bool:
     return bool(np.ptp(pooled) > 0) and not is_state(values)
 
 
-def _names(columns: Sequence[str | int], titles: Mapping[str | int, str]) -> list[str]:
+def names_of(columns: Sequence[str | int], titles: Mapping[str | int, str]) -> list[str]:
     """Names of quantities for columns, each its own."""
     usual = ("drive", "response")
     made = [re.sub(r"\W+", "_", titles.get(column, ""), flags=re.ASCII).strip("_")[:40] for column in columns]

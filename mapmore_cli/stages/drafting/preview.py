@@ -60,8 +60,8 @@ class _Table:
     sheet: str | None
 
 
-def preview(path: Path) -> Preview:
-    """Look at the beginning of a file; DataError where it holds no table of numbers that `init` can lay out."""
+def preview(path: Path, least: int = 2) -> Preview:
+    """Look at the beginning of a file; DataError where it holds no table of numbers, in `least` columns, that `init` can lay out."""
     reader = reader_of(path)
     if reader is None:
         raise DataError(f"{path.name}: no reader takes {suffix_of(path) or 'files without a suffix'}", "save the table as CSV")
@@ -69,7 +69,7 @@ def preview(path: Path) -> Preview:
     if reader.peek is None:
         raise DataError(f"{path.name}: its arrays have to be named", remedy)
     tops = list(reader.peek(path, LINES))
-    tables = [table for table in (_table(top, reader.name) for top in tops) if table is not None]
+    tables = [table for table in (_table(top, reader.name, least) for top in tops) if table is not None]
     if not tables:
         lines = f" in its first {len(tops[0].rows)} lines" if tops[0].rows else ""
         raise DataError(f"{path.name}: no table of numbers was found{lines}", f"save the table as CSV, or {remedy}")
@@ -95,15 +95,15 @@ def _of_all_sheets(found: _Table, tables: Sequence[_Table], sheets: Sequence[str
     return replace(found.layout, settings={**found.layout.settings, "sheet": alike[0]}, sheets=tuple(alike), left=others)
 
 
-def _table(first_rows: Top, reader: str) -> _Table | None:
-    """The table that the last rows belong to; None where they are no numbers in two columns or more.
+def _table(first_rows: Top, reader: str, least: int) -> _Table | None:
+    """The table that the last rows belong to; None where they are no numbers in enough columns.
 
     Cells may be empty, a word may stand for a missing number, and whole columns may hold words. Rows right before it with as many cells
     are the header, what stands before these is skipped. The very last row may be cut off, or be a remark.
     """
     whole, width = _body(first_rows.rows)
     numeric = _numeric_columns([row for row in whole[len(whole) // 2 :] if len(row) == width], first_rows.is_number)
-    if len(numeric) < 2:
+    if len(numeric) < least:
         return None
     blank = [not _filled(row) for row in whole]
     filled = [_filled([row[place] for place in numeric]) if len(row) == width else [] for row in whole]

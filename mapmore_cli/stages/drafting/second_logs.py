@@ -1,4 +1,4 @@
-"""Two loggers beside each other: the one with the pressure is joined to the one with the force."""
+"""Two files of one test: the log with the pressure is joined to the one with the force, and one column is put beside another."""
 
 from __future__ import annotations
 
@@ -8,11 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from mapmore_cli.domain.errors import DataError
 from mapmore_cli.spec.units import convert
-from mapmore_cli.stages.drafting.columns import Guess, guess_columns
+from mapmore_cli.stages.drafting.columns import Guess, guess_columns, range_of
 from mapmore_cli.stages.drafting.draft import Draft
-from mapmore_cli.stages.drafting.groups import Group, patterns
-from mapmore_cli.stages.drafting.recordings import raw_columns
+from mapmore_cli.stages.drafting.groups import Group, patterns, words_of
+from mapmore_cli.stages.drafting.moving import names_of
+from mapmore_cli.stages.drafting.recordings import raw_columns, with_columns
 from mapmore_cli.stages.inspection.evidence import two_digits
 from mapmore_cli.stages.inspection.labels import read_label
 
@@ -50,6 +52,8 @@ def with_second_log(draft: Draft, second: Group, folder: Path, clock: Guess, sta
     below = dict(zip(second.layout.columns, second.layout.below, strict=False))
     raw = raw_columns(second, folder)
     guesses = guess_columns(titles, raw, below)
+    if not {"time", "pressure"} <= guesses.keys():
+        raise DataError(f"{second.files[0].name}: its time and its pressure are no numbers", "write `join` by hand")
     time = convert(raw[guesses["time"].column][0], guesses["time"].unit, "s")
     low, high = (float(convert(value, clock.unit, "s")) for value in starts)
     common = min(high, float(time[-1])) - max(low, float(time[0]))
@@ -68,3 +72,20 @@ def with_second_log(draft: Draft, second: Group, folder: Path, clock: Guess, sta
     clocks = "both clocks seem to be one" if one_clock else "both logs are taken to begin together"
     why = f"the pressure is in a log of its own; {clocks}: look at `shift`; {guesses['pressure'].why}"
     return draft.with_data("join", [entry], why, False)
+
+
+def with_column_beside(draft: Draft, first: Group, other: Group, folder: Path) -> tuple[Draft, list[str], str]:
+    """The draft of two files of one column each, joined row by row, with the input and the target; the file that comes first drives."""
+    drive, response = names_of([0, 1], {0: "_".join(words_of(first.files[0].name)), 1: "_".join(words_of(other.files[0].name))})
+    ((column, values),) = raw_columns(first, folder).items()
+    why = f"taken as what drives, as its file comes first; without a unit; {range_of(values, '1')}"
+    draft = with_columns(draft, {drive: Guess(column, "1", why, False)}, ())
+    entry: dict[str, Any] = {
+        "files": patterns(other.files, folder),
+        "reader": other.layout.reader,
+        **other.layout.settings,
+        "columns": {response: {"column": other.layout.columns[0]}},
+        "on": "row",
+    }
+    why = "a single column as well, of as many rows: taken as what follows"
+    return draft.with_data("join", [entry], why, False), [drive], response

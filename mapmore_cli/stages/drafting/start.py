@@ -26,7 +26,7 @@ from mapmore_cli.stages.drafting.recordings import (
     with_columns,
     with_strain,
 )
-from mapmore_cli.stages.drafting.second_logs import second_of, with_second_log
+from mapmore_cli.stages.drafting.second_logs import second_of, with_column_beside, with_second_log
 from mapmore_cli.stages.inspection.evidence import set_in_steps
 
 POSITIONS = ("strain", "displacement", "length")
@@ -44,6 +44,8 @@ def propose(group: Group, name: str, folder: Path, length: float | None = None, 
     DataError
         Where no two columns of numbers move.
     """
+    if group.beside is not None:
+        return proven(_followed(*with_column_beside(started(group, name, folder, "", None), group, group.beside, folder), folder), folder)
     titles = dict(zip(group.layout.columns, group.layout.titles or (), strict=False))
     below = dict(zip(group.layout.columns, group.layout.below, strict=False))
     raw = raw_columns(group, folder)
@@ -51,6 +53,7 @@ def propose(group: Group, name: str, folder: Path, length: float | None = None, 
     target: str | None = next((one for one in ("force", "displacement", "length") if one in guesses), None)
     position = next((one for one in POSITIONS if one in guesses), None) if target == "force" else None
     untold = next((one for one in ("pressure", position or "strain") if one not in guesses), "") if target == "force" else ""
+    second = second if {"time", "force"} <= guesses.keys() and position is not None else None
     untold = untold if second is None else ""
     constants = constants_of(group, untold) if untold else None
     if target is None or ("pressure" not in guesses and not (constants and untold == "pressure") and second is None):
@@ -104,7 +107,11 @@ def _of_unknown(group: Group, name: str, folder: Path, titles: Mapping[str | int
         told = ", ".join(group.layout.titles or ()) or f"{group.layout.width} columns without titles"
         raise DataError(f"{group.files[0].name}: no two columns of numbers move in {told}", "write the spec by hand")
     guesses, inputs, target = found
-    draft = with_columns(started(group, name, folder, "", None), guesses, list(titles.values()))
+    return _followed(with_columns(started(group, name, folder, "", None), guesses, list(titles.values())), inputs, target, folder)
+
+
+def _followed(draft: Draft, inputs: Sequence[str], target: str, folder: Path) -> Draft:
+    """The draft with a model of what follows on what drives: with memory where something tells of it."""
     draft, dataset = cleaned(draft, folder, target)
     memory = remembers(dataset.recordings, inputs[0], target)
     if memory is not None and "time" not in dataset.recordings[0].columns:

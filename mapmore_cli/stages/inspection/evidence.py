@@ -145,7 +145,7 @@ KNOTS = 12  # of the curve over the input of now
 DELAYS = (1, 2)  # samples
 LAGS = (4, 16, 64)  # samples
 TENTHS = 10  # parts of each record, of which every second one is learnt from
-MOST_SHOWN = 20_000  # samples that are looked at
+MOST_SHOWN = 20_000  # samples that are looked at, one in so many of longer records
 RIDGE = 1e-6
 THERE_AND_BACK = 1.9  # ranges that an input travels at least
 
@@ -165,7 +165,8 @@ def remembered(records: Sequence[tuple[Array, Array]]) -> Remembered | None:
     now, and the same with the input delayed and followed slowly. None where the input does not go there and back: nothing then tells the
     two from each other.
     """
-    records = [(u[:MOST_SHOWN], y[:MOST_SHOWN]) for u, y in records]
+    every = -(-sum(len(u) for u, _ in records) // MOST_SHOWN)
+    records = [(u[::every], y[::every]) for u, y in records]
     drive = np.concatenate([u for u, _ in records])
     response = np.concatenate([y for _, y in records])
     scale = float(np.ptp(drive)) or 1.0

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.errors import DataError
 from mapmore_cli.stages.drafting import start as drafting
 from mapmore_cli.stages.drafting.draft import Draft
 from mapmore_cli.stages.inspection.evidence import remembered
@@ -141,3 +142,46 @@ def test_a_force_without_a_pressure_follows_the_position(untried: Any) -> None:
     assert draft.spec["target"] == {"column": "force"}
     assert not has_memory(draft)
     assert "no pressure was found: name its column, `set` it beside the files, or `join` its log" in draft.text()
+
+
+# One column a file -------------------------------------------------------------------------------------------------------------------
+
+
+def test_two_files_of_one_column_are_one_record(untried: Any) -> None:
+    (draft,) = untried(u_motor={"u": DRIVE}, y_motor={"y": followed(DRIVE)})
+    assert list(draft.data["columns"]) == ["u_motor"]
+    assert draft.data["join"] == [{"files": ["y_motor.csv"], "reader": "csv", "columns": {"y_motor": {"column": "y"}}, "on": "row"}]
+    assert draft.spec["target"] == {"column": "y_motor"}
+    assert has_memory(draft)
+    assert draft.text().count("CHECK: taken as what drives") == 1
+
+
+def test_single_columns_of_other_lengths_are_told(untried: Any) -> None:
+    with pytest.raises(DataError) as refusal:
+        untried(u={"u": DRIVE}, y={"y": DRIVE[:-1]})
+    for name in ("u.csv", "y.csv"):
+        assert f"{name}: a single column, and no other of as many rows" in str(refusal.value)
+
+
+# What moves --------------------------------------------------------------------------------------------------------------------------
+
+
+def test_a_response_to_a_step_is_not_static(untried: Any) -> None:
+    """The pressure jumps and rests, the muscle swings and creeps long after: force, strain and pressure, but nothing was held."""
+    t = 0.01 * np.arange(900)
+    pressure = 300 * np.clip((t - 1) / 0.2, 0, 1) * np.exp(-0.05 * t)
+    strain = 0.2 * followed(pressure, 40.0) / 300
+    (draft,) = untried(step={"t_s": t, "P_kPa": pressure, "eps": strain, "F_N": pressure * (2 - 6 * strain) + 50 * np.gradient(strain, t)})
+    assert draft.spec["target"] == {"column": "force"}
+    assert has_memory(draft)
+
+
+@pytest.mark.parametrize(
+    ("title", "values", "rule"), [("L_mm", 88 - 0.1 * K, "(0.088 - length)/0.088"), ("x_mm", -0.1 * K / 6, "-displacement/0.088")]
+)
+def test_a_known_length_makes_a_strain(untried: Any, tmp_path: Path, title: str, values: Array, rule: str) -> None:
+    pressure = np.repeat([100.0, 200.0, 300.0], 200)
+    untried(pull={"P_kPa": pressure, title: values, "F_N": pressure - 0.1 * values})
+    (draft,) = drafting.start(tmp_path, tmp_path, length=0.088).drafts
+    assert draft.data["derive"] == {"strain": rule}
+    assert draft.spec["muscle"]["length"] == 0.088

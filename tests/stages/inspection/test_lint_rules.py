@@ -287,6 +287,22 @@ def test_the_competitors_are_checked(tmp_path: Path) -> None:
     assert all(issue.message.startswith("in `fine`: ") for issue in issues)
 
 
+def test_a_run_that_is_compared_with_is_checked(tmp_path: Path) -> None:
+    """Its own units, on the same recordings: a strain in per cent read as a fraction."""
+    wrong = merged(SPEC, {"name": "wrong", "data": {"columns": {"strain": {"scale": 100}}}})
+    (tmp_path / "wrong.yaml").write_text(dump(wrong))
+    inspection = inspected(tmp_path, validate={"against": [{"run": "wrong.yaml", "as": "old"}]})
+    issue = only(inspection, "strain-in-per-cent")
+    assert issue.message.startswith("in `wrong.yaml`: strain reaches 20")
+    assert inspection.verdict is not None
+
+
+def test_an_end_that_goes_beyond_the_rest_is_seen_with_memory(tmp_path: Path) -> None:
+    """The second half of a steady pull is at strains that the first never saw."""
+    issue = only(inspected(tmp_path, **{**MEMORY, "data": {**MEMORY["data"], "split": {"validate": {"last": 0.5}}}}), "validation-outside")
+    assert "of the validation samples have strain" in issue.message
+
+
 @given(st.lists(st.tuples(st.integers(0, 9), st.floats(-1, 1)), min_size=2, max_size=40))
 def test_the_floor_is_below_every_monotone_curve(samples: list[tuple[int, float]]) -> None:
     """Any line is such a curve, and a monotone one through all points has none."""
