@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.scores import OWN
 from mapmore_cli.reporting.figures.saving import to_svg
 from mapmore_cli.reporting.figures.style import BLACK, figure_style, level_colours, model_styles
 from mapmore_cli.reporting.inputs import SINGLE
@@ -34,7 +35,7 @@ def lines(name: str, panels: Sequence[Panel], x_label: str, *, ordered: bool = F
         for axes, panel in zip(every, panels, strict=True):
             axes.set_ylabel(panel.label)
             models = [model for model in panel.lines if not model.endswith(MEASURED)]
-            styles = model_styles(["", *models])
+            styles = model_styles(models if OWN in models else ["", *models])  # the first look is that of mapmore
             colours = dict(zip(models, level_colours(len(models)), strict=False)) if ordered else {}
             for model, (x, y) in panel.lines.items():
                 if model.endswith(MEASURED):

@@ -50,7 +50,7 @@ def errors(runs: Path) -> Table:
         for model, one in scores(runs / f"{muscle}-m1-hysteresis", "validate").items()
     )
     columns = (Column("study"), Column("model"), Column("printed", "N"), Column("ours", "N", ".4g"))
-    return Table("errors", "RMSE on held-out data", columns, rows)
+    return Table("errors", "RMSE on held-out data (figure 6)", columns, rows)
 
 
 def _claims(runs: Path, component: str) -> Iterator[Claim]:

@@ -11,8 +11,9 @@ from pages import printed, scores
 from mapmore_cli.domain.models import SegmentFunction
 from mapmore_cli.modelling.terms import evaluate, parse
 from mapmore_cli.reporting.table import Cell, Column, Table
-from mapmore_cli.storage.artefacts import read_model
-from paper.result import LEVEL, MUSCLES, Claim, Result, Shown, claimed, claims_table, held_out_panels, panel, printed_beside, word
+from mapmore_cli.storage.artefacts import read_dataset, read_model, read_validation
+from paper.drawing import Panel, lines
+from paper.result import MUSCLES, Claim, Result, Shown, claimed, claims_table, held_out_panels, printed_beside, word
 
 
 def static(runs: Path) -> Result:
@@ -59,7 +60,7 @@ def segmentation(runs: Path) -> Result:
         "figure 11, section 5.2",
         "Damping force: segments by motion and by pressure",
         (
-            Table("segments", "NRMSE on held-out data; the paper's bars are not printed as numbers", columns, rows),
+            Table("segments", "NRMSE on held-out data (figure 11, whose bars are not printed as numbers)", columns, rows),
             claims_table(claims, "claims"),
         ),
         claimed(claims),
@@ -100,7 +101,7 @@ def table_5(runs: Path) -> Result:
 def damping(runs: Path) -> Result:
     """Figures 12 and 13."""
     tables, parts = printed_beside("m2_results.csv", ["12", "13"], runs)
-    figures = _over_time(runs, "-damping", {"dmsp-20-88": "figure 12 (a)", "peano": "figure 13 (a)"})
+    figures = _over_time(runs, "damping", {"dmsp-20-88": "figure 12 (a)", "peano": "figure 13 (a)"})
     specs = ("m2/dmsp-20-88-damping.yaml", "m2/peano-damping.yaml")
     return Result("m2-damping", "M2", "figures 12 and 13, section 5.3", "Damping force", tables, parts, figures, specs)
 
@@ -108,7 +109,7 @@ def damping(runs: Path) -> Result:
 def dynamic(runs: Path) -> Result:
     """Figures 14 and 15."""
     tables, parts = printed_beside("m2_results.csv", ["14"], runs)
-    figures = _over_time(runs, "-dynamic", {"dmsp-20-88": "figure 15 (a)", "peano": "figure 15 (b)"})
+    figures = _over_time(runs, "dynamic", {"dmsp-20-88": "figure 15 (a)", "peano": "figure 15 (b)"})
     claims = []
     for muscle, name in MUSCLES.items():
         found = scores(runs / f"{muscle}-dynamic", "validate")
@@ -128,11 +129,22 @@ def dynamic(runs: Path) -> Result:
     )
 
 
-def _over_time(runs: Path, suffix: str, figures: Mapping[str, str]) -> tuple[Shown, ...]:
-    return tuple(
-        panel(runs, muscle + suffix, "fit", LEVEL[muscle], figures[muscle], f"{name}: the held-out recording, and the errors")
-        for muscle, name in MUSCLES.items()
-    )
+def _over_time(runs: Path, component: str, figures: Mapping[str, str]) -> tuple[Shown, ...]:
+    """The held-out recordings with the models that the paper has numbers of, and their errors."""
+    return tuple(Shown(figures[muscle], *_recording(runs, f"{muscle}-{component}", name)) for muscle, name in MUSCLES.items())
+
+
+def _recording(runs: Path, study: str, muscle: str) -> tuple[str, str]:
+    """Caption and figure of one of them."""
+    dataset, found = read_dataset(runs / study / "ingest.h5"), read_validation(runs / study / "validate.h5")
+    number, curve = next((i, curve) for i, curve in enumerate(dataset.curves) if curve.held_out.any())
+    time, measured = curve.columns["time"], curve.columns[dataset.target]
+    models = [row["model"] for row in printed("m2_results.csv") if row["study"] == study]
+    predicted = {model: found.predictions[model][number] for model in models}
+    whole = Panel("Force (N)", {"measured": (time, measured), **{model: (time, values) for model, values in predicted.items()}})
+    errors = Panel("Error (N)", {model: (time, values - measured) for model, values in predicted.items()})
+    caption = f"{muscle}: the recording at {curve.level:g} kPa, which was held out, and the errors below."
+    return caption, lines(f"m2-{study}", (whole, errors), "Time (s)")
 
 
 def physical(segment: SegmentFunction) -> float:

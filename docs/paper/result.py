@@ -147,7 +147,7 @@ def printed_beside(file: str, figures: Sequence[str], runs: Path) -> tuple[tuple
         Column("ours to printed", "", ".2f"),
         Column("size"),
     )
-    title = f"{quantity} on held-out data"
+    title = f"{quantity} on held-out data (figure{'s' if len(figures) > 1 else ''} {' and '.join(figures)})"
     heads = (Column("study"), Column("printed"), Column("ours"), Column("order"))
     return (Table("errors", title, columns, tuple(rows)), Table("order", "From the least error up", heads, tuple(orders))), parts
 

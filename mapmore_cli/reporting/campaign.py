@@ -16,6 +16,10 @@ Pooled = Mapping[str, Score]
 """The scores of a run that count, by model: all curves pooled, of the held-out rows where there are any."""
 
 
+SPARSE = 0.5
+"""Share of filled cells below which a table of all runs by all models is hard to read."""
+
+
 @dataclass(frozen=True)
 class CampaignScores:
     """What the tables of a campaign are made of.
@@ -60,10 +64,25 @@ class CampaignScores:
         names = dict.fromkeys(model for scores in self.pooled.values() for model in scores)
         return tuple(sorted(names, key=lambda name: name == REPEATABILITY))
 
+    @property
+    def sparse(self) -> bool:
+        """Whether most models are those of a few runs."""
+        return sum(map(len, self.pooled.values())) < SPARSE * len(self.runs) * len(self.models)
+
+    @property
+    def normalisers(self) -> str:
+        """What errors are divided by."""
+        return " and ".join(dict.fromkeys(score.normaliser_name for run in self.pooled.values() for score in run.values()))
+
 
 def campaign_tables(scores: CampaignScores) -> tuple[Table, ...]:
-    """Every table of the page; those without rows are left out."""
-    made = (nrmse_table(scores), hindsight_table(scores), published_table(scores), order_table(scores))
+    """Every table of the page; those without rows are left out. Runs that have few models in common are listed one after the other."""
+    made = (
+        models_table(scores) if scores.sparse else nrmse_table(scores),
+        hindsight_table(scores),
+        published_table(scores),
+        order_table(scores),
+    )
     return tuple(table for table in made if table.rows)
 
 
@@ -79,8 +98,7 @@ def nrmse_table(scores: CampaignScores) -> Table:
         (name, *(100 * run[model].nrmse if model in run else None for model in models)) for name, run in pooled.items()
     ]
     rows += [(name, *("failed" if place == 0 else None for place in range(len(models)))) for name in scores.failed]
-    normalisers = dict.fromkeys(score.normaliser_name for run in pooled.values() for score in run.values())
-    notes = [f"NRMSE in per cent, all curves pooled; normalised by {' and '.join(normalisers)}."]
+    notes = [f"NRMSE in per cent, all curves pooled; normalised by {scores.normalisers}."]
     rows += _summaries(scores)
     if scores.relative_to in models:
         rows += _ratios(list(pooled.values()), models, scores.relative_to)
@@ -92,13 +110,31 @@ def nrmse_table(scores: CampaignScores) -> Table:
     return Table("nrmse", "NRMSE of every run and model", columns, tuple(rows), tuple(notes))
 
 
+def models_table(scores: CampaignScores) -> Table:
+    """Validation NRMSE of every model of every run, a row each: the run's own model first, then from the least error up."""
+    rows: list[tuple[Cell, ...]] = []
+    for name, run in scores.pooled.items():
+        own = run.get(scores.own)
+        ordered = sorted(run.values(), key=lambda score: (score.model != scores.own, score.model == REPEATABILITY, _error_of(score)))
+        ratios = [_ratio(score, own) if own is not None and score is not own else None for score in ordered]
+        rows += [(name, score.model, 100 * score.nrmse, ratio) for score, ratio in zip(ordered, ratios, strict=True)]
+    rows += [(name, scores.own, "failed", None) for name in scores.failed]
+    columns = (Column("run"), Column("model"), Column("NRMSE", "%", ".3g"), Column(f"RMSE in ratio to {scores.own}", "", ".3g"))
+    note = f"All curves pooled; normalised by {scores.normalisers}."
+    return Table("models", "NRMSE of every run and model", columns, tuple(rows), (note,))
+
+
+def _error_of(score: Score) -> float:
+    """The NRMSE; a run that diverged has none, which is worse than any."""
+    return math.inf if math.isnan(score.nrmse) else score.nrmse
+
+
 def _summaries(scores: CampaignScores) -> list[tuple[Cell, ...]]:
-    """Median and worst NRMSE of each group; a run that diverged has no error, which is worse than any."""
+    """Median and worst NRMSE of each group."""
     rows: list[tuple[Cell, ...]] = []
     for group in dict.fromkeys(scores.groups.values()):
         runs = [run for name, run in scores.pooled.items() if scores.groups.get(name) == group]
-        found = [[100 * run[model].nrmse for run in runs if model in run] for model in scores.models]
-        errors = [[math.inf if math.isnan(error) else error for error in of_model] for of_model in found]
+        errors = [[100 * _error_of(run[model]) for run in runs if model in run] for model in scores.models]
         rows.append((f"{group}: median", *(median(of_model) if of_model else None for of_model in errors)))
         rows.append((f"{group}: worst", *(max(of_model, default=None) for of_model in errors)))
     return rows

@@ -56,3 +56,17 @@ def test_the_same_scores_give_the_same_bytes() -> None:
     scores = CampaignScores({f"run {n}": rows(mapmore=rng.uniform(1, 9), sarosi=rng.uniform(1, 90)) for n in range(40)})
     first, second = ([rendered(drawing).svg for drawing in campaign_figures(scores)] for _ in range(2))
     assert first == second
+
+
+def test_where_runs_have_few_models_in_common_the_best_of_the_others_is_drawn() -> None:
+    runs = {"a": rows(mapmore=2, sarosi=4, kerscher=3, repeatability=1), "b": rows(mapmore=1, narx=5), "c": rows(mapmore=3, cubic=2)}
+    _, legend, found = dots(CampaignScores(runs))
+    assert legend == ["mapmore", "best of the others", REPEATABILITY]
+    assert found == [("a", 1.0), ("a", 2.0), ("a", 3.0), ("b", 1.0), ("b", 5.0), ("c", 2.0), ("c", 3.0)]
+
+
+def test_an_error_of_rounding_leaves_room_for_the_others() -> None:
+    scores = CampaignScores({"exact": [replace(row("mapmore", 1.0), nrmse=1e-16), row("sarosi", 2.0)], "b": rows(mapmore=3, sarosi=2)})
+    assert dots(scores)[2] == [("b", 2.0), ("b", 3.0), ("exact", 2.0)]
+    (drawing,) = campaign_figures(scores)
+    assert drawing.caption.endswith("its error is but rounding: mapmore in exact.")

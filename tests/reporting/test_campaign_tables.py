@@ -161,3 +161,20 @@ def test_nothing_is_in_proportion_to_an_error_of_zero() -> None:
     scores = CampaignScores({"a": rows(mapmore=1, sarosi=0, repeatability=0)}, relative_to="sarosi", best_of=["sarosi"])
     assert nrmse_table(scores).rows[1][1] is None
     assert hindsight_table(scores).rows[0][-2:] == (None, None)
+
+
+def test_runs_with_few_models_in_common_are_listed() -> None:
+    runs = {"a": rows(mapmore=2, sarosi=4, kerscher=3, repeatability=1), "b": rows(mapmore=1, narx=5), "c": rows(mapmore=3, cubic=2)}
+    scores = CampaignScores(runs, failed=("d",))
+    assert scores.sparse
+    (table,) = campaign_tables(scores)
+    assert [row[:2] for row in table.rows] == [
+        *(("a", model) for model in ("mapmore", "kerscher", "sarosi", REPEATABILITY)),
+        ("b", "mapmore"),
+        ("b", "narx"),
+        ("c", "mapmore"),
+        ("c", "cubic"),
+        ("d", "mapmore"),
+    ]
+    assert [row[3] for row in table.rows] == pytest.approx([None, 1.5, 2.0, 0.5, None, 5.0, None, 2 / 3, None])
+    assert not CampaignScores({"a": rows(mapmore=2, sarosi=4), "b": rows(mapmore=1)}).sparse

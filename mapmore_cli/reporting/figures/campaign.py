@@ -17,13 +17,21 @@ from mapmore_cli.reporting.figures.style import DOUBLE, GREY, LIGHT, ModelStyle,
 from mapmore_cli.reporting.inputs import MOST_LINES
 
 FEWEST_RUNS = 2
+ROUNDING = 1e-10
+"""NRMSE below which an error is that of rounding; on a logarithmic axis it would leave no room for the others."""
+BEST_OTHER = "best of the others"
 FLOOR: dict[str, Any] = {"linestyle": "none", "marker": "|", "markersize": 9, "markeredgewidth": 1.2, "color": GREY}
 
 
 def campaign_figures(scores: CampaignScores) -> list[Drawing]:
-    """A line of dots for each run, a dot for each model, on a logarithmic axis; none for a single run."""
-    runs = {name: {model: 100 * row.nrmse for model, row in run.items() if row.nrmse > 0} for name, run in scores.pooled.items()}
-    shown = _shown(scores)
+    """A line of dots for each run, a dot for each model, on a logarithmic axis; none for a single run.
+
+    Where most models are those of a few runs, a run's own model stands beside the best of its others.
+    """
+    runs = {name: {model: 100 * row.nrmse for model, row in run.items() if row.nrmse > ROUNDING} for name, run in scores.pooled.items()}
+    shown = [scores.own, BEST_OTHER] if scores.sparse else _shown(scores)
+    if scores.sparse:
+        runs = {name: _own_and_best(run, scores.own) for name, run in runs.items()}
     if len(runs) < FEWEST_RUNS or not any(model in run for run in runs.values() for model in shown):
         return []
     styles = model_styles(shown)
@@ -31,12 +39,22 @@ def campaign_figures(scores: CampaignScores) -> list[Drawing]:
     if any(REPEATABILITY in run for run in runs.values()):
         handles.append(Line2D([], [], label=REPEATABILITY, **FLOOR))
     models = [model for model in scores.models if model != REPEATABILITY]
-    caption = f"NRMSE of every run, further left is better.{best_of(len(shown), len(models))}"
+    which = f" {BEST_OTHER.capitalize()}: known afterwards only." if scores.sparse else best_of(len(shown), len(models))
+    exact = [name for name, run in scores.pooled.items() if scores.own in run and run[scores.own].nrmse <= ROUNDING]
+    left_out = f" Without a dot, since its error is but rounding: {scores.own} in {', '.join(exact)}." if exact else ""
+    caption = f"NRMSE of every run, further left is better.{which}{left_out}"
     alt = "NRMSE of every run and model; the numbers are in the table below."
     rows = [(name, model, error) for name, run in runs.items() for model, error in run.items()]
     data: dict[str, Values] = dict(zip(("run", "model", "NRMSE [%]"), zip(*rows, strict=True), strict=True))
     panel = Panel("", lambda axes: _draw_runs(axes[0], runs, styles), "NRMSE (%)", ("",), data)
     return [Drawing("nrmse", caption, alt, (panel,), Grid(width=DOUBLE, height=0.45 + 0.21 * len(runs)), tuple(handles))]
+
+
+def _own_and_best(run: Mapping[str, float], own: str) -> dict[str, float]:
+    """The errors of a run's own model, of the best of its others, and of repeated measurements."""
+    others = [error for model, error in run.items() if model not in (own, REPEATABILITY) and math.isfinite(error)]
+    best = {BEST_OTHER: min(others)} if others else {}
+    return {model: error for model, error in run.items() if model in (own, REPEATABILITY)} | best
 
 
 def _draw_runs(ax: Axes, runs: Mapping[str, dict[str, float]], styles: dict[str, ModelStyle]) -> None:
