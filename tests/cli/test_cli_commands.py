@@ -108,7 +108,7 @@ def test_batch_refuses_two_runs_of_one_name(tmp_path: Path, mapmore) -> None:
 
 
 @pytest.mark.parametrize("command", ["run", "batch"])
-def test_a_batch_of_one_is_a_run(command: str, tmp_path: Path, shell) -> None:
+def test_a_batch_of_one_is_a_run(command: str, tmp_path: Path, mapmore) -> None:
     spec = write_study(tmp_path)
-    assert shell(command, spec, "--runs", tmp_path / "runs", "-q", "--set", "report.formats=[csv]").returncode == 0
+    assert mapmore(command, spec, "--runs", tmp_path / "runs", "-q", "--set", "report.formats=[csv]").exit_code == 0
     assert (tmp_path / "runs/bench/scores.json").is_file()
