@@ -14,10 +14,12 @@ def run(part: IngestSlice, workspace: Workspace) -> None:
     """Build the dataset and write it."""
     from mapmore_cli.stages.ingestion.dataset import build_dataset
     from mapmore_cli.storage.artefacts import write_dataset
+    from mapmore_cli.storage.spool import spooling_in
 
     static_run = workspace.needed[part.static] if part.static is not None else None
-    dataset = build_dataset(part, workspace.spec_dir, static_run=static_run, progress=workspace.progress, warn=workspace.warn)
-    write_dataset(workspace.out / DATASET, dataset)
+    with spooling_in(workspace.out):
+        dataset = build_dataset(part, workspace.spec_dir, static_run=static_run, progress=workspace.progress, warn=workspace.warn)
+        write_dataset(workspace.out / DATASET, dataset)
 
 
 def sources(spec: ExperimentSpec, folder: Path) -> list[Path]:

@@ -61,8 +61,9 @@ def other_lines(bench):
     )
     yield (
         f"ingest      {ingest['megabytes']:.0f} MB of CSV: {ingest['parsed_megabytes_per_second']:.0f} MB/s parsed, "
-        f"{ingest['ingested_megabytes_per_second']:.0f} MB/s ingested, peak {ingest['peak_memory_bytes'] / 2**20:.0f} MiB "
-        f"({ingest['bytes_of_the_numbers'] / 2**20:.0f} MiB of numbers)"
+        f"{ingest['ingested_megabytes_per_second']:.0f} MB/s ingested "
+        f"({ingest['ingested_megabytes_per_processor_second']:.0f} MB in a second of processor time), "
+        f"peak {ingest['peak_memory_bytes'] / 2**20:.0f} MiB ({ingest['bytes_of_the_numbers'] / 2**20:.0f} MiB of numbers)"
     )
     yield (
         f"evaluation  {evaluation['points']} points: {evaluation['fused_model']:.3g} s, "

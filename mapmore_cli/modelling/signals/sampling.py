@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, Columns, IntArray
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
+from mapmore_cli.domain.blocks import in_blocks, is_one_block
+from mapmore_cli.modelling.signals.order import middle
 
 
 def average_repeated(time: Array, columns: Columns) -> tuple[Array, dict[str, Array]]:
@@ -53,24 +56,49 @@ class Gaps:
 
 def find_gaps(time: Array, longer_than: float) -> Gaps:
     """Return the gaps longer than `longer_than` between stamps `time` `(n,)`, which never decrease; both in the same unit."""
-    steps = np.diff(time)
-    slack = ROUNDING * longer_than + 4 * np.finfo(float).eps * float(np.abs(time).max(initial=0.0))
-    after = np.flatnonzero(steps > longer_than + slack)
+    largest = float(np.abs(time[[0, -1]]).max()) if len(time) else 0.0
+    limit = longer_than + ROUNDING * longer_than + 4 * np.finfo(float).eps * largest
+    after = _after(time, lambda steps: steps > limit)
+    lengths = time[after + 1] - time[after]
     usual = typical_step(time)
-    missing = int(np.round(steps[after] / usual - 1).clip(0).sum()) if usual > 0 else 0
-    return Gaps(after, steps[after], missing)
+    missing = int(np.round(lengths / usual - 1).clip(0).sum()) if usual > 0 else 0
+    return Gaps(after, lengths, missing)
 
 
 def typical_step(time: Array) -> float:
     """Return the median of the steps that are not zero; zero where there is none."""
-    steps = np.diff(time)
-    steps = steps[steps > 0]
-    return float(np.median(steps)) if len(steps) else 0.0
+    if is_one_block(len(time)):
+        found = list(_positive_steps(time))
+        return float(np.median(found[0])) if found and len(found[0]) else 0.0
+    count = sum(map(len, _positive_steps(time)))
+    return middle(lambda: _positive_steps(time), count) if count else 0.0
+
+
+def _positive_steps(time: Array) -> Iterator[Array]:
+    for block in in_blocks(time, overlap=1):
+        steps = np.diff(block)
+        yield steps[steps > 0]
 
 
 def find_resets(time: Array) -> IntArray:
     """Return the indices of the samples after which time runs backwards."""
-    return np.flatnonzero(np.diff(time) < 0)
+    return _after(time, lambda steps: steps < 0)
+
+
+def find_repeats(time: Array) -> IntArray:
+    """Return the indices of the samples whose stamp the next one has as well."""
+    return _after(time, lambda steps: steps == 0)
+
+
+def _after(time: Array, condition: Callable[[Array], BoolArray]) -> IntArray:
+    """The indices of the samples that are followed by a step of some kind."""
+    found: list[IntArray] = [np.zeros(0, dtype=np.int64)]
+    start = 0
+    for block in in_blocks(time, overlap=1):
+        steps = np.diff(block)
+        found.append(start + np.flatnonzero(condition(steps)))
+        start += len(steps)
+    return np.concatenate(found)
 
 
 def pieces(n: int, breaks: IntArray) -> list[slice]:

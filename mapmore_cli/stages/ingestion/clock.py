@@ -12,6 +12,7 @@ from mapmore_cli.modelling.signals.sampling import (
     Gaps,
     average_repeated,
     find_gaps,
+    find_repeats,
     find_resets,
     pieces,
     resample,
@@ -60,7 +61,6 @@ def clocked(samples: Samples, data: Data, units: Mapping[str, str]) -> Clocked:
 def in_time_order(samples: Samples, repeated: str) -> Samples:
     """Refuse time that runs backwards, and treat stamps that repeat as the spec says."""
     time = samples.columns["time"]
-    steps = np.diff(time)
     resets = find_resets(time)
     if len(resets):
         at = int(resets[0]) + 1
@@ -68,17 +68,18 @@ def in_time_order(samples: Samples, repeated: str) -> Samples:
             f"{samples.at(at)}: time runs backwards, from {time[at - 1]:.9g} to {time[at]:.9g}",
             "Sort the file by time; where the clock was set back, `gaps: {longer_than: ..., action: split}` splits the recording.",
         )
-    if (steps > 0).all():
+    repeats = find_repeats(time)
+    if not len(repeats):
         return samples
     if repeated == "error":
-        at = int(np.argmax(steps == 0)) + 1
+        at = int(repeats[0]) + 1
         raise DataError(
-            f"{samples.at(at)}: the time {time[at]:.9g} stands twice ({np.count_nonzero(steps == 0)} stamps repeat)",
+            f"{samples.at(at)}: the time {time[at]:.9g} stands twice ({len(repeats)} stamps repeat)",
             "Set `repeated_time: average` or `repeated_time: spread`.",
         )
     if repeated == "spread":
         return samples.with_columns({"time": spread_repeated(time)})
-    first = np.concatenate([[True], steps > 0])
+    first = np.concatenate([[True], np.diff(time) > 0])
     _, averaged = average_repeated(time, samples.columns)
     return samples.keep(first, "repeated time").with_columns({**averaged, "time": time[first]})
 

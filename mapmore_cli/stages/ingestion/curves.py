@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
+from mapmore_cli.domain.blocks import in_blocks
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve, Recording, united
 from mapmore_cli.modelling.signals.cycles import split_cycles
@@ -15,6 +18,7 @@ from mapmore_cli.modelling.signals.plateau import default_within, find_levels, m
 from mapmore_cli.spec.sections.data import Cycles, Levels
 from mapmore_cli.stages.ingestion.samples import located
 from mapmore_cli.stages.ingestion.steps import PLATEAU
+from mapmore_cli.storage.spool import by_blocks, chosen, counted, joined
 
 CLOSE = 0.01
 """Of the smallest distance between levels, within which a value names one of them."""
@@ -76,7 +80,7 @@ def level_set(levels: Levels, recordings: Sequence[Recording]) -> LevelSet:
     """Return the levels that the spec gives, or those at which its quantity dwells in the recordings taken together."""
     of = levels.of
     if levels.at == "auto":
-        at = find_levels(np.concatenate([recording.columns[of] for recording in recordings]))
+        at = find_levels(joined([recording.columns[of] for recording in recordings]))
         if not at.size:
             raise DataError(f"levels: {of} is nowhere held constant, so no levels can be found", "Give them, as `at: [80, 150]`.")
     else:
@@ -86,8 +90,15 @@ def level_set(levels: Levels, recordings: Sequence[Recording]) -> LevelSet:
 
 def with_scatter(levels: LevelSet, parts: Sequence[Part]) -> LevelSet:
     """Return the levels with the scatter of the samples of `parts`."""
-    pools = [np.concatenate([part.columns[levels.of] for part in parts if part.level == level]) for level in levels.at]
-    return replace(levels, scatter=np.array([float(np.std(pool)) for pool in pools]))
+    pools = [[part.columns[levels.of] for part in parts if part.level == level] for level in levels.at]
+    return replace(levels, scatter=np.array([_deviation(pool) for pool in pools]))
+
+
+def _deviation(columns: Sequence[Array]) -> float:
+    """The standard deviation of the values of all columns."""
+    size = sum(map(len, columns))
+    mean = sum(float(block.sum()) for column in columns for block in in_blocks(column)) / size
+    return math.sqrt(sum(float(((block - mean) ** 2).sum()) for column in columns for block in in_blocks(column)) / size)
 
 
 def cut_by_level(logs: Sequence[Sequence[Recording]], levels: LevelSet | None) -> tuple[list[Recording], list[Part]]:
@@ -113,19 +124,30 @@ def cut_by_level(logs: Sequence[Sequence[Recording]], levels: LevelSet | None) -
 
 
 def _cut(recording: Recording, place: Array, log: int, levels: LevelSet) -> tuple[Recording, list[Part]]:
-    level = levels.match(recording.columns[levels.of])
-    at_none = int(np.count_nonzero(np.isnan(level)))
+    level = by_blocks(levels.match, recording.columns[levels.of])
+    at_one = by_blocks(np.isfinite, level)
+    at_none = int(np.count_nonzero(~at_one))
     reason = f"no level within {levels.within:g} of {levels.of}"
-    columns = {name: values[np.isfinite(level)] for name, values in recording.columns.items()}
+    columns = {name: chosen(values, at_one) for name, values in recording.columns.items()}
     kept = replace(recording, columns=columns, dropped={**recording.dropped, reason: at_none} if at_none else recording.dropped)
-    masks = [(float(value), level == value) for value in np.unique(level[np.isfinite(level)])]
-    return kept, [Part(kept, value, {n: v[mask] for n, v in recording.columns.items()}, place[mask], log) for value, mask in masks]
+    masks = [(float(value), by_blocks(partial(np.equal, value), level)) for value in np.unique(levels.at)]
+    return kept, [
+        Part(kept, value, {name: chosen(values, mask) for name, values in recording.columns.items()}, chosen(place, mask), log)
+        for value, mask in masks
+        if mask.any()
+    ]
 
 
 def _places(log: Sequence[Recording]) -> list[Array]:
     """Where each sample stands in its log, from 0 to 1 over all pieces."""
-    ends = np.cumsum([piece.rows_kept for piece in log])
-    return np.split((np.arange(ends[-1]) + 0.5) / max(ends[-1], 1), ends[:-1])
+    sizes = [piece.rows_kept for piece in log]
+    whole, starts = max(sum(sizes), 1), np.cumsum([0, *sizes[:-1]])
+    return [counted(partial(_place, start, whole), size) for start, size in zip(starts.tolist(), sizes, strict=True)]
+
+
+def _place(start: int, whole: int, rows: IntArray) -> Array:
+    place: Array = (start + rows + 0.5) / whole
+    return place
 
 
 def join_branches(part: Part, cycles: Cycles, target: str) -> Part:
@@ -155,10 +177,11 @@ def joined_curves(parts: Sequence[Part], held_out: Sequence[BoolArray], levels: 
 def _joined(key: str, parts: Sequence[Part], masks: Sequence[BoolArray]) -> Curve:
     columns = dict(parts[0].columns)
     if len(parts) > 1:  # else the samples themselves: a long recording is not copied without need
-        columns = {name: np.concatenate([part.columns[name] for part in parts]) for name in columns}
+        columns = {name: joined([part.columns[name] for part in parts]) for name in columns}
     plateau = columns.pop(PLATEAU, None)
     at_rest = None if plateau is None else plateau == 1.0
-    origin = np.repeat(np.arange(len(parts)), [part.size for part in parts])
+    ends = np.cumsum([part.size for part in parts])
+    origin = counted(lambda rows: np.searchsorted(ends, rows, side="right"), int(ends[-1]))
     training = [part.measured for part, mask in zip(parts, masks, strict=True) if not mask.all()]
     names = tuple(part.recording.id for part in parts)
     return Curve(key, parts[0].level, columns, np.concatenate(masks), names, at_rest, origin, united(training))

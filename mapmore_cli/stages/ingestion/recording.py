@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import graphlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.modelling import terms
@@ -21,6 +22,7 @@ from mapmore_cli.stages.ingestion.files import Log, Meter, Source
 from mapmore_cli.stages.ingestion.samples import Samples, located, read_tables, without_missing
 from mapmore_cli.stages.ingestion.shift import found_shift
 from mapmore_cli.stages.kinds.dictionary import signal_of
+from mapmore_cli.storage.spool import by_blocks, counted
 
 
 def joined(tables: Sequence[Samples], source: Source, data: Data, units: Mapping[str, str], meter: Meter) -> list[Samples]:
@@ -97,7 +99,7 @@ def read_recordings(source: Source, data: Data, units: Mapping[str, str], meter:
 
 def _reading(samples: Samples, source: Source, data: Data, units: Mapping[str, str]) -> ReadLog:
     samples = without_missing(samples, data, data.missing_rule.action)
-    samples = samples.with_columns({name: np.full(samples.size, value) for name, value in source.constants.items()})
+    samples = samples.with_columns({name: _constant(value, samples.size) for name, value in source.constants.items()})
     whole = clocked(samples, data, units)
     finished = [_finished(piece, data, source.keep, units) for piece in whole.pieces if piece.size]
     left = [piece for piece in finished if piece.size]
@@ -108,6 +110,11 @@ def _reading(samples: Samples, source: Source, data: Data, units: Mapping[str, s
     log = name if len(names) > 1 or names != [name] else ""
     recordings = tuple(_recording(name, source.name, piece, log) for name, piece in zip(names, left, strict=True))
     return ReadLog(recordings, (*samples.notes, *whole.notes), (*samples.doubts, *whole.warnings, *_emptied(whole, left)))
+
+
+def _constant(value: float, size: int) -> Array:
+    column: Array = counted(lambda rows: np.full(len(rows), value, dtype=np.float64), size)
+    return column
 
 
 def _emptied(whole: Clocked, left: list[Samples]) -> list[str]:
@@ -139,26 +146,38 @@ def _derived(samples: Samples, derive: Mapping[str, str | Rate | Direction], uni
             with located(samples.label):
                 values = signal_values(signals[name], samples.columns)
         else:
-            values = terms.evaluate(expressions[name], samples.columns, samples.size)
-        if not np.isfinite(values).all():
-            at = int(np.argmin(np.isfinite(values)))
+            values = _evaluated(expressions[name], samples)
+        finite = by_blocks(np.isfinite, values)
+        if not finite.all():
+            at = int(np.argmin(finite))
             raise DataError(f"{samples.at(at)}: derive.{name} gives {values[at]}", "Mend the expression or the data.")
         samples = samples.with_columns({name: values})
     return samples
 
 
+def _evaluated(expression: terms.Expression, samples: Samples) -> Array:
+    names = [name for name in samples.columns if name in expression.names] or list(samples.columns)[:1]
+    columns = [samples.columns[name] for name in names]
+    values: Array = by_blocks(lambda *part: terms.evaluate(expression, dict(zip(names, part, strict=True)), len(part[0])), *columns)
+    return values
+
+
 def _kept(samples: Samples, condition: Keep, units: Mapping[str, str]) -> Samples:
     name = condition.quantity
-    values = samples.columns[name]
-    unit = "" if units[name] == "1" else f" {units[name]}"
-    if condition.abs_below is not None:
-        return samples.keep(np.abs(values) < condition.abs_below, f"|{name}| >= {condition.abs_below:g}{unit}")
-    if condition.below is not None:
-        return samples.keep(values < condition.below, f"{name} >= {condition.below:g}{unit}")
-    if condition.above is not None:
-        return samples.keep(values > condition.above, f"{name} <= {condition.above:g}{unit}")
+    fulfils, reason = _condition(condition, name, "" if units[name] == "1" else f" {units[name]}")
+    return samples.keep(by_blocks(fulfils, samples.columns[name]), reason)
+
+
+def _condition(condition: Keep, name: str, unit: str) -> tuple[Callable[[Array], BoolArray], str]:
+    """What is to hold for the values of a quantity, and the reason to leave out those for which it does not."""
+    if (limit := condition.abs_below) is not None:
+        return lambda values: np.abs(values) < limit, f"|{name}| >= {limit:g}{unit}"
+    if (limit := condition.below) is not None:
+        return lambda values: values < limit, f"{name} >= {limit:g}{unit}"
+    if (limit := condition.above) is not None:
+        return lambda values: values > limit, f"{name} <= {limit:g}{unit}"
     if condition.outside is not None:
         low, high = condition.outside
-        return samples.keep((values < low) | (values > high), f"{name} from {low:g} to {high:g}{unit}")
+        return lambda values: (values < low) | (values > high), f"{name} from {low:g} to {high:g}{unit}"
     low, high = condition.between or (-np.inf, np.inf)
-    return samples.keep((values >= low) & (values <= high), f"{name} outside {low:g} to {high:g}{unit}")
+    return lambda values: (values >= low) & (values <= high), f"{name} outside {low:g} to {high:g}{unit}"

@@ -5,16 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.spec.sections.data import MissingRule
-from mapmore_cli.spec.sections.logs import Logs
+from mapmore_cli.spec.sections.logs import Logs, SourceColumn
 from mapmore_cli.spec.units import convert
 from mapmore_cli.stages.ingestion.files import Log, Meter
 from mapmore_cli.storage.readers import READERS, RawTable, TableRequest
+from mapmore_cli.storage.spool import by_blocks, chosen, counted, joined
 
 
 @dataclass(frozen=True)
@@ -70,9 +72,9 @@ class Samples:
         """Return the samples where `mask`, the others noted under `reason`."""
         if mask.all():
             return self
-        rows = np.concatenate([self.left_out.get(reason, np.zeros(0, dtype=np.int64)), self.rows[~mask]])
-        columns = {name: values[mask] for name, values in self.columns.items()}
-        return replace(self, columns=columns, rows=self.rows[mask], left_out={**self.left_out, reason: rows})
+        rows = joined([self.left_out.get(reason, np.zeros(0, dtype=np.int64)), chosen(self.rows, ~mask)])
+        columns = {name: chosen(values, mask) for name, values in self.columns.items()}
+        return replace(self, columns=columns, rows=chosen(self.rows, mask), left_out={**self.left_out, reason: rows})
 
     def some(self) -> Samples:
         """Return the samples; DataError where none is left."""
@@ -135,21 +137,28 @@ def _in_model_units(raw: RawTable, table: Logs, missing: Sequence[float], units:
     taken = slice(None, None, table.every)
     columns: dict[str, Array] = {}
     for name, column in table.columns.items():
+        as_is = not missing and (column.scale, column.offset) == (1.0, 0.0) and column.unit in (None, units[name])
         values = raw.columns[column.column][taken]
-        if missing:
-            values = np.where(np.isin(values, missing), np.nan, values)
-        if (column.scale, column.offset) != (1.0, 0.0):  # else the column itself: long recordings are not copied without need
-            values = values * column.scale + column.offset
-        columns[name] = values if column.unit is None else convert(values, column.unit, units[name])
+        columns[name] = values if as_is else by_blocks(partial(_converted, column=column, missing=missing, unit=units[name]), values)
     if table.sample_time is not None:
-        columns["time"] = np.arange(len(raw.rows), dtype=np.float64)[taken] * convert(table.sample_time, "s", units["time"])
+        step = convert(table.sample_time, "s", units["time"])
+        columns["time"] = counted(lambda rows: table.every * rows * step, len(raw.rows[taken]))
     for name, column in table.columns.items():
         if column.rest is not None:
             rest = _mean_at_rest(columns[name], columns["time"], convert(column.rest, "s", units["time"]))
             if rest is None:
                 raise DataError(f"{raw.label}: {name} has no value in the first {column.rest:g} s", "Lengthen `rest`, or mend the file.")
-            columns[name] = columns[name] - rest
+            columns[name] = by_blocks(partial(np.add, -rest), columns[name])
     return Samples(raw.label, raw.place, raw.rows[taken], columns, {}, raw.element, doubts=raw.doubts)
+
+
+def _converted(values: Array, column: SourceColumn, missing: Sequence[float], unit: str) -> Array:
+    """`value * scale + offset` in the model's unit; NaN for the numbers that stand for `missing` values."""
+    if missing:
+        values = np.where(np.isin(values, missing), np.nan, values)
+    if (column.scale, column.offset) != (1.0, 0.0):
+        values = values * column.scale + column.offset
+    return values if column.unit is None else convert(values, column.unit, unit)
 
 
 def _mean_at_rest(values: Array, time: Array, rest: float) -> float | None:
@@ -161,11 +170,10 @@ def _mean_at_rest(values: Array, time: Array, rest: float) -> float | None:
 
 def without_missing(samples: Samples, table: Logs, missing: str) -> Samples:
     """Treat NaN and infinity as the spec says: an error, or samples to leave out. DataError where none is left."""
-    finite = {name: np.isfinite(values) for name, values in samples.columns.items()}
-    complete = np.logical_and.reduce(list(finite.values()))
+    complete = by_blocks(lambda *columns: np.logical_and.reduce([np.isfinite(values) for values in columns]), *samples.columns.values())
     if missing == "error" and not complete.all():
         sample = int(np.argmin(complete))
-        name = next(name for name, mask in finite.items() if not mask[sample])
+        name = next(name for name, values in samples.columns.items() if not np.isfinite(values[sample]))
         place = f", column {table.columns[name].column}" if name in table.columns else ""
         raise DataError(
             f"{samples.at(sample)}{place}: the value of {name} is missing",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from fnmatch import fnmatchcase
+from functools import partial
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -16,6 +17,7 @@ from mapmore_cli.spec.sections.data import Between, Holdout
 from mapmore_cli.stages.ingestion.curves import LevelSet, Part
 from mapmore_cli.stages.ingestion.samples import located
 from mapmore_cli.storage.globs import relative_name
+from mapmore_cli.storage.spool import by_blocks
 
 Masks = list[BoolArray]
 """One mask `(n,)` for each part."""
@@ -53,7 +55,7 @@ def _conditions(parts: Sequence[Part], choice: Holdout, levels: LevelSet | None,
         else:
             conditions.append(_at_values(parts, name, values))
     if choice.last is not None:
-        conditions.append([part.position > 1 - choice.last for part in parts])
+        conditions.append([by_blocks(partial(np.less, 1 - choice.last), part.position) for part in parts])
     if choice.last_cycles is not None and choice.of is not None:
         conditions.append(_last_cycles(parts, choice.of, choice.last_cycles))
     if choice.fraction is not None:
@@ -84,7 +86,7 @@ def _at_levels(parts: Sequence[Part], values: Sequence[float], levels: LevelSet)
 def _at_values(parts: Sequence[Part], name: str, values: Sequence[float]) -> Masks:
     masks = [np.zeros(part.size, dtype=np.bool_) for part in parts]
     for value in values:
-        hits = [np.isclose(part.columns[name], value, rtol=1e-9, atol=1e-12) for part in parts]
+        hits = [by_blocks(partial(np.isclose, b=value, rtol=1e-9, atol=1e-12), part.columns[name]) for part in parts]
         if not any(hit.any() for hit in hits):
             raise DataError(
                 f"split.validate: {name} is nowhere {value:g}; {_range(parts, name)}", f"Give an interval: `{name}: {{between: ...}}`."
@@ -96,7 +98,7 @@ def _at_values(parts: Sequence[Part], name: str, values: Sequence[float]) -> Mas
 def _between(parts: Sequence[Part], name: str, intervals: Between) -> Masks:
     masks = [np.zeros(part.size, dtype=np.bool_) for part in parts]
     for low, high in intervals.between:
-        hits = [(part.columns[name] >= low) & (part.columns[name] <= high) for part in parts]
+        hits = [by_blocks(lambda x, low=low, high=high: (x >= low) & (x <= high), part.columns[name]) for part in parts]
         if not any(hit.any() for hit in hits):
             raise DataError(f"split.validate: no sample has {name} between {low:g} and {high:g}", f"{_range(parts, name).capitalize()}.")
         masks = [mask | hit for mask, hit in zip(masks, hits, strict=True)]

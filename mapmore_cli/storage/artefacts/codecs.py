@@ -8,13 +8,20 @@ users never become a path by accident: parts of a sequence are numbered (`000`),
 
 from __future__ import annotations
 
+import math
+import mmap
+import os
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from weakref import WeakValueDictionary
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mapmore_cli.domain.blocks import give_back, in_blocks, row_blocks
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.artefacts.integrity import MOST_KEYS, Digest, Invalid, stored_at, texts_of, valid_text
 from mapmore_cli.storage.artefacts.label import Label
@@ -22,8 +29,9 @@ from mapmore_cli.storage.artefacts.label import Label
 if TYPE_CHECKING:
     import h5py
 
-LONG = 4096
-"""Elements from which on an array is compressed; shorter ones stay contiguous, so that any reader finds them at once."""
+LONG, HUGE = 4096, 1 << 20
+"""Elements from which on an array is compressed, and from which on it is so no more. Shorter ones stay contiguous, so that any reader finds
+them at once; huge ones, so that they can be mapped, and because compressing them takes longer than all else."""
 
 Sizes = dict[str, tuple[int, str]]
 """Lengths of the dimensions seen so far in an object, by their letters, and where each was seen first."""
@@ -102,9 +110,13 @@ def numbers(
     form = f"{np.dtype(dtype).name} dataset, {ndim}-D"
 
     def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
-        array = np.asarray(value, dtype=dtype)
-        filters: dict[str, Any] = {"compression": "gzip", "shuffle": True} if array.size >= LONG else {}
-        label.put_on(group.create_dataset(name, data=array, track_times=False, **filters))
+        array = value if isinstance(value, np.ndarray) else np.asarray(value, dtype=dtype)
+        filters: dict[str, Any] = {"compression": "gzip", "shuffle": True} if LONG <= array.size < HUGE else {}
+        dataset = group.create_dataset(name, array.shape, dtype, track_times=False, **filters)
+        for rows in row_blocks(len(array), None if array.size >= HUGE else HUGE):
+            dataset[rows] = np.asarray(array[rows], dtype=dtype)
+            give_back(array)
+        label.put_on(dataset)
 
     def read(group: h5py.Group, name: str) -> Any:
         dataset, where = stored(group, name, "Dataset"), place_of(group, name)
@@ -113,21 +125,37 @@ def numbers(
         if len(shape) != ndim or not np.can_cast(found, dtype, casting="same_kind"):
             raise Invalid(where, f"is a {len(shape)}-D array of {found}, not a {form}")
         with stored_at(where):
-            return dataset[()].astype(load_dtype or np.dtype(dtype).newbyteorder("="))
+            values = mapped(dataset) if dataset.size >= HUGE and dataset.chunks is None else dataset[()]
+            return values.astype(load_dtype or np.dtype(dtype).newbyteorder("="), copy=False)
 
     def check(value: Any, where: str, _sizes: Sizes) -> None:
         array = np.asarray(value)
-        if array.dtype.kind == "f" and not may_be_nan and not np.isfinite(array).all():
-            raise Invalid(where, f"holds {array[~np.isfinite(array)][0]}")
+        for block in in_blocks(array) if least is not None or not may_be_nan else ():
+            if block.dtype.kind == "f" and not may_be_nan and not np.isfinite(block).all():
+                raise Invalid(where, f"holds {block[~np.isfinite(block)][0]}")
+            if least is not None and block.min() < least:
+                raise Invalid(where, f"holds {block.min()}, where {least} is the least")
         if ascending and (array[1:] <= array[:-1]).any():
             raise Invalid(where, f"does not ascend at place {int(np.argmax(array[1:] <= array[:-1])) + 1}")
-        if least is not None and array.size and array.min() < least:
-            raise Invalid(where, f"holds {array.min()}, where {least} is the least")
 
     def feed(digest: Digest, where: str, value: Any) -> None:
         digest.add(where, value, dtype)
 
     return Codec(form, write, read, feed, check)
+
+
+_mappings: WeakValueDictionary[tuple[int, ...], mmap.mmap] = WeakValueDictionary()
+"""One for each file, which all of its columns share: a mapping keeps its file open."""
+
+
+def mapped(dataset: h5py.Dataset) -> NDArray[Any]:
+    """The values of a contiguous dataset where they lie in its file, without reading them."""
+    with Path(dataset.file.filename).open("rb") as file:
+        now = os.fstat(file.fileno())
+        key = (now.st_dev, now.st_ino, now.st_mtime_ns, now.st_size)
+        content = _mappings.get(key) or mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+    _mappings[key] = content
+    return np.frombuffer(content, dataset.dtype, math.prod(dataset.shape), dataset.id.get_offset()).reshape(dataset.shape)
 
 
 def texts() -> Codec:

@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mapmore_cli.domain.blocks import in_blocks
+
 if TYPE_CHECKING:
     import h5py
 
@@ -157,9 +159,10 @@ class Digest:
             for text in texts:
                 self._hash.update(len(text.encode()).to_bytes(8, "little") + text.encode())
         else:
-            array = np.ascontiguousarray(values, dtype=dtype)
             self._hash.update(f"{where} {dtype} {np.shape(values)}\n".encode())
-            self._hash.update(array.data)
+            array = values if isinstance(values, np.ndarray) else np.asarray(values, dtype)
+            for block in in_blocks(np.atleast_1d(array)):
+                self._hash.update(np.ascontiguousarray(block, dtype=dtype).data)
 
     @property
     def text(self) -> str:

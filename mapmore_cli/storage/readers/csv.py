@@ -17,8 +17,8 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.storage.spool import Growing
 from mapmore_cli.storage.tables.lines import (
-    Growing,
     Lines,
     guess_encoding,
     last_lines,
@@ -44,6 +44,9 @@ from mapmore_cli.storage.text_streams import lines_of
 
 COMPARED = 50
 """Lines before the last one, with which it is compared."""
+
+SPARE = 1.02
+"""Room beyond what is expected, so that lines that get a little shorter make no copy necessary."""
 
 CHUNK = 8192
 """Lines held as text at one time; where one of them is out of order, all of them are read record by record."""
@@ -102,13 +105,18 @@ def _parse(lines: Lines, request: TableRequest) -> RawTable:
     for _ in range(request.header - 1):
         next(records, None)
     leading = [] if request.header else [first]
-    table = Growing(len(layout.places))
+    taken, columns = Growing(np.int64), [Growing(np.float64) for _ in layout.places]
+    size = 0
     for rows, values in _parts(lines, records, leading, layout, request):
-        table.add(rows, values, lines.share)
+        size += len(rows)
+        expected = int(SPARE * size / lines.share)
+        taken.add(rows, expected)
+        for column, added in zip(columns, values.T, strict=True):
+            column.add(added, expected)
         request.progress(lines.position)
-    if not len(table.rows):
+    if not size:
         raise DataError(f"{request.label}: the file has a header but no data")
-    return RawTable(dict(zip(request.columns, table.columns, strict=True)), table.rows, request.label)
+    return RawTable({name: column.whole() for name, column in zip(request.columns, columns, strict=True)}, taken.whole(), request.label)
 
 
 def _records(lines: Lines, request: TableRequest) -> Iterator[Numbered]:

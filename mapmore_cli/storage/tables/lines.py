@@ -1,4 +1,4 @@
-"""A text file from lines to columns: lines with their numbers, taken one by one or many at once, and columns that grow with them."""
+"""A text file from bytes to lines with their numbers, taken one by one or many at once."""
 
 from __future__ import annotations
 
@@ -12,15 +12,9 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
-from typing import IO, TextIO, TypeVar, cast
+from typing import IO, TextIO, cast
 
-import numpy as np
-from numpy.typing import NDArray
-
-from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.errors import DataError
-
-T = TypeVar("T", np.int64, np.float64)
 
 GZIP_MAGIC = b"\x1f\x8b"
 HEAD = 65536  # bytes by which the encoding is guessed
@@ -32,7 +26,7 @@ UNDEFINED = bytes((0x81, 0x8D, 0x8F, 0x90, 0x9D))  # in cp1252
 class Lines:
     """An iterator over the lines of an open file, with their ends; `taken` counts them, so it is the number of the last one, from 1."""
 
-    def __init__(self, blocks: Iterator[str], raw: IO[bytes]) -> None:
+    def __init__(self, blocks: Iterator[Block], raw: IO[bytes]) -> None:
         self.taken = 0
         self._blocks = blocks
         self._begun: Iterator[str] = iter(())  # what is left of the block that has been begun
@@ -41,8 +35,8 @@ class Lines:
         self._back: list[str] = []  # the next one last
 
     def _each(self) -> Iterator[str]:
-        for block in self._blocks:
-            self._begun = lines_of_text(block)
+        for text, _ in self._blocks:
+            self._begun = lines_of_text(text)
             yield from self._begun
 
     def __iter__(self) -> Lines:
@@ -73,10 +67,11 @@ class Lines:
 
     def take_block(self) -> str:
         """The next lines in one piece: the rest of a block that has been begun, or a whole one; empty at the end."""
-        block = "".join([*reversed(self._back), *self._begun]) or next(self._blocks, "")
+        left = [*reversed(self._back), *self._begun]
         self._back = []
-        self.taken += count_lines(block)
-        return block
+        text, count = ("".join(left), len(left)) if left else next(self._blocks, ("", 0))
+        self.taken += count
+        return text
 
     def put_back(self, lines: list[str]) -> None:
         """Have these, the last ones that were taken, taken again."""
@@ -129,7 +124,11 @@ BLOCK = 1 << 17
 """Characters that are read at once: what is computed of them stays in the processor's cache."""
 
 
-def bounded_blocks(text: TextIO, label: str, packed: int | None = None) -> Iterator[str]:
+Block = tuple[str, int]
+"""Some whole lines in one piece, and how many they are."""
+
+
+def bounded_blocks(text: TextIO, label: str, packed: int | None = None) -> Iterator[Block]:
     """A text in blocks of whole lines, which end in LF, CR LF or CR; `packed` is the size of the file where it is a packed one.
 
     Raises DataError for a line that is too long for a table, and for text that is hundreds of times larger than its file.
@@ -144,17 +143,18 @@ def bounded_blocks(text: TextIO, label: str, packed: int | None = None) -> Itera
             rest += chunk
         else:
             block, rest = rest + chunk[:end], chunk[end:]
-            number += count_lines(block)
-            yield block
+            count = count_lines(block)
+            number += count
+            yield block, count
         if len(rest) > LONGEST:
             raise DataError(f"{label}:row {number + 1}: is longer than {LONGEST // 10**6} million characters", "give a table")
     if rest:
-        yield rest
+        yield rest, count_lines(rest)
 
 
 def bounded_lines(text: TextIO, label: str) -> Iterator[str]:
     """The lines of a text, with their ends; DataError for one that is too long for a table."""
-    for block in bounded_blocks(text, label):
+    for block, _ in bounded_blocks(text, label):
         yield from lines_of_text(block)
 
 
@@ -165,7 +165,7 @@ def lines_of_text(text: str) -> Iterator[str]:
 
 def count_lines(text: str) -> int:
     """How many lines a text has; the last one may lack its end."""
-    ends = text.count("\n") + text.count("\r") - text.count("\r\n")
+    ends = text.count("\n") + (text.count("\r") - text.count("\r\n") if "\r" in text else 0)
     return ends + (text[-1:] not in ("\n", "\r", ""))
 
 
@@ -210,45 +210,3 @@ def open_lines(path: Path, encoding: str, label: str) -> Iterator[Lines]:
         binary = cast(IO[bytes], gzip.GzipFile(fileobj=raw)) if zipped else raw
         with io.TextIOWrapper(binary, encoding=encoding, newline="") as text:
             yield Lines(bounded_blocks(text, label, os.fstat(raw.fileno()).st_size if zipped else None), raw)
-
-
-SPARE = 1.02
-"""Room beyond what is expected, so that lines that get a little shorter make no copy necessary."""
-
-
-class Growing:
-    """Line numbers and values of the rows that have come so far; room is made for as many as the share that has been read lets expect."""
-
-    def __init__(self, columns: int) -> None:
-        self._size = 0
-        self._rows: IntArray = np.empty(0, dtype=np.int64)
-        self._columns: list[Array] = [np.empty(0) for _ in range(columns)]
-
-    def add(self, rows: IntArray, values: Array, share: float) -> None:
-        """Append rows, (b,), and their values, (b, columns); `share` of the file has been read with them."""
-        start, end = self._size, self._size + len(rows)
-        if end > len(self._rows):
-            room = max(end, int(SPARE * end / share))
-            self._rows = _moved(self._rows, start, room)
-            for j, column in enumerate(self._columns):
-                self._columns[j] = _moved(column, start, room)
-        self._rows[start:end] = rows
-        for column, added in zip(self._columns, values.T, strict=True):
-            column[start:end] = added
-        self._size = end
-
-    @property
-    def rows(self) -> IntArray:
-        """All line numbers, (n,)."""
-        return self._rows[: self._size]
-
-    @property
-    def columns(self) -> list[Array]:
-        """All values, each (n,)."""
-        return [column[: self._size] for column in self._columns]
-
-
-def _moved(array: NDArray[T], start: int, room: int) -> NDArray[T]:
-    larger = np.empty(room, dtype=array.dtype)  # pages that nothing is written to take no memory
-    larger[:start] = array[:start]
-    return larger

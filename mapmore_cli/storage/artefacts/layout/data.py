@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from mapmore_cli.domain.blocks import in_blocks
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
 from mapmore_cli.storage.artefacts.codecs import added, named, numbered, optional, pairs, shown
 from mapmore_cli.storage.artefacts.label import NO_UNIT
@@ -42,8 +43,9 @@ RECORDING = Schema(
 
 
 def _curve_faults(curve: Curve) -> Iterator[Fault]:
-    if curve.origin is not None and curve.origin.size and curve.origin.max() >= len(curve.recordings):
-        yield "origin", f"names recording {curve.origin.max()} of {len(curve.recordings)}"
+    last = -1 if curve.origin is None else max((int(block.max()) for block in in_blocks(curve.origin)), default=-1)
+    if last >= len(curve.recordings):
+        yield "origin", f"names recording {last} of {len(curve.recordings)}"
 
 
 CURVE = Schema(
