@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from mapmore_cli.modelling.scores.metrics import Band, bands
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
@@ -26,10 +27,18 @@ def draw_bands(ax: Axes, found: Sequence[Band], models: Sequence[str], styles: M
     positive = shown[np.isfinite(shown) & (shown > 0)]
     if len(positive) and positive.max() > 20 * positive.min():
         ax.set_yscale("log")
+        ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        ax.yaxis.set_minor_formatter(NullFormatter())
     else:
         ax.set_ylim(bottom=0)
-    ax.set_xticks(range(len(found)), [f"{band.low:.3g}\N{EN DASH}{band.high:.3g}" for band in found])
+    ax.set_xticks(range(len(found)), [f"{_short(band.low)}\N{EN DASH}{_short(band.high)}" for band in found])
     ax.set_xlim(-0.3, len(found) - 0.7)
+
+
+def _short(value: float) -> str:
+    """Three digits, and all that stand before the point of what is not long."""
+    return f"{value:.0f}" if 1000 <= abs(value) < 1e5 else f"{value:.3g}"
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:

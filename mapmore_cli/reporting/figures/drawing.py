@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from mapmore_cli.reporting.figures.layout import POINTS, arrange
 from mapmore_cli.reporting.figures.style import small
 from mapmore_cli.reporting.inputs import SINGLE, FigureStyle
 
@@ -113,7 +114,7 @@ def _composed(drawing: Drawing, panels: Sequence[Panel], columns: int, width: fl
     grid, stack = drawing.grid, len(drawing.grid.stack)
     rows = math.ceil(len(panels) / columns)
     room = LEGEND_ROOM if drawing.legend else TITLE_ROOM
-    figure = Figure(figsize=(width, room + rows * grid.height), layout="constrained")
+    figure = Figure(figsize=(width, room + rows * grid.height), dpi=POINTS)
     shared: Any = {"none": False, "row": "row", "all": True}[grid.common_y]
     every = figure.subplots(stack * rows, columns, height_ratios=[*grid.stack] * rows, sharex=grid.common_x, sharey=shared, squeeze=False)
     places = [list(every[row * stack : (row + 1) * stack, column]) for row in range(rows) for column in range(columns)]
@@ -124,10 +125,11 @@ def _composed(drawing: Drawing, panels: Sequence[Panel], columns: int, width: fl
             for ax in axes:
                 ax.remove()
     _hold(panels, places, columns if grid.common_y == "row" else len(panels) if grid.common_y == "all" else 1)
-    figure.align_ylabels([ax for ax in figure.axes if ax.get_ylabel()])
     if drawing.legend:
         labels = [str(handle.get_label()) for handle in drawing.legend]
-        figure.legend(handles=list(drawing.legend), loc="outside upper left", ncols=_legend_columns(labels, width))
+        figure.legend(handles=list(drawing.legend), loc="upper left", ncols=_legend_columns(labels, width))
+    placed = {(row, column): ax for row, line in enumerate(every) for column, ax in enumerate(line) if ax.figure is figure}
+    arrange(figure, placed, [*grid.stack] * rows)
     return figure
 
 

@@ -26,6 +26,7 @@ from mapmore_cli.reporting.figures.thinning import cloud
 from mapmore_cli.reporting.inputs import ReportInputs
 
 DOTS = 600
+"""In a panel by itself; half as many where panels stand side by side, which are smaller."""
 
 
 @dataclass(frozen=True)
@@ -56,12 +57,12 @@ def model_errors(inputs: ReportInputs) -> list[ModelErrors]:
     return panels
 
 
-def draw_errors(ax: Axes, panel: ModelErrors, style: ModelStyle) -> None:
+def draw_errors(ax: Axes, panel: ModelErrors, style: ModelStyle, dots: int = DOTS) -> None:
     """Training samples as pale dots under the held-out ones in the model's colour; both thinned so that the extremes remain."""
     zero_line(ax)
     for (measured, error), colour, size in ((panel.train, LIGHT, 1.6), (panel.held_out, style.colour, 2.2)):
         if np.isfinite(error).any():
-            rows = cloud(measured, error, DOTS)
+            rows = cloud(measured, error, dots)
             ax.plot(measured[rows], error[rows], linestyle="none", marker=style.marker, markersize=size, markeredgewidth=0, color=colour)
     if panel.failed:
         ax.text(0.5, 0.6, "failed", transform=ax.transAxes, ha="center")
@@ -79,20 +80,21 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     found, styles = model_errors(inputs), model_styles([*inputs.lines, *inputs.models], inputs.style.palette)
     near = [error for one in found if one.model not in inputs.far_off for _, error in (one.train, one.held_out)]
     limits = (extent(near),) if inputs.far_off else ()
-    panels = tuple(_panel(inputs, one, styles[one.model], limits) for one in found)
+    most = DOTS if len(found) == 1 else DOTS // 2
+    panels = tuple(_panel(inputs, one, styles[one.model], limits, most) for one in found)
     grid = Grid(columns_for(len(panels)), width_for(len(panels)), 1.75, common_x=True, common_y="all")
     held_out = any(len(one.held_out[0]) for one in found)
     dots = "pale dots are training samples, coloured ones were held out" if held_out else "all samples are training samples"
-    thinned = max(len(measured) for measured, _ in (found[0].train, found[0].held_out)) > DOTS
+    thinned = max(len(measured) for measured, _ in (found[0].train, found[0].held_out)) > most
     what = f"Error (predicted minus measured) over the measured {inputs.target.name}"
     models = ", ".join(one.model for one in found)
     caption = f"{what}, all curves pooled; {dots}.{SOME_DOTS if thinned else ''}{beyond_scale(inputs.far_off)}"
     return [Drawing("error", caption, f"{what} for {models}.", panels, grid)]
 
 
-def _panel(inputs: ReportInputs, errors: ModelErrors, style: ModelStyle, limits: tuple[tuple[float, float], ...]) -> Panel:
+def _panel(inputs: ReportInputs, errors: ModelErrors, style: ModelStyle, limits: tuple[tuple[float, float], ...], most: int) -> Panel:
     def on(axes: Sequence[Axes]) -> None:
-        draw_errors(axes[0], errors, style)
+        draw_errors(axes[0], errors, style, most)
         if errors.model in inputs.far_off:
             _tell_beyond(axes[0], errors, inputs.target.unit)
 

@@ -4,23 +4,19 @@ from __future__ import annotations
 
 import io
 import re
-import warnings
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from html import escape
 
 from matplotlib import rc_context
-from matplotlib.backends.backend_pgf import RendererPgf
 from matplotlib.figure import Figure
 
-from mapmore_cli.reporting.table import latex_text
+from mapmore_cli.reporting.figures.style import fonts_may_lack_glyphs
 
 SVG_PROLOGUE = '<?xml version="1.0" encoding="utf-8"?>\n'
 DOTS_PER_INCH = 300
 
 _PROLOGUE = re.compile(r"\A.*?(?=<svg\b)", re.DOTALL)
 _GROUP_ID = re.compile(r'<g id="[^"]*"')
-_MATHS = re.compile(r"(\$[^$]*\$)")
 
 
 def to_svg(figure: Figure, name: str, alt: str) -> str:
@@ -30,7 +26,7 @@ def to_svg(figure: Figure, name: str, alt: str) -> str:
     would repeat between the figures of one page.
     """
     text = io.StringIO()
-    with rc_context({"svg.hashsalt": name}), _fonts_may_lack_glyphs():
+    with rc_context({"svg.hashsalt": name}), fonts_may_lack_glyphs():
         figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
     svg = _GROUP_ID.sub("<g", _PROLOGUE.sub("", text.getvalue()))
     return svg.replace("<svg ", f'<svg role="img" aria-label="{escape(alt)}" ', 1)
@@ -43,56 +39,23 @@ def _svg_file(figure: Figure, name: str, alt: str) -> bytes:
 def _pdf_file(figure: Figure, _name: str, alt: str) -> bytes:
     """Fonts are embedded as outlines that journals take (Type 42); neither a date nor the name of a program is written."""
     found = io.BytesIO()
-    with rc_context({"pdf.fonttype": 42}), _fonts_may_lack_glyphs():
+    with rc_context({"pdf.fonttype": 42}), fonts_may_lack_glyphs():
         figure.savefig(found, format="pdf", metadata={"CreationDate": None, "Creator": None, "Producer": None, "Title": alt})
     return found.getvalue()
 
 
 def _png_file(figure: Figure, _name: str, alt: str) -> bytes:
     found = io.BytesIO()
-    with _fonts_may_lack_glyphs():
+    with fonts_may_lack_glyphs():
         figure.savefig(found, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None, "Description": alt})
     return found.getvalue()
 
 
-class _Renderer(RendererPgf):
-    """Needs no TeX: letters are measured by the fonts of the other formats. Names are escaped, so that TeX obeys none of them."""
-
-    def get_text_width_height_descent(self, s, prop, ismath):  # type: ignore[no-untyped-def]
-        return super(RendererPgf, self).get_text_width_height_descent(s, prop, ismath)
-
-    def draw_text(self, gc, x, y, s, prop, angle, ismath=False, mtext=None):  # type: ignore[no-untyped-def]
-        super().draw_text(gc, x, y, _tex(s, bool(ismath)), prop, angle, ismath, mtext)  # type: ignore[no-untyped-call]
-
-
-def _tex(text: str, maths: bool) -> str:
-    """Text for TeX, in which formulas between dollars are left as they are where the text may have some."""
-    if not maths:
-        return latex_text(text)
-    return "".join(part if place % 2 else latex_text(part) for place, part in enumerate(_MATHS.split(text)))
-
-
 def _pgf_file(figure: Figure, _name: str, _alt: str) -> bytes:
-    """A `pgfpicture` to be read with `\\input`; its letters are set in the fonts of the document."""
-    text = io.StringIO()
-    width, height = figure.get_size_inches()
-    text.write("% \\usepackage{pgf} in the preamble, then \\input this file\n")
-    text.write("\\begingroup\n\\makeatletter\n\\begin{pgfpicture}\n")
-    text.write(
-        f"\\pgfpathrectangle{{\\pgfpointorigin}}{{\\pgfqpoint{{{width:f}in}}{{{height:f}in}}}}\n\\pgfusepath{{use as bounding box, clip}}\n"
-    )
-    with _fonts_may_lack_glyphs():
-        figure.draw(_Renderer(figure, text))  # type: ignore[no-untyped-call]
-    text.write("\\end{pgfpicture}\n\\makeatother\n\\endgroup\n")
-    return text.getvalue().encode()
+    from mapmore_cli.reporting.figures.pgf import to_pgf
 
-
-@contextmanager
-def _fonts_may_lack_glyphs() -> Iterator[None]:
-    """A character that the layout font lacks is still written as text in SVG, and drawn with the reader's fonts."""
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Glyph .* missing from")
-        yield
+    with fonts_may_lack_glyphs():
+        return to_pgf(figure).encode()
 
 
 WRITERS: Mapping[str, Callable[[Figure, str, str], bytes]] = {"svg": _svg_file, "pdf": _pdf_file, "png": _png_file, "pgf": _pgf_file}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -35,6 +36,7 @@ RC: dict[Any, Any] = {
     "axes.spines.right": False,
     "axes.spines.top": False,
     "axes.titlelocation": "left",
+    "axes.titley": 1.0,  # not looked for: no labels stand above the axes
     "axes.xmargin": 0.02,
     "figure.facecolor": "white",
     "legend.frameon": False,
@@ -76,6 +78,14 @@ def _no_word_of_absent_fonts() -> Iterator[None]:
     finally:
         for logger in loggers:
             logger.removeFilter(keep)
+
+
+@contextmanager
+def fonts_may_lack_glyphs() -> Iterator[None]:
+    """A character that the layout font lacks is still written as text in SVG, and drawn with the reader's fonts."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from")
+        yield
 
 
 def has_font(name: str) -> bool:
