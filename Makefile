@@ -69,7 +69,7 @@ test-lowest: .venv/development .venv-lowest/program  # the oldest libraries that
 	$(BIN)/python tests/lowest/lowest.py compare build/lowest.json build/newest.json
 
 audit: .venv-audit/program  # known weaknesses of the tested versions; asks an advisory service over the network
-	.venv-audit/bin/pip-audit --no-deps --disable-pip -r constraints.txt
+	.venv-audit/bin/pip-audit --strict --no-deps --disable-pip -r constraints.txt
 
 clean:
 	rm -rf .venv .venv-lowest .venv-audit runs build *.egg-info

@@ -70,4 +70,4 @@ def warm(folder: Path) -> None:
     start(folder / "warm.csv", folder)
 
 
-TARGET = Target("init", attempt, ("stages/drafting",), past=("drafted",), traced=20, warm=warm)
+TARGET = Target("init", attempt, ("stages/drafting",), past=("drafted",), longest=10, traced=20, warm=warm)

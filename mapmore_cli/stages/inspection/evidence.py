@@ -206,7 +206,7 @@ def set_in_steps(records: Sequence[Array]) -> float | None:
 
     A logger's resolution makes values even as well, but not the way from one sample to the next.
     """
-    steps = np.abs(np.concatenate([np.diff(values) for values in records]))
+    steps = np.abs(np.concatenate([np.empty(0), *(np.diff(values) for values in records)]))
     steps = steps[steps > 0]
     if steps.size < FEWEST_BINS:
         return None

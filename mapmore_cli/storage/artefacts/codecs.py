@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from mapmore_cli.domain.blocks import give_back, in_blocks, row_blocks
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.artefacts.integrity import MOST_KEYS, Digest, Invalid, stored_at, texts_of, valid_text
+from mapmore_cli.storage.artefacts.integrity import MOST_KEYS, Digest, Invalid, is_unicode, stored_at, texts_of, valid_text
 from mapmore_cli.storage.artefacts.label import Label
 
 if TYPE_CHECKING:
@@ -373,7 +373,7 @@ def shown(value: str, most: int = 60) -> str:
 
 def checked_text(value: str) -> str:
     """The text, if HDF5 can hold it; DataError for NUL characters and undecodable bytes (as in odd file names)."""
-    if "\0" in value or any("\ud800" <= character <= "\udfff" for character in value):
+    if "\0" in value or not is_unicode(value):
         raise DataError(f"the name {value!r} cannot be stored: it is not valid text", "rename the file or column that it comes from")
     return value
 

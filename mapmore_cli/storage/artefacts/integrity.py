@@ -140,9 +140,18 @@ def texts_of(dataset: h5py.Dataset, where: str) -> tuple[str, ...]:
 
 def valid_text(text: str, where: str) -> str:
     """The text; Invalid where its bytes are no UTF-8, which h5py passes on as lone surrogates."""
-    if any("\ud800" <= character <= "\udfff" for character in text):
+    if not is_unicode(text):
         raise Invalid(where, "is no text in UTF-8")
     return text
+
+
+def is_unicode(text: str) -> bool:
+    """Whether a text is free of lone surrogates."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 class Digest:

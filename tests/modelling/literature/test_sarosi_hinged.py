@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from literature_cases import noisy_wrist, slack_muscle, wrist_points
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.modelling.literature import cells, get, hinge
+from mapmore_cli.modelling.literature import cells, get, hinge, hinge_fit
 from mapmore_cli.modelling.terms import evaluate, to_text
 
 HINGED, PLAIN = get("sarosi_hinged"), get("sarosi")
@@ -209,3 +209,14 @@ def test_the_method_is_that_of_the_plain_formula() -> None:
     assert HINGED.fit(columns, y, "levenberg_marquardt").parameters["s3"] == pytest.approx(
         HINGED.fit(columns, y).parameters["s3"], rel=1e-5
     )
+
+
+def test_noise_at_one_pressure_has_no_standard_errors() -> None:
+    """Found by fuzzing `init`: the normal equations were singular, which was an internal fault."""
+    places = [*range(7), 8, 9, 10, *range(24, 33), 35, 36, 37, *range(39, 45), 46, 47, 49, 50, 51, *range(53, 59)]
+    y = np.zeros(len(places))
+    y[[0, 4, 8, 11, 14, 23, 28, 30]] = 1.0
+    found = hinge_fit.fit({"pressure": np.full(len(y), 300.0), "strain": np.array(places) / 295}, y)
+    assert np.isnan(found.errors).all()
+    assert np.isfinite(found.parameters).all()
+    assert found.rank < len(found.parameters)

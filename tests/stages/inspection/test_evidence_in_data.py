@@ -11,7 +11,7 @@ from mapmore_cli.domain.recording import Recording
 from mapmore_cli.stages.drafting.columns import guess_columns
 from mapmore_cli.stages.drafting.experiment import find_held, goes_in_cycles, inner_levels, staircase
 from mapmore_cli.stages.drafting.groups import number_in, read_names
-from mapmore_cli.stages.inspection.evidence import slack_foot
+from mapmore_cli.stages.inspection.evidence import set_in_steps, slack_foot
 from mapmore_cli.stages.inspection.labels import read_label
 
 STRAINS = np.array([0.0, 0.05, 0.1, 0.15])
@@ -190,3 +190,9 @@ def test_names_of_files_tell_groups_conditions_and_repeats() -> None:
 )
 def test_numbers_in_words(word: str, number: tuple[float, str | None] | None) -> None:
     assert number_in(word) == number
+
+
+def test_nothing_was_set_where_nothing_was_recorded() -> None:
+    """Found by fuzzing `init`: recordings without a finite row were an internal fault."""
+    assert set_in_steps([]) is None
+    assert set_in_steps([np.zeros(0), np.ones(1)]) is None
