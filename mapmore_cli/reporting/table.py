@@ -17,6 +17,7 @@ Cell = str | int | float | None
 
 MISSING = "–"
 LONG_TEXT = 24
+EQUATION = r"{{\raggedright\strut ${}$\strut\par}}"
 EQUATIONS = 0.75
 """What of a page's width LaTeX gives to equations."""
 _LATEX = str.maketrans(
@@ -153,7 +154,7 @@ def to_latex(table: Table) -> str:
     equation = rf"p{{{EQUATIONS / max(sources, 1):.3g}\linewidth}}"
     align = "".join(equation if column.form == "source" else "r" if table.numeric[j] else "l" for j, column in kept)
     head = [column.heading.replace("latex", "equation") if column.form == "source" else column.heading for _, column in kept]
-    rows = [[f"${line[j]}$" if column.form == "source" else latex_text(line[j]) for j, column in kept] for line in table.shown]
+    rows = [[EQUATION.format(line[j]) if column.form == "source" else latex_text(line[j]) for j, column in kept] for line in table.shown]
     lines = [" & ".join(line) + r" \\" for line in (map(latex_text, head), *rows)]
     words = [f"% {latex_text(text)}" for text in (table.title, *table.notes)]
     frame = [*words, rf"\begin{{tabular}}{{{align}}}", r"\toprule", lines[0], r"\midrule"]

@@ -140,7 +140,7 @@ def test_equations_are_set_in_latex():
         r"\toprule",
         r"id & equation & equation with pressure in Pa \\",
         r"\midrule",
-        r"a\_1 & $\mathrm{pressure}$ & $p^{2}$ \\",
+        r"a\_1 & {\raggedright\strut $\mathrm{pressure}$\strut\par} & {\raggedright\strut $p^{2}$\strut\par} \\",
     ]
     assert to_csv(table).splitlines() == [
         "id,equation,with pressure in Pa,latex,latex with pressure in Pa",

@@ -154,7 +154,8 @@ def _told(word: str | None, number: tuple[float, str | None] | None, quantity: s
         return Told(0.0, f"'{word}' has no number: taken as {quantity} 0")
     value, unit = number[0], number[1] or usual
     shown = f"{value:g}{'' if unit == '1' else f' {unit}'}"
-    return Told(float(f"{convert(value, unit, model_unit):.12g}"), f"'{word}' taken as {quantity} {shown}: say what was measured")
+    why = f"'{word}' taken as {quantity} {shown}: say what was measured, here and in `levels` and `split`"
+    return Told(float(f"{convert(value, unit, model_unit):.12g}"), why)
 
 
 def started(group: Group, name: str, folder: Path, quantity: str, constants: Sequence[Told] | None) -> Draft:
