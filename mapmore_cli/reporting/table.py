@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
@@ -20,6 +21,14 @@ LONG_TEXT = 24
 EQUATION = r"{{\raggedright\strut ${}$\strut\par}}"
 EQUATIONS = 0.75
 """What of a page's width LaTeX gives to equations."""
+
+
+def _greek(letter: str) -> str:
+    """The command of a Greek letter in a formula, by its name."""
+    name = unicodedata.name(letter).rpartition(" ")[2].replace("LAMDA", "LAMBDA")
+    return rf"\ensuremath{{\{name.capitalize() if letter.isupper() else name.lower()}}}"
+
+
 _LATEX = str.maketrans(
     {
         "\\": r"\textbackslash{}",
@@ -31,10 +40,20 @@ _LATEX = str.maketrans(
         "–": "--",
         "−": r"\ensuremath{-}",
         "²": r"\textsuperscript{2}",
+        "³": r"\textsuperscript{3}",
         "±": r"\ensuremath{\pm}",
         "×": r"\ensuremath{\times}",
-        "Σ": r"\ensuremath{\Sigma}",
+        "·": r"\ensuremath{\cdot}",
+        "⋅": r"\ensuremath{\cdot}",
+        "°": r"\ensuremath{^\circ}",
+        "µ": r"\ensuremath{\mu}",
+        "≤": r"\ensuremath{\leq}",
+        "≥": r"\ensuremath{\geq}",
+        "≈": r"\ensuremath{\approx}",
+        "√": r"\ensuremath{\surd}",
+        "∞": r"\ensuremath{\infty}",
     }
+    | {letter: _greek(letter) for letter in "αβγδεζηθικλμνξπρςστυφχψωΓΔΘΛΞΠΣΥΦΨΩ"}
     | {c: f"\\{c}" for c in "&%$#_{}"}
     | {c: f"{{{c}}}" for c in "[]*"}  # else an argument of the line break before a row
 )

@@ -132,6 +132,15 @@ def test_what_tex_reads_is_text():
     assert rows[5:7] == [r"{[}3pt{]} \\", r"{*} \\"]
 
 
+def test_units_and_greek_letters_are_what_any_latex_prints():
+    assert latex_text("ε [µm·K/°C], ΔF ≥ 2 m³") == (
+        r"\ensuremath{\epsilon} {[}\ensuremath{\mu}m\ensuremath{\cdot}K/\ensuremath{^\circ}C{]}, "
+        r"\ensuremath{\Delta}F \ensuremath{\geq} 2 m\textsuperscript{3}"
+    )
+    assert latex_text("αβγδεζηθικλμνξπρςστυφχψωΓΔΘΛΞΠΣΥΦΨΩ²³±×·⋅°µ≤≥≈√∞–−").isascii()
+    assert latex_text("Sárosi") == "Sárosi"  # what UTF-8 brings along
+
+
 def test_equations_are_set_in_latex():
     names = [("pressure", r"\mathrm{pressure}"), ("p^2", "p^{2}")]
     table = equations_table([Equation("a_1", *names[0])], {"pressure in Pa": [Equation("a_1", *names[1])]})
