@@ -209,13 +209,15 @@ class Formula(LiteratureModel):
             )
         order = np.lexsort([target, *inputs.values()])
         ordered = {name: column[order] for name, column in inputs.items()}
-        dimensions = {name: Number(value) for name, value in self.of_muscle(self.given).given.items()}
-        expression = substitute(self._fitted_expression, dimensions)
+        start = self.published_starts.get(self.start)
+        return Problem(*self.of_muscle(self.given)._sought, ordered, target[order], start=start)
+
+    @cached_property
+    def _sought(self) -> tuple[Expression, tuple[str, ...], tuple[Nonlinear, ...], Mapping[str, Expression]]:
+        """The formula with its dimensions put in, the parameters to be found in it, and its derivatives for them."""
+        expression = substitute(self._fitted_expression, {name: Number(value) for name, value in self.given.items()})
         names = (*self.linear, *(parameter.name for parameter in self.nonlinear))
-        gradient = {name: derivative(expression, name) for name in names}
-        return Problem(
-            expression, self.linear, self.nonlinear, gradient, ordered, target[order], start=self.published_starts.get(self.start)
-        )
+        return expression, self.linear, self.nonlinear, {name: derivative(expression, name) for name in names}
 
     def _result(self, problem: Problem, solution: Solution) -> FormulaFit:
         count = len(self.fitted)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -78,6 +79,7 @@ def _refine(problem: Problem, grid: Array, i: int) -> tuple[float, str]:
     """The lowest point of the valley around `grid[i]`, and the status of having got there."""
     lower, c, upper = float(grid[max(i - 1, 0)]), float(grid[i]), float(grid[min(i + 1, len(grid) - 1)])
 
+    @cache
     def slope(place: float) -> float:
         return _slope(problem, place)
 

@@ -16,6 +16,7 @@ import difflib
 import math
 import re
 from dataclasses import dataclass
+from functools import lru_cache
 
 from mapmore_cli.modelling.terms.errors import ExpressionError
 from mapmore_cli.modelling.terms.evaluation import constant_value
@@ -35,8 +36,9 @@ _TOKEN = re.compile(
 _SPACE = re.compile(r"\s*", re.ASCII)
 
 
+@lru_cache(maxsize=4096)
 def parse(text: str) -> Expression:
-    """Syntax tree of `text`, in canonical form.
+    """Syntax tree of `text`, in canonical form; of a text that comes again, the same tree.
 
     Raises
     ------
