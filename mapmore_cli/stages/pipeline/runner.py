@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -32,6 +33,8 @@ from mapmore_cli.storage.run_record import (
 )
 
 if TYPE_CHECKING:
+    from threadpoolctl import ThreadpoolController
+
     from mapmore_cli.spec.loader import LoadedSpec
 
 RESOLVED_SPEC = "experiment.yaml"
@@ -322,8 +325,14 @@ def _told_of(name: str) -> Iterator[None]:
 @contextmanager
 def _one_blas_thread() -> Iterator[None]:
     """Hold BLAS to one thread: the same sums on every machine, and no fight between runs for the processors."""
-    import scipy.linalg  # noqa: F401 - only libraries that are loaded already can be held
-    from threadpoolctl import threadpool_limits
-
-    with threadpool_limits(limits=1):
+    with _thread_pools().limit(limits=1):
         yield
+
+
+@cache
+def _thread_pools() -> ThreadpoolController:
+    """The libraries with threads; looked for once in a process, which takes longer than a small stage."""
+    import scipy.linalg  # noqa: F401 - only libraries that are loaded already are found
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController()
