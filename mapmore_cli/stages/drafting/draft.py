@@ -38,6 +38,11 @@ class Draft:
         """The draft with a key of `data` added or replaced."""
         return replace(self, spec={**self.spec, "data": {**self.data, key: value}}).noted(("data", key), why, sure)
 
+    def without(self, *sections: str) -> Draft:
+        """The draft without some sections and what was said about them."""
+        spec = {key: value for key, value in self.spec.items() if key not in sections}
+        return replace(self, spec=spec, notes={loc: note for loc, note in self.notes.items() if loc[0] not in sections})
+
     def without_data(self, *keys: str) -> Draft:
         """The draft without some keys of `data` and what was said about them."""
         data = {key: value for key, value in self.data.items() if key not in keys}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import glob
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -42,12 +41,12 @@ def _simpler(draft: Draft) -> Iterator[Draft]:
     """The draft, then without one thing after the other that data may be too few or too odd for."""
     yield draft
     steps: tuple[Callable[[Draft], Draft], ...] = (
-        lambda one: _without(one, "model", "validate"),
-        lambda one: _without(one, "segment"),
+        lambda one: one.without("model", "validate"),
+        lambda one: one.without("segment"),
         lambda one: one.with_section("fit", {"max_terms": 1}),
         lambda one: one.without_data("cycles", "keep", "derive"),
         lambda one: one.without_data("split"),
-        lambda one: _without(one, "segment").without_data("levels"),
+        lambda one: one.without("segment").without_data("levels"),
     )
     for step in steps:
         simpler = step(draft)
@@ -65,11 +64,6 @@ def _straight(draft: Draft) -> Draft:
     inputs = [name for name in (*draft.data["columns"], *beside) if name not in ("time", output)]
     draft = draft.without_data("resample", "gaps")
     return draft.with_section("dictionary", [{"polynomial": {"of": inputs[:1], "order": 1}}])
-
-
-def _without(draft: Draft, *sections: str) -> Draft:
-    spec = {key: value for key, value in draft.spec.items() if key not in sections}
-    return replace(draft, spec=spec, notes={loc: note for loc, note in draft.notes.items() if loc[0] not in sections})
 
 
 def _fault(draft: Draft, folder: Path) -> MapmoreError | None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.stages.drafting.columns import Guess, Raw, guess_columns
+from mapmore_cli.stages.drafting.components import hysteresis_beside
 from mapmore_cli.stages.drafting.draft import Draft
 from mapmore_cli.stages.drafting.experiment import find_held, with_experiment
 from mapmore_cli.stages.drafting.groups import Group, find_groups
@@ -125,7 +126,7 @@ def _followed(draft: Draft, inputs: Sequence[str], target: str, folder: Path) ->
 
 @dataclass(frozen=True)
 class Start:
-    """The drafts, that of the most files first, and remarks about what they do not cover."""
+    """The drafts, that of the most files first, each with that of its hysteresis behind it, and remarks about what they do not cover."""
 
     drafts: tuple[Draft, ...]
     remarks: tuple[str, ...]
@@ -152,6 +153,9 @@ def start(path: Path, folder: Path, name: str | None = None, single: bool = Fals
         try:
             asked = own if name is None else name if single or len(groups) == 1 else f"{name}-{own}"
             drafts.append(propose(group, asked, folder, length, seconds[group.files]))
+            beside = None if single else hysteresis_beside(drafts[-1], folder)
+            if beside is not None:
+                drafts.append(proven(beside, folder))
         except (DataError, SpecError) as fault:
             remarks.append(fault.message)
     if not drafts:

@@ -12,6 +12,7 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.stages.drafting import start as drafting
 from mapmore_cli.stages.drafting.draft import Draft
+from mapmore_cli.stages.drafting.proof import proven
 from mapmore_cli.stages.inspection.evidence import remembered
 
 K = np.arange(600)
@@ -121,7 +122,7 @@ def two_logs(late: float) -> dict[str, dict[str, Array]]:
 
 @pytest.mark.parametrize(("late", "shift"), [(0.0, 0.0), (5000.0, -5002.02)])
 def test_the_pressure_of_a_second_log_is_joined(untried: Any, tmp_path: Path, late: float, shift: float) -> None:
-    (draft,) = untried(**two_logs(late))
+    draft, *_ = untried(**two_logs(late))
     (join,) = draft.data["join"]
     assert join["files"] == ["gauge.csv"]
     assert join["columns"]["pressure"] == {"column": "Pressure_kPa", "unit": "kPa"}
@@ -185,3 +186,36 @@ def test_a_known_length_makes_a_strain(untried: Any, tmp_path: Path, title: str,
     (draft,) = drafting.start(tmp_path, tmp_path, length=0.088).drafts
     assert draft.data["derive"] == {"strain": rule}
     assert draft.spec["muscle"]["length"] == 0.088
+
+
+# Both components ---------------------------------------------------------------------------------------------------------------------
+
+
+def cycles(apart: float) -> dict[str, dict[str, Array]]:
+    """Loading and unloading at three pressures, the branches so many newtons apart in the middle."""
+    strain = 0.15 * np.concatenate([np.linspace(0, 1, 60), np.linspace(1, 0, 60)])
+    branch = np.repeat([0.5, -0.5], 60) * apart * np.sin(np.pi * strain / 0.15)
+    time = 0.1 * np.arange(120)
+    forces = {level: level * (2 - 9 * strain) + branch for level in (100, 200, 300)}
+    return {f"cycle_{level}": {"t_s": time, "P_kPa": np.full(120, level), "eps": strain, "F_N": force} for level, force in forces.items()}
+
+
+def test_branches_that_lie_apart_are_two_studies(untried: Any) -> None:
+    static, hysteresis = untried(**cycles(60.0))
+    assert (static.spec["target"], hysteresis.spec["target"]) == ("static", "hysteresis")
+    assert hysteresis.name == f"{static.name}-hysteresis"
+    assert hysteresis.data == static.data
+    assert "model" not in hysteresis.spec
+    assert "of the largest force: the component that the static study leaves out" in hysteresis.text()
+
+
+def test_branches_that_are_one_are_one_study(untried: Any, tmp_path: Path) -> None:
+    (static,) = untried(**cycles(5.0))
+    assert static.data["cycles"] == {"over": "strain", "samples": 200}
+    untried(**cycles(60.0))
+    assert len(drafting.start(tmp_path, tmp_path, single=True).drafts) == 1
+
+
+def test_a_draft_of_the_hysteresis_runs(untried: Any, tmp_path: Path) -> None:
+    _, hysteresis = untried(**cycles(60.0))
+    assert proven(hysteresis, tmp_path) == hysteresis
