@@ -78,15 +78,15 @@ def with_memory(draft: Draft, recordings: Sequence[Recording], inputs: Sequence[
     return draft.with_section("validate", {"normaliser": "range"}, "errors are divided by the range: the zero is arbitrary")
 
 
-STRETCHES = ((0.25, 0.5), (0.5, 0.75), (0.4, 0.6), (0.1, 0.35), (0.65, 0.9))  # of the time, that are held out where the end cannot be
+STRETCHES = ((0.4, 0.6), (0.25, 0.5), (0.5, 0.75), (0.1, 0.35), (0.65, 0.9))  # of the time, that are held out where the end cannot be
 OUTSIDE = 0.05  # of the held-out samples, that may lie beyond what trains
-MARGIN = 0.1  # of the training range, that a sample may lie beyond it: no two strokes are the same
+MARGIN, FURTHER = 0.01, 0.05  # of the training range of an input (as `check` has it), and of the target, which overshoots
 LAST, MOST_HELD = 0.5, 0.55  # of the samples
 MOVED = 0.25  # of the range of the target, that it goes through in what is held out
 
 
 def _with_split(draft: Draft, recordings: Sequence[Recording], names: Sequence[str]) -> Draft:
-    """The draft with a hold-out that hardly goes beyond what trains: the second half, else a stretch of the time."""
+    """The draft with a hold-out that lies within what trains: the second half, else a stretch of the time."""
     times = [one.columns["time"] for one in recordings]
     outside = _outside(recordings, names, [np.arange(len(time)) >= LAST * len(time) for time in times])
     beyond = f"{outside:.0%} of the second half lies beyond the first one" if outside < 1 else "the second half rests, or is all new"
@@ -103,7 +103,7 @@ def _with_split(draft: Draft, recordings: Sequence[Recording], names: Sequence[s
 
 
 def _outside(recordings: Sequence[Recording], names: Sequence[str], held: Sequence[BoolArray]) -> float:
-    """The largest share, over quantities, of held-out samples well beyond the range of the others; 1 where nothing or most is held out.
+    """The largest share, over quantities, of held-out samples beyond the range of the others; 1 where nothing or most is held out.
 
     And where the target, the last of the names, hardly moves there: a rest tests nothing.
     """
@@ -113,8 +113,8 @@ def _outside(recordings: Sequence[Recording], names: Sequence[str], held: Sequen
     if not kept.any() or np.mean(kept) > MOST_HELD or np.ptp(target[kept]) < MOVED * np.ptp(target):
         return 1.0
     shares = []
-    for values in pooled.values():
-        margin = MARGIN * float(np.ptp(values[~kept]))
+    for name, values in pooled.items():
+        margin = (FURTHER if name == names[-1] else MARGIN) * float(np.ptp(values[~kept]))
         beyond = (values[kept] < values[~kept].min() - margin) | (values[kept] > values[~kept].max() + margin)
         shares.append(float(np.mean(beyond)))
     return max(shares)

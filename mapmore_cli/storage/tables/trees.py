@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import re
+from collections import deque
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -14,8 +17,7 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables.members import EVERY, Member, as_numbers
 from mapmore_cli.storage.tables.reader import Top
 
-DEEPEST = 4  # members of members
-MOST_ARRAYS = 500
+MOST_MEMBERS = 500  # of a file that are looked at
 WIDEST = 64  # columns of a matrix that is a table
 RATES = {"fs", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "framerate"}
 STEPS = {"dt", "ts", "h", "sampletime", "samplingtime", "timestep"}
@@ -38,7 +40,7 @@ def top_of(top: Member, most: int, separator: str = "/") -> Top:
     Groups of the same members, and elements of an array, are recordings (`root` ends in `[*]`) of which the first one is shown. A
     number named `fs` or `dt` is the log's `sample_time`.
     """
-    shown = ((root, list(_columns(base, "", separator, most))) for root, base in (*_roots(top, "", separator), (None, top)))
+    shown = ((root, list(_columns(base, separator, most))) for root, base in (*_roots(top, separator), (None, top)))
     root, columns = next((one for one in shown if len(_log(one[1])) > 1), (None, []))
     log = _log(columns)
     step = _sample_time(column for column in columns if column.length == 1)
@@ -65,21 +67,48 @@ def _is_number(cell: Any) -> bool:
     return isinstance(cell, float)
 
 
-def _roots(here: Member, address: str, separator: str, depth: int = 0) -> Iterator[tuple[str, Member]]:
+def _roots(top: Member, separator: str) -> Iterator[tuple[str, Member]]:
     """The places whose elements may be recordings, with the first one of each."""
-    members = {name: member for name in here.names[:MOST_ARRAYS] if (member := _member(here, name)) is not None}
-    groups = bool(here.names) and here.count is not None and len(here.names) > 1 and _alike([members.get(name) for name in here.names])
-    if here.count and (groups or not here.names):
-        yield f"{address}{EVERY}", here.element(0)
-    elif depth < DEEPEST:
-        for name, member in members.items():
-            yield from _roots(member, f"{address}{separator}{name}" if address else name, separator, depth + 1)
+    for address, here in (("", top), *((one.address, one.member) for one in _walk(top, separator))):
+        if here.count and (not here.names or _alike(here)):
+            with suppress(DataError):
+                yield f"{address}{EVERY}", here.element(0)
 
 
-def _alike(members: Sequence[Member | None]) -> bool:
-    """True for groups of the same names."""
-    names = [tuple(sorted(one.names)) if one is not None else () for one in members]
-    return bool(names[0]) and len(set(names)) == 1
+def _alike(here: Member) -> bool:
+    """True for two members or more that are groups of the same names."""
+    first = _member(here, here.names[0])
+    if first is None or not first.names or len(here.names) < 2:
+        return False
+    others = (_member(here, name) for name in here.names[1:MOST_MEMBERS])
+    return all(one is not None and sorted(one.names) == sorted(first.names) for one in others)
+
+
+@dataclass(frozen=True)
+class _Place:
+    """A member below the top, by its address, its name and the address of the group that it lies in."""
+
+    address: str
+    name: str
+    group: str
+    member: Member
+
+
+def _walk(top: Member, separator: str) -> Iterator[_Place]:
+    """The members below the top, level by level; so many of them, as links may lead in circles."""
+
+    def below() -> Iterator[_Place]:
+        waiting = deque([("", top)])
+        while waiting:
+            group, here = waiting.popleft()
+            for name in here.names:
+                member = _member(here, name)
+                if member is not None:
+                    address = f"{group}{separator}{name}" if group else name
+                    yield _Place(address, name, group, member)
+                    waiting.append((address, member))
+
+    return islice(below(), MOST_MEMBERS)
 
 
 def _member(here: Member, name: str) -> Member | None:
@@ -92,19 +121,13 @@ def _member(here: Member, name: str) -> Member | None:
         return None
 
 
-def _columns(here: Member, address: str, separator: str, most: int, depth: int = 0) -> Iterator[Found]:
-    """Every column of numbers in a tree, up to a depth; collections other than groups are left out."""
-    if here.is_array:
-        yield from _of_array(here, "", address, "", most)
-    for name in here.names[:MOST_ARRAYS]:
-        member = _member(here, name)
-        if member is None:
-            continue
-        place = f"{address}{separator}{name}" if address else name
-        if member.is_array:
-            yield from _of_array(member, name, place, address, most)
-        elif depth < DEEPEST:
-            yield from _columns(member, place, separator, most, depth + 1)
+def _columns(top: Member, separator: str, most: int) -> Iterator[Found]:
+    """Every column of numbers in a tree; collections other than groups are left out."""
+    if top.is_array:
+        yield from _of_array(top, "", "", "", most)
+    for one in _walk(top, separator):
+        if one.member.is_array:
+            yield from _of_array(one.member, one.name, one.address, one.group, most)
 
 
 def _of_array(member: Member, name: str, address: str, group: str, most: int) -> Iterator[Found]:

@@ -7,7 +7,12 @@ from pathlib import Path
 
 import pytest
 
+from mapmore_cli.stages.drafting.groups import find_groups
+from mapmore_cli.stages.drafting.second_logs import second_of
+from mapmore_cli.storage.readers import reader_of
+
 DOCS = Path(__file__).parents[3] / "docs"
+PAGE = (DOCS / "init-and-check.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("name", ["festo_datasheet", "benchmarks"])
@@ -17,8 +22,20 @@ def test_the_page_says_what_is_proposed(measured_data: Path, name: str) -> None:
     assert spec.loader is not None
     tables = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(tables)
-    page = (DOCS / "init-and-check.md").read_text(encoding="utf-8")
     rows = tables.rows_of(measured_data / name)
     assert rows
     for row in rows:
-        assert row in page
+        assert row in PAGE
+
+
+def test_every_recording_is_in_a_study_of_the_page(measured_data: Path) -> None:
+    """No file is left out; every study has a row, that of a hysteresis besides."""
+    for folder in sorted(path for path in measured_data.iterdir() if path.is_dir()):
+        groups, left_out = find_groups(folder)
+        assert not left_out, folder
+        beside = [group.beside for group in groups if group.beside is not None]
+        assert {file for group in (*groups, *beside) for file in group.files} == {file for file in folder.rglob("*") if reader_of(file)}
+        seconds = {second.files for group in groups if (second := second_of(group, groups)) is not None}
+        rows = [line for line in PAGE.splitlines() if line.startswith(f"| `{folder.name}` | `") and "-hysteresis`" not in line]
+        assert len(rows) == len(groups) - len(seconds), folder
+        assert all("held out" in row or "training" in row for row in rows)

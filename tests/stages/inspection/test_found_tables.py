@@ -153,6 +153,16 @@ def test_columns_of_an_hdf5_file(tmp_path: Path, arrays: Any, columns: tuple[str
     assert (found.columns, found.settings) == (columns, settings)
 
 
+def test_links_in_circles_end(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        run = file.create_group("run")
+        run["t"], run["P"] = T, SWING
+        for number in range(30):
+            run[f"again_{number}"] = run
+    assert preview(tmp_path / "a.h5").columns == ("run/P", "run/t")
+
+
 def test_columns_of_a_mat_file(tmp_path: Path) -> None:
     from scipy.io import savemat
 
