@@ -47,8 +47,9 @@ def uncut(runs: Path) -> Table:
         (given,) = variant.set.get("data.files", [""])
         if not isinstance(given, dict):
             continue
-        whole = (*entry.overrides, "data.files.0.keep=[]", "validate.against=[]", f"name={variant.name}-uncut")
-        errors = [100 * own(finished(each, runs)).nrmse for each in (entry, Entry(entry.config, whole))]
+        alone = (*entry.overrides, "validate.against=[]")  # else samples that a competitor does not predict are left out as well
+        cut, whole = (*alone, f"name={variant.name}-cut"), (*alone, "data.files.0.keep=[]", f"name={variant.name}-uncut")
+        errors = [100 * own(finished(Entry(entry.config, overrides), runs)).nrmse for overrides in (cut, whole)]
         ((_, quantity), (condition, limits)) = given["keep"][0].items()
         said = " and ".join(limits) if isinstance(limits, list) else limits
         rows.append((variant.name, f"{quantity} {condition} {said}", *errors))

@@ -22,7 +22,9 @@ from mapmore_cli.storage.artefacts import read_model
 
 REVERSALS = ("dmsp-20-88-inner-reversals", "peano-inner-reversals")
 DIGITS = 0.006  # three of them
-AGAIN = {"coiled": ["loops-2-200g", "steps-2-500g"], "coiled_loads": ["loads-2-400g-from-300g-500g"]}
+FEWER = "steps-2-500g"
+"""Beside a competitor that does not predict all of its samples, this one has fewer; the table of cuts has it by itself."""
+AGAIN = {"coiled": ["loops-2-200g", FEWER], "coiled_loads": ["loads-2-400g-from-300g-500g"]}
 """Runs of the campaigns that are done again: one that needs no cutting, one that does, and one of another load."""
 
 
@@ -83,8 +85,9 @@ def test_what_is_cut_is_in_the_table_of_all_records() -> None:
     cut = page_table("uncut", MEMORY)
     assert len(cut) == 4
     for name, row in cut.items():
-        assert float(row["cut"]) == pytest.approx(rows_of("coiled")[name]["mapmore"], rel=DIGITS)
         assert float(row["uncut"]) > float(row["cut"])
+        if name != FEWER:
+            assert float(row["cut"]) == pytest.approx(rows_of("coiled")[name]["mapmore"], rel=DIGITS)
 
 
 @pytest.mark.parametrize("group", ["steps", "loops"])
@@ -107,7 +110,8 @@ def test_the_campaign_has_every_record_and_one_fragment() -> None:
 @pytest.mark.parametrize(("table", "name"), [(table, name) for table, names in AGAIN.items() for name in names])
 def test_a_run_gives_what_the_page_says(table: str, name: str, tmp_path: Path, mapmore: Callable[..., Any], measured_data: Path) -> None:
     _, runs = campaign(table)
-    assert nrmse(mapmore, runs[name], tmp_path) == pytest.approx(rows_of(table)[name]["mapmore"], rel=0.02)
+    told = numbers(page_table("uncut", MEMORY)[name])["cut"] if name == FEWER else rows_of(table)[name]["mapmore"]
+    assert nrmse(mapmore, runs[name], tmp_path) == pytest.approx(told, rel=0.02)
 
 
 def test_the_true_terms_of_the_simulated_record(tmp_path: Path, mapmore: Callable[..., Any], measured_data: Path) -> None:
