@@ -11,7 +11,7 @@ from report_builder import of_pieces
 
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.reporting.figures.catalogue import drawings
-from mapmore_cli.reporting.figures.levels import draw_courses, draw_levels, level_courses, level_figures
+from mapmore_cli.reporting.figures.levels import draw_courses, draw_levels, level_courses, level_figures, level_weights
 
 LEVELS = np.array([80.0, 150.0, 350.0])
 
@@ -28,7 +28,7 @@ def shaped(inputs):
 
 
 def test_triangles_peak_at_the_levels(ax, inputs):
-    draw_levels(ax, LEVELS, inputs.model.body)
+    draw_levels(ax, LEVELS, *level_weights(inputs.model.body, LEVELS))
     for line, level in zip(ax.lines[::2], LEVELS, strict=True):
         x, weight = line.get_data()
         assert weight[x == level] == pytest.approx([1.0])
@@ -37,7 +37,7 @@ def test_triangles_peak_at_the_levels(ax, inputs):
 
 def test_a_number_beyond_the_levels_is_not_drawn(ax, inputs):
     fusion = replace(inputs.model.body.fusion, extrapolation={"pressure": (100.0, "saturate"), "strain": ("continue", "continue")})
-    draw_levels(ax, LEVELS, replace(inputs.model.body, fusion=fusion))
+    draw_levels(ax, LEVELS, *level_weights(replace(inputs.model.body, fusion=fusion), LEVELS))
     assert ax.lines[0].get_xdata().min() == 80
 
 

@@ -6,7 +6,7 @@ once for all of its rows.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass, replace
 from math import inf, prod
 
@@ -166,26 +166,28 @@ def level_values(model: Body) -> Array:
     return np.array([curve.level for curve in model.curves], dtype=np.float64)
 
 
-def segment_weights(model: Body, columns: Columns) -> dict[str, Array]:
-    """Weight of every segment function in the model, by its id, (n,) each: what it counts with where it and the others are told.
+def weight_of(model: Body, segments: Set[str], columns: Columns) -> Array:
+    """Weight of segment functions together in the model, (n,): what they count with where they and the others are told.
 
-    The model itself is asked, with one function put to one and all others to zero: transitions, the way between levels, the share of a
+    The model itself is asked, with these functions put to one and all others to zero: transitions, the way between levels, the share of a
     residual that is carried there, and extrapolation are all in it. With `levels: pchip` weights between levels depend on the values of
-    the curves; these are those of such functions. A segment that was dropped is not there.
+    the curves; these are those of such functions.
 
     Parameters
     ----------
+    segments
+        Their ids.
     columns
         All inputs of the model by name, each (n,).
     """
-    return {one.id: FusedPieces(_probe(model, one.id), list(columns)).values(columns) for one in model.segments}
+    return FusedPieces(_probe(model, segments), list(columns)).values(columns)
 
 
-def _probe(model: Body, chosen: str) -> Body:
-    """The model with one segment function put to one and the others to zero."""
+def _probe(model: Body, chosen: Set[str]) -> Body:
+    """The model with the chosen segment functions put to one and the others to zero."""
 
     def constant(segment: SegmentFunction) -> SegmentFunction:
-        scaling = replace(segment.scaling, y_slope=1.0, y_intercept=float(segment.id == chosen))
+        scaling = replace(segment.scaling, y_slope=1.0, y_intercept=float(segment.id in chosen))
         return replace(segment, terms=(), theta=np.empty(0), scaling=scaling)
 
     return replace(model, curves=tuple(replace(c, segments=tuple(map(constant, c.segments))) for c in model.curves))

@@ -12,7 +12,7 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.models import Model, Pieces
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.kinds import predict
-from mapmore_cli.modelling.pieces.evaluation import segment_weights
+from mapmore_cli.modelling.pieces.evaluation import weight_of
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
 from mapmore_cli.reporting.figures.style import level_colours
 from mapmore_cli.reporting.inputs import ReportInputs
@@ -34,11 +34,12 @@ def level_figures(inputs: ReportInputs) -> list[Drawing]:
 
 
 def _weights(pieces: Pieces, inputs: ReportInputs, level: Quantity, levels: Array) -> Drawing:
+    x, weights = level_weights(pieces, levels)
+
     def on(axes: Sequence[Axes]) -> None:
-        draw_levels(axes[0], levels, pieces)
+        draw_levels(axes[0], levels, x, weights)
         axes[0].set_yticks([0, 0.5, 1])
 
-    x, weights = _level_weights(pieces, levels)
     data: dict[str, Values] = {f"{level.name} [{level.unit}]": x}
     data |= {f"weight of {value:g} {level.unit}": weight for value, weight in zip(levels, weights, strict=True)}
     caption = f"Weights of the {len(levels)} training curves over {level.name}; a dot marks the level of each."
@@ -69,20 +70,19 @@ def _courses(inputs: ReportInputs, level: Quantity, levels: Array) -> Drawing:
     return Drawing(NAME, caption, f"{inputs.own} over {level.name} at {at}.", (panel,), Grid(height=2.0))
 
 
-def draw_levels(ax: Axes, levels: Array, pieces: Pieces) -> None:
-    """Weights of the curves as the model has them between the levels, and beyond the outer ones."""
-    x, weights = _level_weights(pieces, levels)
+def draw_levels(ax: Axes, levels: Array, x: Array, weights: Array) -> None:
+    """Weights of the curves, `(levels, m)`, as the model has them at `x` between the levels and beyond the outer ones."""
     for colour, level, weight in zip(level_colours(len(levels)), levels, weights, strict=True):
         ax.plot(x, weight, color=colour, linewidth=1.2)
         ax.plot([level], [1.0], color=colour, marker="o", markersize=3)
 
 
-def _level_weights(pieces: Pieces, levels: Array) -> tuple[Array, Array]:
+def level_weights(pieces: Pieces, levels: Array) -> tuple[Array, Array]:
     """Values of the level quantity `(m,)`, and the weight of every curve there `(levels, m)`, in the middle of the other inputs' ranges."""
     x = _level_grid(pieces, levels)
     places = {name: np.full(len(x), np.mean([curve.limits[name] for curve in pieces.curves])) for name in pieces.curves[0].limits}
-    weights = segment_weights(pieces, {**places, str(pieces.level): x})
-    return x, np.array([np.sum([weights[segment.id] for segment in curve.segments], axis=0) for curve in pieces.curves])
+    columns = {**places, str(pieces.level): x}
+    return x, np.array([weight_of(pieces, {segment.id for segment in curve.segments}, columns) for curve in pieces.curves])
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from surfaces import QUANTITIES, curves, recipe
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.pieces.build import build
-from mapmore_cli.modelling.pieces.evaluation import segment_weights
-from mapmore_cli.modelling.pieces.recipe import Breakpoints, Even
+from mapmore_cli.modelling.pieces.evaluation import weight_of
+from mapmore_cli.modelling.pieces.recipe import Breakpoints
 from mapmore_cli.modelling.terms import dictionary_matrix, parse
 
 UNEVEN = {"strain": Breakpoints((0.01, 0.07))}
@@ -85,15 +85,10 @@ def test_weights_make_the_model(extrapolation):
     model = build("m", samples, made, QUANTITIES, formula)
     rng = np.random.default_rng(0)
     at = {"pressure": rng.uniform(60, 380, 200), "strain": rng.uniform(0.0, 0.085, 200)}
-    weights = segment_weights(model.body, at)
-    pieces = sum(weights[segment.id] * function(segment, at["strain"]) for segment in model.body.segments)
+    segments = model.body.segments
+    pieces = sum(weight_of(model.body, {segment.id}, at) * function(segment, at["strain"]) for segment in segments)
     bare = replace(model, body=replace(model.body, backbone=None))
     np.testing.assert_allclose(pieces, predict(bare, at), atol=1e-6)
-    middle = segment_weights(model.body, {"pressure": np.array([200.0]), "strain": np.array([0.03])})
-    assert sum(float(weight[0]) for weight in middle.values()) == pytest.approx(0.3)
-
-
-def test_a_dropped_residual_has_no_weight():
-    model = model_of(cuts={"strain": Even(2)})
-    bare = replace(model.body, curves=tuple(replace(curve, segments=()) for curve in model.body.curves))
-    assert segment_weights(bare, {"pressure": np.array([100.0]), "strain": np.array([0.01])}) == {}
+    middle = {"pressure": np.array([200.0]), "strain": np.array([0.03])}
+    assert weight_of(model.body, {segment.id for segment in segments}, middle) == pytest.approx([0.3])
+    assert sum(weight_of(model.body, {segment.id}, middle) for segment in segments) == pytest.approx([0.3])
