@@ -181,11 +181,12 @@ def pieces(draw: st.DrawFn) -> Pieces:
     variables = draw(st.sampled_from([(), ("strain",)]))
     level = draw(st.none() | st.just("pressure"))
     levels = [None] if level is None else draw(st.integers(1, 2).flatmap(ascending)).tolist()
+    kept = draw(st.booleans())
 
     def curve(value: float | None) -> CurveFunction:
         boundaries = tuple(draw(st.integers(2, 3).flatmap(ascending)) for _ in variables)
         cells = list(product(*(range(1, len(locations)) for locations in boundaries)))
-        segments = tuple(draw(functions(cell)) for cell in cells) if draw(st.booleans()) else ()
+        segments = tuple(draw(functions(cell)) for cell in cells) if kept else ()
         return CurveFunction(draw(NAMES), value, boundaries, draw(ALL_LIMITS), segments, draw(st.none() | FINITE))
 
     made = tuple(map(curve, levels))

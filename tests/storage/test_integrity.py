@@ -18,7 +18,8 @@ from test_artefacts import KINDS, examples
 
 import mapmore_cli
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.models import Part, Sum
+from mapmore_cli.domain.memory import MemoryModel, StateSet
+from mapmore_cli.domain.models import Memory, Part, Sum
 from mapmore_cli.storage import artefacts
 from mapmore_cli.storage.artefacts import files
 
@@ -105,6 +106,12 @@ def parts_that_do_not_fit() -> Iterator[tuple[str, Any, str]]:
     yield "model", replace(model, body=Sum(())), "body/parts, holds no model"
     renamed = replace(model, inputs=model.inputs[:1], body=Sum((Part(model, 1.0, {}),)))
     yield "model", renamed, "parts/000/inputs, does not say what 'strain' is, which is none of the inputs of the sum"
+    bare = replace(model.body.curves[0], level=300.0, segments=())
+    some = replace(model.body, curves=(*model.body.curves, bare))
+    yield "model", replace(model, body=some), "body/curves, holds a curve without segments, where others have some"
+    states = StateSet(("pressure",), 0.1, {}, {}, np.zeros(0), np.ones(1), 0.0)
+    memory = MemoryModel("force", states, ("pressure",), np.ones(1), np.ones(1), 0.0, (0.0, 1.0))
+    yield "model", replace(model, body=Memory(memory, (), None)), "states/low, has 0 values, where `high` has 1"
     (segment,) = curve.segments
     yield "segmentation", (replace(curve, segments=(replace(segment, cell=(2,)),)),), "segments/000/cell, is none of 1 cells"
     yield "segmentation", (replace(curve, segments=(replace(segment, cell=()),)),), "segments/000/cell, is none of 1 cells"

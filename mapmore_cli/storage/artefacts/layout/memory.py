@@ -32,7 +32,9 @@ def _state_faults(states: StateSet) -> Iterator[Fault]:
             yield "names", f"has {shown(text)}, which is no state: {error}"
     if states.step <= 0:
         yield "step", f"is {states.step:g} s"
-    if (states.low > states.high).any():
+    if len(states.low) != len(states.high):
+        yield "low", f"has {len(states.low)} values, where `high` has {len(states.high)}"
+    elif (states.low > states.high).any():
         yield "low", "is above `high`"
 
 

@@ -207,6 +207,8 @@ def _level_faults(level: str | None, ranges: Sequence[CurveRange], field: str) -
 
 def _pieces_faults(pieces: Pieces) -> Iterator[Fault]:
     yield from _level_faults(pieces.level, pieces.ranges, "curves")
+    if len({bool(curve.segments) for curve in pieces.curves}) > 1:
+        yield "curves", "holds a curve without segments, where others have some"
     if pieces.fusion.aligned is not None and any(curve.threshold is None for curve in pieces.curves):
         yield "curves", "holds a curve without a threshold, although curves are aligned"
 
