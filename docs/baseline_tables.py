@@ -38,10 +38,10 @@ def row(study: str, runs: Path) -> tuple[float | int, ...]:
 
 def baselines(runs: Path) -> Table:
     """A row for every study."""
-    columns = ("study", "data", "held out", "training samples", *(Column(model, "%", ".3g") for model in ("mapmore", *RIVALS)))
+    heads = (Column("study"), Column("data"), Column("held out"), Column("training samples"))
+    columns = (*heads, *(Column(model, "%", ".3g") for model in ("mapmore", *RIVALS)))
     rows = tuple((study.rpartition("/")[2], kind, held, *row(study, runs)) for study, kind, held in STUDIES)
-    named = tuple(Column(one) if isinstance(one, str) else one for one in columns)
-    return Table("baselines", "NRMSE on the held-out data", named, rows)
+    return Table("baselines", "NRMSE on the held-out data", columns, rows)
 
 
 if __name__ == "__main__":

@@ -67,7 +67,7 @@ def simulated(name: str, seed: int, pressures: Sequence[float], factor: float) -
     curves = []
     for pressure in pressures:
         truth, random = cycle(seed, pressure)
-        logged = measure({**truth, "force": factor * truth["force"]}, sensors, np.random.default_rng(random.bit_generator.seed_seq))
+        logged = measure({**truth, "force": factor * truth["force"]}, sensors, np.random.default_rng(random.bit_generator.seed_seq))  # type: ignore[arg-type]
         columns = {key: logged[key][::EVERY] for key in ("strain", "force")}
         n = len(columns["force"])
         columns["pressure"] = np.full(n, pressure)

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 from pages import CONFIGS, DOCS, campaign, finished, write_tables
 
-from mapmore_cli.domain.models import Hold
 from mapmore_cli.domain.scores import OWN, REPEATABILITY, Score, deciding
+from mapmore_cli.domain.words import Hold
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import pooled
 from mapmore_cli.reporting.campaign import CampaignScores, hindsight_table, nrmse_table, published_table
@@ -30,7 +30,9 @@ BACKBONES = ("on_sarosi", "on_sarosi_hinged")
 
 def backbones(scores: CampaignScores, runs: Path) -> Table:
     """What the training data of each run say about its backbone, and what the choice by left-out levels comes to."""
-    rows, ratios = [], []
+    rows: list[tuple[Cell, ...]] = []
+    ratios: list[float] = []
+    to_formula: list[float] = []
     for name, run in scores.pooled.items():
         errors = {backbone: least_left_out_error(runs / f"{name}.{backbone}") for backbone in BACKBONES}
         chosen = run[min(errors, key=errors.__getitem__)]
@@ -38,9 +40,10 @@ def backbones(scores: CampaignScores, runs: Path) -> Table:
         floor = chosen.rmse / run[REPEATABILITY].rmse if REPEATABILITY in run else None
         ratios.append(chosen.rmse / run["sarosi"].rmse)
         foot = "yes" if has_foot(runs / name) else "no"
-        rows.append((name, foot, *errors.values(), chosen.model, 100 * chosen.nrmse, ratios[-1], chosen.rmse / formula, floor))
+        to_formula.append(chosen.rmse / formula)
+        rows.append((name, foot, *errors.values(), chosen.model, 100 * chosen.nrmse, ratios[-1], to_formula[-1], floor))
     mean = math.exp(sum(map(math.log, ratios)) / len(ratios))
-    won = sum(row[7] < 1 for row in rows)
+    won = sum(ratio < 1 for ratio in to_formula)
     rows.append(("geometric mean", *[None] * 5, mean, f"{won} of {len(rows)} below 1", None))
     rows.append(("worst", *[None] * 5, max(ratios), None, None))
     columns = (
@@ -74,7 +77,9 @@ def has_foot(run: Path) -> bool:
 def auto(scores: CampaignScores, runs: Path) -> Table:
     """The backbone that `auto` chooses from the training data of each run, and what it comes to on the held-out data."""
     entries = load_campaign(CONFIGS / "campaigns" / "measured_static.yaml")[1]
-    rows, to_sarosi, to_best = [], [], []
+    rows: list[tuple[Cell, ...]] = []
+    to_sarosi: list[float] = []
+    to_best: list[float] = []
     for entry in entries:
         name = entry.config.stem
         settings = (f"name={name}-auto", "model={type: mapmore, backbone: auto}", "validate.against=[]")
@@ -146,7 +151,7 @@ SHAPES = {
 
 def maps(runs: Path) -> Table:
     """The maker's map with `backbone: auto`: a function for each pressure, or one surface; beside the best formula in hindsight."""
-    rows = []
+    rows: list[tuple[Cell, ...]] = []
     for held_out, split in MAPS.items():
         errors: dict[str, float] = {}
         for shape, settings in SHAPES.items():
@@ -164,7 +169,7 @@ def maps(runs: Path) -> Table:
 
 def hold(scores: CampaignScores, papers: CampaignScores, runs: Path) -> Table:
     """Held-out errors with segment functions held beyond their samples, and with M2 eq 9-11 to the letter: the same fits, fused anew."""
-    rows = []
+    rows: list[tuple[Cell, ...]] = []
     for name in [f"{run}{variation}" for run in scores.pooled for variation in ("", ".m2_default")] + list(papers.pooled):
         held, literal = (held_out_error(runs, name, how) for how in ("samples", "none"))
         rows.append((name, held, literal, literal / held))
@@ -190,9 +195,9 @@ def terms(scores: CampaignScores) -> Table:
         study, _, variant = name.rpartition("-")
         by_study.setdefault(study, {})[variant] = 100 * run[scores.own].nrmse
     words = {"1": "one term", "2": "two", "3": "three", "order2": "two of 1, x, x²"}
-    rows = tuple((study, *(variants[variant] for variant in words)) for study, variants in by_study.items())
+    rows: list[tuple[Cell, ...]] = [(study, *(variants[variant] for variant in words)) for study, variants in by_study.items()]
     columns = (Column("study"), *(Column(word, "%", ".3g") for word in words.values()))
-    return Table("terms", "NRMSE of mapmore by number of terms", columns, rows)
+    return Table("terms", "NRMSE of mapmore by number of terms", columns, tuple(rows))
 
 
 def family(runs: Path) -> Table:

@@ -21,7 +21,7 @@ from mapmore_cli.modelling.motion import MotionRecipe, fit_motion, simulate
 from mapmore_cli.modelling.motion.bumpless import continued
 from mapmore_cli.modelling.motion.measures import motion_errors
 from mapmore_cli.reporting.campaign import nrmse_table
-from mapmore_cli.reporting.table import Column, Table
+from mapmore_cli.reporting.table import Cell, Column, Table
 from mapmore_cli.spec.campaign import Entry
 from mapmore_cli.storage.artefacts import read_dataset, read_fit, read_validation
 
@@ -138,7 +138,7 @@ def slowest() -> Table:
     """P's linear and piecewise model by least squares, with the longest time constant that a section may have."""
     folder = DOCS.parent / "datasets" / "waveforms"
     held_out = [log(path) for path in sorted(folder.glob("waveform_*.csv"))]
-    rows = []
+    rows: list[tuple[Cell, ...]] = []
     for bound in BOUNDS:
         errors = []
         for pattern, settings in (("reference_full.csv", {}), ("reference_section_*.csv", {"sections": BOUNDARIES})):
@@ -155,7 +155,7 @@ def waveforms(runs: Path) -> Table:
     """RMSE over the last wavelength of every waveform, by model, with the greatest error."""
     run = finished(Entry(CONFIGS / "motion" / "dmsp-20-400-waveforms.yaml", ()), runs).run_dir
     dataset, found = read_dataset(run / "ingest.h5"), read_validation(run / "validate.h5").predictions
-    rows = []
+    rows: list[tuple[Cell, ...]] = []
     for number, curve in enumerate(dataset.curves):
         if not curve.held_out.all():
             continue
@@ -170,7 +170,7 @@ def waveforms(runs: Path) -> Table:
 def sections(runs: Path) -> Table:
     """Errors against the number of sections."""
     scores = campaign("motion_sections", runs)
-    rows = []
+    rows: list[tuple[Cell, ...]] = []
     for name, run in scores.pooled.items():
         fits = {model: read_fit(runs / folder / "fit.h5").motion for model, folder in (("hard", name), ("shared", f"{name}.shared_state"))}
         hard = fits["hard"]

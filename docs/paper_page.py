@@ -126,7 +126,7 @@ def page(found: Sequence[Result], parts: Sequence[Part], failed: Mapping[str, st
     templates = environment()
     assert templates.loader is not None
     templates.loader = ChoiceLoader([templates.loader, FileSystemLoader(DOCS / "paper")])
-    specs = list(dict.fromkeys(spec for one in (*found, *parts) for spec in one.specs))
+    specs = dict.fromkeys([spec for result in found for spec in result.specs] + [spec for part in parts for spec in part.specs])
     templates.filters["prose"] = prose
     return templates.get_template("paper.html").render(
         version=__version__,

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from pages import CONFIGS, write_tables
 
-from mapmore_cli.reporting.tables import Column, Table
+from mapmore_cli.reporting.table import Column, Table
 from mapmore_cli.spec.loader import load
 
 DOCS = Path(__file__).parent

@@ -37,7 +37,9 @@ SEGMENTATIONS = {
 def segmentation(runs: Path) -> Result:
     """Figure 11, whose bars are not printed as numbers."""
     found = {muscle: scores(runs / f"{muscle}-damping", "validate") for muscle in MUSCLES}
-    rows = tuple((words, *(100 * found[muscle][model].nrmse for muscle in MUSCLES)) for model, words in SEGMENTATIONS.items())
+    rows: tuple[tuple[Cell, ...], ...] = tuple(
+        (words, *(100 * found[muscle][model].nrmse for muscle in MUSCLES)) for model, words in SEGMENTATIONS.items()
+    )
     columns = (Column("segments"), *(Column(f"{name}, ours", "%", ".3g") for name in MUSCLES.values()))
     four = [model for model in SEGMENTATIONS if model != "none"]
     claims = []
