@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
+from mapmore_cli.spec.units import convert
 from mapmore_cli.stages.inspection.labels import ColumnTitle, read_label, unit_in
 
 STATES = 6  # different values, up to which a column is a state and not a measurement
@@ -60,17 +61,32 @@ def guess_columns(
             named = [column for column, label in labels.items() if label.quantity == "load" and np.ptp(np.concatenate(raw[column]))]
         if named:
             best = min(named, key=lambda column: (labels[column].unit is None, not labels[column].plain))
-            guesses[quantity] = _by_title(quantity, best, labels[best], raw[best])
+            guess = _by_title(quantity, best, labels[best], raw[best])
+            if _possible(quantity, raw[best], guess.unit):
+                guesses[quantity] = guess
     return guesses if titles else _by_values(raw, told)
 
 
 def _by_title(quantity: str, column: str | int, label: ColumnTitle, values: Sequence[Array]) -> Guess:
-    if label.unit is not None:
+    if label.unit is not None and _possible(quantity, values, label.unit):
         return Guess(column, label.unit, f"by its name; {range_of(values, label.unit)}", True)
     unit, why, sure = _unit_by_size(quantity, values)
-    return Guess(
-        column, unit, f"{quantity} by its name, {unit if unit != '1' else 'a fraction'} because {why}; {range_of(values, unit)}", sure
-    )
+    told = f"{quantity} by its name, {unit if unit != '1' else 'a fraction'} because {why}; {range_of(values, unit)}"
+    if label.unit is not None:
+        return Guess(column, unit, f"{told}; its name says {label.unit}, which no muscle reaches", False)
+    return Guess(column, unit, told, sure)
+
+
+def _possible(quantity: str, values: Sequence[Array], unit: str) -> bool:
+    """False for what `check` refuses: a pressure above 5 MPa, a strain above 1.5."""
+    largest = max(float(np.abs(one).max()) for one in values)
+    match quantity:
+        case "pressure":
+            return convert(largest, unit, "kPa") <= PASCAL
+        case "strain":
+            return convert(largest, unit, "1") <= LARGEST_FRACTION
+        case _:
+            return True
 
 
 def _unit_by_size(quantity: str, values: Sequence[Array]) -> tuple[str, str, bool]:

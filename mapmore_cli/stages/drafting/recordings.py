@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -43,21 +44,23 @@ def dataset_of(data: Mapping[str, Any], folder: Path, measured: str, units: Mapp
 def raw_columns(group: Group, folder: Path) -> dict[str | int, list[Array]]:
     """Every column of numbers of a group, one array `(n,)` for each of a few files; columns of text and empty ones are missing.
 
-    Raises DataError where no column is left.
+    Where cells are empty every column is read by itself: one that is hardly filled must not hide the others. Raises DataError where no
+    column is left.
     """
     columns = group.layout.columns
-    try:
-        return _read(group, folder, columns)
-    except DataError:
-        found: dict[str | int, list[Array]] = {}
-        for column in columns:
-            try:
-                found |= _read(group, folder, (column,))
-            except DataError as fault:
-                last = fault
-        if not found:
-            raise last from None
-        return found
+    with suppress(DataError):
+        found, lost = _read(group, folder, columns)
+        if not lost:
+            return found
+    found = {}
+    for column in columns:
+        try:
+            found |= _read(group, folder, (column,))[0]
+        except DataError as fault:
+            last = fault
+    if not found:
+        raise last from None
+    return found
 
 
 def tolerant(read: Callable[[tuple[str, ...]], Dataset]) -> tuple[Dataset, tuple[str, ...]]:
@@ -79,7 +82,8 @@ def tolerant(read: Callable[[tuple[str, ...]], Dataset]) -> tuple[Dataset, tuple
         return dataset, words
 
 
-def _read(group: Group, folder: Path, columns: Sequence[str | int]) -> dict[str | int, list[Array]]:
+def _read(group: Group, folder: Path, columns: Sequence[str | int]) -> tuple[dict[str | int, list[Array]], int]:
+    """The columns, and how many samples are lost because one of them has none."""
     names = {f"column_{place}": column for place, column in enumerate(columns)}
     data = {
         "files": [{"path": relative_name(file, folder), "id": str(place)} for place, file in enumerate(_some(group.files))],
@@ -92,7 +96,8 @@ def _read(group: Group, folder: Path, columns: Sequence[str | int]) -> dict[str 
         return dataset_of({**data, "missing": missing(words)}, folder, next(iter(names)), dict.fromkeys(names, "1"))
 
     recordings = tolerant(read)[0].recordings
-    return {column: [np.asarray(recording.columns[name]) for recording in recordings] for name, column in names.items()}
+    lost = sum(one.dropped.get("missing value", 0) for one in recordings)
+    return {column: [np.asarray(one.columns[name]) for one in recordings] for name, column in names.items()}, lost
 
 
 def missing(words: Sequence[str]) -> str | dict[str, Any]:

@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.stages.drafting.columns import Guess, Raw, guess_columns
@@ -51,7 +53,8 @@ def propose(group: Group, name: str, folder: Path, length: float | None = None, 
     below = dict(zip(group.layout.columns, group.layout.below, strict=False))
     raw = raw_columns(group, folder)
     guesses = guess_columns(titles, raw, below, pressures_told(group))
-    target: str | None = next((one for one in ("force", "displacement", "length") if one in guesses), None)
+    moving = [one for one in guesses if np.ptp(np.concatenate(raw[guesses[one].column]))]
+    target: str | None = next((one for one in ("force", "displacement", "length") if one in moving), None)
     position = next((one for one in POSITIONS if one in guesses), None) if target == "force" else None
     untold = next((one for one in ("pressure", position or "strain") if one not in guesses), "") if target == "force" else ""
     second = second if {"time", "force"} <= guesses.keys() and position is not None else None

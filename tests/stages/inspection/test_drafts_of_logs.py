@@ -137,6 +137,13 @@ def test_two_logs_of_pressure_are_no_pair(untried: Any) -> None:
     assert "tester" in names
 
 
+def test_a_force_that_never_changes_is_no_target(untried: Any) -> None:
+    """The load cell was off, or a dead load hung there."""
+    (draft,) = untried(lift={"t_s": 0.1 * K, "P_kPa": 100 * DRIVE, "F_N": 0 * DRIVE, "x_mm": followed(DRIVE)})
+    assert draft.spec["target"] == {"column": "displacement"}
+    assert "force" not in draft.data["columns"]
+
+
 def test_a_force_without_a_pressure_follows_the_position(untried: Any) -> None:
     (draft,) = untried(spring={"x_mm": 10 * DRIVE, "F_N": 30 - 4 * DRIVE + 0.01 * NOISE})
     assert list(draft.data["columns"]) == ["displacement", "force"]

@@ -64,6 +64,30 @@ def test_a_word_for_a_missing_number_is_told_to_the_reader(tmp_path: Path, draft
     assert dataset_of(draft.data, tmp_path, "force").recordings[0].dropped == {"missing value": 2}
 
 
+def test_a_column_that_is_hardly_filled_hides_no_other(tmp_path: Path, drafted: Any) -> None:
+    """Where the remark's number stands the pressure is 4 kPa, and elsewhere up to 300: no bar."""
+    rows = [[*row, "remark" if not k else 1.0 if k in (1, 2) else ""] for k, row in enumerate(RUN)]
+    for k in (1, 2):
+        rows[k][1] = 4.0 + k
+    (tmp_path / "a.csv").write_text(as_text(rows))
+    assert drafted().data["columns"]["pressure"] == {"column": "P_kPa", "unit": "kPa"}
+    (tmp_path / "a.csv").write_text(as_text(rows).replace("P_kPa", "P"))
+    assert drafted().data["columns"]["pressure"] == {"column": "P", "unit": "kPa"}
+
+
+@pytest.mark.parametrize(("title", "unit"), [("P [bar]", "kPa"), ("P_MPa", "kPa")])
+def test_a_title_that_cannot_be_true_is_marked(tmp_path: Path, drafted: Any, title: str, unit: str) -> None:
+    (tmp_path / "a.csv").write_text(as_text(RUN).replace("P_kPa", title))
+    assert drafted().data["columns"]["pressure"] == {"column": title, "unit": unit}
+    assert "which no muscle reaches" in drafted().text()
+
+
+def test_what_cannot_be_a_strain_is_none(tmp_path: Path, drafted: Any) -> None:
+    rows = [RUN[0], *([*row[:2], 9000 * row[2], row[3]] for row in RUN[1:])]
+    (tmp_path / "a.csv").write_text(as_text(rows).replace("eps", "e"))
+    assert "strain" not in drafted().data["columns"]
+
+
 def test_a_closing_remark_and_blank_lines_are_no_table(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("Time,Pressure\n" + "".join(f"{k},{2 * k}\n\n" for k in range(20)) + "end of test\n\n\n")
