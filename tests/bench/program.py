@@ -42,6 +42,19 @@ def start_up(runs_folder):
     }
 
 
+def small_table(folder):
+    """Seconds of `init` and of the first `run` for a table of 60 points: Sarosi's formula and a slack foot, with noise of 0.2 %."""
+    pressure, strain = (column.ravel() for column in np.meshgrid(np.linspace(50, 600, 12), np.linspace(0.0, 0.2, 5), indexing="ij"))
+    force = np.maximum((2.4 * pressure + 300) * np.exp(-9 * strain) - 1.2 * pressure * strain - 350, 0.0)
+    force += 0.002 * force.max() * np.random.default_rng(0).standard_normal(len(force))
+    table, spec = Path(folder) / "table.csv", Path(folder) / "table.yaml"
+    rows = np.column_stack([pressure, strain, force])
+    np.savetxt(table, rows, fmt="%.6g", delimiter=",", header="pressure_kPa,strain,force_N", comments="")
+    draft = mapmore("init", table, "-o", spec, "--force")
+    run = mapmore("run", spec, "--runs", Path(folder) / "table", "--force")
+    return {"points": len(force), "init": median_seconds(draft, 3), "run": median_seconds(run, 3)}
+
+
 def evaluation(runs_folder):
     """The fused model of that run at a million points, and the segment functions that are active there, each evaluated once.
 

@@ -20,7 +20,7 @@ def main():
     from exported import exported
     from ingest import ingest
     from motion import motion
-    from program import evaluation, start_up
+    from program import evaluation, small_table, start_up
     from regression import regression
     from table import exported_lines, other_lines, regression_lines
 
@@ -34,6 +34,7 @@ def main():
         say("start-up and evaluation")
         bench["start_up"] = start_up(folder)
         bench["evaluation"] = evaluation(folder)
+        bench["small_table"] = small_table(folder)
         say("exported models")
         bench["exported"] = exported(folder)
         say("models of motion")

@@ -10,6 +10,8 @@ WIDE_TARGETS = {"gram": 2.0, "sysidentpy": 10.0}
 """At least this many times our own seconds."""
 SOLVERS = ("swarm", "swarm_projected", "differential_evolution", "least_squares")
 MEMORY_TARGET = 0.10
+SMALL_TABLE_TARGET = 5.0
+"""Seconds from a table of 60 points to its page."""
 SWARM_TARGET = 1.0
 """Seconds for 50 particles and 20 iterations over 20 000 samples."""
 
