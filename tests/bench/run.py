@@ -17,6 +17,7 @@ HERE = Path(__file__).parent
 
 
 def main():
+    from batch import batch
     from exported import exported
     from ingest import ingest
     from motion import motion
@@ -37,6 +38,8 @@ def main():
         bench["small_table"] = small_table(folder)
         say("exported models")
         bench["exported"] = exported(folder)
+        say("24 runs on one process and on two")
+        bench["batch"] = batch(folder)
         say("models of motion")
         bench["motion"] = motion()
         bench["frols"], bench["notes"] = regression(say)

@@ -67,6 +67,11 @@ def other_lines(bench):
         f"({ingest['ingested_megabytes_per_processor_second']:.0f} MB in a second of processor time), "
         f"peak {ingest['peak_memory_bytes'] / 2**20:.0f} MiB ({ingest['bytes_of_the_numbers'] / 2**20:.0f} MiB of numbers)"
     )
+    batch = bench["batch"]
+    yield (
+        f"batch       {batch['runs']} runs: {batch['one_process']:.3g} s on one process, {batch['two_processes']:.3g} s on two, "
+        f"{batch['one_process'] / batch['two_processes']:.2f} times faster"
+    )
     yield (
         f"evaluation  {evaluation['points']} points: {evaluation['fused_model']:.3g} s, "
         f"{evaluation['evaluations_per_second']:.3g} a second, "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import suppress
@@ -9,6 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.stages.campaigns.processes import Workers, stoppable
 from mapmore_cli.storage.run_folder import RunFiles
 
@@ -33,6 +35,8 @@ class Job:
         Whether it is that run itself.
     needs_others
         Whether it needs runs of other specs.
+    seconds
+        How long it took when it was done last; infinite where that is not known.
     """
 
     config: Path
@@ -45,6 +49,7 @@ class Job:
     leader: str = ""
     leads: bool = False
     needs_others: bool = False
+    seconds: float = math.inf
 
     def elsewhere(self) -> Job:
         """The same run on another machine: paths from the root, and patience with what an earlier, lost start of it still writes."""
@@ -80,7 +85,7 @@ class Reading:
 
 
 def planned(jobs: Sequence[Job], specs: Sequence[LoadedSpec | None]) -> list[Job]:
-    """The jobs, with their spec known, in groups that read the same recordings in the same way."""
+    """The jobs, with their spec known: how long they took before, and in groups that read the same recordings in the same way."""
     from mapmore_cli.stages.pipeline.fingerprint import fingerprint, plain
     from mapmore_cli.stages.pipeline.runner import pipeline
     from mapmore_cli.stages.pipeline.stage import Variation
@@ -92,7 +97,7 @@ def planned(jobs: Sequence[Job], specs: Sequence[LoadedSpec | None]) -> list[Job
         if loaded is not None:
             needs = [loaded.spec.needs.static, loaded.spec.needs.damping, *(need for stage in stages for need in stage.needs(loaded.spec))]
             others = any(need is not None and not isinstance(need, Variation) for need in needs)
-            found[number] = replace(jobs[number], needs_others=others)
+            found[number] = replace(jobs[number], needs_others=others, seconds=_seconds_before(jobs[number].runs / loaded.spec.name))
             mark = fingerprint(stages[0].name, stages[0].revision, plain(stages[0].reads(loaded.spec)), str(loaded.folder), {})
             groups.setdefault(mark, []).append(number)
     for first, *rest in (group for group in groups.values() if len(group) > 1):
@@ -103,12 +108,23 @@ def planned(jobs: Sequence[Job], specs: Sequence[LoadedSpec | None]) -> list[Job
     return found
 
 
+def _seconds_before(run_dir: Path) -> float:
+    """What the stages of a run took when each was done last; infinite where nothing is known of it."""
+    from mapmore_cli.storage.run_record import load_records
+
+    with suppress(MapmoreError):  # of a newer format, which the run itself will say
+        if records := load_records(run_dir, lambda _message: None):
+            return sum(record.seconds for record in records.values())
+    return math.inf
+
+
 def run_all(jobs: Sequence[Job], workers: Workers) -> Generator[tuple[int, Finished | BaseException], None, None]:
     """Do the jobs and yield the number of each with what came of it, as they end; a signal to end ends them all.
 
     The runs that they need come first, one after the other: two jobs may need the same one. Then the recordings are read that several
-    jobs need, once each.
+    jobs need, once each. Of the runs themselves, those that took longest come first, so that no long one is left for the end.
     """
+    longest_first = sorted(range(len(jobs)), key=lambda number: jobs[number].seconds, reverse=True)
     with stoppable(), workers:
         needing = [job for job in jobs if job.needs_others]
         for _, failure in workers.each(prepare_all, [needing] if needing else []):
@@ -116,7 +132,8 @@ def run_all(jobs: Sequence[Job], workers: Workers) -> Generator[tuple[int, Finis
                 raise failure
         leaders = [job for job in jobs if job.leads and not job.force]  # which takes nothing over
         read = {leaders[number].leader: reading for number, reading in workers.each(read_first, leaders)}
-        for number, result in workers.each(run_one, jobs):
+        for place, result in workers.each(run_one, [jobs[number] for number in longest_first]):
+            number = longest_first[place]
             yield number, _with_reading(result, read.get(jobs[number].leader), jobs[number].leads)
 
 
@@ -131,7 +148,6 @@ def _with_reading(result: Finished | BaseException, reading: Reading | BaseExcep
 
 def prepare_all(jobs: Sequence[Job]) -> None:
     """Bring the runs up to date that the jobs need. What goes wrong is told by the job that needs it."""
-    from mapmore_cli.domain.errors import MapmoreError
     from mapmore_cli.spec.loader import load
     from mapmore_cli.stages.pipeline.runner import prepare
 

@@ -51,12 +51,12 @@ def _columns(padded: bytes, delimiter: int, width: int, places: tuple[int, ...])
     if len(last) % width:
         return None
     ends = marks[last]
-    if (codes[ends].reshape(-1, width) != [delimiter] * (width - 1) + [NEWLINE]).any():
+    if (codes[ends].reshape(-1, width) != np.array([delimiter] * (width - 1) + [NEWLINE], dtype=np.uint8)).any():
         return None
     starts = np.concatenate([[DIGITS], ends[:-1] + 1])
     has_point = is_point[last - 1] & (last > 0)
     points = np.where(has_point, marks[last - 1], ends)
-    values = np.empty((len(ends) // width, len(places)))
+    values = np.empty((len(ends) // width, len(places)), order="F")
     for j, place in enumerate(places):
         column = slice(place, None, width)
         numbers = _numbers(codes, words, starts[column], points[column], ends[column])

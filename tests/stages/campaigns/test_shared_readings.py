@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -69,6 +71,24 @@ def test_one_reading_for_all_runs_and_variations(tmp_path: Path, reads: list[Pat
         alone = run_one(replace(job, runs=tmp_path / "alone", leader="", leads=False))
         assert (tmp_path / "runs" / name / "scores.json").read_bytes() == (alone.run_dir / "scores.json").read_bytes()
     assert [run.stages["ingest"] for run in done(campaign(tmp_path, varied))] == ["up-to-date"] * 3
+
+
+def test_runs_that_took_longest_come_first(tmp_path: Path) -> None:
+    """Those of which nothing is known before all, in the order that is given."""
+    done(campaign(tmp_path)[:2])
+    for name, seconds in (("one", 1.0), ("two", 50.0)):
+        record = tmp_path / "runs" / name / "run.json"
+        document = json.loads(record.read_text())
+        for stage in document["stages"].values():
+            stage["seconds"] = seconds
+        record.write_text(json.dumps(document))
+    again = campaign(tmp_path)
+    assert [job.seconds for job in again] == [6.0, 300.0, math.inf]
+    results = list(run_all(again, Here()))
+    assert [number for number, _ in results] == [2, 1, 0]
+    assert [results[place][1].name for place in (2, 1, 0)] == ["one", "two", "other"]
+    unknown = [replace(job, seconds=math.inf) for job in again]
+    assert [number for number, _ in run_all(unknown, Here())] == [0, 1, 2]
 
 
 def test_forced_runs_read_for_themselves(tmp_path: Path, reads: list[Path]) -> None:
