@@ -12,6 +12,7 @@ import re
 import sys
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, TypeVar, dataclass_transform
 
 from mapmore_cli.modelling.terms.errors import ExpressionError
 from mapmore_cli.modelling.terms.functions import FUNCTIONS
@@ -21,9 +22,32 @@ MAX_EXPONENT = 20
 IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
-@dataclass(frozen=True)
+Class = TypeVar("Class", bound=type)
+
+
+@dataclass_transform(frozen_default=True)
+def _node(cls: Class) -> Class:
+    """A frozen dataclass that keeps its hash: trees are looked up often, and to hash one walks all of it."""
+    made: Any = dataclass(frozen=True)(cls)
+    walked = made.__hash__
+
+    def kept(self: object) -> int:
+        held = vars(self)
+        if "_hash" not in held:
+            held["_hash"] = walked(self)
+        return int(held["_hash"])
+
+    made.__hash__ = kept
+    return cls  # which the decorator of dataclasses has changed in place
+
+
+@_node
 class Expression:
     """Base of the nodes; immutable, comparable and hashable."""
+
+    def __getstate__(self) -> dict[str, object]:
+        """Without the hash, which is another one in another process."""
+        return {name: value for name, value in self.__dict__.items() if name != "_hash"}
 
     @property
     def parts(self) -> tuple[Expression, ...]:
@@ -36,7 +60,7 @@ class Expression:
         return frozenset[str]().union(*(part.names for part in self.parts))
 
 
-@dataclass(frozen=True)
+@_node
 class Number(Expression):
     """A finite constant."""
 
@@ -48,7 +72,7 @@ class Number(Expression):
         object.__setattr__(self, "value", self.value + 0.0)  # there is one zero: -0.0 would have a sign that its text cannot keep
 
 
-@dataclass(frozen=True)
+@_node
 class Name(Expression):
     """A quantity or a parameter, by an identifier that is not a function's name; or a state with memory, by its canonical text."""
 
@@ -67,7 +91,7 @@ class Name(Expression):
         return frozenset({self.name})
 
 
-@dataclass(frozen=True)
+@_node
 class Sum(Expression):
     """Two or more terms."""
 
@@ -79,7 +103,7 @@ class Sum(Expression):
         return self.terms
 
 
-@dataclass(frozen=True)
+@_node
 class Product(Expression):
     """Two or more factors; a factor with a negative exponent divides."""
 
@@ -91,7 +115,7 @@ class Product(Expression):
         return self.factors
 
 
-@dataclass(frozen=True)
+@_node
 class Power(Expression):
     """A constant power, of at most `MAX_EXPONENT` in magnitude."""
 
@@ -108,7 +132,7 @@ class Power(Expression):
         return (self.base,)
 
 
-@dataclass(frozen=True)
+@_node
 class Call(Expression):
     """One of `FUNCTIONS` applied to an argument."""
 

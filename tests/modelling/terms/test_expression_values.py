@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -206,3 +207,14 @@ def test_a_term_that_is_not_finite_is_named_with_its_first_row(row: int) -> None
         dictionary_matrix([parse("x"), parse("log(x)"), parse("sqrt(x)")], {"x": x}, len(x))
     assert (caught.value.term, caught.value.row) == ("log(x)", row)
     assert isinstance(caught.value, ValueError)
+
+
+def test_a_tree_keeps_its_hash_but_does_not_take_it_along() -> None:
+    """Hashes of text differ from process to process."""
+    tree, same = (substitute(parse("2*strain*pressure + exp(strain)"), {"strain": Name("x")}) for _ in range(2))
+    assert hash(tree) == hash(same) == hash(tree)
+    carried = pickle.loads(pickle.dumps(tree))
+    assert "_hash" in vars(tree)
+    assert "_hash" not in vars(carried)
+    assert carried == tree
+    assert hash(carried) == hash(tree)
