@@ -44,11 +44,14 @@ def write_study(folder: Path, name: str = "bench") -> Path:
     return spec
 
 
-def without_figures(study: Path, folder: Path) -> Path:
-    """A shipped study in another folder, with those that it needs, all without figures, which take most of the time of a run."""
+def without_figures(study: Path, folder: Path, but: str = "") -> Path:
+    """A shipped study in another folder, with those that it needs, without figures, which take most of the time of a run, but for one's."""
     needs = re.search(r"^needs: (\{.*\})$", study.read_text(encoding="utf-8"), re.MULTILINE)
-    quick = {role: without_figures(study.parent / path, folder).name for role, path in yaml.safe_load(needs[1]).items()} if needs else {}
-    document = {"extends": str(study), "name": study.stem, "needs": quick, "report": {"figures": [], "formats": ["csv"]}}
+    quick = (
+        {role: without_figures(study.parent / path, folder, but).name for role, path in yaml.safe_load(needs[1]).items()} if needs else {}
+    )
+    report = {} if study.stem == but else {"figures": [], "formats": ["html", "csv"]}
+    document = {"extends": str(study), "name": study.stem, "needs": quick, "report": report}
     (folder / study.name).write_text(yaml.safe_dump(document), encoding="utf-8")
     return folder / study.name
 
