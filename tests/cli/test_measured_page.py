@@ -96,7 +96,8 @@ def test_who_is_best_follows_from_the_first_table() -> None:
     for name, row in page_table("hindsight").items():
         errors = measured()[name]
         models = {model: error for model, error in errors.items() if model != "repeatability"}
-        assert errors[row["least of all"]] == min(models.values())
+        for least in re.findall(r"\w+", row["least of all"].replace("tied with", "")):
+            assert errors[least] == min(models.values())
         assert errors[row["least of the formulas"]] == best_formula(errors)
         assert float(row["mapmore"]) == errors["mapmore"]
         if "repeatability" in errors:
