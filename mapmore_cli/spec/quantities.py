@@ -45,9 +45,23 @@ class _Resolver:
                 return node
 
     def _under(self, step: str | int, child: Node, kinds: Sequence[Kind], around: Surroundings) -> Node:
+        if _settings(kinds) is not None:  # their quantities are resolved with the spec that they set
+            return self._moved(child, _under(kinds, step))
         if isinstance(step, str) and any(is_free(kind, step) for kind in kinds):
             around = replace(around, key=step)
         return self.node(child, [found for kind in kinds for found in below(kind, step)], around)
+
+    def _moved(self, node: Node, kinds: Sequence[Kind]) -> Node:
+        """The same node with nothing resolved but its relative paths."""
+        match node.value:
+            case dict() as children:
+                return replace(node, value={key: self._moved(child, _under(kinds, key)) for key, child in children.items()})
+            case list() as items:
+                return replace(node, value=[self._moved(item, _under(kinds, place)) for place, item in enumerate(items)])
+            case str() as text if marks := _marks_of_path(kinds):
+                return replace(node, value=_from_folder(text, marks, node.at.source.folder, self.folder))
+            case _:
+                return node
 
     def _text(self, node: Node, text: str, marks: Sequence[Any], around: Surroundings) -> str | float:
         if any(isinstance(mark, RelativePath) for mark in marks):
@@ -71,21 +85,31 @@ def moved(document: Any, kinds: Sequence[Kind], folder: Path, to: Path) -> Any:
             return {key: moved(value, _under(kinds, key), folder, to) for key, value in document.items()}
         case list():
             return [moved(value, _under(kinds, place), folder, to) for place, value in enumerate(document)]
-        case str() if any(isinstance(mark, RelativePath) for kind in kinds for mark in kind.marks):
-            return _from_folder(document, [mark for kind in kinds for mark in kind.marks], folder, to)
+        case str() if marks := _marks_of_path(kinds):
+            return _from_folder(document, marks, folder, to)
         case _:
             return document
 
 
 def _under(kinds: Sequence[Kind], step: str | int) -> list[Kind]:
     """What may stand under a key or list index; keys of settings, as `data.files`, lead from the root of a spec."""
-    settings = next((mark for kind in kinds for mark in kind.marks if isinstance(mark, SettingsOf)), None)
+    settings = _settings(kinds)
     if settings is None:
         return [found for kind in kinds for found in below(kind, step)]
     here = [Kind(settings.model())]
     for name in str(step).split("."):
         here = _under(here, int(name) if name.isdecimal() else name)
     return here
+
+
+def _settings(kinds: Sequence[Kind]) -> SettingsOf | None:
+    return next((mark for kind in kinds for mark in kind.marks if isinstance(mark, SettingsOf)), None)
+
+
+def _marks_of_path(kinds: Sequence[Kind]) -> list[Any]:
+    """The marks of what may be a relative path; none for other kinds."""
+    marks = [mark for kind in kinds for mark in kind.marks]
+    return marks if any(isinstance(mark, RelativePath) for mark in marks) else []
 
 
 def _from_folder(path: str, marks: Sequence[Any], written_in: Path, folder: Path) -> str:

@@ -102,6 +102,14 @@ def test_relative_paths_start_at_the_file_that_they_are_written_in(family: Path)
     assert [file if isinstance(file, str) else file.path for file in files] == ["../x.csv", "../d/*.csv", "/abs/y.csv"]
 
 
+def test_paths_in_inherited_settings_start_there_too_and_their_quantities_wait(family: Path) -> None:
+    settings = "{data.files: [x.csv, {path: d/*.csv, set: {pressure: 2 bar}}], units.pressure: bar}"
+    (family / "base.yaml").write_text(f"extends: deep/root.yaml\nvalidate: {{against: [{{set: {settings}, as: other}}]}}\n")
+    rival = load(family / "child" / "spec.yaml", ["data.levels=null", "data.split=null"]).spec.validation.against[-1]
+    assert isinstance(rival, Competitor)
+    assert rival.set == {"data.files": ["../x.csv", {"path": "../d/*.csv", "set": {"pressure": "2 bar"}}], "units.pressure": "bar"}
+
+
 def test_a_value_is_placed_in_the_file_that_it_comes_from(family: Path) -> None:
     loaded = load(family / "child" / "spec.yaml")
     places = [loaded.where(*loc) for loc in [("name",), ("fit", "max_terms"), ("data", "columns", "force"), ("data", "levels", "at", 1)]]
