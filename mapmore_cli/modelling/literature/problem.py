@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -12,6 +13,8 @@ from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.modelling.literature import linear
 from mapmore_cli.modelling.literature.cells import condensed, nominal
 from mapmore_cli.modelling.terms import Expression, Number, dictionary_matrix, evaluate, stacked_matrices, substitute
+
+SMOOTH = 0.01  # of a range: what bends over less is lost in means of neighbouring samples
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,13 @@ class Nonlinear:
             return 1.0
         largest = float(np.abs(columns[quantity]).max()) or 1.0
         return largest if self.per else 1.0 / largest
+
+    @property
+    def shortest(self) -> float:
+        """The shortest part of the range of `per` or `of` over which the formula can bend; infinite for an absolute value."""
+        if self.per is not None:
+            return 1.0 / max(map(abs, self.bounds))
+        return min(abs(end) for interval in self.intervals for end in interval) if self.of is not None else math.inf
 
     def written(self, c: float) -> str:
         """A coordinate as a person would write the value."""
@@ -145,7 +155,13 @@ class Problem:
         return held if linear.numerical_rank(held.regressors(np.empty(0))) < len(self.linear) else self
 
     def condensed(self) -> Problem:
-        """The problem over means of neighbouring samples, where there are many: quick, and nearly the same."""
+        """The problem over means of neighbouring samples, where there are many: quick, and nearly the same.
+
+        It stays as it is where the formula can bend within a hundredth of a range: a force that decays over the slowest rates shows in few
+        samples, and which decay is best would be decided without them.
+        """
+        if min((parameter.shortest for parameter in self.nonlinear), default=math.inf) < SMOOTH:
+            return self
         cells = condensed(self.columns, self.y)
         return self if len(cells.y) == len(self.y) else replace(self, columns=cells.columns, y=cells.y, counts=cells.counts)
 

@@ -119,6 +119,21 @@ def test_starts_over_cells_end_at_the_minimum_of_all_samples(name: str, monkeypa
     assert quick.sse == pytest.approx(get(name).fit(columns, y).sse, rel=1e-12)
 
 
+@pytest.mark.parametrize("seed", [0, 3])
+def test_a_decay_over_the_slowest_rates_is_found_among_many_samples(seed: int) -> None:
+    """It shows in few samples, which means over cells would hide: no decay on a grid has less than the fit."""
+    rng = np.random.default_rng(seed)
+    rate = rng.choice([-1.0, 1.0], 12000) * 10 ** rng.uniform(-4, 0, 12000)
+    force = np.sign(rate) * (3 + 2 * rate + 4 * np.exp(-np.abs(rate) / 0.002)) + np.sin(40 * rate)
+    fit = get("peternel").fit({"strain_rate": rate}, force)
+
+    def sse(decay: float) -> float:
+        terms = np.sign(rate) * np.stack([np.ones_like(rate), rate, rate**2, np.exp(-np.abs(rate) / decay)])
+        return float(np.sum((force - np.linalg.lstsq(terms.T, force)[0] @ terms) ** 2))
+
+    assert fit.sse <= (1 + 1e-9) * min(sse(decay) for decay in np.geomspace(1e-3, 10, 50) * np.abs(rate).max())
+
+
 def test_a_condensed_problem_weighs_its_rows_by_their_samples() -> None:
     """So that its sum of squares is that of the full one, however unevenly the samples lie."""
     formula = get("kerscher")
