@@ -155,24 +155,12 @@ def monotone_floor(x: Array, y: Array) -> float:
 
     Isotonic regression, rising or falling, whichever is nearer; samples of one x count together. A loop has such a floor, and so has noise.
     """
+    from scipy.optimize import isotonic_regression
+
     places, inverse, counts = np.unique(x, return_inverse=True, return_counts=True)
     means = np.bincount(inverse, y) / counts
-    curves = nearest_rising(means, counts), -nearest_rising(-means, counts)
-    errors = [float(np.sqrt(np.mean((y - curve[inverse]) ** 2))) for curve in curves]
+    errors = []
+    for rising in (True, False):
+        curve = isotonic_regression(means, weights=counts, increasing=rising).x
+        errors.append(float(np.sqrt(np.mean((y - curve[inverse]) ** 2))))
     return min(errors) if len(places) > 1 else float(np.std(y))
-
-
-def nearest_rising(y: Array, counts: IntArray) -> Array:
-    """The sequence that never falls and is nearest to `y` by least squares weighted with `counts`, `(n,)` each.
-
-    Neighbours that fall are pooled to their mean, as often as there are some. SciPy has it too, but takes longer to load than this to run.
-    """
-    pools: list[tuple[float, int, int]] = []  # mean, samples, places
-    for mean, samples in zip(y.tolist(), counts.tolist(), strict=True):
-        places = 1
-        while pools and pools[-1][0] >= mean:
-            other, others, beside = pools.pop()
-            mean = (other * others + mean * samples) / (others + samples)
-            samples, places = others + samples, beside + places
-        pools.append((mean, samples, places))
-    return np.repeat([mean for mean, _, _ in pools], [places for _, _, places in pools])

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.optimize import isotonic_regression
 
 from mapmore_cli.domain.recording import Curve
-from mapmore_cli.modelling.scores.repeatability import nearest_rising, repeats, rising
+from mapmore_cli.modelling.scores.repeatability import repeats, rising
 
 UP_AND_DOWN = np.concatenate([np.linspace(50, 600, 400), np.linspace(600, 50, 400)])
 
@@ -129,10 +128,3 @@ def test_a_record_that_never_turns_rises() -> None:
     assert rising(np.linspace(0, 1, 5)).all()
     assert not rising(np.linspace(1, 0, 5)).any()
     assert rising(np.ones(4)).all()
-
-
-@settings(deadline=None)
-@given(st.lists(st.tuples(st.floats(-100, 100), st.integers(1, 9)), min_size=1, max_size=60))
-def test_the_nearest_rising_sequence_is_that_of_a_library(samples: list[tuple[float, int]]) -> None:
-    y, counts = (np.array(values) for values in zip(*samples, strict=True))
-    np.testing.assert_allclose(nearest_rising(y, counts), isotonic_regression(y, weights=counts).x, atol=1e-9)
