@@ -14,6 +14,7 @@ from functools import cache
 from io import StringIO
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 from driver import Fault, Target, changed_text, refused
 from specs import STATIC, at, ways, write_data
@@ -21,9 +22,12 @@ from specs import STATIC, at, ways, write_data
 from mapmore_cli.cli.console import print_view
 from mapmore_cli.cli.views.files import of_file
 from mapmore_cli.domain.errors import MapmoreError
+from mapmore_cli.domain.scores import Validation
 from mapmore_cli.spec.loader import LoadedSpec, load
 from mapmore_cli.stages.campaigns.archive import find_model, freeze
 from mapmore_cli.stages.pipeline.runner import bring_up_to_date, explain
+from mapmore_cli.storage import artefacts
+from mapmore_cli.storage.artefacts import read_validation
 from mapmore_cli.storage.run_record import load_origin
 from mapmore_cli.storage.score_files import read_scores, scores_beside
 
@@ -81,6 +85,13 @@ def study(folder: Path) -> tuple[LoadedSpec, dict[str, str]]:
     return loaded, {name: (run_dir / name).read_text() for name in ("run.json", "scores.json")}
 
 
+@cache
+def validation(path: Path) -> Validation:
+    """The validation of the study, which no input changes."""
+    return read_validation(path)
+
+
+@patch.object(artefacts, "read_validation", lambda path, *_: validation(path))
 def attempt(chance: random.Random, number: int, folder: Path) -> str:
     """Change one of the documents, do what reads it, and put it back."""
     loaded, documents = study(folder)

@@ -12,6 +12,7 @@ import random
 import resource
 import signal
 import sys
+import time
 import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -27,6 +28,7 @@ from mapmore_cli.domain.errors import MapmoreError
 PACKAGE = Path(mapmore_cli.__file__).parent
 LONGEST = 5  # seconds of one input
 ROOM = 1 << 30  # bytes of memory that inputs may take beside what the program had at its start
+SILENCE = 60.0  # seconds between two words of how far it is
 
 Try = Callable[[random.Random, int, Path], str]
 """Makes an input of a chance, tries it in a folder, and says what became of it; the number is that of the input."""
@@ -52,45 +54,76 @@ class Target:
 
 @dataclass
 class Findings:
-    """Outcomes and how often they came, faults with the number of their input, and the lines that ran."""
+    """Outcomes and how often they came, faults with the number of their input, the lines that ran, and whether Ctrl-C ended it early."""
 
     outcomes: Counter[str] = field(default_factory=Counter)
     faults: list[str] = field(default_factory=list)
     ran: int = 0
     lines: int = 0
+    interrupted: bool = False
 
 
 class Fault(Exception):
     """What the program may not do: raised by a target where no exception shows it."""
 
 
-def explore(target: Target, count: int, seed: int, folder: Path, traced: int | None = None) -> Findings:
-    """Try `count` inputs; `traced` as the target says, if not otherwise."""
+def explore(
+    target: Target, count: int, seed: int, folder: Path, traced: int | None = None, tell: Callable[[str], None] = lambda _words: None
+) -> Findings:
+    """Try `count` inputs, or fewer where Ctrl-C ends it; `traced` as the target says, if not otherwise; `tell` how far it is."""
     found, start, traced = Findings(), 0, target.traced if traced is None else traced
-    target.warm(folder)
     lines: set[tuple[str, int]] = set()
-    while start < count:
-        start = _batch(
-            target, start, min(count, start + traced) if start < traced else count, seed, folder, found, lines if start < traced else None
-        )
+    told = _now_and_then(lambda: tell(f"{target.name}: {found.outcomes.total()} of {count} tried, {len(found.faults)} faults"))
+    try:
+        target.warm(folder)
+        while start < count:
+            tracing = start < traced
+            end = min(count, start + traced) if tracing else count
+            start = _batch(target, start, end, seed, folder, found, lines if tracing else None, told)
+    except KeyboardInterrupt:
+        found.interrupted = True
     wanted = lines_of(target.parts)
     found.ran, found.lines = len(lines & wanted), len(wanted)
     return found
 
 
-def _batch(target: Target, start: int, end: int, seed: int, folder: Path, found: Findings, lines: set[tuple[str, int]] | None) -> int:
+def _now_and_then(tell: Callable[[], None]) -> Callable[[], None]:
+    """The same, but for calls that follow another one too soon."""
+    last = time.monotonic()
+
+    def told() -> None:
+        nonlocal last
+        if time.monotonic() - last > SILENCE:
+            last = time.monotonic()
+            tell()
+
+    return told
+
+
+def _batch(
+    target: Target,
+    start: int,
+    end: int,
+    seed: int,
+    folder: Path,
+    found: Findings,
+    lines: set[tuple[str, int]] | None,
+    told: Callable[[], None],
+) -> int:
     """Try the inputs from `start` in one fork; the number of the first one that it left."""
     read, write = os.pipe()
     child = os.fork()
     if child == 0:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends it without a word
         os.close(read)
         with os.fdopen(write, "w", encoding="utf-8", errors="replace", buffering=1) as report:
             _inputs(target, range(start, end), seed, folder, report, lines is not None)
         os._exit(0)
     os.close(write)
     done = start
-    with os.fdopen(read, encoding="utf-8", errors="replace") as report:
+    with _ended(child), os.fdopen(read, encoding="utf-8", errors="replace") as report:
         for line in report:
+            told()
             kind, _, text = line.rstrip("\n").partition(" ")
             if kind == "line" and lines is not None:
                 file, _, number = text.rpartition(":")
@@ -113,6 +146,17 @@ def _batch(target: Target, start: int, end: int, seed: int, folder: Path, found:
             found.faults.append(f"{target.name} {done}: {what}")
         done += 1
     return done
+
+
+@contextmanager
+def _ended(child: int) -> Iterator[None]:
+    """Let no fork go on alone."""
+    try:
+        yield
+    except BaseException:
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        raise
 
 
 def _inputs(target: Target, numbers: range, seed: int, folder: Path, report: Any, tracing: bool) -> None:

@@ -1,11 +1,12 @@
 """Tries what strangers may write: `python tests/fuzz/run.py COUNT [SEED [TARGET ...]]` prints a table and ends with 1 at a fault.
 
 COUNT is that of the targets that are named. Where none is, it is that of expressions: the others take longer for each, and are tried less
-often (`TARGETS`).
+often (`TARGETS`). Ctrl-C ends it, and what was found so far is printed.
 """
 
 from __future__ import annotations
 
+import signal
 import sys
 import tempfile
 import warnings
@@ -44,12 +45,18 @@ def line_of(target: Target, found: Findings) -> str:
     past = sum(found.outcomes[outcome] for outcome in target.past)
     others = ", ".join(f"{count} {outcome}" for outcome, count in sorted(found.outcomes.items()))
     share = f"{found.ran / found.lines:.0%} of {found.lines}" if found.lines else "-"
-    return f"| {target.name} | {tried} | {past / tried:.0%} | {others} | {found.outcomes['FAULT']} | {share} |"
+    return f"| {target.name} | {tried} | {past / max(tried, 1):.0%} | {others} | {found.outcomes['FAULT']} | {share} |"
+
+
+def told(words: str) -> None:
+    """Say how far it is, beside the table."""
+    print(words, file=sys.stderr, flush=True)
 
 
 def main(count: int, seed: int, names: Sequence[str] = ()) -> int:
     """Try all targets, or those named; 1 where one of them is at fault."""
     warnings.simplefilter("ignore")
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell that starts this in the background has it ignored
     faults: list[str] = []
     print("| what | tried | past the syntax | outcomes | faults | lines run |\n|---|---:|---:|---|---:|---:|", flush=True)
     for target, share in TARGETS:
@@ -57,9 +64,12 @@ def main(count: int, seed: int, names: Sequence[str] = ()) -> int:
             continue
         with TemporaryDirectory(dir=IN_MEMORY if IN_MEMORY.is_dir() else None) as folder:
             tempfile.tempdir = folder  # of what the program itself makes
-            found = explore(target, count if names else -(-count // share), seed, Path(folder))
+            found = explore(target, count if names else -(-count // share), seed, Path(folder), tell=told)
         faults += found.faults
         print(line_of(target, found), flush=True)
+        if found.interrupted:
+            told("interrupted")
+            break
     print(*faults, sep="\n")
     return 1 if faults else 0
 

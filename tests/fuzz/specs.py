@@ -11,6 +11,7 @@ import math
 import random
 import shutil
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ import yaml
 from driver import Fault, Target, changed_text, refused
 
 from mapmore_cli.domain.errors import MapmoreError
+from mapmore_cli.modelling import terms
 from mapmore_cli.spec.loader import load
 from mapmore_cli.spec.units import convert
 from mapmore_cli.stages.pipeline.runner import bring_up_to_date
@@ -85,7 +87,16 @@ model: {type: state_space, input: pressure, sections: [150], direction: false, s
 report: {figures: [], formats: [csv]}
 """
 
-BASES = [yaml.safe_load(text) for text in (STATIC, MEMORY, FORMULA, SECTIONS)]
+STATIC_TREE, MEMORY_TREE = yaml.safe_load(STATIC), yaml.safe_load(MEMORY)
+BASES = [STATIC_TREE, MEMORY_TREE, yaml.safe_load(FORMULA), yaml.safe_load(SECTIONS)]
+EXPRESSIONS = 10  # in the dictionary of a run
+WITH = f" with {EXPRESSIONS} expressions"
+ROWS = {
+    "pressure": np.array([-1.0, 0.0, 0.5, 1.0, 102.0, 202.0]),
+    "strain": np.array([-1.0, 0.0, 0.5, 1.0, 0.15, 0.15]),
+    "force": np.array([-40.0, 0.0, 1.0, 156.0, 161.0, 400.0]),
+}
+"""Values within a segment and beside it, as its samples have them."""
 NUMBERS = (0, 1, 2, -1, 0.5, 1e-9, 1e9, 1e300, -0.0, 5e-324, math.inf, math.nan, 10**30, 3, 7, 20, 250)
 TEXTS = (
     *("", "x", "strain", "pressure", "time", "auto", "none", "5 kPa", "3 m", "1e3 N/mm", "${HOME}", "${X:-2}", "../../etc/passwd", "*"),
@@ -253,33 +264,46 @@ def warm_runs(folder: Path) -> None:
 
 
 def run(chance: random.Random, number: int, folder: Path) -> str:
-    """The next spec that loads is run on 40 rows; every second one has an expression of the grammar in its dictionary."""
+    """The next spec that loads is run on 40 rows; one in ten is valid but for ten expressions of the grammar in its dictionary."""
     path = folder / "spec.yaml"
     while True:
-        path.write_text(_with_expression(chance) if number % 2 else text_of(chance), encoding="utf-8", errors="surrogatepass")
+        path.write_text(text_of(chance) if number % 10 else _with_expressions(chance), encoding="utf-8", errors="surrogatepass")
         try:
             loaded = load(path)
             break
         except MapmoreError:
             continue
-    runs = folder / f"runs{number}"
+    runs, kind = folder / f"runs{number}", "" if number % 10 else WITH
     try:
         bring_up_to_date(loaded, runs, warn=lambda _message: None)
     except MapmoreError as error:
-        return refused(error)
+        return f"{refused(error)}{kind}"
     finally:
         shutil.rmtree(runs, ignore_errors=True)
-    return "done"
+    return f"done{kind}"
 
 
-def _with_expression(chance: random.Random) -> str:
-    tree = yaml.safe_load(chance.choice([STATIC, STATIC, MEMORY]))
+def _with_expressions(chance: random.Random) -> str:
+    """A spec with ten expressions; in two of three all have values, since one that has none ends the run before the others count."""
+    tree = json.loads(json.dumps(chance.choice([STATIC_TREE, STATIC_TREE, MEMORY_TREE])))
     names = ("strain", "pressure") if tree["target"] == "static" else ("pressure", "force")
-    terms = [expressions.expression(chance, chance.randrange(1, 5), names) for _ in range(chance.choice([1, 1, 3]))]
-    tree["dictionary"].append({"terms": terms})
-    if chance.random() < 0.3:
-        changed_tree(tree, chance)
+    any_of_them = chance.random() < 1 / 3
+    texts: list[str] = []
+    while len(texts) < EXPRESSIONS:
+        text = expressions.expression(chance, chance.randrange(1, 5), names)
+        with suppress(terms.ExpressionError):
+            if any_of_them or _has_values(terms.parse(text), states=tree["target"] != "static"):
+                texts.append(text)
+    tree["dictionary"].append({"terms": texts})
     return as_yaml(tree)
+
+
+def _has_values(term: terms.Expression, states: bool) -> bool:
+    """Whether an expression is finite where the samples lie; whether one with states is, only its run says."""
+    if not term.names <= ROWS.keys():
+        return states
+    with np.errstate(all="ignore"):
+        return bool(np.isfinite(terms.evaluate(term, ROWS, len(ROWS["force"]))).all())
 
 
 TARGET = Target("specs", attempt, ("spec",), past=("loaded", "refused (exit 3)"), warm=warm)
@@ -287,7 +311,7 @@ RUNS = Target(
     "runs",
     run,
     ("stages",),
-    past=("done", "refused (exit 3)", "refused (exit 4)", "refused (exit 5)", "refused (exit 6)"),
+    past=tuple(f"{end}{kind}" for kind in ("", WITH) for end in ("done", *(f"refused (exit {code})" for code in (3, 4, 5, 6)))),
     traced=10,
     warm=warm_runs,
 )

@@ -11,8 +11,9 @@ from __future__ import annotations
 import json
 import random
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import redirect_stdout, suppress
+from dataclasses import dataclass
 from functools import cache
 from io import StringIO
 from pathlib import Path
@@ -52,9 +53,23 @@ PACKINGS: tuple[dict[str, Any], ...] = ({"compression": "gzip"}, {"compression":
 VERSIONS = ("1.0", "1.1", "1.2", "2.0", "2.1", "2.9", "3.0", "99", "", "two", "2", "2.1.1", "-1.0", "1e3", "\u0662.1", 2.1, 2)
 
 
+Place = tuple[str, str]
+"""A group or a dataset, and an attribute of it or nothing."""
+
+
+@dataclass(frozen=True)
+class Whole:
+    """A file that is changed: its kind, bytes, record, and places."""
+
+    kind: str
+    content: bytes
+    record: Any
+    places: tuple[Place, ...]
+
+
 @cache
-def whole_files() -> tuple[tuple[str, bytes, Any], ...]:
-    """Kind, bytes and record of the files that are changed."""
+def whole_files() -> tuple[Whole, ...]:
+    """The files that are changed."""
     place = Path(_folder[0]) / "whole.h5"
     found = [_written(place, kind, record) for kind, record in examples().items()]
     for kind, (_, _, strategy) in KINDS.items():
@@ -63,16 +78,21 @@ def whole_files() -> tuple[tuple[str, bytes, Any], ...]:
         found += [_written(place, kind, record) for record in records[-RANDOM_RECORDS:]]
     for path in sorted(ARCHIVES.glob("*/*.h5")):
         kind = FILES.get(path.name, "model")
-        found.append((kind, path.read_bytes(), KINDS[kind][1](path)))
+        found.append(_whole(path, kind, KINDS[kind][1](path)))
     return tuple(found)
 
 
 _folder = ["."]
 
 
-def _written(place: Path, kind: str, record: Any) -> tuple[str, bytes, Any]:
+def _written(place: Path, kind: str, record: Any) -> Whole:
     KINDS[kind][0](place, record)
-    return kind, place.read_bytes(), record
+    return _whole(place, kind, record)
+
+
+def _whole(place: Path, kind: str, record: Any) -> Whole:
+    with h5py.File(place, "r") as file:
+        return Whole(kind, place.read_bytes(), record, tuple(places(file)))
 
 
 def _collect(strategy: Any, records: list[Any]) -> None:
@@ -88,28 +108,28 @@ def _collect(strategy: Any, records: list[Any]) -> None:
     collect()
 
 
-def places(file: h5py.File) -> Iterator[tuple[str, str]]:
+def places(file: h5py.File) -> list[Place]:
     """Every group, dataset and attribute but the root: its path (of an attribute, that of its holder) and an attribute's name."""
-    found: list[tuple[str, str]] = [("/", name) for name in file.attrs]
+    found: list[Place] = [("/", name) for name in file.attrs]
 
     def note(path: str, item: Any) -> None:
         found.append((path, ""))
         found.extend((path, name) for name in item.attrs if name not in ("unit", "description"))
 
     file.visititems(note)
-    return iter(found)
+    return found
 
 
-def changed(file: h5py.File, chance: random.Random) -> None:
-    """Change a file at one place; a change that HDF5 refuses is none."""
-    path, attribute = chance.choice(list(places(file)))
+def changed(file: h5py.File, known: Sequence[Place], chance: random.Random) -> None:
+    """Change a file at one of its places; a change that HDF5 refuses is none."""
+    path, attribute = chance.choice(known)
     with suppress(ValueError, TypeError, KeyError, OSError, RuntimeError, OverflowError, AttributeError):
         if path == "/" and attribute == "format_version":
             file.attrs[attribute] = chance.choice(VERSIONS)
         elif attribute:
             _change_attribute(file[path].attrs, attribute, chance)
         elif chance.random() < 0.3:
-            _change_tree(file, path, chance)
+            _change_tree(file, path, chance.choice([place for place, name in known if not name]), chance)
         elif isinstance(file[path], h5py.Dataset):
             _change_dataset(file, path, chance)
         else:
@@ -131,10 +151,9 @@ def _change_attribute(attributes: Any, name: str, chance: random.Random) -> None
             attributes[name] = chance.choice([listed[:-1], listed * 2, [*listed, chance.choice(WORDS)], listed])
 
 
-def _change_tree(file: h5py.File, path: str, chance: random.Random) -> None:
-    """Remove, rename, exchange, copy or link a group or a dataset."""
+def _change_tree(file: h5py.File, path: str, other: str, chance: random.Random) -> None:
+    """Remove, rename, exchange, copy or link a group or a dataset, with what stands at another place."""
     parent = file[path].parent
-    other = chance.choice([place for place, attribute in places(file) if not attribute])
     name = chance.choice([*WORDS[1:7], "000", "001", "002", "999", f"{path.rsplit('/', 1)[-1]}x"])
     match chance.randrange(7):
         case 0 | 1:
@@ -227,12 +246,12 @@ def _of_type(value: Any, dtype: Any) -> Any:
 
 def attempt(chance: random.Random, number: int, folder: Path) -> str:
     """Change a file and read it; then read it without its checksum, and show and use what it holds."""
-    kind, whole, record = chance.choice(whole_files())
-    path = folder / "file.h5"
-    path.write_bytes(whole)
+    whole = chance.choice(whole_files())
+    kind, record, path = whole.kind, whole.record, folder / "file.h5"
+    path.write_bytes(whole.content)
     with h5py.File(path, "r+") as file:
-        for _ in range(chance.choice([1, 1, 1, 2, 4])):
-            changed(file, chance)
+        for change in range(chance.choice([1, 1, 1, 2, 4])):
+            changed(file, places(file) if change else whole.places, chance)
     _, read, _ = KINDS[kind]
     told: list[str] = []
     try:
@@ -287,9 +306,9 @@ def warm(folder: Path) -> None:
     """Make the whole files, and use each kind once."""
     _folder[0] = str(folder)
     chance = random.Random(1)
-    for kind, whole, _ in whole_files()[:5]:
-        (folder / "file.h5").write_bytes(whole)
-        use(folder / "file.h5", kind, chance)
+    for whole in whole_files()[:5]:
+        (folder / "file.h5").write_bytes(whole.content)
+        use(folder / "file.h5", whole.kind, chance)
 
 
 TARGET = Target(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import random
 import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import documents
@@ -71,6 +72,27 @@ def test_what_the_driver_must_notice(tmp_path: Path) -> None:
         "ended by signal 9",
     ]
     assert LONGEST <= 5
+
+
+@pytest.fixture
+def ctrl_c() -> Iterator[None]:
+    """SIGINT raises KeyboardInterrupt, wherever the tests were started."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("ctrl_c")
+def test_ctrl_c_keeps_what_was_found(tmp_path: Path) -> None:
+    def attempt(_chance: random.Random, number: int, _folder: Path) -> str:
+        if number == 2:
+            os.kill(os.getppid(), signal.SIGINT)
+            signal.pause()
+        return "fine"
+
+    found = explore(Target("driver", attempt, ("modelling/terms/errors.py",)), 6, 16, tmp_path, traced=0)
+    assert found.interrupted
+    assert found.outcomes == {"fine": 2}
 
 
 def test_lines_that_run_are_counted(tmp_path: Path) -> None:
