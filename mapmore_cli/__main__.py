@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
+
+OBJECTS = 100_000
+"""New objects after which Python looks for garbage: imports make many, and hardly any garbage."""
 
 
 def main() -> None:
     """Run the command line; interrupted at any time, it ends with 130 and without a traceback."""
     try:
         _hold_standard_streams()
+        gc.set_threshold(OBJECTS, 50, 50)
         from mapmore_cli.cli.app import main as run
 
         run()

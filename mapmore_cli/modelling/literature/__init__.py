@@ -5,19 +5,15 @@ Adding a formula is one file in `formulas/`, named after it, with a `FORMULA`.
 
 from mapmore_cli.modelling.literature.catalogue import UnknownFormula, get, names
 from mapmore_cli.modelling.literature.formula import Formula
-from mapmore_cli.modelling.literature.hysteresis_loss import HysteresisLoss
 from mapmore_cli.modelling.literature.literature_model import LOAD_CYCLES, TARGET, LiteratureModel
-from mapmore_cli.modelling.literature.piecewise import PiecewiseFormula
 from mapmore_cli.modelling.literature.problem import Nonlinear
 
 __all__ = [
     "LOAD_CYCLES",
     "TARGET",
     "Formula",
-    "HysteresisLoss",
     "LiteratureModel",
     "Nonlinear",
-    "PiecewiseFormula",
     "UnknownFormula",
     "get",
     "names",

@@ -185,9 +185,14 @@ def segment_curve(curve: Curve, cuts: Mapping[str, Cut], target: str, cost: Inte
     )
 
 
+def cut_by_course(curves: Sequence[Curve], by_level: bool, cuts: Mapping[str, Cut], target: str) -> list[SegmentedCurve]:
+    """Every training curve cut by its measured course, without a fit: `cuts` of any method but `Optimal`; raises as `segment_curve`."""
+    return [segment_curve(curve, cuts, target, lambda _curve, _rows: 0.0) for curve in training_curves(curves, by_level)]
+
+
 def uncut(curves: Sequence[Curve], by_level: bool, target: str) -> list[SegmentedCurve]:
     """The training curves whole, for models that have no segments: they say the range of the inputs."""
-    return [segment_curve(curve, {}, target, lambda _curve, _rows: 0.0) for curve in training_curves(curves, by_level)]
+    return cut_by_course(curves, by_level, {}, target)
 
 
 def segment_id(curve: str, variables: Sequence[str], cell: Sequence[int]) -> str:

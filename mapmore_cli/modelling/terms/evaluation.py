@@ -11,7 +11,7 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.terms.errors import NotFinite
 from mapmore_cli.modelling.terms.printing import to_text
 from mapmore_cli.modelling.terms.program import compiled
-from mapmore_cli.modelling.terms.syntax import Expression
+from mapmore_cli.modelling.terms.syntax import Expression, Number
 
 BLOCK = 8192
 """Rows at a time in a dictionary: shared powers of a block stay in the processor's cache, and memory stays bounded."""
@@ -81,6 +81,8 @@ def stacked_matrices(terms: Sequence[Expression], columns: Columns, parameters: 
 
 def constant_value(expression: Expression) -> float:
     """Value of an expression without names; NaN or infinite where it has none."""
+    if isinstance(expression, Number):
+        return expression.value
     with np.errstate(all="ignore"):
         (value,) = compiled((expression,)).values({})
         return float(value)

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -111,23 +111,12 @@ def bring_up_to_date(
     every = stages or pipeline()
     run_dir = runs / loaded.spec.name
     open_run_folder(run_dir)
-    with run_lock(run_dir, patient):
-        recover(run_dir, _outputs(every))
-        origin = _origin(loaded, run_dir, campaign)
-        records = load_records(run_dir, warn)
-        plans = list(plan_stages(every, until, loaded, run_dir, records, rehash, force, heirs))
-        kept = _refreshed(records, plans)
-        if kept != records or load_origin(run_dir) != origin:  # a new run as well: from now on the folder is known as a run's
-            save_records(run_dir, loaded.spec.name, origin, kept)
-        run = _Run(loaded, run_dir, origin, every, progress, warn, on_stage, None if force else like)
-        for other in runs_built_on(loaded, heirs) if until == every[-1].name else ():
-            run.bring(other)
-        run.tell_outdated(plans)
-        for plan in plans:
-            on_stage(plan.stage.name, plan.reason)
-            if plan.reason is not None:
-                kept = run.stage(plan, plan.reason, kept)
-        run.write_spec()
+    run = _Run(loaded, run_dir, _origin(loaded, run_dir, campaign), every, progress, warn, on_stage, None if force else like)
+    others = runs_built_on(loaded, heirs) if until == every[-1].name else ()
+    plans = run.settled(until, rehash, heirs, others) if not force else None
+    if plans is None:
+        with run_lock(run_dir, patient):
+            plans = run.settle(until, force, rehash, heirs, others)
     reasons = {plan.stage.name: plan.reason for plan in plans if plan.reason is not None}
     return RunOutcome(
         name=loaded.spec.name,
@@ -188,6 +177,46 @@ class _Run:
     on_stage: OnStage
     like: Path | None = None
 
+    def settled(self, until: str, rehash: bool, heirs: tuple[Path, ...], others: Sequence[Needed]) -> list[Plan] | None:
+        """The plans where nothing is to be done, seen without the lock of the run; None where something may be.
+
+        Results are moved in whole and committed last, so what looks whole is. Where another process is at work, the lock decides.
+        """
+        records = load_records(self.run_dir, lambda _message: None)
+        plans = list(plan_stages(self.every, until, self.loaded, self.run_dir, records, rehash, False, heirs))
+        whole = (
+            all(plan.reason is None for plan in plans)
+            and _refreshed(records, plans) == records
+            and load_origin(self.run_dir) == self.origin
+            and self._has_spec()
+            and is_tidy(self.run_dir)
+            and all(self._is_current(other, until) and _is_whole(self.run_dir.parent / other.loaded.spec.name) for other in others)
+        )
+        if not whole:
+            return None
+        self.tell_outdated(plans)
+        for plan in plans:
+            self.on_stage(plan.stage.name, None)
+        return plans
+
+    def settle(self, until: str, force: bool, rehash: bool, heirs: tuple[Path, ...], others: Sequence[Needed]) -> list[Plan]:
+        """Do all that is to be done, the runs that this one is built on first; what was planned. The lock of the run is held."""
+        recover(self.run_dir, _outputs(self.every))
+        records = load_records(self.run_dir, self.warn)
+        plans = list(plan_stages(self.every, until, self.loaded, self.run_dir, records, rehash, force, heirs))
+        kept = _refreshed(records, plans)
+        if kept != records or load_origin(self.run_dir) != self.origin:  # a new run as well: from now on the folder is known as a run's
+            save_records(self.run_dir, self.loaded.spec.name, self.origin, kept)
+        for other in others:
+            self.bring(other)
+        self.tell_outdated(plans)
+        for plan in plans:
+            self.on_stage(plan.stage.name, plan.reason)
+            if plan.reason is not None:
+                kept = self.stage(plan, plan.reason, kept)
+        self.write_spec()
+        return plans
+
     def needed(self, plan: Plan) -> dict[str, Path]:
         """See to the models that a stage needs; the folders of their runs by path or name in the spec."""
         return {other.key: self.bring(other) for other in plan.needed}
@@ -218,7 +247,7 @@ class _Run:
 
     def _mend(self, other: Needed, run_dir: Path) -> None:
         """Do what a process left undone that was killed after the last stage of another run. Where a process holds the run, it will."""
-        if not is_tidy(run_dir) or not (run_dir / RESOLVED_SPEC).is_file():
+        if not _is_whole(run_dir):
             with suppress(WriteError), run_lock(run_dir):
                 recover(run_dir, _outputs(self.every))
                 replace(self, loaded=other.loaded, run_dir=run_dir).write_spec()
@@ -285,10 +314,16 @@ class _Run:
 
     def write_spec(self) -> None:
         """Write `experiment.yaml`, which runs again where it lies, unless it is there already."""
+        if not self._has_spec():
+            write_text(self.run_dir / RESOLVED_SPEC, self._spec_text)
+
+    def _has_spec(self) -> bool:
         path = self.run_dir / RESOLVED_SPEC
-        text = self.loaded.resolved_in(self.run_dir)
-        if not path.is_file() or path.read_bytes() != text.encode():
-            write_text(path, text)
+        return path.is_file() and path.read_bytes() == self._spec_text.encode()
+
+    @cached_property
+    def _spec_text(self) -> str:
+        return self.loaded.resolved_in(self.run_dir)
 
 
 def _refreshed(records: Mapping[str, StageRecord], plans: Sequence[Plan]) -> dict[str, StageRecord]:
@@ -299,6 +334,11 @@ def _refreshed(records: Mapping[str, StageRecord], plans: Sequence[Plan]) -> dic
         if plan.reason is None
     }
     return {**records, **current}
+
+
+def _is_whole(run_dir: Path) -> bool:
+    """Whether the run in a folder has its spec, and nobody was killed or is at work there."""
+    return is_tidy(run_dir) and (run_dir / RESOLVED_SPEC).is_file()
 
 
 def _outputs(stages: Sequence[Stage]) -> list[str]:

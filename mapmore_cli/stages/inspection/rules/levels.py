@@ -14,6 +14,7 @@ from mapmore_cli.modelling import literature
 from mapmore_cli.spec.sections.dictionary import entries_of, texts_in
 from mapmore_cli.spec.sections.method import AUTO, Cuts
 from mapmore_cli.stages.inspection.subject import Issue, Subject
+from mapmore_cli.stages.kinds.choices import level_of
 
 FEWEST = 5  # samples that show the shape of a curve
 SOME = 0.05  # of the validation samples, that may lie beyond a range that the split does not go by
@@ -31,16 +32,16 @@ def few_samples(subject: Subject) -> Iterator[Issue]:
 
 def segments(subject: Subject) -> Iterator[Issue]:
     """Every segment needs more training samples than terms."""
-    from mapmore_cli.modelling.pieces.build import segment
-    from mapmore_cli.stages.kinds.pieces import recipe_of
+    from mapmore_cli.modelling.pieces.segmentation import cut_by_course
+    from mapmore_cli.stages.kinds.pieces import cuts_of
 
     spec, dataset = subject.spec, _dataset(subject)
     fits_decide = any(isinstance(cut, Cuts) and cut.method == "optimal" for cut in spec.segment.values())
     if spec.model.type != "mapmore" or fits_decide:
         return
-    recipe = recipe_of(dataset.target, spec.data.levels, spec.segment, spec.dictionary, spec.fit, spec.fuse)
+    by_level = level_of(spec.data.levels, spec.segment) is not None
     try:
-        cut = segment(dataset.curves, recipe)
+        cut = cut_by_course(dataset.curves, by_level, cuts_of(spec.segment), dataset.target)
     except DataError as error:
         yield Issue("error", "empty-segment", subject.where("segment"), error.message, error.remedy or "use fewer segments", "data")
         return
