@@ -96,7 +96,7 @@ def attempt(chance: random.Random, number: int, folder: Path) -> str:
     """Change one of the documents, do what reads it, and put it back."""
     loaded, documents = study(folder)
     runs = folder / "runs"
-    run_dir, name = runs / "study", chance.choice(sorted(documents))
+    run_dir, name = runs / "static", chance.choice(sorted(documents))
     path = run_dir / name
     path.write_text(text_of(documents[name], chance), encoding="utf-8", errors="surrogatepass")
     told: list[str] = []
@@ -123,9 +123,9 @@ def attempt(chance: random.Random, number: int, folder: Path) -> str:
             explain(loaded, runs, warn=told.append)
         with suppress(MapmoreError):
             freeze(run_dir, "new", folder / "archive")
-        shutil.rmtree(folder / "archive" / "study@new", ignore_errors=True)
+        shutil.rmtree(folder / "archive" / "static@new", ignore_errors=True)
         with suppress(MapmoreError):
-            find_model("study", runs, folder / "archive")
+            find_model("static", runs, folder / "archive")
         return f"record {outcome}{', ignored with a warning' if told else ''}"
     finally:
         path.write_text(documents[name])

@@ -7,6 +7,7 @@ The inputs run in a fork; where one of them kills it, the next fork goes on behi
 from __future__ import annotations
 
 import dis
+import gc
 import os
 import random
 import resource
@@ -112,6 +113,7 @@ def _batch(
 ) -> int:
     """Try the inputs from `start` in one fork; the number of the first one that it left."""
     read, write = os.pipe()
+    gc.freeze()  # what is there before the inputs is not looked through again and again
     child = os.fork()
     if child == 0:
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends it without a word
