@@ -7,16 +7,19 @@ unexport PYTHONDONTWRITEBYTECODE  # a set one has each of some hundred processes
 
 STUDIES := configs/m2/dmsp-20-88-static.yaml configs/m2/peano-static.yaml
 
+# The tests of one file follow each other in one process, so that what they share is made once; the folders with the long ones come first.
+TESTS := $(BIN)/pytest -q -n 2 --dist loadfile --no-loadscope-reorder
+
 .PHONY: demo test test-all lint schema datasets measured motion paper bench fuzz torture test-lowest audit clean
 
 demo: .venv/program
 	$(BIN)/mapmore batch $(STUDIES)
 
 test: lint
-	$(BIN)/pytest -q -n 2 --dist loadgroup -m "not long"  # the tests of one long study follow each other
+	$(TESTS) -m "not long"
 
 test-all: lint  # with the studies that are of the same kind as others
-	$(BIN)/pytest -q -n 2 --dist loadgroup
+	$(TESTS)
 
 lint: .venv/development
 	$(BIN)/ruff check .

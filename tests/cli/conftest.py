@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from typer.main import get_command
 from typer.testing import CliRunner, Result
 
 from mapmore_cli.cli.app import app
+from mapmore_cli.domain.errors import MapmoreError
 
 Call = Callable[..., Result]
 
@@ -60,6 +61,32 @@ def shell() -> Callable[..., subprocess.CompletedProcess[str]]:
         return subprocess.run(command, capture_output=True, text=True, check=False, **options)
 
     return call
+
+
+class Here:
+    """Workers of `batch` that are this process."""
+
+    def __init__(self, *_: object) -> None:
+        pass
+
+    def __enter__(self) -> Here:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def each(self, function: Callable[[Any], Any], jobs: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+        for number, job in enumerate(jobs):
+            try:
+                yield number, function(job)
+            except MapmoreError as error:
+                yield number, error
+
+
+@pytest.fixture
+def batch_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let `batch` do its runs in this process: to start another takes longer than such a run."""
+    monkeypatch.setattr("mapmore_cli.stages.campaigns.processes.LocalWorkers", Here)
 
 
 @pytest.fixture

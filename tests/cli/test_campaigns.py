@@ -15,6 +15,7 @@ from mapmore_cli.spec.campaign import load_campaign
 from mapmore_cli.stages.campaigns.page import expanded, run_names, specs_of
 
 CONFIGS = Path(__file__).parents[2] / "configs"
+pytestmark = pytest.mark.usefixtures("batch_here")
 
 CAMPAIGN = """\
 campaign: sweep

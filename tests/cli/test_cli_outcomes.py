@@ -65,6 +65,7 @@ def test_what_was_read_for_all_variations_is_told_once(tmp_path: Path, mapmore: 
     assert result.stderr.count("holds only 9 samples") == 1
 
 
+@pytest.mark.usefixtures("batch_here")
 def test_a_batch_names_its_failed_runs(tmp_path: Path, mapmore: Call) -> None:
     first, second = write_study(tmp_path, "first"), write_study(tmp_path, "second")
     second.write_text(second.read_text().replace("second_*.csv", "none_*.csv"))

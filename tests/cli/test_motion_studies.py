@@ -79,19 +79,16 @@ def pooled(run_dir: Path) -> dict[str, float]:
 
 
 WITH_FIGURES = "dmsp-20-88"
-MADE: dict[str, Path] = {}
 
 
-@pytest.fixture(scope="module", params=[pytest.param(name, marks=pytest.mark.xdist_group(name)) for name in sorted(NRMSE)])
+@pytest.fixture(scope="module", params=sorted(NRMSE))
 def muscle(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory, mapmore: Callable[..., Any]) -> tuple[str, Path]:
-    """A muscle and the folder of its runs, made by one command; once, in whatever order the tests come. One study has figures."""
-    if request.param not in MADE:
-        runs = tmp_path_factory.mktemp(request.param)
-        study = without_figures(CONFIGS / f"{request.param}-dynamic.yaml", runs, but=f"{WITH_FIGURES}-damping")
-        result = mapmore("run", study, "--runs", runs, "-q")
-        assert result.exit_code == 0, result.stderr
-        MADE[request.param] = runs
-    return request.param, MADE[request.param]
+    """A muscle and the folder of its runs, made by one command. One study has figures."""
+    runs = tmp_path_factory.mktemp(request.param)
+    study = without_figures(CONFIGS / f"{request.param}-dynamic.yaml", runs, but=f"{WITH_FIGURES}-damping")
+    result = mapmore("run", study, "--runs", runs, "-q")
+    assert result.exit_code == 0, result.stderr
+    return request.param, runs
 
 
 def test_one_command_makes_every_study_with_its_scores(muscle: tuple[str, Path]) -> None:
@@ -161,7 +158,7 @@ def test_the_least_in_a_table_is_bold(study: str) -> None:
         }
 
 
-@pytest.mark.parametrize("muscle", [pytest.param(WITH_FIGURES, marks=pytest.mark.xdist_group(WITH_FIGURES))], indirect=True)
+@pytest.mark.parametrize("muscle", [WITH_FIGURES], indirect=True)
 def test_one_command_makes_pages_with_records_over_time_and_equations_in_the_papers_units(muscle: tuple[str, Path]) -> None:
     name, runs = muscle
     for study in ("static-from-zero", "damping", "dynamic"):

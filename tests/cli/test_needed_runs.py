@@ -82,6 +82,7 @@ def test_another_spec_of_the_same_name_is_refused(tmp_path: Path, mapmore: Calla
     assert mapmore("ingest", tmp_path / "autumn" / "bench.yaml", "--runs", runs, "-q").exit_code == 0
 
 
+@pytest.mark.usefixtures("batch_here")
 def test_campaigns_do_not_share_a_name_for_different_runs(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
     write_study(tmp_path)
     for name, terms in (("few", 1), ("many", 2), ("few_again", 1)):
