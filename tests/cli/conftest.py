@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -103,6 +104,14 @@ def finished(tmp_path_factory: pytest.TempPathFactory, mapmore: Call) -> tuple[P
     result = mapmore("run", spec, "--runs", folder / "runs", "-q")
     assert result.exit_code == 0, result.stderr
     return spec, folder / "runs"
+
+
+@pytest.fixture
+def copied(finished: tuple[Path, Path], tmp_path: Path) -> tuple[Path, Path]:
+    """A copy of `finished`, which a test may change: its spec and its folder of runs."""
+    spec, runs = finished
+    shutil.copytree(spec.parent, tmp_path, dirs_exist_ok=True)
+    return tmp_path / spec.name, tmp_path / runs.name
 
 
 @pytest.fixture(scope="session")

@@ -110,12 +110,12 @@ def results(folder: Path) -> dict[str, str]:
 
 @pytest.mark.parametrize(("spoil", "code", "words"), CASES, ids=[case[0].__name__ for case in CASES])
 def test_a_broken_input_is_named_and_harms_nothing(
-    spoil: Callable[[Path], None], code: int, words: list[str], tmp_path: Path, mapmore: Callable[..., Any]
+    spoil: Callable[[Path], None], code: int, words: list[str], copied: tuple[Path, Path], mapmore: Callable[..., Any]
 ) -> None:
-    spec, runs = write_study(tmp_path), tmp_path / "runs"
-    assert mapmore("run", spec, "--runs", runs, "-q").exit_code == 0
+    spec, runs = copied
     before = results(runs)
-    spoil(tmp_path)
+    assert before
+    spoil(spec.parent)
     result = mapmore("run", spec, "--runs", runs)
     assert result.exit_code == code, result.stderr
     assert result.stdout == ""

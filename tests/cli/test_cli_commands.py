@@ -86,11 +86,12 @@ def test_batch_goes_on_after_a_failure_and_ends_with_the_highest_code(tmp_path: 
     assert "Traceback" not in done.stderr
 
 
-def test_batch_has_one_document_in_the_order_of_the_specs(tmp_path: Path, shell) -> None:
+@pytest.mark.usefixtures("batch_here")
+def test_batch_has_one_document_in_the_order_of_the_specs(tmp_path: Path, mapmore) -> None:
     specs = [write_study(tmp_path, name) for name in ("b", "a")]
     override = ("--set", "validate.require.nrmse=1e-9", "--set", "report.formats=[csv]")
-    done = shell("batch", *specs, "--runs", tmp_path / "runs", "--json", "-q", *override)
-    assert done.returncode == 6
+    done = mapmore("batch", *specs, "--runs", tmp_path / "runs", "--json", "-q", *override)
+    assert done.exit_code == 6
     runs = json.loads(done.stdout)["runs"]
     assert [run["name"] for run in runs] == ["b", "a"]
     assert all(run["exit_code"] == 6 and run["scores"] and len(run["missed"]) == 1 for run in runs)
@@ -107,6 +108,7 @@ def test_batch_refuses_two_runs_of_one_name(tmp_path: Path, mapmore) -> None:
     assert not (tmp_path / "runs").exists()
 
 
+@pytest.mark.usefixtures("batch_here")
 @pytest.mark.parametrize("command", ["run", "batch"])
 def test_a_batch_of_one_is_a_run(command: str, tmp_path: Path, mapmore) -> None:
     spec = write_study(tmp_path)

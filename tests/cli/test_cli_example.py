@@ -20,12 +20,12 @@ PROJECT = Path(__file__).resolve().parents[2]
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory, mapmore: Callable[..., Any]) -> Path:
-    """The folder of the example, with its run."""
+    """The folder of the example, with its run; `test_shipped_studies` makes the page of the same study."""
     folder = tmp_path_factory.mktemp("new") / "muscle"
     result = mapmore("example", folder)
     assert result.exit_code == 0, result.stderr
     assert f"Next: mapmore run {folder / 'study.yaml'}" in result.stdout
-    result = mapmore("run", folder / "study.yaml", "--runs", folder / "runs", "--json", "-q")
+    result = mapmore("validate", folder / "study.yaml", "--runs", folder / "runs", "-q")
     assert result.exit_code == 0, result.stderr
     return folder
 

@@ -13,7 +13,7 @@ from mapmore_cli.stages.pipeline.runner import bring_up_to_date
 from mapmore_cli.storage.artefacts import read_model
 
 TIME = np.arange(0.0, 4.0, 0.001)
-SEEDS = range(10)
+SEEDS = range(6)
 
 STATIC = """\
 schema_version: 1
@@ -100,7 +100,7 @@ def test_table_5_is_found_again(muscle: str, tmp_path: Path) -> None:
         equations = model_equations(read_model(outcome.run_dir / "model.h5"))
         found[seed] = {e.id.split("=")[1].split("/")[0]: e.text for e in equations}
     good = [seed for seed, texts in found.items() if all(_agrees(texts[way], *wanted[way]) for way in ("rise", "fall"))]
-    assert len(good) >= 9, found
+    assert len(good) >= len(SEEDS) - 1, found
 
 
 def _agrees(equation: str, term: str, size: float) -> bool:

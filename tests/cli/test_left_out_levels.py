@@ -17,8 +17,8 @@ HELD = "{validate: {pressure: [200]}}"
 AGAINST = "against: [polynomial_2, {set: {fit.max_terms: 2}, as: two_terms}]"
 
 
-def rows(mapmore: Callable[..., Any], spec: Path, runs: Path) -> dict[tuple[str, str, str], dict[str, Any]]:
-    result = mapmore("run", spec, "--runs", runs, "--json", "-q")
+def rows(mapmore: Callable[..., Any], spec: Path, runs: Path, command: str = "validate") -> dict[tuple[str, str, str], dict[str, Any]]:
+    result = mapmore(command, spec, "--runs", runs, "--json", "-q")
     assert result.exit_code == 0, result.stderr
     return {(row["model"], row["split"], row["curve"]): row for row in json.loads(result.stdout)["scores"]}
 
@@ -47,7 +47,7 @@ def test_the_saved_model_and_the_training_rows_are_of_all_data(tmp_path: Path, m
     spec = write_study(tmp_path)
     plain = spec.read_text()
     spec.write_text(plain.replace(HELD, "{leave_one_level_out: true}"))
-    found = rows(mapmore, spec, tmp_path / "runs")
+    found = rows(mapmore, spec, tmp_path / "runs", "run")
     whole = tmp_path / "whole.yaml"
     whole.write_text(plain.replace("name: bench", "name: whole").replace(f"split: {HELD}", ""))
     alone = rows(mapmore, whole, tmp_path / "runs")

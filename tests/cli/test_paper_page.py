@@ -21,7 +21,7 @@ def test_what_the_page_says_works(tmp_path: Path, mapmore: Callable[..., Any]) -
     report = yaml.safe_load(block[1])["report"]
     spec = write_study(tmp_path)
     document = yaml.safe_load(spec.read_text())
-    document["report"] = {**report, "figures": ["fit", "error"]}
+    document["report"] = {**report, "figures": ["fit"]}
     spec.write_text(yaml.safe_dump(document))
     assert mapmore("run", spec, "--runs", tmp_path / "runs", "-q").exit_code == 0
     folder = tmp_path / "runs" / "bench" / "report"

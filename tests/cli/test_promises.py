@@ -57,9 +57,10 @@ def stages(mapmore: Callable[..., Any], spec: Path, runs: Path, *more: str) -> d
     return dict(json.loads(result.stdout)["stages"])
 
 
-def test_a_change_redoes_what_depends_on_it_and_says_why(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
-    spec, runs = write_study(tmp_path), tmp_path / "runs"
-    assert set(stages(mapmore, spec, runs).values()) == {"done"}
+def test_a_change_redoes_what_depends_on_it_and_says_why(
+    copied: tuple[Path, Path], tmp_path: Path, mapmore: Callable[..., Any]
+) -> None:
+    spec, runs = copied
     assert set(stages(mapmore, spec, runs).values()) == {"up-to-date"}
     explained = mapmore("run", spec, "--runs", runs, "--explain", "--set", "fuse.z_s=0.4").stdout
     assert "fuse.z_s: 0.25 -> 0.4" in explained
@@ -70,11 +71,12 @@ def test_a_change_redoes_what_depends_on_it_and_says_why(tmp_path: Path, mapmore
     assert set(stages(mapmore, spec, runs, "--set", "fuse.z_s=0.4").values()) == {"done"}
 
 
-def test_the_same_input_gives_the_same_bytes(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
-    spec = write_study(tmp_path)
+def test_the_same_input_gives_the_same_bytes(copied: tuple[Path, Path], mapmore: Callable[..., Any]) -> None:
+    spec, before = copied
+    again = before.with_name("again")
+    assert set(stages(mapmore, spec, again).values()) == {"done"}
     digests = []
-    for runs in (tmp_path / "a", tmp_path / "b"):
-        stages(mapmore, spec, runs)
+    for runs in (before, again):
         files = sorted(path for path in (runs / "bench").rglob("*") if path.is_file() and path.name not in ("run.json", ".lock"))
         digests.append({path.relative_to(runs).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() for path in files})
     assert digests[0] == digests[1]

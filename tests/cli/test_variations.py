@@ -107,16 +107,17 @@ def test_check_finds_what_is_wrong_with_a_variation(tmp_path: Path, mapmore: Cal
     assert "did you mean `max_terms`?" in result.stderr
 
 
-def test_repeated_measurements_get_rows_of_their_own(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+def test_repeated_measurements_get_rows_of_their_own(copied: tuple[Path, Path], tmp_path: Path, mapmore: Callable[..., Any]) -> None:
     """Without a repeat there is none; with one, the shift between both is what is told, over the models' normaliser."""
-    spec = write_study(tmp_path)
-    rmse, _ = scored_run(mapmore, spec, tmp_path / "runs")
+    spec, runs = copied
+    rmse, stages = scored_run(mapmore, spec, runs)
+    assert set(stages.values()) == {"up-to-date"}
     assert "repeatability" not in rmse
     for level in (100, 200, 300):
         header, *lines = (tmp_path / f"bench_{level}.csv").read_text().splitlines()
         shifted = [",".join([*line.split(",")[:2], f"{float(line.split(',')[2]) + 5:.3f}"]) for line in lines]
         (tmp_path / f"bench_{level}_again.csv").write_text("\n".join([header, *shifted]) + "\n")
-    result = mapmore("run", spec, "--runs", tmp_path / "runs", "--json", "-q")
+    result = mapmore("run", spec, "--runs", runs, "--json", "-q")
     rows = {(r["model"], r["split"]): r for r in json.loads(result.stdout)["scores"] if r["curve"] == "all"}
     floor, own = rows["repeatability", "validate"], rows["mapmore", "validate"]
     assert floor["rmse"] == pytest.approx(5.0, rel=1e-6)
