@@ -17,6 +17,8 @@ from mapmore_cli.domain.page import FIGURES
 from mapmore_cli.reporting.report import write_report
 
 EVERYTHING = {"figures": tuple(FIGURES), "formats": ("html", "csv", "svg")}
+OF_SEGMENTS = ("segments", "terms")
+"""Figures that look at the model: the others draw predictions and errors."""
 VOID = {"meta", "wbr"}
 
 
@@ -224,7 +226,7 @@ def test_a_formula_as_the_runs_own_model(inputs, tmp_path):
     own = inputs.validation.formulas["sarosi"]
     model = replace(inputs.model, body=Formula(own, "pressure", ()))
     alone = replace(inputs, segmentation=(), fit=replace(inputs.fit, body=own), model=model)
-    page = page_of(alone, tmp_path)
+    page = page_of(alone, tmp_path, OF_SEGMENTS)
     assert "it is a formula alone" in page.text
     assert "No terms were selected." in page.text
     assert "own model" in page.text
@@ -233,7 +235,7 @@ def test_a_formula_as_the_runs_own_model(inputs, tmp_path):
 def test_segments_that_cross_validation_dropped_are_called_unused(inputs, tmp_path):
     own = inputs.validation.formulas["sarosi"]
     model = of_pieces(inputs.model, curves=tuple(replace(curve, segments=()) for curve in inputs.model.body.curves), backbone=own)
-    page = page_of(replace(inputs, fit=replace(inputs.fit, backbone=own), model=model), tmp_path)
+    page = page_of(replace(inputs, fit=replace(inputs.fit, backbone=own), model=model), tmp_path, OF_SEGMENTS)
     assert "did not help on left-out" in page.text
 
 

@@ -198,7 +198,7 @@ def documents(draw: st.DrawFn) -> dict[str, object]:
     return document
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=30)
 @given(documents())
 def test_specs_survive_the_round_trip_through_their_resolved_text(
     tmp_path_factory: pytest.TempPathFactory, document: dict[str, object]

@@ -36,7 +36,7 @@ KINDS: dict[str, tuple[Callable[..., None], Callable[[Path], Any], st.SearchStra
     "model": (artefacts.write_model, artefacts.read_model, MODELS),
     "validation": (artefacts.write_validation, artefacts.read_validation, VALIDATIONS),
 }
-QUIET = settings(deadline=None, max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
+QUIET = settings(deadline=None, max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -114,22 +115,20 @@ def test_at_a_level_its_curve_alone_counts(levels, align):
         np.testing.assert_allclose(predict(every, curve.columns), predict(alone, curve.columns), atol=1e-9)
 
 
+@cache
+def slack_model(levels, align):
+    return build("slack", slack_curves(), recipe(**SLACK, levels=levels, align=align), QUANTITIES)
+
+
 @settings(deadline=None, max_examples=20)
 @given(st.sampled_from(["linear", "pchip"]), st.sampled_from(["none", "threshold"]), st.floats(60, 590))
 def test_continuous_across_levels(levels, align, pressure):
-    model = _MODELS[levels, align]
+    model = slack_model(levels, align)
     steps = []
     for n in (1001, 4001):
         at = {"pressure": np.full(n, pressure), "strain": np.linspace(-0.01, 0.16, n)}
         steps.append(np.abs(np.diff(predict(model, at))).max())
     assert steps[1] < 0.4 * steps[0] + 1e-9
-
-
-_MODELS = {
-    (levels, align): build("slack", slack_curves(), recipe(**SLACK, levels=levels, align=align), QUANTITIES)
-    for levels in ("linear", "pchip")
-    for align in ("none", "threshold")
-}
 
 
 def test_constants_pass_whatever_the_interpolation():
