@@ -57,9 +57,7 @@ def stages(mapmore: Callable[..., Any], spec: Path, runs: Path, *more: str) -> d
     return dict(json.loads(result.stdout)["stages"])
 
 
-def test_a_change_redoes_what_depends_on_it_and_says_why(
-    copied: tuple[Path, Path], tmp_path: Path, mapmore: Callable[..., Any]
-) -> None:
+def test_a_change_redoes_what_depends_on_it_and_says_why(copied: tuple[Path, Path], tmp_path: Path, mapmore: Callable[..., Any]) -> None:
     spec, runs = copied
     assert set(stages(mapmore, spec, runs).values()) == {"up-to-date"}
     explained = mapmore("run", spec, "--runs", runs, "--explain", "--set", "fuse.z_s=0.4").stdout
