@@ -53,6 +53,7 @@ def test_the_first_pairs_are_the_ones_of_the_page(tables) -> None:
         assert mine == pytest.approx(theirs, abs=1e-5)
 
 
+@pytest.mark.long  # simulated campaigns are compared above
 @pytest.mark.usefixtures("measured_data")
 def test_a_measured_repeat_is_the_one_of_the_page(tables, tmp_path: Path) -> None:
     found = compare(tables.festo(30, "9", tmp_path), tables.festo(30, "10", tmp_path))

@@ -20,7 +20,7 @@ def rig(tmp_path: Path) -> Path:
     return tmp_path / "rig"
 
 
-@pytest.mark.parametrize("muscle", ["mckibben", "peano"])
+@pytest.mark.parametrize("muscle", ["mckibben", pytest.param("peano", marks=pytest.mark.long)])
 def test_a_spec_for_the_shipped_recordings_checks_and_runs(muscle: str, tmp_path: Path, mapmore, rig: Path) -> None:
     spec = tmp_path / "spec.yaml"
     started = mapmore("init", rig / muscle, "-o", spec)

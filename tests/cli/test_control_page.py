@@ -19,7 +19,7 @@ def control_tables() -> Iterator[ModuleType]:
     sys.path.remove(str(DOCS))
 
 
-@pytest.mark.parametrize("feed", ["mapmore", "nothing"])
+@pytest.mark.parametrize("feed", ["mapmore", pytest.param("nothing", marks=pytest.mark.long)])
 def test_the_page_has_the_errors_of_the_loop(feed: str, control_tables: ModuleType, tmp_path: Path) -> None:
     row = numbers(page_table("tracking", DOCS / "control.md")[feed])
     assert [row["RMSE"], row["largest error"]] == pytest.approx(control_tables.errors(feed, tmp_path), rel=0.01)

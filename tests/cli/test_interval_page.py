@@ -27,7 +27,7 @@ def test_a_simulated_row(interval_tables: ModuleType) -> None:
     assert [row[key] for key in ("inside", "±", "RMSE")] == pytest.approx(values, rel=0.01)
 
 
-@pytest.mark.parametrize("config", ["coiled/coiled_loops", "muscle-like/antagonist-pam"])
+@pytest.mark.parametrize("config", [pytest.param("coiled/coiled_loops", marks=pytest.mark.long), "muscle-like/antagonist-pam"])
 def test_a_measured_row(config: str, interval_tables: ModuleType, tmp_path: Path, measured_data: Path) -> None:
     name, _, *values, _ = interval_tables.measured_row(config, tmp_path)
     row = numbers(page_table("measured", PAGE)[name])

@@ -79,9 +79,11 @@ def pooled(run_dir: Path) -> dict[str, float]:
 
 
 WITH_FIGURES = "dmsp-20-88"
+TWIN = pytest.param("peano", marks=pytest.mark.long)
+"""The other muscle, whose studies are the same."""
 
 
-@pytest.fixture(scope="module", params=sorted(NRMSE))
+@pytest.fixture(scope="module", params=["dmsp-20-88", TWIN])
 def muscle(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory, mapmore: Callable[..., Any]) -> tuple[str, Path]:
     """A muscle and the folder of its runs, made by one command. One study has figures."""
     runs = tmp_path_factory.mktemp(request.param)
@@ -110,7 +112,7 @@ def test_the_page_shows_what_the_runs_say(study: str, muscle: tuple[str, Path]) 
         assert [float(per_cent) for per_cent in told] == pytest.approx([100 * found[model] for model in models], abs=0.051)
 
 
-@pytest.mark.parametrize(("name", "column"), [("dmsp-20-88", "McKibben"), ("peano", "Peano")])
+@pytest.mark.parametrize(("name", "column"), [("dmsp-20-88", "McKibben"), pytest.param("peano", "Peano", marks=pytest.mark.long)])
 def test_the_page_says_what_the_static_study_from_80_kpa_costs(name: str, column: str, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
     study = f"{name}-damping-from-80"
     result = mapmore("validate", without_figures(CONFIGS / f"{study}.yaml", tmp_path), "--runs", tmp_path, "-q")
@@ -123,7 +125,10 @@ def test_the_page_says_what_the_static_study_from_80_kpa_costs(name: str, column
         assert fall.terms == ("strain_rate^2",)
 
 
-@pytest.mark.parametrize(("name", "column"), [("dmsp-20-88", "McKibben: mapmore, none, reynolds, peternel"), ("peano", "Peano")])
+@pytest.mark.parametrize(
+    ("name", "column"),
+    [("dmsp-20-88", "McKibben: mapmore, none, reynolds, peternel"), pytest.param("peano", "Peano", marks=pytest.mark.long)],
+)
 def test_the_page_says_what_a_sensor_in_the_muscle_shows(name: str, column: str, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
     models = ("mapmore", "none", "reynolds", "peternel")
     settings = ["name=in-muscle", "validate.against=[none, reynolds, peternel]", "report.published=null", "data.columns.pressure.column=Pm"]

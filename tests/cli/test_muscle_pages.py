@@ -63,6 +63,7 @@ def test_the_muscle_like_page(name: str, muscle_tables: ModuleType, runs: Path) 
     assert_shown(tables[name](), MUSCLE_LIKE)
 
 
+@pytest.mark.long  # the simulated muscle of the wrist is fitted both ways in its page's test
 def test_the_measured_gel_muscle_fitted_both_ways(muscle_tables: ModuleType, runs: Path, measured_data: Path) -> None:
     assert_shown(muscle_tables.measured_wrist_tables(runs)["both-ways-pgm"](), WRIST)
 

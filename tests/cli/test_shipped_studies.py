@@ -78,6 +78,9 @@ SHORT = {
 }
 """Some of them, one of each split, which are run with one competitor or none."""
 
+LONG_SIMULATED = "dmsp-20-400-waveforms"
+"""Its nine competitors are other models of motion, as those of dmsp-20-400-sections."""
+
 IN_CAMPAIGNS = {
     "coiled_loops": ("coiled", "loops-1-200g"),
     "coiled_steps": ("coiled", "steps-1-200g"),
@@ -122,7 +125,9 @@ def run(mapmore: Callable[..., Any], path: Path, runs: Path, *settings: str, wit
     return {row["model"]: row for row in document["scores"] if (row["split"], row["curve"]) == ("validate", "all")}
 
 
-@pytest.mark.parametrize("path", SIMULATED, ids=names(SIMULATED))
+@pytest.mark.parametrize(
+    "path", [pytest.param(path, marks=pytest.mark.long if path.stem == LONG_SIMULATED else (), id=path.stem) for path in SIMULATED]
+)
 def test_a_simulated_study_gives_its_scores(path: Path, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
     rows = run(mapmore, path, tmp_path, with_report=path.stem in WITH_REPORT)
     for model, nrmse in NRMSE[path.stem].items():
@@ -131,6 +136,12 @@ def test_a_simulated_study_gives_its_scores(path: Path, tmp_path: Path, mapmore:
         scores = json.loads((tmp_path / path.stem / "scores.json").read_text())["scores"]
         found = {(row["model"], row["split"]): f"{100 * row['nrmse']:.2f}" for row in scores if row["curve"] == "all"}
         assert {(model, split): per_cent for model, split, per_cent in shown} == found
+
+
+def test_a_long_simulated_study_runs_alone(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    (path,) = (path for path in SIMULATED if path.stem == LONG_SIMULATED)
+    rows = run(mapmore, path, tmp_path, "--set", "validate.against=[]", with_report=False)
+    assert rows["mapmore"]["nrmse"] == pytest.approx(NRMSE[LONG_SIMULATED]["mapmore"], abs=1e-4, rel=5e-3)
 
 
 @pytest.fixture(scope="module")

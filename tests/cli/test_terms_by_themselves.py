@@ -42,7 +42,7 @@ def test_it_is_the_number_that_tune_names(tmp_path: Path, mapmore: Call) -> None
 
 def test_held_out_forces_have_no_say(tmp_path: Path, mapmore: Call) -> None:
     spec = write_bench(tmp_path)
-    backbone = ("--set", "model.backbone=polynomial_2")
+    backbone = ("--set", "model.backbone=polynomial_2", "--set", "segment.strain.count=1")
     _, before = run_auto(mapmore, spec, *backbone)
     path = tmp_path / "bench_300.csv"
     header, *rows = path.read_text().splitlines()

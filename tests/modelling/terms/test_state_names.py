@@ -86,7 +86,7 @@ STATES = st.recursive(
 )
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=40)
 @given(STATES)
 def test_every_state_survives_as_text_and_is_typeset(found) -> None:
     assert state(found.name) == found
