@@ -52,10 +52,27 @@ def find_held(recordings: Sequence[Recording], names: tuple[str, str]) -> Held |
 
 
 def _one_each(recordings: Sequence[Recording], name: str) -> Array | None:
-    """The medians of the recordings, ascending, where each has a range of its own: one level that drifts, as while a muscle is pulled."""
-    ranges = sorted((*np.quantile(one.columns[name], (0.5, 0.05, 0.95)),) for one in recordings if one.rows_kept)
-    apart = all(high < low for (_, _, high), (_, low, _) in pairwise(ranges))
-    return np.array([middle for middle, _, _ in ranges]) if len(ranges) > 1 and apart else None
+    """The level of each recording, ascending, where each has a range of its own: one level that drifts, as while a muscle is pulled.
+
+    It is the median, unless this is so far off the middle that the samples of a recording come nearer to the level of another: they would
+    be a cycle there.
+    """
+    series = sorted((one.columns[name] for one in recordings if one.rows_kept), key=lambda values: float(np.median(values)))
+    apart = all(np.quantile(lower, 0.95) < np.quantile(upper, 0.05) for lower, upper in pairwise(series))
+    if len(series) < 2 or not apart:
+        return None
+    medians, middles = (np.array([float(middle(values)) for values in series]) for middle in (np.median, _middle))
+    return middles if _strays(series, medians) > _strays(series, middles) else medians
+
+
+def _middle(values: Array) -> float:
+    """Half way between the least and the largest."""
+    return float(values.min() + values.max()) / 2
+
+
+def _strays(series: Sequence[Array], levels: Array) -> int:
+    """How many samples of recordings are nearer to the level of another one, or at none."""
+    return sum(int(np.count_nonzero(match_levels(values, levels, default_within(levels)) != own)) for own, values in enumerate(series))
 
 
 def _travel(recordings: Sequence[Recording], name: str) -> float:

@@ -14,21 +14,32 @@ from mapmore_cli.spec.loader import load
 from mapmore_cli.spec.sections.method import AUTO
 from mapmore_cli.spec.yaml_core import dump
 from mapmore_cli.stages.drafting.draft import Draft
+from mapmore_cli.stages.drafting.trial import Trial, tried
 from mapmore_cli.stages.inspection.lint import inspect
-from mapmore_cli.stages.pipeline.runner import bring_up_to_date
-
-MOST_ROWS = 20_000  # of recordings, up to which the fit is tried as well: longer ones hardly lack samples
 
 
 def proven(draft: Draft, folder: Path) -> Draft:
-    """The draft, or the first of its simpler forms that passes; DataError where none does."""
+    """The draft, or the first of its simpler forms that passes, with what it scored; DataError where none does."""
     faults: list[str] = []
     for candidate in _simpler(draft):
-        fault = _fault(candidate, folder)
-        if fault is None:
-            return candidate.noted(("target",), _why(candidate, faults[0]), False) if faults else candidate
-        faults.append(fault.message)
+        try:
+            trial = _tried(candidate, folder)
+        except MapmoreError as fault:
+            faults.append(fault.message)
+            continue
+        return _told(candidate.noted(("target",), _why(candidate, faults[0]), False) if faults else candidate, trial)
     raise DataError(f"{draft.name}: {faults[0]}", "write the spec by hand")
+
+
+def _told(draft: Draft, trial: Trial | None) -> Draft:
+    """The draft with what its model scored; marked where the mean or a polynomial is better."""
+    if trial is None:
+        return draft
+    chosen = draft.spec.get("model", {}).get("backbone") == AUTO
+    before = draft.notes.get(("target",))
+    told = f"tried{f' with the backbone {FEW}' if chosen else ''}: {trial}"
+    doubtful = trial.bad and not (chosen and trial.own.r2 > 0)  # the choice has the polynomials as well
+    return draft.noted(("target",), told if before is None else f"{before.why}; {told}", not doubtful and (before is None or before.sure))
 
 
 def _why(draft: Draft, fault: str) -> str:
@@ -66,21 +77,16 @@ def _straight(draft: Draft) -> Draft:
     return draft.with_section("dictionary", [{"polynomial": {"of": inputs[:1], "order": 1}}])
 
 
-def _fault(draft: Draft, folder: Path) -> MapmoreError | None:
-    """What `check` or, of short recordings, `run` has against a draft; None for nothing."""
+def _tried(draft: Draft, folder: Path) -> Trial | None:
+    """The scores of a draft; MapmoreError for what `check` or `run` has against it."""
     with TemporaryDirectory() as place:
         path = Path(place) / "draft.yaml"
-        try:
-            path.write_text(dump(_chosen(_absolute(draft.spec, folder))), encoding="utf-8")
-            loaded = load(path)
-            found = inspect(loaded)
-            if found.verdict is not None:
-                return DataError("; ".join(issue.message for issue in found.issues if issue.severity == "error"))
-            if found.dataset is not None and sum(curve.size for curve in found.dataset.curves) <= MOST_ROWS:
-                bring_up_to_date(loaded, Path(place) / "runs", until="fuse")
-        except MapmoreError as fault:
-            return fault
-    return None
+        path.write_text(dump(_chosen(_absolute(draft.spec, folder))), encoding="utf-8")
+        loaded = load(path)
+        found = inspect(loaded)
+        if found.verdict is not None:
+            raise DataError("; ".join(issue.message for issue in found.issues if issue.severity == "error"))
+        return None if found.dataset is None else tried(loaded, found.dataset)
 
 
 def _chosen(spec: dict[str, Any]) -> dict[str, Any]:

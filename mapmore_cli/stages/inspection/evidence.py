@@ -1,4 +1,4 @@
-"""What the samples of a muscle show by themselves: a slack foot, what is settled, how single-valued a curve is, what was set in steps."""
+"""What the samples of a muscle show by themselves: a slack foot, what is settled, what is remembered, set in steps, or alike at levels."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.recording import Curve
+from mapmore_cli.modelling.signals.cycles import bin_means
 from mapmore_cli.modelling.signals.rates import rate
 from mapmore_cli.modelling.terms.operator import filtered_from_rest
 
@@ -212,3 +214,53 @@ def set_in_steps(records: Sequence[Array]) -> float | None:
         return None
     step = float(np.median(steps))
     return step if np.mean(np.abs(steps - step) <= ALIKE * step) >= EVEN else None
+
+
+# Levels that tell of each other ----------------------------------------------------------------------------------------------
+
+PLACES = 100  # along a curve, at which levels are compared
+FEWEST_LEVELS = 4
+TELLS = 0.5  # times the error of the mean of all other levels, that the neighbours leave at most where they tell of a level
+
+
+@dataclass(frozen=True)
+class Neighbourhood:
+    """RMSE at inner levels of what lies between their two `neighbours`, and of the mean of all `others`, by the largest value."""
+
+    neighbours: float
+    others: float
+
+    @property
+    def tells(self) -> bool:
+        """True where a level follows from its neighbours, as models that go from curve to curve have it."""
+        return self.neighbours <= TELLS * self.others
+
+    def __str__(self) -> str:
+        return f"an error of {self.neighbours:.0%} of the largest, and {self.others:.0%} by the mean of all others"
+
+
+def neighbourhood(curves: Sequence[Curve], along: str, target: str) -> Neighbourhood | None:
+    """Leave each inner level out, and see what the curves at the others say of its target over `along`; None with fewer than four levels.
+
+    Each curve is averaged in 100 bins and interpolated between them, and held beyond its ends; there is no model in it.
+    """
+    found = {curve.level: _course(curve.columns[along], curve.columns[target]) for curve in curves if curve.level is not None}
+    levels = sorted(found)
+    largest = max((float(np.abs(y).max()) for _, y in found.values()), default=0.0)
+    if len(levels) < FEWEST_LEVELS or not largest:
+        return None
+    near, far = [], []
+    for i in range(1, len(levels) - 1):
+        x, y = found[levels[i]]
+        said = np.array([np.interp(x, *found[level]) for level in levels])
+        part = (levels[i] - levels[i - 1]) / (levels[i + 1] - levels[i - 1])
+        near.append((1 - part) * said[i - 1] + part * said[i + 1] - y)
+        far.append(np.delete(said, i, axis=0).mean(axis=0) - y)
+    errors = (float(np.sqrt(np.mean(np.concatenate(one) ** 2))) / largest for one in (near, far))
+    return Neighbourhood(*errors)
+
+
+def _course(x: Array, y: Array) -> tuple[Array, Array]:
+    """Places along a curve in ascending order, and the means there."""
+    places, means = bin_means(x, {"y": y}, np.linspace(x.min(), x.max(), PLACES + 1))
+    return places, means["y"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +11,11 @@ import pytest
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.scores import Score
 from mapmore_cli.stages.drafting import start as drafting
 from mapmore_cli.stages.drafting.draft import Draft
 from mapmore_cli.stages.drafting.proof import proven
+from mapmore_cli.stages.drafting.trial import Trial
 from mapmore_cli.stages.inspection.evidence import remembered
 
 K = np.arange(600)
@@ -225,4 +228,59 @@ def test_branches_that_are_one_are_one_study(untried: Any, tmp_path: Path) -> No
 
 def test_a_draft_of_the_hysteresis_runs(untried: Any, tmp_path: Path) -> None:
     _, hysteresis = untried(**cycles(60.0))
-    assert proven(hysteresis, tmp_path) == hysteresis
+    tried = proven(hysteresis, tmp_path)
+    assert tried.spec == hysteresis.spec
+    assert tried.notes["target",].sure
+    assert re.search(r"tried: NRMSE [01]\.\d+ % on held-out data$", tried.notes["target",].why)
+
+
+def test_loops_that_differ_from_level_to_level_are_one_surface(untried: Any) -> None:
+    """Every second loop is four times as wide: no loop lies between its neighbours."""
+    tables = {}
+    for number in range(7):
+        (strain, force), level = (cycles(60.0 * (1 + 3 * (number % 2)))["cycle_100"][name] for name in ("eps", "F_N")), 100 * (number + 1)
+        tables[f"cycle_{level}"] = {"t_s": 0.1 * np.arange(120), "P_kPa": np.full(120, level), "eps": strain, "F_N": force}
+    _, hysteresis = untried(**tables)
+    assert hysteresis.spec["segment"] == {"pressure": "none", "strain": {"method": "even", "count": 4}}
+    assert hysteresis.spec["dictionary"] == [{"polynomial": {"of": ["strain", "pressure"], "order": 2}}]
+    assert "CHECK: a loop hardly follows from those at the next levels (an error of" in hysteresis.text()
+
+
+def test_loops_that_grow_with_the_level_are_an_arch_each(untried: Any) -> None:
+    tables = {}
+    for level in range(100, 800, 100):
+        tables |= {f"cycle_{level}": {**cycles(0.3 * level)["cycle_100"], "P_kPa": np.full(120, level)}}
+    _, hysteresis = untried(**tables)
+    assert "segment" not in hysteresis.spec
+    assert hysteresis.spec["dictionary"] == [{"polynomial": {"of": ["strain"], "order": 2}}]
+
+
+# What a trial tells ------------------------------------------------------------------------------------------------------------------
+
+
+def test_a_model_worse_than_the_mean_is_marked(untried: Any, tmp_path: Path) -> None:
+    """Forces at inner pressures that have nothing to do with those beside them."""
+    levels = {100: 50.0, 200: 400.0, 300: -300.0, 400: 50.0}
+    tables = {f"p_{level}": {"P_kPa": np.full(20, level), "eps": K[:20] / 100, "F_N": f + NOISE[:20]} for level, f in levels.items()}
+    (draft,) = (proven(one, tmp_path) for one in untried(**tables))
+    note = draft.notes["target",]
+    assert not note.sure
+    assert re.search(r"tried: NRMSE \d+ % on held-out data, worse than their mean", note.why)
+
+
+def score(model: str, rmse: float, r2: float = 0.5) -> Score:
+    return Score(model, "force", "validate", "all", 10, rmse, rmse / 100, 100.0, "max|force| over validate", rmse, rmse / 100, r2)
+
+
+@pytest.mark.parametrize(
+    ("trial", "bad", "told"),
+    [
+        (Trial(score("mapmore", 3.0)), False, "NRMSE 3 % on held-out data"),
+        (Trial(score("mapmore", 3.0), score("polynomial_5", 2.99)), False, "NRMSE 3 % on held-out data"),
+        (Trial(score("mapmore", 3.0), score("polynomial_5", 2.5)), True, "NRMSE 3 % on held-out data; polynomial_5 has 2.5 %"),
+        (Trial(score("mapmore", 90.0, -0.1)), True, "NRMSE 90 % on held-out data, worse than their mean"),
+        (Trial(score("mapmore", np.inf, -np.inf)), True, "no finite error on held-out data"),
+    ],
+)
+def test_what_a_trial_tells(trial: Trial, bad: bool, told: str) -> None:
+    assert (trial.bad, str(trial)) == (bad, told)

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mapmore_cli.domain.recording import Recording
+from mapmore_cli.domain.recording import Curve, Recording
 from mapmore_cli.stages.drafting.columns import guess_columns
 from mapmore_cli.stages.drafting.experiment import find_held, goes_in_cycles, inner_levels, staircase
 from mapmore_cli.stages.drafting.groups import number_in, read_names
-from mapmore_cli.stages.inspection.evidence import set_in_steps, slack_foot
+from mapmore_cli.stages.inspection.evidence import neighbourhood, set_in_steps, slack_foot
 from mapmore_cli.stages.inspection.labels import read_label
 
 STRAINS = np.array([0.0, 0.05, 0.1, 0.15])
@@ -92,6 +92,40 @@ def test_a_pressure_that_drifts_within_each_recording_is_one_level_each() -> Non
     assert held is not None
     assert (held.of, len(held.at)) == ("pressure", 3)
     assert np.abs(held.at - [100, 200, 300]).max() < 25
+
+
+def test_a_level_keeps_the_samples_of_its_own_recording() -> None:
+    """A pressure that rests at the end of a stroke, and is far lower on the way back: the median would leave that to the level below."""
+    pressure = np.where(T < 30, 0.0, -0.6)
+    recordings = [recording(time=T, pressure=100 * (level + pressure), strain=0.2 * LOOP) for level in (1, 2, 3)]
+    held = find_held(recordings, ("pressure", "strain"))
+    assert held is not None
+    assert held.at.tolist() == [70, 170, 270]
+
+
+def loops(heights: list[float]) -> list[Curve]:
+    """A loop at each level, so many newtons wide in the middle."""
+    x = np.linspace(0, 1, 200)
+    columns = [{"strain": x, "hysteresis": height * np.sin(np.pi * x)} for height in heights]
+    return [Curve(str(level), float(level), one, np.zeros(200, dtype=bool), ("r",)) for level, one in enumerate(columns)]
+
+
+@given(st.floats(-5, 5), st.floats(0.1, 5), st.integers(4, 9))
+def test_levels_on_a_line_tell_of_each_other(first: float, step: float, count: int) -> None:
+    found = neighbourhood(loops([first + step * level for level in range(count)]), "strain", "hysteresis")
+    assert found is not None
+    assert found.neighbours == pytest.approx(0, abs=1e-9)
+    assert found.tells
+
+
+def test_levels_in_turns_do_not_tell_of_each_other() -> None:
+    found = neighbourhood(loops([1.0, 4.0, 1.0, 4.0, 1.0, 4.0]), "strain", "hysteresis")
+    assert found is not None
+    assert found.neighbours == pytest.approx(3 / 4 / np.sqrt(2), rel=0.02)  # always 3 of 4 off
+    assert found.others == pytest.approx((3 * 3 / 5) / 4 / np.sqrt(2), rel=0.02)
+    assert not found.tells
+    assert neighbourhood(loops([1.0, 4.0, 1.0]), "strain", "hysteresis") is None
+    assert neighbourhood(loops([0.0] * 5), "strain", "hysteresis") is None
 
 
 def test_nothing_was_held_where_both_move_or_only_one_level_was() -> None:

@@ -262,6 +262,22 @@ def test_the_floor_of_a_loop_is_told(tmp_path: Path) -> None:
     assert "not-single-valued" not in found(inspected(tmp_path, looped, data={"cycles": {"over": "strain", "samples": 20}}))
 
 
+def test_loops_that_do_not_follow_from_each_other_are_told(tmp_path: Path) -> None:
+    def spoilt(level: float, columns: Table) -> Table:
+        width = 60.0 if level in (100, 300) else 15.0
+        columns = looped(level, columns)
+        return {**columns, "F": columns["F"] - np.repeat([60.0, -60.0], 30) + np.repeat([-width, width], 30)}
+
+    study = {"data": {"cycles": {"over": "strain", "samples": 20}}, "target": "hysteresis"}
+    issue = only(inspected(tmp_path, spoilt, **study), "loops-apart")
+    assert "a loop hardly follows from those at the next levels (an error of" in issue.message
+    assert "segment: {pressure: none}" in issue.remedy
+    growing = inspected(
+        tmp_path, lambda level, columns: {**looped(level, columns), "F": columns["F"][0] - level * np.repeat([0.1, -0.1], 30)}, **study
+    )
+    assert "loops-apart" not in found(growing)
+
+
 def set_force(level: float, columns: Table) -> Table:
     """The force in steps of 5 N, the strain as it was then."""
     force = 5.0 * np.arange(60, 0, -1)

@@ -33,6 +33,7 @@ OF_CURVES: tuple[Rule, ...] = (
     samples.unsettled,
     samples.slack_foot,
     curves.single_valued,
+    curves.loops_apart,
     memory.even_steps,
 )
 """Rules that need the curves."""

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from mapmore_cli.modelling.scores.repeatability import WORTH, monotone_floor
-from mapmore_cli.stages.inspection.evidence import set_in_steps
+from mapmore_cli.stages.inspection.evidence import neighbourhood, set_in_steps
 from mapmore_cli.stages.inspection.subject import Issue, Subject
 
 POSITIONS = ("strain", "displacement", "length")
@@ -30,6 +30,19 @@ def single_valued(subject: Subject) -> Iterator[Issue]:
         message = f"curves over {swept[0]} are not single-valued: {best}"
         remedy = f"where the muscle was loaded and unloaded, split the branches by `cycles: {{over: {swept[0]}}}`, or accept this floor"
         yield Issue("hint", "not-single-valued", subject.where("target"), message, remedy)
+
+
+def loops_apart(subject: Subject) -> Iterator[Issue]:
+    """Loops that do not follow from those at the next levels, so that no model of the level tells one that was not measured."""
+    data, dataset = subject.spec.data, subject.dataset
+    if subject.spec.target != "hysteresis" or data.cycles is None or dataset is None or dataset.level is None:
+        return
+    found = neighbourhood(dataset.curves, data.cycles.over, dataset.target)
+    if found is not None and not found.tells:
+        message = f"a loop hardly follows from those at the next levels ({found}): expect no more of a level that was not measured"
+        surface = f"`segment: {{{dataset.level}: none}}`, with {dataset.level} in the dictionary"
+        remedy = f"look whether all cycles were driven alike, and as often before; one smooth surface may err less ({surface})"
+        yield Issue("hint", "loops-apart", subject.where("target"), message, remedy)
 
 
 def wrong_way_round(subject: Subject) -> Iterator[Issue]:
