@@ -106,7 +106,8 @@ class Logs(Section):
     `files` are globs that start at the folder of the spec. `header` is the number of header lines (`true` is one), the first with the
     names, after `skip_rows` lines. `delimiter` is a character, `tab` or `whitespace`. `sheet` names the sheet of a workbook;
     with `*` or another glob, every sheet that matches is a recording of its own. `root` is the place in a MAT or HDF5 file from which
-    columns are addressed: with `[*]` at its end every element is a recording of its own. `sample_time` makes the time where no column
+    columns are addressed: with `[*]` at its end every element is a recording of its own, except members that have none of the columns. In a
+    TDMS file it is a group, or `[*]` for all. `sample_time` makes the time where no column
     holds it. `every: N` reads one sample in N.
     """
 

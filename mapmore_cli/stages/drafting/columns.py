@@ -42,13 +42,17 @@ class Guess:
 
 
 def guess_columns(
-    titles: Mapping[str | int, str], raw: Raw, below: Mapping[str | int, str] | None = None, told: Sequence[float] = ()
+    titles: Mapping[str | int, str],
+    raw: Raw,
+    below: Mapping[str | int, str] | None = None,
+    told: Sequence[float] = (),
+    loaded: bool = False,
 ) -> dict[str, Guess]:
     """Guess the columns of the quantities, given the titles of those that have one, and the units `below` them.
 
     Where titles name a quantity twice, the one with a unit in it wins, then the plainer, then the first. Without titles, time is what
     never decreases; strain what stays below 1.5; and of the rest the pressure is what is never negative, or what goes with the pressures in
-    bar that the names of the files have `told`.
+    bar that the names of the files have `told`. What is left is a force, or a position where the muscle is `loaded` by a weight.
     """
     labels = {column: label for column, title in titles.items() if (label := read_label(title)) is not None and column in raw}
     for column, text in (below or {}).items():
@@ -64,7 +68,7 @@ def guess_columns(
             guess = _by_title(quantity, best, labels[best], raw[best])
             if _possible(quantity, raw[best], guess.unit):
                 guesses[quantity] = guess
-    return guesses if titles else _by_values(raw, told)
+    return guesses if titles else _by_values(raw, told, loaded)
 
 
 def _by_title(quantity: str, column: str | int, label: ColumnTitle, values: Sequence[Array]) -> Guess:
@@ -114,7 +118,7 @@ def _unit_by_size(quantity: str, values: Sequence[Array]) -> tuple[str, str, boo
             return ("mm", f"it reaches {largest:.3g}", False) if largest > LARGEST_FRACTION else ("m", f"it reaches {largest:.3g}", False)
 
 
-def _by_values(raw: Raw, told: Sequence[float]) -> dict[str, Guess]:
+def _by_values(raw: Raw, told: Sequence[float], loaded: bool) -> dict[str, Guess]:
     """Quantities of columns whose titles say nothing; none of them is certain."""
     left = {column: values for column, values in raw.items() if not is_state(values)}
     guesses: dict[str, Guess] = {}
@@ -147,7 +151,11 @@ def _by_values(raw: Raw, told: Sequence[float]) -> dict[str, Guess]:
     clean = max(left, key=lambda column: _lowest(left[column]), default=None)
     if clean is not None and len(left) > 1 and _lowest(left[clean]) > -CLEAN_ZERO:
         take("pressure", clean, "it is never negative")
-        take("force", max(left, key=lambda column: float(np.ptp(np.concatenate(left[column])))), "it is what is left")
+        rest = max(left, key=lambda column: float(np.ptp(np.concatenate(left[column]))))
+        if loaded and "strain" not in guesses:
+            take("displacement", rest, "it is what is left, and a position where the names of the files tell a load")
+        else:
+            take("force", rest, "it is what is left: a force, or a position (`displacement`)? Values do not tell")
     return guesses
 
 

@@ -54,8 +54,8 @@ def with_counted_samples(draft: Draft, found: Remembered) -> Draft:
     return draft.with_data("sample_time", 1.0, why, False)
 
 
-def with_memory(draft: Draft, recordings: Sequence[Recording], inputs: Sequence[str], target: str) -> Draft:
-    """The draft with even steps, the second half held out, and terms with memory of the inputs."""
+def with_memory(draft: Draft, recordings: Sequence[Recording], inputs: Sequence[str], target: str, steady: Sequence[str] = ()) -> Draft:
+    """The draft with even steps, the second half held out, and terms with memory of the inputs, beside those that are `steady`."""
     times = [one.columns["time"] for one in recordings if one.rows_kept > 1]
     usual = float(np.median(np.concatenate([np.diff(time) for time in times])))
     total = sum(float(np.ptp(time)) for time in times)
@@ -67,10 +67,11 @@ def with_memory(draft: Draft, recordings: Sequence[Recording], inputs: Sequence[
         draft = draft.with_data("gaps", {"longer_than": two_digits(BREAK * max(step, usual)), "action": "split"}, why)
     draft = _with_split(draft, recordings, [*inputs, target])
     draft = draft.with_section("target", {"column": target}, "it moves all the time: a model with memory, scored in free run")
-    families: list[dict[str, Any]] = [
+    families: list[str | dict[str, Any]] = [
         {"lags": {"of": list(inputs), "steps": list(range(FEW if "time" in draft.data["columns"] else SOME))}},
         {"slow": {"of": list(inputs), "count": 3}},
         {"play": {"of": list(inputs), "count": 3}},
+        *steady,
     ]
     why = "products of the inputs now and just before, followed slowly, and with play: lag, creep and loops"
     draft = draft.with_section("dictionary", [{"products": {"of": families, "order": ORDER_OF_MEMORY}}], why)

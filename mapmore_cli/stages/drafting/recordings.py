@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -152,6 +153,22 @@ def pressures_told(group: Group) -> list[float]:
     numbers = [number_in(part.condition or "") for part in _some(group.names)]
     told = [(value, unit) for value, unit in (number for number in numbers if number is not None) if unit not in (None, "%")]
     return [convert(value, str(unit), "bar") for value, unit in told] if len(told) == len(numbers) else []
+
+
+_LOAD = re.compile(r"(\d+(?:[.,]\d+)?)[\s_-]*(kg|g|grams?|kilograms?)(?![a-z])", re.IGNORECASE)
+GRAVITY = 9.80665  # m/s^2
+
+
+def loads_told(group: Group) -> list[Told] | None:
+    """The dead loads that the names of the files tell, as `Sample 1 Final 200 grams`; None where not all of them do."""
+    found = [_LOAD.search(path.name) for path in group.files]
+    told = []
+    for one in found:
+        if one is None:
+            return None
+        mass = float(one[1].replace(",", ".")) * (1.0 if one[2].casefold().startswith("k") else 1e-3)
+        told.append(Told(float(f"{mass * GRAVITY:.6g}"), f"N: '{one[0]}' taken as the mass of a load that hangs there"))
+    return told
 
 
 def _told(word: str | None, number: tuple[float, str | None] | None, quantity: str, usual: str, model_unit: str) -> Told:

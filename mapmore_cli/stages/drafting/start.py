@@ -23,6 +23,7 @@ from mapmore_cli.stages.drafting.recordings import (
     cleaned,
     constants_of,
     dataset_of,
+    loads_told,
     pressures_told,
     raw_columns,
     started,
@@ -31,6 +32,7 @@ from mapmore_cli.stages.drafting.recordings import (
 )
 from mapmore_cli.stages.drafting.second_logs import second_of, with_column_beside, with_second_log
 from mapmore_cli.stages.inspection.evidence import set_in_steps
+from mapmore_cli.storage.tables.remembered import remembered
 
 POSITIONS = ("strain", "displacement", "length")
 """Quantities that say how far a muscle has contracted, the most telling first."""
@@ -52,7 +54,8 @@ def propose(group: Group, name: str, folder: Path, length: float | None = None, 
     titles = dict(zip(group.layout.columns, group.layout.titles or (), strict=False))
     below = dict(zip(group.layout.columns, group.layout.below, strict=False))
     raw = raw_columns(group, folder)
-    guesses = guess_columns(titles, raw, below, pressures_told(group))
+    loads = loads_told(group)
+    guesses = guess_columns(titles, raw, below, pressures_told(group), loads is not None)
     moving = [one for one in guesses if np.ptp(np.concatenate(raw[guesses[one].column]))]
     target: str | None = next((one for one in ("force", "displacement", "length") if one in moving), None)
     position = next((one for one in POSITIONS if one in guesses), None) if target == "force" else None
@@ -62,6 +65,8 @@ def propose(group: Group, name: str, folder: Path, length: float | None = None, 
     constants = constants_of(group, untold) if untold else None
     if target is None or ("pressure" not in guesses and not (constants and untold == "pressure") and second is None):
         return proven(_of_unknown(group, name, folder, titles, raw, guesses), folder)
+    if target == "displacement" and loads is not None and len(set(loads)) > 1:
+        untold, constants = "load", loads
     position = position or ("strain" if constants is not None and untold == "strain" else None)
     guesses = {one: guesses[one] for one in ("time", "pressure", position, target) if one in guesses}
     draft = with_columns(started(group, name, folder, untold, constants), guesses, list(titles.values()))
@@ -87,7 +92,8 @@ def _modelled(draft: Draft, recordings: Sequence[Recording], folder: Path, targe
     held = find_held(recordings, ("pressure", position)) if position is not None else None
     if held is None and moves(recordings, target):
         inputs = [one for one in ("pressure", position) if one is not None and one != target]
-        return with_memory(draft, recordings, inputs, target)
+        steady = [name for name in ("load",) if name in recordings[0].columns]
+        return with_memory(draft, recordings, inputs, target, steady)
     step = set_in_steps([one.columns["force"] for one in recordings]) if target == "force" and position is not None and held else None
     if step is not None and position is not None and set_in_steps([one.columns[position] for one in recordings]) is None:
         return _turned_round(draft, recordings, folder, position, step)
@@ -143,6 +149,11 @@ def start(path: Path, folder: Path, name: str | None = None, single: bool = Fals
     DataError
         Where nothing usable is found; the message says why of every file.
     """
+    with remembered():
+        return _start(path, folder, name, single, length)
+
+
+def _start(path: Path, folder: Path, name: str | None, single: bool, length: float | None) -> Start:
     groups, remarks = find_groups(path)
     names = _unique([_name(group.label) for group in groups], [_name(group.files[0].parent.name) for group in groups])
     seconds = {group.files: second_of(group, groups) for group in groups}

@@ -17,6 +17,7 @@ from mapmore_cli.spec.units import convert
 from mapmore_cli.stages.ingestion.files import Log, Meter
 from mapmore_cli.storage.readers import READERS, RawTable, TableRequest
 from mapmore_cli.storage.spool import by_blocks, chosen, counted, joined
+from mapmore_cli.storage.tables.remembered import read_with
 
 
 @dataclass(frozen=True)
@@ -128,7 +129,7 @@ def read_tables(log: Log, table: Logs, missing: MissingRule, units: Mapping[str,
         incomplete=missing.action == "drop",
         progress=meter.within(log),
     )
-    tables = READERS[table.reader].read(log.path, request)
+    tables = read_with(READERS[table.reader], log.path, request)
     return [_in_model_units(raw, table, missing.numbers, units) for raw in tables]
 
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from mapmore_cli.storage.readers.mat import matlab_file
-from mapmore_cli.storage.tables.members import Member, Selection, check_fit, own_values, refuse_other_files, tables
+from mapmore_cli.storage.tables.members import Member, Selection, check_fit, natural, own_values, refuse_other_files, tables
 from mapmore_cli.storage.tables.reader import Reader, Top, reading
 from mapmore_cli.storage.tables.table import RawTable, TableRequest
 from mapmore_cli.storage.tables.trees import top_of
@@ -50,7 +49,7 @@ def _opened(path: Path, label: str) -> Iterator[Member]:
 def _member(found: Any) -> Member:
     if hasattr(found, "keys"):
         names = list(found)
-        in_order = sorted(names, key=_natural)
+        in_order = sorted(names, key=natural)
         return Member(
             f"a group of {len(names)}",
             names,
@@ -73,11 +72,6 @@ def _reader(dataset: Any, field: str | None) -> Callable[[Selection], Any]:
         return values[selection] if field is None else values.fields(field)[selection]
 
     return read
-
-
-def _natural(name: str) -> list[tuple[bool, int | str]]:
-    """Sort key that puts run_2 before run_10."""
-    return [(not part.isdigit(), int(part) if part.isdigit() else part) for part in re.split(r"(\d+)", name) if part]
 
 
 READER = Reader("hdf5", read_hdf5, suffixes=(".h5", ".hdf5"), keys=("root",), column="group/dataset", peek=peek_hdf5)

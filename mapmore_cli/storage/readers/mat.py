@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.tables.members import EVERY, Member, Selection, check_fit, own_values, parse_address, refuse_other_files, tables
+from mapmore_cli.storage.tables.members import (
+    EVERY,
+    Member,
+    Selection,
+    check_fit,
+    natural,
+    own_values,
+    parse_address,
+    refuse_other_files,
+    tables,
+)
 from mapmore_cli.storage.tables.reader import Reader, Top, reading
 from mapmore_cli.storage.tables.table import RawTable, TableRequest
 from mapmore_cli.storage.tables.trees import top_of
@@ -54,7 +64,7 @@ def _variables(stream: Any, request: TableRequest | None) -> Member:
 
     if request is None:
         loaded = {name: value for name, value in loadmat(stream).items() if not name.startswith("__")}
-        return Member("the file", list(loaded), member=lambda name: _member(loaded[name], name))
+        return _file(list(loaded), lambda name: _member(loaded[name], name))
     addresses = [request.root] if request.root else [column for column in request.columns if isinstance(column, str)]
     firsts = [step for address in addresses for step in parse_address(address.removesuffix(EVERY)).steps[:1]]
     wanted = {step for step in firsts if isinstance(step, str)}
@@ -62,11 +72,18 @@ def _variables(stream: Any, request: TableRequest | None) -> Member:
         known = {name for name, _, _ in whosmat(stream)}
     except TypeError:  # SciPy cannot list what holds objects of MATLAB, whose names are hidden in them
         known = wanted
+    wanted = known if request.root == EVERY else wanted
     stream.seek(0)
     loaded = loadmat(stream, variable_names=sorted(wanted & known))
     for name in sorted(wanted & known - {*loaded}):
         raise _is_object(name, "")
-    return Member("the file", sorted(known), member=lambda name: _member(loaded[name], name))
+    return _file(sorted(known), lambda name: _member(loaded[name], name))
+
+
+def _file(names: Sequence[str], member: Callable[[str], Member]) -> Member:
+    """The variables of a file, each of which may be a recording."""
+    in_order = sorted(names, key=natural)
+    return Member("the file", names, member=member, count=len(names), element=lambda number: member(in_order[number]))
 
 
 def _is_object(name: str, of_class: str) -> DataError:
@@ -103,7 +120,8 @@ def _member(value: Any, name: str) -> Member:
 
 def matlab_file(file: Any) -> Member:
     """Return the variables of an open h5py file that MATLAB wrote: the axes lie in the opposite order, and cells are references."""
-    return _struct(file, "the file")
+    top = _struct(file, "the file")
+    return _file(top.names, top.member)
 
 
 def _hdf5_member(found: Any) -> Member:

@@ -1,4 +1,4 @@
-"""LabVIEW measurements (.tdms), read with npTDMS; a column is `Group/Channel`."""
+"""LabVIEW measurements (.tdms), read with npTDMS; a column is `Group/Channel`, or `Channel` where every group is a recording."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, BinaryIO, Literal
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.tables.members import Member, as_numbers, table_of
+from mapmore_cli.storage.tables.members import Member, as_numbers, table_of, tables
 from mapmore_cli.storage.tables.reader import Reader, Top, optional_library, reading
 from mapmore_cli.storage.tables.table import RawTable, SourceColumn, TableRequest, known_names
 from mapmore_cli.storage.tables.trees import top_of
@@ -22,6 +22,8 @@ BIG_ENDIAN = 1 << 6
 
 def read_tdms(path: Path, request: TableRequest) -> list[RawTable]:
     """Read the wanted channels, scaled as LabVIEW shows them; time stamps count as seconds since 1970.
+
+    With `root: "[*]"` every group is a recording, and columns are channels; with `root: Group` it is that one.
 
     Raises
     ------
@@ -38,6 +40,8 @@ def read_tdms(path: Path, request: TableRequest) -> list[RawTable]:
             )
         stream.seek(0)
         with nptdms.TdmsFile.open(stream) as file:
+            if request.root is not None:
+                return tables(_groups(file), request)
             channels = {f"{group.name}/{channel.name}": channel for group in file.groups() for channel in group.channels()}
             columns = {column: _channel(column, channels, request.label) for column in request.columns}
     return [table_of(columns, request, request.label)]
@@ -48,10 +52,27 @@ def peek_tdms(path: Path, most: int) -> Iterable[Top]:
     nptdms = optional_library("nptdms", "npTDMS", path.name)
     nptdms.log.log_manager.set_level("CRITICAL")
     with reading(path.name, "TDMS file"), path.open("rb") as stream, nptdms.TdmsFile.open(stream) as file:
-        groups = {group.name: {channel.name: channel for channel in group.channels()} for group in file.groups()}
-        found = top_of(Member("the file", list(groups), member=lambda name: _group(groups[name])), most)
-        steps = [file[group][channel].properties.get("wf_increment") for group, channel in (a.split("/") for a in found.addresses)]
+        found = top_of(_groups(file), most)
+        if "root" in found.settings:
+            first = next(group for group in file.groups() if {*found.addresses} <= {channel.name for channel in group.channels()})
+            channels = [first[name] for name in found.addresses]
+        else:
+            channels = [file[group][channel] for group, channel in (address.split("/") for address in found.addresses)]
+        steps = [channel.properties.get("wf_increment") for channel in channels]
     return [replace(found, settings={**found.settings, "sample_time": steps[0]}) if steps and steps[0] else found]
+
+
+def _groups(file: Any) -> Member:
+    """The groups of a file, in the order in which they were written."""
+    groups = {group.name: {channel.name: channel for channel in group.channels()} for group in file.groups()}
+    every = list(groups.values())
+    return Member(
+        f"a file of {len(groups)} groups",
+        list(groups),
+        member=lambda name: _group(groups[name]),
+        count=len(groups),
+        element=lambda number: _group(every[number]),
+    )
 
 
 def _group(channels: Mapping[str, Any]) -> Member:
@@ -82,4 +103,4 @@ def _channel(column: SourceColumn, channels: Mapping[str, Any], label: str) -> A
     return as_numbers(channels[str(column)][:], f"{label}: channel '{column}'")
 
 
-READER = Reader("tdms", read_tdms, suffixes=(".tdms",), column="Group/Channel", by_index=False, peek=peek_tdms)
+READER = Reader("tdms", read_tdms, suffixes=(".tdms",), keys=("root",), column="Group/Channel", by_index=False, peek=peek_tdms)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -92,6 +92,8 @@ class Member:
 def tables(top: Member, request: TableRequest) -> list[RawTable]:
     """Return the recordings below `request.root`: one, or one for every element where it ends in `[*]`.
 
+    Members of a group that have none of the columns are left out, and told.
+
     Raises DataError for an address that leads nowhere, arrays that are not columns of numbers, and columns of different length.
     """
     root = request.root or ""
@@ -106,7 +108,18 @@ def tables(top: Member, request: TableRequest) -> list[RawTable]:
             f"Only cell arrays, struct arrays and groups have elements; say `root: {root.removesuffix(EVERY)}`.",
         )
     label = f"{request.label}:{root.removesuffix(EVERY)}"
-    return [_table(element, request, f"{label}[{i}]", i) for i, element in enumerate(elements)]
+    kept = [(i, element) for i, element in enumerate(elements) if not base.names or _has_some(element, request)]
+    found = [_table(element, request, f"{label}[{i}]", i) for i, element in (kept or enumerate(elements))]
+    if 0 < len(kept) < len(elements):
+        told = f"{label}: {len(elements) - len(kept)} of {len(elements)} members have none of the columns, and are left out"
+        found[0] = replace(found[0], doubts=(*found[0].doubts, told))
+    return found
+
+
+def _has_some(element: Member, request: TableRequest) -> bool:
+    """True for an element in which a wanted column may be."""
+    firsts = [parse_address(column).steps[:1] if isinstance(column, str) else () for column in request.columns]
+    return any(not first or first[0] in element.names for first in firsts)
 
 
 def _table(base: Member, request: TableRequest, label: str, element: int | None = None) -> RawTable:
@@ -212,3 +225,8 @@ def check_fit(selection: Selection, shape: Sequence[int]) -> None:
     """Raise IndexError, as NumPy does and h5py does not, for a selection beyond an array of a shape."""
     if len(selection) > len(shape) or any(isinstance(i, int) and i >= n for i, n in zip(selection, shape, strict=False)):
         raise IndexError(selection)
+
+
+def natural(name: str) -> list[tuple[bool, int | str]]:
+    """Sort key that puts run_2 before run_10."""
+    return [(not part.isdigit(), int(part) if part.isdigit() else part) for part in re.split(r"(\d+)", name) if part]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -37,8 +37,8 @@ class Found:
 def top_of(top: Member, most: int, separator: str = "/") -> Top:
     """The first rows of the log in a tree of arrays: of the group with the longest columns, of at least two.
 
-    Groups of the same members, and elements of an array, are recordings (`root` ends in `[*]`) of which the first one is shown. A
-    number named `fs` or `dt` is the log's `sample_time`.
+    Groups of the same members, and elements of an array, are recordings (`root` ends in `[*]`) of which the first one is shown; members
+    with other names may lie beside them. A number named `fs` or `dt` is the log's `sample_time`.
     """
     shown = ((root, list(_columns(base, separator, most))) for root, base in (*_roots(top, separator), (None, top)))
     root, columns = next((one for one in shown if len(_log(one[1])) > 1), (None, []))
@@ -70,18 +70,26 @@ def _is_number(cell: Any) -> bool:
 def _roots(top: Member, separator: str) -> Iterator[tuple[str, Member]]:
     """The places whose elements may be recordings, with the first one of each."""
     for address, here in (("", top), *((one.address, one.member) for one in _walk(top, separator))):
-        if here.count and (not here.names or _alike(here)):
+        if here.count:
             with suppress(DataError):
-                yield f"{address}{EVERY}", here.element(0)
+                first = here.element(0) if not here.names else _first_alike(here)
+                if first is not None:
+                    yield f"{address}{EVERY}", first
 
 
-def _alike(here: Member) -> bool:
-    """True for two members or more that are groups of the same names."""
-    first = _member(here, here.names[0])
-    if first is None or not first.names or len(here.names) < 2:
-        return False
-    others = (_member(here, name) for name in here.names[1:MOST_MEMBERS])
-    return all(one is not None and sorted(one.names) == sorted(first.names) for one in others)
+def _first_alike(here: Member) -> Member | None:
+    """The first of two members or more that are groups of the same names; None without any.
+
+    Beside them may be single values, and groups that have none of these names.
+    """
+    elements = [here.element(number) for number in range(min(here.count or 0, MOST_MEMBERS))]
+    if any(max(element.shape, default=1) > 1 for element in elements):
+        return None
+    names = [frozenset(element.names) for element in elements]
+    ((shared, count),) = Counter(own for own in names if own).most_common(1) or [(frozenset(), 0)]
+    if count < 2 or any(shared & own for own in names if own != shared):
+        return None
+    return elements[names.index(shared)]
 
 
 @dataclass(frozen=True)

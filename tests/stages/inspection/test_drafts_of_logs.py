@@ -198,6 +198,35 @@ def test_a_known_length_makes_a_strain(untried: Any, tmp_path: Path, title: str,
     assert draft.spec["muscle"]["length"] == 0.088
 
 
+# A weight that hangs there -----------------------------------------------------------------------------------------------------------
+
+
+def hanging(place: Path, word: str) -> None:
+    """Strokes under a dead load, without titles: time, pressure, and a position."""
+    time = 0.01 * np.arange(400)
+    pressure = 200 * np.sin(3 * time) ** 2
+    for mass in (100, 200):
+        rows = np.column_stack([time, pressure, -5 * followed(pressure) / mass])
+        np.savetxt(place / f"Sample 1 {mass} {word}.csv", rows, "%.6g", ",")
+
+
+def test_a_mass_in_the_names_tells_a_position_from_a_force(untried: Any, tmp_path: Path) -> None:
+    hanging(tmp_path, "grams")
+    (draft,) = untried()
+    assert draft.spec["target"] == {"column": "displacement"}
+    assert [entry["set"]["load"] for entry in draft.data["files"]] == [0.980665, 1.96133]
+    assert "load" in draft.spec["dictionary"][0]["products"]["of"]
+    assert "CHECK: it is what is left, and a position where the names of the files tell a load; mm" in draft.text()
+    assert "CHECK: N: '100 grams' taken as the mass of a load that hangs there" in draft.text()
+
+
+def test_what_values_do_not_tell_is_said(untried: Any, tmp_path: Path) -> None:
+    hanging(tmp_path, "turns")
+    (draft,) = untried()
+    assert "force" in draft.data["columns"]
+    assert re.search(r"CHECK: it is what is left: a force, or a position\s+(# )?\(`displacement`\)\?", draft.text())
+
+
 # Both components ---------------------------------------------------------------------------------------------------------------------
 
 

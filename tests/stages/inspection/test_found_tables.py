@@ -168,7 +168,8 @@ RECORDED = np.array(list(zip(T, SWING, strict=True)), dtype=[("t", "f8"), ("P", 
         ({"data": np.column_stack([T, SWING])}, ("data[:,0]", "data[:,1]"), {}),
         ({"data": np.stack([T, SWING])}, ("data[0,:]", "data[1,:]"), {}),
         ({f"r_{k}/{name}": SWING for k in (1, 2, 10) for name in "FP"}, ("F", "P"), {"root": "[*]"}),
-        ({"short/P": SWING[:9], "short/F": T[:9], "long/P": SWING, "long/F": T, "who": "me"}, ("long/F", "long/P"), {}),
+        ({"short/P": SWING[:9], "short/F": T[:9], "long/P": SWING, "long/F": T, "who": "me"}, ("F", "P"), {"root": "[*]"}),
+        ({"short/P": SWING[:9], "short/x": T[:9], "long/P": SWING, "long/F": T, "who": "me"}, ("long/F", "long/P"), {}),
     ],
 )
 def test_columns_of_an_hdf5_file(tmp_path: Path, arrays: Any, columns: tuple[str, ...], settings: dict[str, Any]) -> None:
@@ -209,6 +210,56 @@ def test_columns_of_a_tdms_file(tmp_path: Path) -> None:
         file.write_segment([*waves, nptdms.ChannelObject("Notes", "who", ["me", "you"])])
     found = preview(tmp_path / "a.tdms")
     assert (found.columns, found.titles, found.settings) == (("Rig/P", "Rig/F"), ("P", "F"), {"sample_time": 0.05})
+
+
+def test_groups_of_a_tdms_file_are_recordings(tmp_path: Path, drafted: Any) -> None:
+    """Also where a group of another kind lies beside them; the first of all is shown."""
+    nptdms = pytest.importorskip("nptdms")
+    _, *rows = RUN
+    columns = dict(zip(("P_kPa", "eps", "F_N"), np.array(rows).T[1:], strict=True))
+    with nptdms.TdmsWriter(tmp_path / "a.tdms") as file:
+        for name, level in (("Run.1", 100.0), ("Run.2", 200.0), ("Run.3", 300.0)):
+            held = {**columns, "P_kPa": np.full(N, level)}
+            file.write_segment([nptdms.ChannelObject(name, title, values, {"wf_increment": 0.05}) for title, values in held.items()])
+        file.write_segment([nptdms.ChannelObject("Notes", "who", ["me", "you"])])
+    data = drafted().data
+    assert (data["root"], data["sample_time"]) == ("[*]", 0.05)
+    assert data["columns"]["force"] == {"column": "F_N", "unit": "N"}
+    assert data["levels"] == {"of": "pressure", "at": [100, 200, 300]}
+    recordings = dataset_of(data, tmp_path, "force").recordings
+    assert [(one.id, one.rows_kept) for one in recordings] == [(f"a[{number}]", N) for number in range(3)]
+
+
+def test_runs_of_an_hdf5_file_beside_something_else(tmp_path: Path, drafted: Any) -> None:
+    columns = dict(zip(RUN[0], np.array(RUN[1:]).T, strict=True))
+    runs = {
+        f"run_{level}/{title}": values for level in (100, 200, 300) for title, values in {**columns, "P_kPa": np.full(N, level)}.items()
+    }
+    hdf5(tmp_path / "a.h5", **runs, **{"about/rig": 4.0, "fs": 20.0})
+    data = drafted().data
+    assert data["root"] == "[*]"
+    assert data["levels"] == {"of": "pressure", "at": [100, 200, 300]}
+    assert len(dataset_of(data, tmp_path, "force").recordings) == 3
+
+
+def test_structs_of_a_mat_file_are_recordings(tmp_path: Path, drafted: Any) -> None:
+    from scipy.io import savemat
+
+    columns = dict(zip(RUN[0], np.array(RUN[1:]).T, strict=True))
+    runs = {f"run_{k}": {**columns, "P_kPa": np.full(N, 100.0 * k)} for k in (1, 2, 10)}
+    savemat(tmp_path / "a.mat", {**runs, "rig": "four", "about": {"who": "me"}})
+    data = drafted().data
+    assert data["root"] == "[*]"
+    recordings = dataset_of(data, tmp_path, "force").recordings
+    assert [float(one.columns["pressure"][0]) for one in recordings] == [100, 200, 1000]
+
+
+@pytest.mark.parametrize("other", ["P_kPa", "F_N"])
+def test_a_run_that_lacks_columns_is_no_recording_among_others(tmp_path: Path, other: str) -> None:
+    """Half a run must not be passed over in silence: it is not drafted as one of them."""
+    columns = dict(zip(RUN[0], np.array(RUN[1:]).T, strict=True))
+    hdf5(tmp_path / "a.h5", **{f"run_{k}/{title}": values for k in range(2) for title, values in columns.items()}, **{f"run_9/{other}": T})
+    assert "root" not in preview(tmp_path / "a.h5").settings
 
 
 def test_a_tree_is_drafted_by_the_titles_of_its_arrays(tmp_path: Path, drafted: Any) -> None:
