@@ -74,7 +74,7 @@ def explore(
     """Try `count` inputs, or fewer where Ctrl-C ends it; `traced` as the target says, if not otherwise; `tell` how far it is."""
     found, start, traced = Findings(), 0, target.traced if traced is None else traced
     lines: set[tuple[str, int]] = set()
-    told = _now_and_then(lambda: tell(f"{target.name}: {found.outcomes.total()} of {count} tried, {len(found.faults)} faults"))
+    told = _now_and_then(lambda: tell(f"{target.name}: {found.outcomes.total()} of {count} tried, {'; '.join(found.faults) or 'no fault'}"))
     try:
         target.warm(folder)
         while start < count:

@@ -40,6 +40,10 @@ def changed(old: str, new: str) -> str:
         (changed("load_cycle_*.csv", "e" * 300), ["no path is as long"]),
         (changed("load_cycle_*.csv", "e/" * 3000), ["no path is as long"]),
         (changed("load_cycle_*.csv", r"\0.csv"), ["zero byte"]),
+        (changed("of: [strain], order: 4", "of: [str\u0430in], order: 4"), ["not the name of a quantity"]),  # a Cyrillic letter
+        (changed("  - polynomial", "  - terms: [exp(-str\u0430in)]\n  - polynomial"), ["unexpected character '\u0430'"]),
+        (changed("    strain:   {", "    str\u0430in: {"), ["cannot be the name of a quantity"]),
+        (changed("name: dmsp", "name: dm\u0455p"), ["`name` cannot be the text"]),
         (f"extends: {'x' * 300}.yaml\n", ["no path is as long"]),
     ],
 )  # fmt: skip

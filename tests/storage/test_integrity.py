@@ -103,6 +103,7 @@ def parts_that_do_not_fit() -> Iterator[tuple[str, Any, str]]:
     model, (curve,) = examples()["model"], examples()["segmentation"]
     one_side = replace(model.body.fusion, extrapolation={"strain": ("continue", 0.0)})
     yield "model", replace(model, body=replace(model.body, fusion=one_side)), "fusion/extrapolation, says nothing of 'pressure'"
+    yield "model", replace(model, body=replace(model.body, level="")), "body/level, has '', which is none of the inputs"
     yield "model", replace(model, body=Sum(())), "body/parts, holds no model"
     renamed = replace(model, inputs=model.inputs[:1], body=Sum((Part(model, 1.0, {}),)))
     yield "model", renamed, "parts/000/inputs, does not say what 'strain' is, which is none of the inputs of the sum"

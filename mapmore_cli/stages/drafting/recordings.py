@@ -235,7 +235,10 @@ def with_columns(draft: Draft, guesses: Mapping[str, Guess], titles: Sequence[st
 
 
 def cleaned(draft: Draft, folder: Path, target: str) -> tuple[Draft, Dataset]:
-    """The draft with what its recordings need to be read, and these; a clock that runs backwards is left out."""
+    """The draft with what its recordings need to be read, and these; a clock that runs backwards is left out.
+
+    Raises DataError where they cannot be read, or where another log is joined by such a clock.
+    """
     draft = draft.with_data("missing", "drop").with_data("repeated_time", "average")
     try:
         dataset, words = tolerant(lambda words: dataset_of({**draft.data, "missing": missing(words)}, folder, target))
@@ -245,6 +248,8 @@ def cleaned(draft: Draft, folder: Path, target: str) -> tuple[Draft, Dataset]:
         found = _split_at_resets(draft, folder, target)
         if found is not None:
             draft = draft.with_data("gaps", GAPS, f"s: the clock is set back, and splits the recording: {fault.message}", False)
+        elif any(log.get("on") != "row" for log in draft.data.get("join", ())):
+            raise
         else:
             columns = {name: column for name, column in draft.data["columns"].items() if name != "time"}
             draft = draft.with_data("columns", columns, f"time is left out: {fault.message}", False)

@@ -60,6 +60,9 @@ def with_second_log(draft: Draft, second: Group, folder: Path, clock: Guess, sta
     one_clock = common > OVERLAP * min(high - low, float(np.ptp(time)))
     shift = 0.0 if one_clock else float(f"{low - time[0]:.6g}")
     steps = np.diff(time)
+    forward = steps[steps > 0]
+    if not forward.size:
+        raise DataError(f"{second.files[0].name}: its time never goes on", "write `join` by hand")
     entry: dict[str, Any] = {
         "files": patterns(second.files, folder),
         "reader": second.layout.reader,
@@ -67,8 +70,9 @@ def with_second_log(draft: Draft, second: Group, folder: Path, clock: Guess, sta
         "columns": {name: guesses[name].as_spec() for name in ("time", "pressure")},
         "shift": shift,
     }
-    if (steps > REST * np.median(steps)).any():
-        entry["max_gap"] = two_digits(REST * float(np.median(steps)))
+    usual = float(np.median(forward))  # of stamps in whole seconds, many are alike
+    if (steps > REST * usual).any():
+        entry["max_gap"] = two_digits(REST * usual)
     clocks = "both clocks seem to be one" if one_clock else "both logs are taken to begin together"
     why = f"the pressure is in a log of its own; {clocks}: look at `shift`; {guesses['pressure'].why}"
     return draft.with_data("join", [entry], why, False)

@@ -134,6 +134,28 @@ def test_the_pressure_of_a_second_log_is_joined(untried: Any, tmp_path: Path, la
     assert draft.data["levels"]["of"] == "strain"
 
 
+def test_a_second_log_with_many_rows_of_one_stamp_has_no_gaps(untried: Any) -> None:
+    logs = two_logs(0.0)
+    draft, *_ = untried(**logs | {"gauge": logs["gauge"] | {"Time_s": np.floor(logs["gauge"]["Time_s"])}})
+    assert draft.data["join"][0]["files"] == ["gauge.csv"]
+    assert "max_gap" not in draft.data["join"][0]
+
+
+def test_a_second_log_whose_time_runs_backwards_is_refused(untried: Any) -> None:
+    logs = two_logs(0.0)
+    with pytest.raises(DataError) as caught:
+        untried(**logs | {"gauge": logs["gauge"] | {"Time_s": -logs["gauge"]["Time_s"]}})
+    assert "gauge.csv: its time never goes on" in (caught.value.remedy or "")
+
+
+def test_a_log_whose_clock_is_none_cannot_be_joined_by_it(untried: Any) -> None:
+    logs = two_logs(0.0)
+    clock = -logs["tester"]["Time_ms"]
+    with pytest.raises(DataError) as caught:
+        untried(**logs | {"tester": logs["tester"] | {"Time_ms": clock}})
+    assert "time runs backwards" in (caught.value.remedy or "")
+
+
 def test_two_logs_of_pressure_are_no_pair(untried: Any) -> None:
     logs = two_logs(0.0)
     names = {draft.name for draft in untried(**logs, second=logs["gauge"] | {"extra_C": 20 + 0 * logs["gauge"]["Time_s"]})}

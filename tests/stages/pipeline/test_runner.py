@@ -209,6 +209,18 @@ def test_a_source_written_after_the_clock_was_set_back_is_another(folder: Path) 
     assert run(study(folder)).reasons == {}  # results that are newer than it, made with a later clock, included
 
 
+@pytest.mark.parametrize("when", ["start of ingest", "half of ingest.h5"])
+def test_a_source_that_changes_while_it_is_read_is_read_again(when: str, folder: Path) -> None:
+    def rewritten(step: str) -> None:
+        if step == when:
+            (folder / "data" / "a.csv").write_text("e,F\n0,1\n1,2\n")
+
+    run(study(folder), fake_stages(hook=rewritten))
+    assert run(study(folder)).reasons["ingest"] == "source changed: data/a.csv"
+    assert "1,2" in (folder / "runs" / "demo" / "ingest.h5").read_text()
+    assert run(study(folder)).reasons == {}
+
+
 def test_the_same_content_with_another_time_is_the_same(folder: Path) -> None:
     run_dir = run(study(folder)).run_dir
     for shift in (-AN_HOUR, IN_TEN_YEARS):

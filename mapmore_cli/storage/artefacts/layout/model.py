@@ -345,9 +345,9 @@ def _formula_faults(fit: FormulaFit, known: Sequence[str]) -> Iterator[Fault]:
 def _input_faults(pieces: Pieces, known: Sequence[str]) -> Iterator[Fault]:
     """Names in the pieces that are none of the model's inputs, and inputs of which the pieces do not say enough."""
     used = {
-        "body/level": [pieces.level] if pieces.level else [],
+        "body/level": [pieces.level] if pieces.level is not None else [],
         "body/variables": pieces.variables,
-        "body/fusion/aligned": [pieces.fusion.aligned] if pieces.fusion.aligned else [],
+        "body/fusion/aligned": [pieces.fusion.aligned] if pieces.fusion.aligned is not None else [],
         "body/curves": [name for segment in pieces.segments for name in segment.scaling.variables],
     }
     for field, names in used.items():
