@@ -63,6 +63,11 @@ class Findings:
     lines: int = 0
     interrupted: bool = False
 
+    @property
+    def told(self) -> str:
+        """How many faults there are, and which one came last."""
+        return f"{len(self.faults)} faults, the last one {self.faults[-1]}" if self.faults else "no fault"
+
 
 class Fault(Exception):
     """What the program may not do: raised by a target where no exception shows it."""
@@ -74,7 +79,7 @@ def explore(
     """Try `count` inputs, or fewer where Ctrl-C ends it; `traced` as the target says, if not otherwise; `tell` how far it is."""
     found, start, traced = Findings(), 0, target.traced if traced is None else traced
     lines: set[tuple[str, int]] = set()
-    told = _now_and_then(lambda: tell(f"{target.name}: {found.outcomes.total()} of {count} tried, {'; '.join(found.faults) or 'no fault'}"))
+    told = _now_and_then(lambda: tell(f"{target.name}: {found.outcomes.total()} of {count} tried, {found.told}"))
     try:
         target.warm(folder)
         while start < count:

@@ -8,6 +8,7 @@ import signal
 from pathlib import Path
 
 import documents
+import drafts
 import driver
 import expressions
 import pytest
@@ -22,7 +23,9 @@ pytestmark = pytest.mark.filterwarnings("ignore")
 
 
 @pytest.mark.parametrize(
-    ("target", "count"), [(expressions.TARGET, 400), (specs.TARGET, 25), (readers.TARGET, 60)], ids=lambda x: getattr(x, "name", x)
+    ("target", "count"),
+    [(expressions.TARGET, 400), (specs.TARGET, 25), (readers.TARGET, 60), (drafts.TARGET, 6)],
+    ids=lambda x: getattr(x, "name", x),
 )
 def test_what_strangers_may_write_is_read_or_refused(target: Target, count: int, tmp_path: Path) -> None:
     found = explore(target, count, 16, tmp_path, traced=0)
