@@ -8,9 +8,7 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.domain.results import Forecast
-from mapmore_cli.modelling.inverse import turned
 from mapmore_cli.modelling.kinds import one_step_ahead, predict, runs_over_time, simulate
-from mapmore_cli.modelling.memory import AtSample
 
 
 def forecast(model: Model, curve: Curve, target: str | None = None) -> Forecast:
@@ -19,9 +17,13 @@ def forecast(model: Model, curve: Curve, target: str | None = None) -> Forecast:
     Where the `target` is not what the model predicts but one of its inputs, the model is inverted for it (`inverse.turned`).
     """
     if target is not None and target != model.output.name:
+        from mapmore_cli.modelling.inverse import turned
+
         return Forecast.of(turned(model, curve.columns, target).values)
     if not runs_over_time(model):
         return Forecast.of(predict(model, curve.columns))
+    from mapmore_cli.modelling.memory import AtSample
+
     values, one_step, ready = np.empty(curve.size), np.empty(curve.size), np.empty(curve.size, dtype=np.bool_)
     for log, rows in enumerate(curve.logs):
         columns = {name: column[rows] for name, column in curve.columns.items()}

@@ -1,29 +1,24 @@
 """What every kind of model can do: the one place that tells kinds apart.
 
-A kind is a folder of `modelling/` with a module `model` that holds its verbs. Whoever adds one adds it to `KINDS`.
+A kind is a folder of `modelling/` with a module `model` that holds its verbs. Whoever adds one adds it to `KINDS`, and to
+`assignments.model` how it is written down. It is imported when a model of it is there: a table needs nothing of motion.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.models import Body, Equation, Formula, Memory, Model, Pieces, StateSpace, Sum
 from mapmore_cli.domain.results import Run
-from mapmore_cli.modelling.assignments import model as written
-from mapmore_cli.modelling.assignments.slopes import with_slopes
-from mapmore_cli.modelling.assignments.statements import Assignments
-from mapmore_cli.modelling.assignments.values import results_of
-from mapmore_cli.modelling.assignments.writing import Writer
-from mapmore_cli.modelling.literature import model as formula
-from mapmore_cli.modelling.memory import model as memory
-from mapmore_cli.modelling.motion import model as motion
-from mapmore_cli.modelling.pieces import model as pieces
-from mapmore_cli.modelling.sums import model as sums
-from mapmore_cli.modelling.terms import Expression
+
+if TYPE_CHECKING:
+    from mapmore_cli.modelling.assignments.statements import Assignments
 
 MODEL_UNITS: Mapping[str, float] = {}
 """Quantities in the units of the model."""
@@ -41,8 +36,6 @@ class Kind:
         True where an input lies beyond the training range, (n,).
     equations
         The model as equations in physical units, given how many of the model's units one unit of a quantity is.
-    write
-        The model as assignments: writes it down, and returns its output.
     parameters
         How many numbers the fit was free to choose.
     one_step
@@ -54,7 +47,6 @@ class Kind:
     simulate: Callable[[Model, Columns], Run]
     outside_range: Callable[[Model, Columns], BoolArray]
     equations: Callable[[Model, Mapping[str, float]], tuple[Equation, ...]]
-    write: written.Write
     parameters: Callable[[Model], int]
     one_step: Callable[[Model, Columns], Array] | None = None
     fed_back: Callable[[Model], tuple[str, ...]] = lambda _model: ()
@@ -62,7 +54,7 @@ class Kind:
 
 def kind_of(model: Model) -> Kind:
     """The verbs for a model."""
-    return KINDS[type(model.body)]
+    return KINDS[type(model.body)]()
 
 
 def predict(model: Model, columns: Columns) -> Array:
@@ -131,7 +123,9 @@ def assignments(model: Model) -> Assignments:
     DataError
         Where a part of the model is no closed expression.
     """
-    return written.assignments_of(model, _write)
+    from mapmore_cli.modelling.assignments.model import assignments_of
+
+    return assignments_of(model)
 
 
 def slopes(model: Model, columns: Columns) -> dict[str, Array]:
@@ -144,29 +138,60 @@ def slopes(model: Model, columns: Columns) -> dict[str, Array]:
     DataError
         For a model with memory, and where a part of the model is no closed expression.
     """
+    from mapmore_cli.modelling.assignments.slopes import with_slopes
+    from mapmore_cli.modelling.assignments.values import results_of
+
     _, *found = results_of(with_slopes(assignments(model)), columns)
     finite = np.logical_and.reduce([np.isfinite(columns[quantity.name]) for quantity in model.inputs])
     return {quantity.name: np.where(finite, slope, np.nan) for quantity, slope in zip(model.inputs, found, strict=True)}
 
 
-def _write(writer: Writer, model: Model, inputs: written.Inputs) -> Expression:
-    return kind_of(model).write(writer, model, inputs)
+@cache
+def _pieces() -> Kind:
+    from mapmore_cli.modelling.pieces import model as pieces
+
+    return Kind(pieces.simulate, pieces.outside_range, pieces.equations, pieces.parameters)
 
 
-KINDS: Mapping[type[Body], Kind] = {
-    Pieces: Kind(pieces.simulate, pieces.outside_range, pieces.equations, written.pieces, pieces.parameters),
-    Formula: Kind(formula.simulate, formula.outside_range, formula.equations, written.formula, formula.parameters),
-    Memory: Kind(
-        memory.simulate, memory.outside_range, memory.equations, written.memory, memory.parameters, memory.one_step, memory.fed_back
-    ),
-    StateSpace: Kind(motion.simulate, motion.outside_range, motion.equations, written.motion, motion.parameters, motion.one_step),
-    Sum: Kind(
+@cache
+def _formula() -> Kind:
+    from mapmore_cli.modelling.literature import model as formula
+
+    return Kind(formula.simulate, formula.outside_range, formula.equations, formula.parameters)
+
+
+@cache
+def _memory() -> Kind:
+    from mapmore_cli.modelling.memory import model as memory
+
+    return Kind(memory.simulate, memory.outside_range, memory.equations, memory.parameters, memory.one_step, memory.fed_back)
+
+
+@cache
+def _motion() -> Kind:
+    from mapmore_cli.modelling.motion import model as motion
+
+    return Kind(motion.simulate, motion.outside_range, motion.equations, motion.parameters, motion.one_step)
+
+
+@cache
+def _sum() -> Kind:
+    from mapmore_cli.modelling.sums import model as sums
+
+    return Kind(
         lambda model, columns: sums.simulate(model, columns, simulate),
         lambda model, columns: sums.outside_range(model, columns, outside_range),
         lambda model, units: sums.equations(model, units, equations),
-        lambda writer, model, inputs: written.sums(writer, model, inputs, _write),
         lambda model: sums.parameters(model, parameters),
         lambda model, columns: sums.one_step(model, columns, one_step_ahead),
         lambda model: sums.fed_back(model, fed_back),
-    ),
+    )
+
+
+KINDS: Mapping[type[Body], Callable[[], Kind]] = {
+    Pieces: _pieces,
+    Formula: _formula,
+    Memory: _memory,
+    StateSpace: _motion,
+    Sum: _sum,
 }

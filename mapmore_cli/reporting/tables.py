@@ -8,6 +8,7 @@ import numpy as np
 
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.modelling.scores.metrics import Band, bands
+from mapmore_cli.modelling.scores.repeatability import floors
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.memory_tables import sizes_table, states_table, substitutes_table
 from mapmore_cli.reporting.model_tables import (
@@ -87,10 +88,10 @@ def levels_table(dataset: Dataset, along: str | None = None) -> Table:
         held_out = int(np.count_nonzero(curve.held_out))
         rows.append((curve.id, curve.level, curve.size - held_out, held_out, ", ".join(curve.recordings)))
     notes: tuple[str, ...] = ()
-    floors = _single_valued(dataset, along)
-    if floors:
+    lowest = _single_valued(dataset, along)
+    if lowest:
         columns.append(Column("single-valued", "%", ".2g"))
-        rows = [(*row, 100 * floor) for row, floor in zip(rows, floors, strict=True)]
+        rows = [(*row, 100 * floor) for row, floor in zip(rows, lowest, strict=True)]
         notes = (SINGLE_VALUED_NOTE.format(along=along, target=dataset.target),)
     title = f"Samples of every curve{f', levels of {dataset.level}' if dataset.level else ''}"
     return Table("levels", title, tuple(columns), tuple(rows), notes)
@@ -100,8 +101,4 @@ def _single_valued(dataset: Dataset, along: str | None) -> list[float]:
     """Of each level, the error of its best single-valued curve as a part of the largest target; nothing where none is worth a word."""
     if along is None or dataset.level is None or along == dataset.level:
         return []
-    from mapmore_cli.modelling.scores.repeatability import WORTH, monotone_floor  # here: other tables need no solver
-
-    largest = max(float(np.abs(curve.columns[dataset.target]).max()) for curve in dataset.curves)
-    errors = [monotone_floor(curve.columns[along], curve.columns[dataset.target]) for curve in dataset.curves]
-    return [error / largest for error in errors] if max(errors) > WORTH * largest else []
+    return floors(*([curve.columns[name] for curve in dataset.curves] for name in (along, dataset.target)))

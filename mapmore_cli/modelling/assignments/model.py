@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.models import CurveRange, Formula, Memory, Model, Pieces, StateSpace, Sum
+from mapmore_cli.domain.models import Body, CurveRange, Formula, Memory, Model, Pieces, StateSpace, Sum
 from mapmore_cli.modelling.assignments.formula import formula_value
 from mapmore_cli.modelling.assignments.memory import memory_value
 from mapmore_cli.modelling.assignments.motion import motion_value
@@ -22,14 +22,11 @@ from mapmore_cli.modelling.terms import Expression, Name, Number, add, parse, su
 Inputs = Mapping[str, Expression]
 """What a model's inputs are, in the order that it has them in."""
 
-Write = Callable[[Writer, Model, Inputs], Expression]
-"""Writes a model down; returns its output."""
-
 INPUT = "x_"
 """How the names of inputs begin in assignments, so that they are nobody else's."""
 
 
-def assignments_of(model: Model, write: Write) -> Assignments:
+def assignments_of(model: Model) -> Assignments:
     """The model written down.
 
     Raises
@@ -57,6 +54,11 @@ def assignments_of(model: Model, write: Write) -> Assignments:
             kept=writer.kept,
         )
     )
+
+
+def write(writer: Writer, model: Model, inputs: Inputs) -> Expression:
+    """Write down a model of any kind; its output."""
+    return WRITERS[type(model.body)](writer, model, inputs)
 
 
 def pieces(writer: Writer, model: Model, inputs: Inputs) -> Expression:
@@ -98,7 +100,7 @@ def motion(writer: Writer, model: Model, inputs: Inputs) -> Expression:
     return motion_value(writer.lines, model.body.motion, inputs, writer.kept)
 
 
-def sums(writer: Writer, model: Model, inputs: Inputs, write: Write) -> Expression:
+def sums(writer: Writer, model: Model, inputs: Inputs) -> Expression:
     """Models added up, each with its sign and by its own names of the inputs."""
     assert isinstance(model.body, Sum)
     values = []
@@ -131,3 +133,12 @@ def _through(limit: Limit, renamed: Mapping[str, str], inputs: Inputs) -> Limit:
     """The limit of a part, where its inputs are expressions of the sum's."""
     own = {used for name in limit.inputs for used in (parse(renamed[name]).names if name in renamed else {name})}
     return replace(limit, inputs=frozenset(own & inputs.keys()))
+
+
+WRITERS: Mapping[type[Body], Callable[[Writer, Model, Inputs], Expression]] = {
+    Pieces: pieces,
+    Formula: formula,
+    Memory: memory,
+    StateSpace: motion,
+    Sum: sums,
+}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.modelling.frols.blocks import Blocks
@@ -67,7 +66,7 @@ def press(blocks: Blocks, chosen: IntArray, factor: Array, projections: Array) -
     """
     total = np.zeros(len(chosen))
     for P, y in blocks():
-        U = solve_triangular(factor, P[:, chosen].T, trans="T").T
+        U = np.linalg.solve(factor.T, P[:, chosen].T).T
         residual = y[:, None] - np.cumsum(U * projections, axis=1)
         left = 1 - np.cumsum(U**2, axis=1)
         total += np.square(residual / np.where(left > FULL_LEVERAGE, left, np.nan)).sum(axis=0)

@@ -6,7 +6,6 @@ It costs next to nothing beside forming the products, but squares the condition 
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.frols.blocks import Blocks
@@ -92,9 +91,9 @@ class GramRemainders:
         residual and sum of ERR together are not `y'y`: the chosen columns have lost too many digits.
         """
         R = np.triu(self.rows[:, self.picks])
-        theta = solve_triangular(R, self.rows[:, -1])
+        theta = np.asarray(np.linalg.solve(R, self.rows[:, -1]), dtype=np.float64)
         products, square = residual_products(self.blocks, np.array(self.picks), theta)
-        along = solve_triangular(R, products[self.picks], trans="T")
+        along = np.linalg.solve(R.T, products[self.picks])
         self.products = products - along @ self.rows[:, :-1]
         self.sse = self.sse_of_products = max(0.0, square - float(along @ along))
         explained = float(self.rows[:, -1] @ self.rows[:, -1])

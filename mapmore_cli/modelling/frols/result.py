@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.fits import Selection
@@ -47,13 +46,13 @@ def _selection(path: Path, k: int, stop: str, scale: Array, samples: int) -> Sel
     lengths = np.diag(R)
     g = projections / lengths
     sse = steps[-1].sse if k else path.yy
-    inverse = solve_triangular(R, np.eye(k)) if k else R
+    inverse = np.linalg.inv(R)
     variance = sse / (samples - k) if samples > k else np.nan
     return Selection(
         chosen=chosen,
         g=g * y_scale / column_scale,
         err=projections**2 / path.yy,
-        theta=solve_triangular(R, projections) * y_scale / column_scale if k else np.empty(0),
+        theta=np.linalg.solve(R, projections) * y_scale / column_scale,
         theta_error=np.sqrt(variance) * np.linalg.norm(inverse, axis=1) * y_scale / column_scale,
         a=R / lengths[:, None] * column_scale / column_scale[:, None],
         g_all=np.array([step.g for step in steps]).reshape(k, M) * y_scale / scale[:-1],

@@ -38,14 +38,17 @@ def fit_formula(
     lengths: Mapping[str, float | None] = MappingProxyType({}),
     starts: str | None = None,
     errors_in: str | None = None,
+    *,
+    advice: bool = True,
 ) -> FormulaFit:
     """Fit a formula to the training samples of all curves.
 
     `lengths` are the muscle's `length` and `diameter`, in m, for formulas that have one of them; `starts` names published starting values.
     `errors_in` is the input whose error is minimised instead of the target's; `SpecError` for a formula that cannot be solved for it.
+    `advice` is about what to measure, for the reader of the fit: folds have none.
     """
     columns = pooled_training(curves)
-    key = _digest(columns, name, target, method, starts, errors_in, *sorted(lengths.items()))
+    key = _digest(columns, name, target, method, starts, errors_in, advice, *sorted(lengths.items()))
     if key not in _FITTED:
         formula = literature.get(name).of_muscle(lengths)
         if starts is not None:
@@ -53,7 +56,7 @@ def fit_formula(
         if len(_FITTED) == MOST_KEPT:
             _FITTED.pop(next(iter(_FITTED)))
         if errors_in is None:
-            _FITTED[key] = formula.fit(columns, columns[target], method)
+            _FITTED[key] = formula.fit(columns, columns[target], method, advice=advice)
         elif can_be_solved(formula):
             _FITTED[key] = formula.fit_along(columns, columns[target], errors_in, method)
         else:

@@ -122,13 +122,13 @@ class Formula(LiteratureModel):
     def _fitted_expression(self) -> Expression:
         return self.expression if self.form is None else self.form.expression
 
-    def fit(self, columns: Columns, y: Array, method: str | None = None) -> FormulaFit:
+    def fit(self, columns: Columns, y: Array, method: str | None = None, *, advice: bool = True) -> FormulaFit:
         """Least-squares fit to the target `y`, `(n,)`, with the inputs among `columns`.
 
         `method` is `variable_projection` (the default: no starting values with at most one nonlinear parameter, bounds and ten starts with
         more; for a linear formula, linear least squares), `levenberg_marquardt` (ten starts, no bounds) or `simplex` (the same, without
-        derivatives). A poor fit is told by the status and the notes, never raised. Notes name the parameters that the data do not show,
-        and what to measure for them.
+        derivatives). A poor fit is told by the status and the notes, never raised. With `advice`, notes name the parameters that the data
+        do not show, and what to measure for them.
 
         Raises
         ------
@@ -145,7 +145,7 @@ class Formula(LiteratureModel):
         if self.start != RANDOM and method != LEVENBERG_MARQUARDT:
             raise SpecError(f"the method {method} takes no starting values", f"write `method: {LEVENBERG_MARQUARDT}` beside `starts`")
         problem = self._problem(columns, y)
-        return self._result(problem, self._solved(problem, method))
+        return self._result(problem, self._solved(problem, method), advice)
 
     def _solved(self, problem: Problem, method: str) -> Solution:
         return (_SOLVERS[method] if self.fitted else varpro.fit)(problem)  # without parameters there is nothing to descend to
@@ -219,7 +219,7 @@ class Formula(LiteratureModel):
         names = (*self.linear, *(parameter.name for parameter in self.nonlinear))
         return expression, self.linear, self.nonlinear, {name: derivative(expression, name) for name in names}
 
-    def _result(self, problem: Problem, solution: Solution) -> FormulaFit:
+    def _result(self, problem: Problem, solution: Solution, advice: bool = True) -> FormulaFit:
         count = len(self.fitted)
         if solution.status == "failed":
             return self._failed(solution.method, len(problem.y), solution.notes)
@@ -245,7 +245,7 @@ class Formula(LiteratureModel):
             condition=condition,
             sse=sse,
             samples=len(problem.y),
-            notes=(*notes, *(hints(values, errors, jacobian, problem.columns) if count else ())),
+            notes=(*notes, *(hints(values, errors, jacobian, problem.columns) if count and advice else ())),
             rivals=tuple(self._optimum(problem, *rival, given) for rival in solution.rivals),
         )
 

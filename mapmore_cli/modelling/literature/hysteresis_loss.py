@@ -41,7 +41,14 @@ class HysteresisLoss(LiteratureModel):
 
     fitted_to: ClassVar[str] = LOAD_CYCLES
 
-    def fit(self, columns: Columns, y: Array, method: str | None = None) -> FormulaFit:  # noqa: ARG002 - refuses whatever it is given
+    def fit(  # refuses whatever it is given
+        self,
+        columns: Columns,  # noqa: ARG002
+        y: Array,  # noqa: ARG002
+        method: str | None = None,  # noqa: ARG002
+        *,
+        advice: bool = True,  # noqa: ARG002
+    ) -> FormulaFit:
         """Raise `DataError`: a damping force cannot show the energy that a load cycle loses."""
         raise DataError(f"{self.name} is fitted to load cycles, not to the target", "give it the load cycles of a static study")
 

@@ -64,8 +64,11 @@ class LiteratureModel(ABC):
         raise SpecError(f"{self.name} has no starting values called `{start}`", "leave out `starts`")
 
     @abstractmethod
-    def fit(self, columns: Columns, y: Array, method: str | None = None) -> FormulaFit:
-        """Fit to the target `y`, `(n,)`, with the inputs among `columns`; raises `DataError` where that is impossible."""
+    def fit(self, columns: Columns, y: Array, method: str | None = None, *, advice: bool = True) -> FormulaFit:
+        """Fit to the target `y`, `(n,)`, with the inputs among `columns`; raises `DataError` where that is impossible.
+
+        Without `advice`, notes do not say what to measure for parameters that the data do not show.
+        """
 
     @abstractmethod
     def predict(self, parameters: Mapping[str, float], columns: Columns) -> Array:

@@ -24,7 +24,7 @@ class PiecewiseFormula(LiteratureModel):
     local: Formula
     regions: tuple[Region, ...]
 
-    def fit(self, columns: Columns, y: Array, method: str | None = None) -> FormulaFit:
+    def fit(self, columns: Columns, y: Array, method: str | None = None, *, advice: bool = True) -> FormulaFit:
         """Fit the local formula to the rows of each region; rows outside of all are left out, and counted in a note.
 
         Status and condition are those of the worst region, ranks and sums of squares add up, and notes name their region. A region with
@@ -38,7 +38,7 @@ class PiecewiseFormula(LiteratureModel):
         """
         inputs = {name: finite(name, needed(name, columns)) for name in self.inputs}
         target = finite("the target", y)
-        parts = {f"{region.label} ({region})": self._fit_region(region, inputs, target, method) for region in self.regions}
+        parts = {f"{region.label} ({region})": self._fit_region(region, inputs, target, method, advice) for region in self.regions}
         if all(part.samples < len(self.local.parameters) for part in parts.values()):
             raise DataError(
                 f"{self.name} has {len(self.local.parameters)} parameters in each region, but no region has as many samples: "
@@ -65,11 +65,11 @@ class PiecewiseFormula(LiteratureModel):
         """The parameters of one region, as the local formula names them."""
         return {name: parameters[region.parameter(name)] for name in self.local.parameters}
 
-    def _fit_region(self, region: Region, inputs: Columns, target: Array, method: str | None) -> FormulaFit:
+    def _fit_region(self, region: Region, inputs: Columns, target: Array, method: str | None, advice: bool) -> FormulaFit:
         rows = region.rows(inputs)
         y, names = target[rows], self.local.parameters
         if len(y) >= len(names):
-            fit = self.local.fit({name: column[rows] for name, column in inputs.items()}, y, method)
+            fit = self.local.fit({name: column[rows] for name, column in inputs.items()}, y, method, advice=advice)
         else:
             zeros, unknown = dict.fromkeys(names, 0.0), dict.fromkeys(names, float("nan"))
             note = f"{len(y)} samples for {len(names)} parameters: it is not fitted, and zero is predicted there"

@@ -66,7 +66,7 @@ def of_fold(
 ) -> LeftOut:
     """What a model of the rest says of one fold; raises FitError where the backbone cannot be fitted without it."""
     training = [replace(c, held_out=c.held_out | out) for c, out in zip(curves, left_out, strict=True)]
-    formula = None if backbone is None else fit_formula(backbone, training, recipe.target)
+    formula = None if backbone is None else fit_formula(backbone, training, recipe.target, advice=False)
     if formula is not None and formula.failed:
         raise FitError(f"the fit of {formula.name} failed without some of the data", "take another backbone")
     model = build("fold", training, _of_fewer_samples(recipe), quantities, formula)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -150,6 +150,18 @@ WORTH = 0.02
 """Of the largest target, from which a floor is worth a word."""
 
 
+def floors(x: Sequence[Array], y: Sequence[Array]) -> list[float]:
+    """The `monotone_floor` of every curve y(x) as a part of the largest target of all; nothing where none is worth a word.
+
+    Samples that all lie near some monotone curve need no nearest one: that takes a solver, which takes long to load.
+    """
+    largest = max(float(np.abs(values).max()) for values in y)
+    if all(_least_error(*curve, _between_extremes) <= WORTH * largest for curve in zip(x, y, strict=True)):
+        return []
+    found = [monotone_floor(*curve) / largest for curve in zip(x, y, strict=True)]
+    return found if max(found) > WORTH else []
+
+
 def monotone_floor(x: Array, y: Array) -> float:
     """The RMSE of the best monotone single-valued curve y(x) through samples `(n,)`: what no static model of x alone goes below.
 
@@ -157,10 +169,19 @@ def monotone_floor(x: Array, y: Array) -> float:
     """
     from scipy.optimize import isotonic_regression
 
+    return _least_error(x, y, lambda means, counts: np.asarray(isotonic_regression(means, weights=counts).x))
+
+
+def _least_error(x: Array, y: Array, rising: Callable[[Array, IntArray], Array]) -> float:
+    """The RMSE of a rising or of a falling curve through the mean targets at each x, whichever is nearer."""
     places, inverse, counts = np.unique(x, return_inverse=True, return_counts=True)
+    if len(places) == 1:
+        return float(np.std(y))
     means = np.bincount(inverse, y) / counts
-    errors = []
-    for rising in (True, False):
-        curve = isotonic_regression(means, weights=counts, increasing=rising).x
-        errors.append(float(np.sqrt(np.mean((y - curve[inverse]) ** 2))))
-    return min(errors) if len(places) > 1 else float(np.std(y))
+    curves = rising(means, counts), rising(means[::-1], counts[::-1])[::-1]
+    return min(float(np.sqrt(np.mean((y - curve[inverse]) ** 2))) for curve in curves)
+
+
+def _between_extremes(means: Array, _counts: IntArray) -> Array:
+    """Some rising curve near the means: halfway between the highest so far and the lowest from there on."""
+    return np.asarray(0.5 * (np.maximum.accumulate(means) + np.minimum.accumulate(means[::-1])[::-1]))

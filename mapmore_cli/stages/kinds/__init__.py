@@ -30,17 +30,28 @@ class Maker:
 
 
 def maker_of(part: FitChoices) -> Maker:
-    """How the model of a study is made."""
-    from mapmore_cli.stages.kinds import formula, memory, motion, pieces, sums
+    """How the model of a study is made; only what that takes is imported."""
+    match part.kind:
+        case "memory":
+            from mapmore_cli.stages.kinds import memory
 
-    makers = {
-        "pieces": Maker(pieces.fit, pieces.build, pieces.refit),
-        "memory": Maker(memory.fit, memory.build, memory.refit),
-        "motion": Maker(motion.fit, motion.build, motion.refit),
-        "formula": Maker(formula.fit, formula.build, formula.refit),
-        "sum": Maker(sums.fit, sums.build, refit_parts=sums.refit_parts),
-    }
-    return makers[part.kind]
+            return Maker(memory.fit, memory.build, memory.refit)
+        case "motion":
+            from mapmore_cli.stages.kinds import motion
+
+            return Maker(motion.fit, motion.build, motion.refit)
+        case "formula":
+            from mapmore_cli.stages.kinds import formula
+
+            return Maker(formula.fit, formula.build, formula.refit)
+        case "sum":
+            from mapmore_cli.stages.kinds import sums
+
+            return Maker(sums.fit, sums.build, refit_parts=sums.refit_parts)
+        case _:
+            from mapmore_cli.stages.kinds import pieces
+
+            return Maker(pieces.fit, pieces.build, pieces.refit)
 
 
 def refitted(choices: ModelChoices, dataset: Dataset) -> Model:

@@ -7,6 +7,7 @@ in `run.json`, written last, commits them. Whatever is not committed runs again.
 from __future__ import annotations
 
 import os
+import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -364,15 +365,31 @@ def _told_of(name: str) -> Iterator[None]:
 
 @contextmanager
 def _one_blas_thread() -> Iterator[None]:
-    """Hold BLAS to one thread: the same sums on every machine, and no fight between runs for the processors."""
-    with _thread_pools().limit(limits=1):
-        yield
+    """Hold BLAS to one thread: the same sums on every machine, and no fight between runs for the processors.
+
+    A library that is loaded already is told so. One that a stage loads, as SciPy's, reads it in the environment when it starts.
+    """
+    before = {name: os.environ.get(name) for name in THREADS}
+    os.environ.update(dict.fromkeys(THREADS, "1"))
+    try:
+        with _thread_pools("scipy.linalg" in sys.modules or "scipy.special" in sys.modules).limit(limits=1):
+            yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+"""What libraries ask for the number of their threads when they start."""
 
 
 @cache
-def _thread_pools() -> ThreadpoolController:
-    """The libraries with threads; looked for once in a process, which takes longer than a small stage."""
-    import scipy.linalg  # noqa: F401 - only libraries that are loaded already are found
+def _thread_pools(_with_scipy: bool) -> ThreadpoolController:
+    """The libraries with threads that are loaded; looked for when SciPy's has come too, else once: it takes longer than a small stage."""
+    import numpy  # noqa: F401 - has one of them
     from threadpoolctl import ThreadpoolController
 
     return ThreadpoolController()

@@ -26,9 +26,9 @@ def test_the_same_data_are_fitted_once(monkeypatch: pytest.MonkeyPatch) -> None:
     fits: list[str] = []
     fit = Formula.fit
 
-    def counted(self: Formula, *arguments: Any) -> Any:
+    def counted(self: Formula, *arguments: Any, **named: Any) -> Any:
         fits.append(self.name)
-        return fit(self, *arguments)
+        return fit(self, *arguments, **named)
 
     monkeypatch.setattr(Formula, "fit", counted)
     whole = curve()

@@ -43,7 +43,7 @@ COMPUTED = (  # the same, but cannot overflow: ln(1 + exp(z)) = (z + |z|)/2 + ln
 class SarosiHinged(Formula):
     """A formula with a fit of its own, whose equation is printed in another form than it is computed in."""
 
-    def fit(self, columns: Columns, y: Array, method: str | None = None) -> FormulaFit:
+    def fit(self, columns: Columns, y: Array, method: str | None = None, *, advice: bool = True) -> FormulaFit:  # noqa: ARG002 - has none
         """Penalised least-squares fit of the hinged part (`hinge_fit.fit`), blended with the plain formula.
 
         `method` is that of the plain formula. Standard errors are those of the two parts, the share's is unknown; status and condition are
@@ -51,7 +51,7 @@ class SarosiHinged(Formula):
         """
         problem = self._problem(columns, y)
         columns, y = problem.columns, problem.y
-        plain, hinged = PLAIN.fit(columns, y, method), hinge_fit.fit(columns, y)
+        plain, hinged = PLAIN.fit(columns, y, method, advice=False), hinge_fit.fit(columns, y)
         parameters, errors = _both(hinged, plain)
         alone = self.predict({**parameters, "share": 1.0}, columns), PLAIN.predict(plain.parameters, columns)
         scatter = [_relative_rmse(predicted, y) for predicted in alone]

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mapmore_cli.modelling.scores.repeatability import WORTH, monotone_floor
+from mapmore_cli.modelling.scores.repeatability import WORTH, floors
 from mapmore_cli.stages.inspection.evidence import neighbourhood, set_in_steps
 from mapmore_cli.stages.inspection.subject import Issue, Subject
 
@@ -20,11 +20,10 @@ def single_valued(subject: Subject) -> Iterator[Issue]:
         return
     swept = [name for name in ("pressure", *POSITIONS) if name in dataset.quantities and name not in (dataset.level, dataset.target)]
     swept = [name for name in swept if any(np.ptp(curve.columns[name]) for curve in dataset.curves)][:1]
-    largest = max(float(np.abs(curve.columns[dataset.target]).max()) for curve in dataset.curves)
-    if not swept or not largest:
+    if not swept:
         return
-    floors = {curve.id: monotone_floor(curve.columns[swept[0]], curve.columns[dataset.target]) / largest for curve in dataset.curves}
-    told = [f"{100 * floor:.2g} % at {curve}" for curve, floor in floors.items() if floor > WORTH]
+    found = floors(*([curve.columns[name] for curve in dataset.curves] for name in (swept[0], dataset.target)))
+    told = [f"{100 * floor:.2g} % at {dataset.curves[number].id}" for number, floor in enumerate(found) if floor > WORTH]
     if told:
         best = f"no static model does better than {', '.join(told)} of the largest {dataset.target}"
         message = f"curves over {swept[0]} are not single-valued: {best}"
