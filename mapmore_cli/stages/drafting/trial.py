@@ -94,6 +94,6 @@ def _scored(loaded: LoadedSpec, dataset: Dataset) -> Trial:
 
 def _of_formula(name: str, dataset: Dataset) -> Iterator[Sequence[Forecast]]:
     """What a formula says of every curve; nothing where its fit fails."""
-    fit = fit_formula(name, dataset.curves, dataset.target)
+    fit = fit_formula(name, dataset.curves, dataset.target, advice=False)
     if not fit.failed:
         yield [Forecast.of(literature.get(name).predict(fit.parameters, curve.columns)) for curve in dataset.curves]
