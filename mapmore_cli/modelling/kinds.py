@@ -6,7 +6,8 @@ A kind is a folder of `modelling/` with a module `model` that holds its verbs. W
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
+from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Body, Equation, Formula, Memory, Model, Pieces, StateSpace, Sum
 from mapmore_cli.domain.results import Run
 
@@ -88,8 +90,15 @@ def outside_range(model: Model, columns: Columns) -> BoolArray:
 
 
 def equations(model: Model, units: Mapping[str, float] = MODEL_UNITS) -> tuple[Equation, ...]:
-    """The model as equations, in its units or in others: of a sum, those of each summand."""
-    return kind_of(model).equations(model, units)
+    """The model as equations, in its units or in others: of a sum, those of each summand.
+
+    Raises
+    ------
+    DataError
+        Where a coefficient is too large to be a number.
+    """
+    with _numbers_in_reach(model):
+        return kind_of(model).equations(model, units)
 
 
 def parameters(model: Model) -> int:
@@ -121,11 +130,24 @@ def assignments(model: Model) -> Assignments:
     Raises
     ------
     DataError
-        Where a part of the model is no closed expression.
+        Where a part of the model is no closed expression, and where a coefficient is too large to be a number.
     """
     from mapmore_cli.modelling.assignments.model import assignments_of
 
-    return assignments_of(model)
+    with _numbers_in_reach(model):
+        return assignments_of(model)
+
+
+@contextmanager
+def _numbers_in_reach(model: Model) -> Iterator[None]:
+    """Name the model whose scaling and coefficients multiply to what is no number, as in a file that somebody changed."""
+    from mapmore_cli.modelling.terms import ExpressionError
+
+    try:
+        with np.errstate(over="ignore"):  # infinity is no number
+            yield
+    except ExpressionError as fault:
+        raise DataError(f"the model {model.name} cannot be written out: {fault.message}", "make it anew by its spec") from fault
 
 
 def slopes(model: Model, columns: Columns) -> dict[str, Array]:

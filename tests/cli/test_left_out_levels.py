@@ -23,24 +23,37 @@ def rows(mapmore: Callable[..., Any], spec: Path, runs: Path, command: str = "va
     return {(row["model"], row["split"], row["curve"]): row for row in json.loads(result.stdout)["scores"]}
 
 
-@pytest.mark.parametrize("model", ["", "model: {backbone: polynomial_2}\n", "model: {type: literature, name: sarosi}\n"])
-def test_every_level_is_predicted_as_by_a_run_without_it(model: str, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+@pytest.mark.parametrize(
+    ("model", "rivals", "levels"),
+    [
+        ("", ("polynomial_2", "two_terms"), (100, 200, 300)),
+        ("model: {backbone: polynomial_2}\n", ("polynomial_2",), (200,)),
+        ("model: {type: literature, name: sarosi}\n", ("polynomial_2",), (300,)),
+    ],
+)
+def test_every_level_is_predicted_as_by_a_run_without_it(
+    model: str, rivals: tuple[str, ...], levels: tuple[int, ...], tmp_path: Path, mapmore: Callable[..., Any]
+) -> None:
+    """All levels once; an inner one and an end of other models."""
     spec = write_study(tmp_path)
-    text = spec.read_text().replace("against: [polynomial_2]", AGAINST) + model
+    text = spec.read_text() + model
+    if "two_terms" in rivals:
+        text = text.replace("against: [polynomial_2]", AGAINST)
     assert HELD in text
     spec.write_text(text.replace(HELD, "{leave_one_level_out: true}"))
     found = rows(mapmore, spec, tmp_path / "runs")
     squares, samples = 0.0, 0
     for level in (100, 200, 300):
-        single = tmp_path / f"without_{level}.yaml"
-        single.write_text(text.replace("name: bench", f"name: without_{level}").replace("[200]", f"[{level}]"))
-        alone = rows(mapmore, single, tmp_path / "runs")
-        for name in ("mapmore", "polynomial_2", "two_terms"):
-            left_out, held = found[name, "validate", f"pressure={level}"], alone[name, "validate", f"pressure={level}"]
-            assert left_out["rmse"] == pytest.approx(held["rmse"], rel=1e-9)
         own = found["mapmore", "validate", f"pressure={level}"]
         squares, samples = squares + own["n"] * own["rmse"] ** 2, samples + own["n"]
     assert found["mapmore", "validate", "all"]["rmse"] == pytest.approx(np.sqrt(squares / samples), rel=1e-9)
+    for level in levels:
+        single = tmp_path / f"without_{level}.yaml"
+        single.write_text(text.replace("name: bench", f"name: without_{level}").replace("[200]", f"[{level}]"))
+        alone = rows(mapmore, single, tmp_path / "runs")
+        for name in ("mapmore", *rivals):
+            left_out, held = found[name, "validate", f"pressure={level}"], alone[name, "validate", f"pressure={level}"]
+            assert left_out["rmse"] == pytest.approx(held["rmse"], rel=1e-9)
 
 
 def test_the_saved_model_and_the_training_rows_are_of_all_data(tmp_path: Path, mapmore: Callable[..., Any]) -> None:

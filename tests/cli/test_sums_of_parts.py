@@ -27,6 +27,7 @@ units: {{p1: kPa, p2: kPa}}
 target: {{column: force}}
 model: {{sum: [{summands}]}}
 validate: {{against: [{against}]}}
+report: {{figures: []}}
 """
 RUNS = (
     "{model: flexor.yaml, inputs: {pressure: p1, strain: s}}, {model: extensor.yaml, sign: -1, inputs: {pressure: p2, strain: '0.1 - s'}}"

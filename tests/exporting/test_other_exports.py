@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
@@ -11,7 +12,7 @@ import pytest
 from agreement import difference, points, recording
 from export_samples import STATIC, WITH_MEMORY, pieces
 
-from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.exporting.numpy_module import numpy_module
 from mapmore_cli.modelling.kinds import fed_back, outside_range, predict
@@ -80,3 +81,15 @@ def test_equations_in_latex() -> None:
     text = exported(pieces(), "tex")["dmsp_20.tex"].decode()
     assert text.count(r"\[") == text.count(r"\]") == 12
     assert text.startswith("% dmsp-20: force in N, pressure in kPa, strain in 1")
+
+
+@pytest.mark.parametrize("to", ["tex", "c", "py"])
+def test_coefficients_that_multiply_to_no_number_are_told(to: str) -> None:
+    """Found by fuzzing: a file that somebody changed, shown or exported unverified, was an internal fault."""
+    model = pieces()
+    (curve, *others) = model.body.curves
+    (segment, *rest) = curve.segments
+    huge = replace(segment, theta=1e200 * segment.theta, scaling=replace(segment.scaling, y_slope=1e200))
+    body = replace(model.body, curves=(replace(curve, segments=(huge, *rest)), *others))
+    with pytest.raises(DataError, match="dmsp-20 cannot be written out: -?inf is not a finite number"):
+        exported(replace(model, body=body), to)
