@@ -91,5 +91,5 @@ def test_coefficients_that_multiply_to_no_number_are_told(to: str) -> None:
     (segment, *rest) = curve.segments
     huge = replace(segment, theta=1e200 * segment.theta, scaling=replace(segment.scaling, y_slope=1e200))
     body = replace(model.body, curves=(replace(curve, segments=(huge, *rest)), *others))
-    with pytest.raises(DataError, match="dmsp-20 cannot be written out: -?inf is not a finite number"):
+    with pytest.raises(DataError, match=r"dmsp-20 cannot be written out: -?inf is not a finite number"):
         exported(replace(model, body=body), to)

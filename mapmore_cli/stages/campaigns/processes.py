@@ -119,7 +119,7 @@ def _watch_parent() -> NoReturn:
 
 @contextmanager
 def _deaf_to_interrupts() -> Iterator[None]:
-    """Let processes that start meanwhile hear no Ctrl-C: else each of them would answer it with a traceback. Here it waits until the end."""
+    """Let processes that start meanwhile hear no Ctrl-C: else each of them would answer it with a traceback. Here it waits."""
     if sys.platform == "win32":
         heard = signal.signal(signal.SIGINT, signal.SIG_IGN)
         try:
