@@ -37,8 +37,8 @@ class Trial:
 
     @property
     def bad(self) -> bool:
-        """True where the mean of what was measured, or a polynomial, says more of the data."""
-        return not np.isfinite(self.own.rmse) or self.own.r2 <= 0 or self._beaten
+        """True where the mean of what was measured, or a polynomial, says more of the data, or nothing can be said."""
+        return not np.isfinite([self.own.rmse, self.own.nrmse]).all() or self.own.r2 <= 0 or self._beaten
 
     @property
     def _beaten(self) -> bool:
@@ -48,6 +48,8 @@ class Trial:
         where = "on held-out data" if self.own.split == "validate" else "on its training data"
         if not np.isfinite(self.own.rmse):
             return f"no finite error {where}"
+        if not np.isfinite(self.own.nrmse):
+            return f"no NRMSE {where}: the measured values are zero, or all alike"
         told = f"NRMSE {_per_cent(self.own)} {where}"
         if self.own.r2 <= 0:
             told += ", worse than their mean"

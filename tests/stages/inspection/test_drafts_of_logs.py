@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -331,6 +332,11 @@ def score(model: str, rmse: float, r2: float = 0.5) -> Score:
         (Trial(score("mapmore", 3.0), score("polynomial_5", 2.5)), True, "NRMSE 3 % on held-out data; polynomial_5 has 2.5 %"),
         (Trial(score("mapmore", 90.0, -0.1)), True, "NRMSE 90 % on held-out data, worse than their mean"),
         (Trial(score("mapmore", np.inf, -np.inf)), True, "no finite error on held-out data"),
+        (
+            Trial(replace(score("mapmore", 3.0, np.nan), nrmse=np.nan)),
+            True,
+            "no NRMSE on held-out data: the measured values are zero, or all alike",
+        ),
     ],
 )
 def test_what_a_trial_tells(trial: Trial, bad: bool, told: str) -> None:
