@@ -19,7 +19,8 @@ from mapmore_cli.stages import fuse
 from mapmore_cli.stages.ingestion.files import slice_of
 from mapmore_cli.stages.kinds import maker_of, refitted
 from mapmore_cli.stages.kinds.choices import ModelChoices
-from mapmore_cli.stages.pipeline.runner import OnStage, Warn, bring_up_to_date
+from mapmore_cli.stages.pipeline.runner import OnStage, bring_up_to_date
+from mapmore_cli.stages.pipeline.stage import Warn
 from mapmore_cli.stages.trials import Bench, bench_of, errors_of, training_only
 from mapmore_cli.storage.run_folder import RunFiles
 

@@ -7,40 +7,32 @@ in `run.json`, written last, commits them. Whatever is not committed runs again.
 from __future__ import annotations
 
 import os
-import sys
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.errors import MapmoreError, RunWarning, WriteError
 from mapmore_cli.stages.pipeline.needs import MODEL_STAGE, Needed, needed_runs, runs_built_on
-from mapmore_cli.stages.pipeline.stage import Progress, Stage, Workspace
+from mapmore_cli.stages.pipeline.stage import Progress, Stage, Warn
 from mapmore_cli.stages.pipeline.staleness import Plan, plan_stages
-from mapmore_cli.storage.atomic import link_or_copy, refusals_told, write_text
-from mapmore_cli.storage.run_folder import is_tidy, open_run_folder, recover, run_lock, stage_folder, swap_in
+from mapmore_cli.storage.atomic import write_text
+from mapmore_cli.storage.run_folder import is_tidy, open_run_folder, recover, run_lock
 from mapmore_cli.storage.run_record import (
     Origin,
     StageRecord,
     load_origin,
     load_records,
     save_records,
-    stamps_of,
-    take_stamp,
-    tool_versions,
 )
 
 if TYPE_CHECKING:
-    from threadpoolctl import ThreadpoolController
-
     from mapmore_cli.spec.loader import LoadedSpec
 
 RESOLVED_SPEC = "experiment.yaml"
 
-Warn = Callable[[str], None]
 OnStage = Callable[[str, str | None], None]
 """`on_stage(stage, reason)`: called before a stage runs, or with None where it is up to date."""
 
@@ -202,6 +194,8 @@ class _Run:
 
     def settle(self, until: str, force: bool, rehash: bool, heirs: tuple[Path, ...], others: Sequence[Needed]) -> list[Plan]:
         """Do all that is to be done, the runs that this one is built on first; what was planned. The lock of the run is held."""
+        from mapmore_cli.stages.pipeline.stage_maker import StageMaker
+
         recover(self.run_dir, _outputs(self.every))
         records = load_records(self.run_dir, self.warn)
         plans = list(plan_stages(self.every, until, self.loaded, self.run_dir, records, rehash, force, heirs))
@@ -211,10 +205,11 @@ class _Run:
         for other in others:
             self.bring(other)
         self.tell_outdated(plans)
+        maker = StageMaker(self.loaded, self.run_dir, self.origin, self.progress, self.warn, self.like)
         for plan in plans:
             self.on_stage(plan.stage.name, plan.reason)
             if plan.reason is not None:
-                kept = self.stage(plan, plan.reason, kept)
+                kept = maker.make(plan, plan.reason, self.needed(plan), kept)
         self.write_spec()
         return plans
 
@@ -271,48 +266,6 @@ class _Run:
         plans = plan_stages(self.every, until, other.loaded, run_dir, records, False, False, other.heirs)
         return all(plan.reason is None for plan in plans)
 
-    def stage(self, plan: Plan, why: str, records: Mapping[str, StageRecord]) -> dict[str, StageRecord]:
-        """Run one stage and commit it; the records with its entry."""
-        started = time.perf_counter()
-        stage, needed = plan.stage, self.needed(plan)
-        with refusals_told(self.run_dir), stage_folder(self.run_dir, stage.name) as out:
-            if not self._taken_over(plan, out):
-                with _one_blas_thread():
-                    stage.run(plan.part, self._workspace(out, needed))
-            _check_outputs(stage, out)
-            outputs = stamps_of(out, stage.outputs)
-            swap_in(out, self.run_dir, stage.outputs)
-            seconds = round(time.perf_counter() - started, 3)
-            entry = StageRecord(
-                plan.fingerprint, stage.revision, plan.before, plan.slice, plan.inputs, outputs, tool_versions(), seconds, why
-            )
-            committed = {**records, stage.name: entry}
-            save_records(self.run_dir, self.loaded.spec.name, self.origin, committed)
-        return committed
-
-    def _taken_over(self, plan: Plan, out: Path) -> bool:
-        """Put the files that another run made from the same into `out`; False where it has none.
-
-        They are linked where the file system can, as files of runs are replaced and never written into, and hashed before they count.
-        """
-        known = load_records(self.like, lambda _message: None).get(plan.stage.name) if self.like is not None else None
-        if known is None or (known.fingerprint, known.tools) != (plan.fingerprint, tool_versions()):
-            return False
-        if set(known.outputs) != set(plan.stage.outputs):  # the page: it has links into its own run
-            return False
-        assert self.like is not None
-        for name, stamp in known.outputs.items():
-            with suppress(OSError):
-                link_or_copy(self.like / name, out / name)
-            if not (out / name).is_file() or take_stamp(out / name).sha256 != stamp.sha256:  # replaced meanwhile
-                for left in out.iterdir():
-                    left.unlink()
-                return False
-        return True
-
-    def _workspace(self, out: Path, needed: Mapping[str, Path]) -> Workspace:
-        return Workspace(self.run_dir, out, self.loaded.folder, self.progress, self.warn, needed, self.loaded.resolved)
-
     def write_spec(self) -> None:
         """Write `experiment.yaml`, which runs again where it lies, unless it is there already."""
         if not self._has_spec():
@@ -346,13 +299,6 @@ def _outputs(stages: Sequence[Stage]) -> list[str]:
     return [output for stage in stages for output in stage.outputs]
 
 
-def _check_outputs(stage: Stage, out: Path) -> None:
-    """A stage that does not write what it declares is wrong itself."""
-    written = {path.name for path in out.iterdir()}
-    if written != set(stage.outputs):
-        raise RuntimeError(f"stage {stage.name} wrote {sorted(written)} and declares {sorted(stage.outputs)}")
-
-
 @contextmanager
 def _told_of(name: str) -> Iterator[None]:
     """Put the name of another run before the message of an error from within."""
@@ -361,35 +307,3 @@ def _told_of(name: str) -> Iterator[None]:
     except MapmoreError as error:
         error.message = f"{name}: {error.message}"
         raise
-
-
-@contextmanager
-def _one_blas_thread() -> Iterator[None]:
-    """Hold BLAS to one thread: the same sums on every machine, and no fight between runs for the processors.
-
-    A library that is loaded already is told so. One that a stage loads, as SciPy's, reads it in the environment when it starts.
-    """
-    before = {name: os.environ.get(name) for name in THREADS}
-    os.environ.update(dict.fromkeys(THREADS, "1"))
-    try:
-        with _thread_pools("scipy.linalg" in sys.modules or "scipy.special" in sys.modules).limit(limits=1):
-            yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
-
-
-THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-"""What libraries ask for the number of their threads when they start."""
-
-
-@cache
-def _thread_pools(_with_scipy: bool) -> ThreadpoolController:
-    """The libraries with threads that are loaded; looked for when SciPy's has come too, else once: it takes longer than a small stage."""
-    import numpy  # noqa: F401 - has one of them
-    from threadpoolctl import ThreadpoolController
-
-    return ThreadpoolController()

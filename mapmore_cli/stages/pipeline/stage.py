@@ -10,6 +10,7 @@ from typing import Any
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.storage.run_folder import RunFiles
 
+Warn = Callable[[str], None]
 Progress = Callable[[str, int, int], None]
 """`progress(what, done, total)`: called as long work goes on."""
 
