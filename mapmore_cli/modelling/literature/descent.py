@@ -77,8 +77,9 @@ def descend(system: System, starts: Sequence[Array], bounds: Bounds, tolerance: 
         if evaluation % PATIENCE == 0:
             before[going.number] = going.cost
         done = _step(going, system, bounds, tolerance)
-        ends |= _ended(going.only(done), converged=True)
-        going = going.only(~done)
+        if done.any():
+            ends |= _ended(going.only(done), converged=True)
+            going = going.only(~done)
     ends |= _ended(going, converged=False)
     return [ends[number] for number in sorted(ends)]
 

@@ -139,18 +139,23 @@ class _Folds:
 def _raced(names: Sequence[str | None], folds: _Folds, progress: Callable[[int, int], None]) -> list[Candidate]:
     """The candidates that can be fitted, each on as many folds as its choice depends on.
 
-    A sum of squares only grows from fold to fold, whatever the share: a candidate that has left the margin of the best one is out.
+    A sum of squares only grows from fold to fold, whatever the share. So the candidate that errs least so far is tried on one more fold,
+    until all that are left have gone beyond the margin of the best one.
     """
-    first = [candidate for name in names if (candidate := folds.tried(name, 1)) is not None]
-    found: list[Candidate] = []
-    for number, begun in enumerate(sorted(first, key=lambda candidate: candidate.rmse)):
-        best = min((one.rmse for one in found if one.tried), default=np.inf)
-        one: Candidate | None = begun
-        while one is not None and not one.tried and one.rmse <= (1 + MARGIN) * best:
-            one = folds.tried(one.name, len(folds.said[one.name]) + 1)
-        found += [] if one is None else [one]
-        progress(number + 1, len(first))
-    return found
+    found = {name: candidate for name in names if (candidate := folds.tried(name, 1)) is not None}
+    while found:
+        best = min((one.rmse for one in found.values() if one.tried), default=np.inf)
+        left = [one for one in found.values() if not one.tried and one.rmse <= (1 + MARGIN) * best]
+        progress(max(len(folds.said[one.name]) for one in found.values()), len(folds.folds))
+        if not left:
+            break
+        name = min(left, key=lambda one: one.rmse).name
+        further = folds.tried(name, len(folds.said[name]) + 1)
+        if further is None:
+            del found[name]
+        else:
+            found[name] = further
+    return list(found.values())
 
 
 def _outermost(chosen: Candidate, curves: Sequence[Curve], recipe: Recipe, quantities: Mapping[str, Quantity]) -> float | None:

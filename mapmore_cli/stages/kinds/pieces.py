@@ -87,7 +87,7 @@ def fit(part: FitChoices, dataset: Dataset, workspace: Workspace) -> FitResult:
     curves = trained_at(dataset.curves, part.fit.train_level)
     segmentation = workspace.files.segmentation()
     recipe = recipe_of(dataset.target, part.levels, part.segment, part.dictionary, part.fit, part.joined)
-    backbone, notes = _backbone(part, dataset, curves, recipe, lambda done, of: workspace.progress("backbones", done, of))
+    backbone, notes = _backbone(part, dataset, curves, recipe, lambda done, of: workspace.progress("backbones by folds", done, of))
     total = sum(len(curve.segments) for curve in segmentation)
     done = 0
 
