@@ -150,6 +150,8 @@ def _files(draw: st.DrawFn, tables: Mapping[float, list[list[Any]]], kind: str) 
         other = [("notes", [["operator", "remarks"], ["me", "none"]])] if draw(st.booleans()) else []
         return Folder({"campaign.xlsx": [*other, *((name.replace("/", "-"), table) for name, table in named.items())]}, length)
     suffix = {"xlsx": "xlsx", "hdf5": "h5", "mat": "mat", "tdms": "tdms"}[kind]
+    if kind != "xlsx" and draw(st.booleans()):  # every table a group of one file
+        return Folder({f"campaign.{suffix}": [(f"run_{number}", table) for number, table in enumerate(named.values())]}, length)
     return Folder({f"{name}.{suffix}": [("Run", table)] for name, table in named.items()}, length)
 
 
@@ -187,25 +189,27 @@ def _save_tables(path: Path, tables: Sequence[tuple[str, list[list[Any]]]]) -> N
                 sheet.append(row)
         book.save(path)
         return
-    ((_, table),) = tables
-    columns = _arrays(table)
+    groups = {name: _arrays(table) for name, table in tables}
     if path.suffix == ".h5":
         import h5py
 
         with h5py.File(path, "w") as file:
-            for name, values in columns.items():
-                file[f"run/{name}"] = values[:, None] if len(name) % 2 else values
-            file["run/fs"] = 50.0
+            for group, columns in groups.items():
+                for name, values in columns.items():
+                    file[f"{group}/{name}"] = values[:, None] if len(name) % 2 else values
+                file[f"{group}/fs"] = 50.0
             file["comment"] = "made by hand"
     elif path.suffix == ".mat":
         from scipy.io import savemat
 
-        savemat(path, {**columns, "fs": 50.0, "comment": "made by hand"})
+        runs = {name: {**columns, "fs": 50.0} for name, columns in groups.items()}
+        savemat(path, {**(runs if len(runs) > 1 else next(iter(runs.values()))), "comment": "made by hand"})
     else:
         from nptdms import ChannelObject, TdmsWriter
 
         with TdmsWriter(path) as file:
-            file.write_segment([ChannelObject("Run", name, values) for name, values in columns.items()])
+            for group, columns in groups.items():
+                file.write_segment([ChannelObject(group, name, values) for name, values in columns.items()])
 
 
 def _arrays(table: list[list[Any]]) -> Columns:
