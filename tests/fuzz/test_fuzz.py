@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import random
+import re
 import signal
 from pathlib import Path
 
@@ -18,6 +19,8 @@ import structures
 from driver import LONGEST, Fault, Target, explore
 
 from mapmore_cli.modelling import terms
+
+PROJECT = Path(__file__).resolve().parents[2]
 
 pytestmark = pytest.mark.filterwarnings("ignore")
 
@@ -97,3 +100,31 @@ def test_what_is_too_long_when_it_is_written_out_is_refused() -> None:
     """Accepted, its model would have a term that cannot be read again."""
     with pytest.raises(terms.ExpressionError, match=r"11997 characters when it is written out"):
         terms.parse("+".join(["x1", "x2"] * 1200))
+
+
+def rows_below(heading: str) -> list[list[str]]:
+    """The cells of the first table below a heading of docs/reliability.md."""
+    text = (PROJECT / "docs" / "reliability.md").read_text().split(f"\n## {heading}\n")[1]
+    lines = [line for line in text.split("\n## ")[0].splitlines() if line.startswith("|")]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
+
+
+def test_what_the_page_says_was_tried_adds_up() -> None:
+    """Every command is one that `run.py` takes, and the inputs of all of them are as many as were tried."""
+    modules = (expressions, readers, documents, specs, structures, drafts)
+    names = {specs.RUNS.name, *(module.TARGET.name for module in modules)}
+    rows = rows_below("What strangers may write")
+    assert len(rows) == len(names)
+    for _, commands, tried, *_ in rows:
+        asked = re.findall(r"`run\.py (\d+) \d+ (\w+)`", commands)
+        assert {name for _, name in asked} <= names
+        others = re.findall(r"(\d+) of (?:seed \d+|other seeds)", commands)
+        assert sum(map(int, [*(count for count, _ in asked), *others])) == int(tried)
+
+
+def test_the_trials_of_disturbed_commands_add_up() -> None:
+    rows = rows_below("Disturbed commands")
+    for command, trials, *ways, _ in rows:
+        counts = [int(re.split(r"\D", way)[0]) for way in ways]
+        assert sum(counts) == int(trials) == int(re.findall(r"torture\.py (\d+)", command)[0])
+    assert sum(int(row[1]) for row in rows) >= 1000
