@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import stat
 from collections.abc import Callable
 from pathlib import Path
@@ -114,6 +115,33 @@ def test_a_run_that_is_not_in_order_is_not_frozen(campaigns: Path, mapmore: Call
     assert result.exit_code == 4
     result = mapmore("freeze", campaigns / "runs" / "third", "--tag", "../x", "--archive", tmp_path / "archive")
     assert result.exit_code == 2
+
+
+@pytest.mark.parametrize("name", [None, "", 3, "..", "../elsewhere", "{tmp}/elsewhere", ".hidden", "a\nb"])
+def test_a_run_whose_record_has_no_name_of_a_run_is_not_frozen(campaigns: Path, mapmore: Call, tmp_path: Path, name: object) -> None:
+    """Found by fuzzing: without a name it was an internal fault, and a stranger's name led out of the archive."""
+    run = tmp_path / "run"
+    shutil.copytree(campaigns / "runs" / "third", run)
+    record = json.loads((run / "run.json").read_text())
+    del record["name"]
+    if name is not None:
+        record["name"] = name.replace("{tmp}", str(tmp_path)) if isinstance(name, str) else name
+    (run / "run.json").write_text(json.dumps(record))
+    result = mapmore("freeze", run, "--tag", "x", "--archive", tmp_path / "archive")
+    assert result.exit_code == 4
+    assert "has no name of a run" in result.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["run"]
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"sha256": []}', "[" * 100_000])
+def test_a_damaged_record_of_a_frozen_model_is_refused(campaigns: Path, mapmore: Call, tmp_path: Path, text: str) -> None:
+    shutil.copytree(campaigns / "archive" / "first@2025", tmp_path / "first@2025")
+    record = tmp_path / "first@2025" / "frozen.json"
+    record.chmod(0o644)
+    record.write_text(text)
+    result = mapmore("compare", "first@2025", "third", "--runs", campaigns / "runs", "--archive", tmp_path)
+    assert result.exit_code == 4
+    assert "is not the model that was frozen" in result.stderr
 
 
 def test_a_frozen_model_that_was_changed_is_refused(campaigns: Path, mapmore: Call, tmp_path: Path) -> None:

@@ -122,8 +122,10 @@ def attempt(chance: random.Random, number: int, folder: Path) -> str:
         with suppress(MapmoreError):
             explain(loaded, runs, warn=told.append)
         with suppress(MapmoreError):
-            freeze(run_dir, "new", folder / "archive")
-        shutil.rmtree(folder / "archive" / "static@new", ignore_errors=True)
+            frozen = freeze(run_dir, "new", folder / "archive")
+            if frozen.parent != folder / "archive":
+                raise Fault(f"frozen as {frozen}")
+            shutil.rmtree(frozen)
         with suppress(MapmoreError):
             find_model("static", runs, folder / "archive")
         return f"record {outcome}{', ignored with a warning' if told else ''}"

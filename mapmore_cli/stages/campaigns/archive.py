@@ -25,7 +25,7 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
     Raises
     ------
     DataError
-        Where the run is not finished, or its files are not the ones that it wrote.
+        Where the run is not finished, its files are not the ones that it wrote, or its record has no name of a run.
     UsageError
         Where the tag is no name.
     WriteError
@@ -34,7 +34,7 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
     if not TAG.fullmatch(tag):
         raise UsageError(f"{tag!r} cannot be a tag", "use letters, digits, points, dashes and underscores, as 2026-spring")
     _check_finished(run_dir)
-    name = str(json.loads((run_dir / RUN_RECORD).read_text(encoding="utf-8"))["name"])
+    name = _name_of(run_dir)
     place = archive / f"{name}@{tag}"
     if place.exists():
         raise WriteError(f"{place}: is frozen already, and stays as it is", "choose another tag")
@@ -45,6 +45,25 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
             unfinished.chmod(0o755)
             unfinished.rename(place)
     return place
+
+
+def _name_of(run_dir: Path) -> str:
+    """The name of a run, as its record has it: a stranger's may lead anywhere."""
+    name = _entry(run_dir / RUN_RECORD, "name")
+    if not isinstance(name, str) or not TAG.fullmatch(name):
+        raise DataError(f"{run_dir / RUN_RECORD}: has no name of a run", "make the run anew with `mapmore run CONFIG --force`")
+    return name
+
+
+def _entry(path: Path, *keys: str) -> object:
+    """What stands under some keys of a JSON file; None where there is nothing, or no such file."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        for key in keys:
+            found = found[key]
+    except (OSError, ValueError, TypeError, KeyError, IndexError, RecursionError):
+        return None
+    return found
 
 
 def _fill(folder: Path, run_dir: Path, name: str, tag: str) -> None:
@@ -99,6 +118,5 @@ def _check_frozen(folder: Path) -> None:
     record = folder / FROZEN
     if not record.is_file():
         return
-    expected = json.loads(record.read_text(encoding="utf-8"))["sha256"][MODEL]
-    if take_stamp(folder / MODEL).sha256 != expected:
+    if take_stamp(folder / MODEL).sha256 != _entry(record, "sha256", MODEL):
         raise DataError(f"{folder / 'model.h5'}: is not the model that was frozen", "take the folder from a backup, or freeze the run anew")
