@@ -29,7 +29,8 @@ def ranked(values: Callable[[], Iterator[Array]], rank: int) -> float:
         counts = np.zeros(1 << DIGIT, dtype=np.int64)
         for block in values():
             digits = _keys(block) >> np.uint64(shift)
-            counts += np.bincount(digits[digits >> np.uint64(DIGIT) == leading] & np.uint64((1 << DIGIT) - 1), minlength=1 << DIGIT)
+            here = digits[digits >> np.uint64(DIGIT) == leading] & np.uint64((1 << DIGIT) - 1)
+            counts += np.bincount(here.astype(np.int64), minlength=1 << DIGIT)  # NumPy 1 counts no unsigned numbers
         digit = int(np.searchsorted(np.cumsum(counts), rank, side="right"))
         rank -= int(counts[:digit].sum())
         leading = leading << DIGIT | digit
