@@ -162,7 +162,8 @@ def _by_values(raw: Raw, told: Sequence[float], loaded: bool) -> dict[str, Guess
 def _lowest(values: Sequence[Array]) -> float:
     """The least value relative to the largest, at most 0: a pressure over atmosphere is never negative, a force has an offset."""
     pooled = np.concatenate(values)
-    return min(float(pooled.min()) / float(np.abs(pooled).max()), 0.0)
+    least = float(pooled.min())
+    return least / float(np.abs(pooled).max()) if least < 0 else 0.0
 
 
 def is_clock(values: Array) -> bool:

@@ -14,6 +14,7 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.scores import Score
 from mapmore_cli.stages.drafting import start as drafting
+from mapmore_cli.stages.drafting.columns import guess_columns
 from mapmore_cli.stages.drafting.draft import Draft
 from mapmore_cli.stages.drafting.proof import proven
 from mapmore_cli.stages.drafting.trial import Trial
@@ -155,6 +156,12 @@ def test_a_log_whose_clock_is_none_cannot_be_joined_by_it(untried: Any) -> None:
     with pytest.raises(DataError) as caught:
         untried(**logs | {"tester": logs["tester"] | {"Time_ms": clock}})
     assert "time runs backwards" in (caught.value.remedy or "")
+
+
+def test_a_column_of_zeros_is_no_fault() -> None:
+    ramp = [np.linspace(0, 0.2, 3)]
+    guesses = guess_columns({}, {0: ramp, 1: [np.zeros(3)], 2: ramp, 3: [200 - 600 * ramp[0]]}, {})
+    assert guesses["force"].column == 3
 
 
 def test_two_logs_of_pressure_are_no_pair(untried: Any) -> None:
