@@ -84,6 +84,11 @@ def other_lines(bench):
         f"({'met' if motion['filter'] < SWARM_TARGET else 'MISSED'}), by a loop {motion['loop'] / motion['filter']:.0f} times as long; "
         + ", ".join(f"{name} {motion[name]:.3g} s" for name in SOLVERS)
     )
+    small = bench["small_table"]
+    yield (
+        f"small table {small['points']} points: init {small['init']:.2f} s and run {small['run']:.2f} s "
+        f"({'met' if small['init'] + small['run'] < SMALL_TABLE_TARGET else 'MISSED'})"
+    )
     yield (
         f"start-up    mapmore --version {start['version']:.2f} s (Python alone {start['python']:.2f}), "
         f"a run {start['first_run']:.2f} s, up to date {start['run_up_to_date']:.2f} s, a check {start['check']:.2f} s "
