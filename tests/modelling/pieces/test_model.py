@@ -56,6 +56,19 @@ def test_a_step_is_not_continuous():
     assert fine > 0.4 * coarse
 
 
+@pytest.mark.parametrize("far", [1e6, 1e12])
+def test_an_offset_changes_neither_the_terms_nor_the_curve(far):
+    """Lengths and forces far from zero, in steps that a double still holds there (2^-13 at 1e12), are cut, scaled and fitted as near it."""
+    near = tuple(replace(c, columns={**c.columns, "strain": np.rint(1e6 * c.columns["strain"])}) for c in curves())
+    near = tuple(replace(c, columns={**c.columns, "force": np.rint(1024 * c.columns["force"]) / 1024}) for c in near)
+    away = tuple(replace(c, columns={**c.columns, "strain": far + c.columns["strain"], "force": far + c.columns["force"]}) for c in near)
+    one, two = built(near, max_terms=3), built(away, max_terms=3)
+    for a, b in zip(one.body.curves, two.body.curves, strict=True):
+        assert [f.terms for f in a.segments] == [f.terms for f in b.segments]
+    strain = np.rint(np.linspace(0, 9e4, 200))
+    np.testing.assert_allclose(predict(two, at(150, far + strain)) - far, predict(one, at(150, strain)), rtol=0, atol=4e-16 * far + 1e-8)
+
+
 @settings(deadline=None, max_examples=15)
 @given(seeds, st.floats(1e-3, 1e3), st.floats(1e-3, 1e3), st.integers(1, 3))
 def test_positive_units_change_neither_selection_nor_scaled_theta(seed, a, b, k):
