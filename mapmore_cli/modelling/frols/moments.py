@@ -112,26 +112,41 @@ class Moments:
 
 
 def standard(blocks: Blocks) -> Standard:
-    """Mean and standard deviation over all rows, in one pass.
+    """Mean and standard deviation over all rows, in one pass; in three where squares overflow or vanish.
 
-    Raises ValueError where there is no row.
+    Raises
+    ------
+    DataError
+        Where a value is not finite, with its column and row.
+    ValueError
+        Where there is no row.
     """
+    first, shift, variance = _spread(blocks)
+    scale = safe_scale(variance, blocks)
+    if (scale != 1.0).any():
+        first, shift, variance = _spread(scaled(blocks, scale))
+    spread = np.sqrt(np.maximum(variance, 0.0))
+    return Standard(scale * (first + shift), np.where(spread > CONSTANT * np.abs(first), scale * spread, np.inf))
+
+
+def _spread(blocks: Blocks) -> tuple[Array, Array, Array]:
+    """The first row, the mean as seen from there, and the variance, (M+1,) each."""
     first, sums, squares, samples = np.zeros(0), np.zeros(0), np.zeros(0), 0
-    for P, y in blocks():
-        if not len(y):
-            continue
+    with np.errstate(over="ignore", invalid="ignore"):  # `safe_scale` looks for the cause
+        for P, y in blocks():
+            if not len(y):
+                continue
+            if samples == 0:
+                first = np.append(P[0], y[0])
+                sums, squares = np.zeros(len(first)), np.zeros(len(first))
+            samples += len(y)
+            away, distance = P - first[:-1], y - first[-1]  # from the first row: squares of large means would swallow the spread
+            sums += np.append(away.sum(axis=0), distance.sum())
+            squares += np.append(np.einsum("ij,ij->j", away, away), distance @ distance)
         if samples == 0:
-            first = np.append(P[0], y[0])
-            sums, squares = np.zeros(len(first)), np.zeros(len(first))
-        samples += len(y)
-        away, distance = P - first[:-1], y - first[-1]  # from the first row: squares of large means would swallow the spread
-        sums += np.append(away.sum(axis=0), distance.sum())
-        squares += np.append(np.einsum("ij,ij->j", away, away), distance @ distance)
-    if samples == 0:
-        raise ValueError("there is no row to standardise")
-    shift = sums / samples
-    spread = np.sqrt(np.maximum(squares / samples - shift**2, 0.0))
-    return Standard(first + shift, np.where(spread > CONSTANT * np.abs(first), spread, np.inf))
+            raise ValueError("there is no row to standardise")
+        shift = sums / samples
+        return first, shift, squares / samples - shift**2
 
 
 def standardised(blocks: Blocks, by: Standard) -> Blocks:

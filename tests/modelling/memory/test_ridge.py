@@ -55,6 +55,17 @@ def test_selection_is_frols_on_data_with_rows_for_the_ridge(n, M, seed, ridge):
 
 
 @settings(deadline=None)
+@given(**CASES, power=st.sampled_from([-1000, -600, 600, 900]))
+def test_squares_that_overflow_or_vanish_change_nothing(n, M, seed, ridge, power):
+    """A column in units of 2^900 or 2^-1000: the division by a power of two is exact, and so is the selection."""
+    P, y = problem(n, M, seed)
+    units = np.where(np.arange(M) % 2, 1.0, 2.0**power)
+    near, far = regularised(P, y, ridge), regularised(P * units, y, ridge)
+    np.testing.assert_allclose(far.covariance, near.covariance, rtol=0, atol=1e-12)
+    assert select(far, M).chosen.tolist() == select(near, M).chosen.tolist()
+
+
+@settings(deadline=None)
 @given(**CASES)
 def test_pruning_leaves_out_the_term_that_costs_least(n, M, seed, ridge):
     P, y = problem(n, M, seed)
