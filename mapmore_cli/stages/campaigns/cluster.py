@@ -18,6 +18,7 @@ from typing import Any, TypeVar
 
 from mapmore_cli.domain.errors import MapmoreError, UsageError, WriteError
 from mapmore_cli.stages.campaigns.processes import worker_died
+from mapmore_cli.stages.pipeline.stage_maker import variables_set
 from mapmore_cli.storage.atomic import TEMPORARY, refusals_told, write_text
 from mapmore_cli.storage.run_record import tool_versions
 
@@ -192,21 +193,6 @@ def _work(function: Callable[[J], T], job: J, shared: Shared, begun: tuple[str, 
     from distributed import get_worker
 
     get_worker().log_event(TOPIC, begun)
-    with _one_at_a_time, _variables_set(shared.environment):
+    with _one_at_a_time, variables_set(shared.environment):  # the next job may come from another client
         shared.check()
         return function(job)
-
-
-@contextmanager
-def _variables_set(variables: Mapping[str, str]) -> Iterator[None]:
-    """Set variables of the environment for a while: the next job may come from another client."""
-    before = {name: os.environ.get(name) for name in variables}
-    os.environ.update(variables)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value

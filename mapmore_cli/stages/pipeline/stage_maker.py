@@ -90,11 +90,19 @@ def _one_blas_thread() -> Iterator[None]:
 
     A library that is loaded already is told so. One that a stage loads, as SciPy's, reads it in the environment when it starts.
     """
-    before = {name: os.environ.get(name) for name in THREADS}
-    os.environ.update(dict.fromkeys(THREADS, "1"))
-    try:
-        with _thread_pools("scipy.linalg" in sys.modules or "scipy.special" in sys.modules).limit(limits=1):
+    with variables_set(dict.fromkeys(THREADS, "1")):
+        loaded = "scipy.linalg" in sys.modules or "scipy.special" in sys.modules
+        with _thread_pools(loaded).limit(limits=1):
             yield
+
+
+@contextmanager
+def variables_set(variables: Mapping[str, str]) -> Iterator[None]:
+    """Set variables of the environment for a while."""
+    before = {name: os.environ.get(name) for name in variables}
+    os.environ.update(variables)
+    try:
+        yield
     finally:
         for name, value in before.items():
             if value is None:
