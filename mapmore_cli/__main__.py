@@ -14,7 +14,11 @@ def main() -> None:
     """Run the command line; interrupted at any time, it ends with 130 and without a traceback."""
     try:
         _hold_standard_streams()
+        from mapmore_cli.domain.processors import THREADS
+
+        os.environ |= dict.fromkeys(THREADS, "1")  # as in a stage; a process with threads cannot be copied
         gc.set_threshold(OBJECTS, 50, 50)
+
         from mapmore_cli.cli.app import main as run
 
         run()

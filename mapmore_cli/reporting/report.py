@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.page import FIGURES
+from mapmore_cli.domain.processors import shared_out
 from mapmore_cli.reporting.comparison_tables import verdict
 from mapmore_cli.reporting.figures.catalogue import RenderedFigure
 from mapmore_cli.reporting.inputs import ReportInputs
@@ -19,8 +20,9 @@ from mapmore_cli.reporting.tables import all_tables
 
 if TYPE_CHECKING:
     from jinja2 import Environment
-if TYPE_CHECKING:
-    from mapmore_cli.reporting.figures.drawing import Drawing, Values
+
+    from mapmore_cli.reporting.figures.drawing import Drawing, Panel, Values
+    from mapmore_cli.reporting.inputs import FigureStyle
 
 
 LONG_TABLE = 40
@@ -69,6 +71,9 @@ PAPER = frozenset({"pdf", "png", "pgf"})
 
 LONGEST_STEM = 80
 
+AT_ONCE = 64
+"""Panels whose files are held in memory before they are written."""
+
 
 def write_report(inputs: ReportInputs, out: Path, figures: Sequence[str], formats: Sequence[str]) -> None:
     """Write the report into the folder `out`, byte for byte the same for the same inputs.
@@ -94,11 +99,10 @@ def write_report(inputs: ReportInputs, out: Path, figures: Sequence[str], format
         return
     from mapmore_cli.reporting.figures.catalogue import drawings, rendered, rendered_by_section
     from mapmore_cli.reporting.figures.saving import SVG_PROLOGUE
-    from mapmore_cli.reporting.report import render_page
 
     drawn = [(name, drawing) for name in FIGURES if name in figures for drawing in drawings(name, inputs)]
     if {"html", "svg"} & set(formats):
-        on_page = [(name, rendered(drawing, inputs.style)) for name, drawing in drawn]
+        on_page = shared_out(lambda one: (one[0], rendered(one[1], inputs.style)), drawn)
         if "svg" in formats:
             for _, figure in on_page:
                 _write(out / f"{figure.name}.svg", SVG_PROLOGUE + figure.svg)
@@ -110,35 +114,39 @@ def write_report(inputs: ReportInputs, out: Path, figures: Sequence[str], format
 
 def write_panels(drawn: Sequence[Drawing], folder: Path, formats: Sequence[str], inputs: ReportInputs) -> None:
     """Every panel as a file of its own in every format of figures that is asked for, and the numbers behind it."""
+    folder.mkdir(exist_ok=True)
+    panels = [(drawing, panel) for drawing in drawn for panel in drawing.panels]
+    named = list(zip(_stems(panels), panels, strict=True))
+    for start in range(0, len(named), AT_ONCE):
+        for files in shared_out(lambda one: _panel_files(one[0], *one[1], formats, inputs.style), named[start : start + AT_ONCE]):
+            for name, content in files.items():
+                (folder / name).write_bytes(content)
+
+
+def _panel_files(stem: str, drawing: Drawing, panel: Panel, formats: Sequence[str], style: FigureStyle) -> dict[str, bytes]:
+    """The files of a panel by their names."""
     from mapmore_cli.reporting.figures.drawing import alone
     from mapmore_cli.reporting.figures.saving import WRITERS
     from mapmore_cli.reporting.figures.style import figure_style
 
-    folder.mkdir(exist_ok=True)
-    stems = _stems(drawn)
-    for drawing in drawn:
-        for panel in drawing.panels:
-            stem = next(stems)
-            _write(folder / f"{stem}.csv", data_csv(panel.data))
-            with figure_style(inputs.style):
-                figure = alone(drawing, panel, inputs.style)
-                for suffix, to_bytes in WRITERS.items():
-                    if suffix in formats:
-                        (folder / f"{stem}.{suffix}").write_bytes(to_bytes(figure, stem, drawing.alt))
+    with figure_style(style):
+        figure = alone(drawing, panel, style)
+        wanted = {suffix: to_bytes for suffix, to_bytes in WRITERS.items() if suffix in formats}
+        pictures = {f"{stem}.{suffix}": to_bytes(figure, stem, drawing.alt) for suffix, to_bytes in wanted.items()}
+    return {f"{stem}.csv": data_csv(panel.data).encode(), **pictures}
 
 
-def _stems(drawn: Sequence[Drawing]) -> Iterator[str]:
+def _stems(panels: Sequence[tuple[Drawing, Panel]]) -> Iterator[str]:
     """A name for the files of every panel: of its figure and of what tells it from the others, in letters that any system takes."""
     taken: set[str] = set()
-    for drawing in drawn:
-        for panel in drawing.panels:
-            words = re.sub(r"[^A-Za-z0-9=+-]+", "_", panel.key).strip("_")[:LONGEST_STEM]
-            stem = f"{drawing.name}.{words}" if words else drawing.name
-            number = 2
-            while stem.lower() in taken:  # some file systems know no capitals
-                stem, number = f"{stem.removesuffix(f'.{number - 1}')}.{number}", number + 1
-            taken.add(stem.lower())
-            yield stem
+    for drawing, panel in panels:
+        words = re.sub(r"[^A-Za-z0-9=+-]+", "_", panel.key).strip("_")[:LONGEST_STEM]
+        stem = f"{drawing.name}.{words}" if words else drawing.name
+        number = 2
+        while stem.lower() in taken:  # some file systems know no capitals
+            stem, number = f"{stem.removesuffix(f'.{number - 1}')}.{number}", number + 1
+        taken.add(stem.lower())
+        yield stem
 
 
 def data_csv(data: Mapping[str, Values]) -> str:

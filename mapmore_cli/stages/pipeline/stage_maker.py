@@ -12,6 +12,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mapmore_cli.domain.processors import THREADS
 from mapmore_cli.stages.pipeline.stage import Progress, Stage, Warn, Workspace
 from mapmore_cli.stages.pipeline.staleness import Plan
 from mapmore_cli.storage.atomic import link_or_copy, refusals_told
@@ -109,10 +110,6 @@ def variables_set(variables: Mapping[str, str]) -> Iterator[None]:
                 del os.environ[name]
             else:
                 os.environ[name] = value
-
-
-THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-"""What libraries ask for the number of their threads when they start."""
 
 
 @cache

@@ -1,0 +1,107 @@
+"""The processors of this machine: the threads that libraries start, and work that is shared out to copies of this process."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from typing import TYPE_CHECKING, Any, TypeVar
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+"""What libraries ask for the number of their threads when they start."""
+
+MOST_PROCESSES = 8
+"""Small work gains nothing from more."""
+
+
+def shared_out(work: Callable[[T], R], items: Sequence[T], processes: int | None = None) -> list[R]:
+    """`[work(item) for item in items]`, with every n-th item done by each of n processes.
+
+    The others are forks: copies that have the items already. What they return must be picklable. What a copy does not deliver, for
+    whatever reason, is done here, so that an error is raised as without copies.
+
+    Parameters
+    ----------
+    processes
+        How many there are with this one; by default as many as this machine has for them (`free_processors`).
+    """
+    count = max(1, min(len(items), free_processors() if processes is None else processes))
+    shares = [items[start::count] for start in range(count)]
+    with _copies(work, shares[1:]) as copies:
+        own = [work(item) for item in shares[0]]
+        parts = [own, *(_received(copy) or [work(item) for item in share] for copy, share in zip(copies, shares[1:], strict=True))]
+    return [parts[place % count][place // count] for place in range(len(items))]
+
+
+def free_processors() -> int:
+    """How many processes work may be shared out to: one where copies are not safe, or where all processors are at work already.
+
+    A fork of a process with threads may hang, and on macOS a fork without them too: only Linux has copies, of a process with one thread.
+    A worker process of a campaign has none.
+    """
+    if sys.platform != "linux" or _threads() != 1:
+        return 1
+    from multiprocessing import parent_process
+
+    return 1 if parent_process() is not None else min(len(os.sched_getaffinity(0)), MOST_PROCESSES)
+
+
+def _threads() -> int | None:
+    try:
+        return sum(1 for _ in os.scandir("/proc/self/task"))
+    except OSError:  # not mounted
+        return None
+
+
+@contextmanager
+def _copies(work: Callable[[T], R], shares: Sequence[Sequence[T]]) -> Iterator[list[Connection]]:
+    """Forks at work, one on each share, and where they tell what came of it; what is left of them ends with the context."""
+    with ExitStack() as stack:
+        yield [stack.enter_context(_copy(work, share)) for share in shares]
+
+
+@contextmanager
+def _copy(work: Callable[[T], R], share: Sequence[T]) -> Iterator[Connection]:
+    from multiprocessing import get_context
+
+    fork = get_context("fork")
+    receiver, sender = fork.Pipe(duplex=False)
+    process = fork.Process(target=_deliver, args=(work, share, receiver, sender), daemon=True)
+    with receiver:
+        heard = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # Ctrl-C is for the process that waits
+        try:
+            with sender, suppress(OSError):  # no room for a process: nothing is delivered
+                process.start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, heard)
+        try:
+            yield receiver
+        finally:
+            if process.pid is not None:
+                process.terminate()
+                process.join()
+
+
+def _deliver(work: Callable[[T], R], share: Sequence[T], receiver: Connection, sender: Connection) -> None:
+    """What a fork does. It ends without a word and without what others are to do at the end."""
+    with suppress(BaseException):
+        receiver.close()  # so that it sees the end of the other process
+        sender.send([work(item) for item in share])
+    os._exit(0)
+
+
+def _received(copy: Connection) -> list[Any] | None:
+    """What a fork delivered; None where it ended before."""
+    try:
+        found: list[Any] = copy.recv()
+    except (EOFError, OSError):
+        return None
+    return found

@@ -1,0 +1,156 @@
+"""Work shared out to copies of a process: the same results in the same order, whatever happens to the copies."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="copies are made on Linux only")
+
+HERE = Path(__file__).parent
+START = """
+import os, signal, sys
+from multiprocessing import active_children
+from mapmore_cli.domain.processors import free_processors, shared_out
+me, items = os.getpid(), list(range(10))
+"""
+
+
+def python(script: str, *arguments: object, threads: str = "1") -> str:
+    """What a script prints in a process of its own: this one has threads, of which a fork may hang."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([*sys.path, str(HERE)]), "OPENBLAS_NUM_THREADS": threads}
+    command = [sys.executable, "-c", START + script, *map(str, arguments)]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
+    assert not done.stderr
+    return done.stdout.strip()
+
+
+@pytest.mark.parametrize("processes", [1, 2, 3, 10, 12])
+def test_results_come_in_order_from_several_processes(processes):
+    script = f"""
+found = shared_out(lambda item: (item**2, os.getpid()), items, {processes})
+assert [square for square, _ in found] == [item**2 for item in items], found
+assert found[0][1] == me
+assert not active_children()
+print(len({{pid for _, pid in found}}))
+"""
+    assert python(script) == str(min(processes, 10))
+
+
+def test_nothing_is_shared_out_of_nothing():
+    assert python("print(shared_out(str, [], 4))") == "[]"
+
+
+@pytest.mark.parametrize(
+    "end",
+    [
+        pytest.param("os.kill(os.getpid(), signal.SIGKILL)", id="killed"),
+        pytest.param("os._exit(3)", id="ended"),
+        pytest.param("raise MemoryError", id="short of memory"),
+        pytest.param("return lambda: item", id="result that cannot be sent"),
+    ],
+)
+def test_what_a_copy_does_not_deliver_is_done_by_the_process_itself(end):
+    script = f"""
+def work(item):
+    if item == 4 and os.getpid() != me:
+        {end}
+    return item + 1
+print(shared_out(work, items, 4) == [item + 1 for item in items], len(active_children()))
+"""
+    assert python(script) == "True 0"
+
+
+def test_results_larger_than_a_pipe_arrive():
+    assert python("print([len(text) for text in shared_out(lambda item: 'x' * 10**6 * item, items, 3)])") == str(
+        [10**6 * item for item in range(10)]
+    )
+
+
+def test_an_error_is_that_of_the_item():
+    script = """
+try:
+    shared_out(lambda item: 1 / (item - 5), items, 4)
+except ZeroDivisionError:
+    print(len(active_children()))
+"""
+    assert python(script) == "0"
+
+
+def test_no_copy_outlives_an_interruption():
+    """The copy waits for ever; the process itself is interrupted as by Ctrl-C, of which a copy hears nothing."""
+    script = """
+def work(item):
+    if os.getpid() != me:
+        signal.pause()
+    os.kill(0, signal.SIGINT)  # to all of them
+os.setpgrp()
+try:
+    shared_out(work, items, 3)
+except KeyboardInterrupt:
+    print(len(active_children()))
+"""
+    assert python(script) == "0"
+
+
+def test_where_no_process_can_be_made_all_is_done_here():
+    script = """
+def refuse():
+    raise BlockingIOError(11, "no more processes")
+os.fork = refuse
+print(shared_out(str, items, 3) == list(map(str, items)))
+"""
+    assert python(script) == "True"
+
+
+def test_a_process_with_threads_or_a_worker_makes_no_copies():
+    script = """
+import threading
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+alone = free_processors()
+with ProcessPoolExecutor(1, mp_context=get_context("fork")) as pool:
+    worker = pool.submit(free_processors).result()
+done = threading.Event()
+threading.Thread(target=done.wait).start()
+print(alone, worker, free_processors())
+done.set()
+"""
+    processors = min(len(os.sched_getaffinity(0)), 8)
+    assert python(script) == f"{processors} 1 1"
+
+
+def test_a_page_and_its_panels_are_the_same_from_one_process_and_from_three(tmp_path):
+    script = """
+from pathlib import Path
+from report_builder import build
+from mapmore_cli.domain import processors
+from mapmore_cli.reporting.report import write_report
+for count in (1, 3):
+    processors.free_processors = lambda: count
+    write_report(build(), Path(sys.argv[1]) / str(count), ("fit", "nrmse", "terms"), ("html", "svg", "pdf"))
+"""
+    python(script, tmp_path)
+    one, three = (
+        {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*.*")} for folder in (tmp_path / "1", tmp_path / "3")
+    )
+    assert len(one) > 8
+    assert one == three
+
+
+def test_the_command_line_has_one_thread_whatever_the_environment_says():
+    script = """
+import mapmore_cli.cli.app as app
+from mapmore_cli.__main__ import main
+def run():
+    import numpy
+    print(free_processors())
+app.main = run
+main()
+"""
+    assert python(script, threads="2") == str(min(len(os.sched_getaffinity(0)), 8))
