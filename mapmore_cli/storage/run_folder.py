@@ -10,17 +10,17 @@ import json
 import os
 import re
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields, is_dataclass
-from functools import lru_cache
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import mkdtemp
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.storage.atomic import TEMPORARY, refusals_told, remove, sync_folder, sync_tree
+from mapmore_cli.storage.recent import recent
 from mapmore_cli.storage.run_record import CAMPAIGN_RECORD, RUN_RECORD
 
 if TYPE_CHECKING:
@@ -33,8 +33,6 @@ if TYPE_CHECKING:
 
 DATASET, SEGMENTATION, FIT, MODEL, VALIDATION = "ingest.h5", "segment.h5", "fit.h5", "model.h5", "validate.h5"
 SCORES = "scores.json"
-T = TypeVar("T")
-KEPT_BYTES = 30_000_000  # larger files are read each time that they are needed
 RESULTS: Mapping[str, str] = MappingProxyType(
     {"ingest": DATASET, "segment": SEGMENTATION, "fit": FIT, "fuse": MODEL, "validate": VALIDATION}
 )
@@ -45,8 +43,8 @@ RESULTS: Mapping[str, str] = MappingProxyType(
 class RunFiles:
     """The results in the folder of a run, read when they are asked for; raises as `artefacts.read_*`.
 
-    A file that several stages or variations read stays in memory for a while: another file of its name is another one, and a link to it
-    the same. Its arrays are read-only.
+    A file that several stages or variations read, or that this process wrote, stays in memory for a while (see `storage.recent`). Its
+    arrays are read-only.
     """
 
     folder: Path
@@ -55,79 +53,37 @@ class RunFiles:
         """What `ingest` handed on."""
         from mapmore_cli.storage.artefacts import read_dataset
 
-        return _recent(read_dataset, self.folder / DATASET)
+        return recent(read_dataset, self.folder / DATASET)
 
     def segmentation(self) -> tuple[SegmentedCurve, ...]:
         """Where the training curves are cut."""
         from mapmore_cli.storage.artefacts import read_segmentation
 
-        return _recent(read_segmentation, self.folder / SEGMENTATION)
+        return recent(read_segmentation, self.folder / SEGMENTATION)
 
     def fit(self) -> FitResult:
         """What was fitted."""
         from mapmore_cli.storage.artefacts import read_fit
 
-        return _recent(read_fit, self.folder / FIT)
+        return recent(read_fit, self.folder / FIT)
 
     def model(self) -> Model:
         """The model that stands alone."""
         from mapmore_cli.storage.artefacts import read_model
 
-        return _recent(read_model, self.folder / MODEL)
+        return recent(read_model, self.folder / MODEL)
 
     def validation(self) -> Validation:
         """Predictions and scores."""
         from mapmore_cli.storage.artefacts import read_validation
 
-        return _recent(read_validation, self.folder / VALIDATION)
+        return recent(read_validation, self.folder / VALIDATION)
 
     def scores(self) -> ScoreTable:
         """The scores alone, without the predictions behind them."""
         from mapmore_cli.storage.score_files import read_scores
 
         return read_scores(self.folder / SCORES)
-
-
-@dataclass(frozen=True)
-class _Content:
-    """A file as it is now: two names of one file are equal, and a file that was written anew is not."""
-
-    stamp: tuple[int, int, int, int]
-    path: Path = field(compare=False)
-
-
-def _recent(read: Callable[[Path], T], path: Path) -> T:
-    """What is in a file, read again only where it is another one or large."""
-    try:
-        now = path.stat()
-    except OSError:
-        return read(path)  # which says what is wrong with it
-    if now.st_size > KEPT_BYTES:
-        return read(path)
-    found: T = _kept(read, _Content((now.st_dev, now.st_ino, now.st_mtime_ns, now.st_size), path))
-    return found
-
-
-@lru_cache(maxsize=6)
-def _kept(read: Callable[[Path], Any], content: _Content) -> Any:
-    found = read(content.path)
-    _freeze(found)
-    return found
-
-
-def _freeze(value: Any) -> None:
-    """Make the arrays in a record read-only: others will be given the same."""
-    if hasattr(value, "setflags"):  # an array, without importing NumPy for commands that need none
-        value.setflags(write=False)
-    elif isinstance(value, Mapping):
-        for part in value.values():
-            _freeze(part)
-    elif isinstance(value, tuple | list):
-        for part in value:
-            _freeze(part)
-    elif is_dataclass(value):
-        for part in fields(value):
-            _freeze(getattr(value, part.name))
 
 
 ASIDE = ".old-"

@@ -25,6 +25,7 @@ from mapmore_cli.domain.blocks import give_back, in_blocks, row_blocks
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.artefacts.integrity import MOST_KEYS, Digest, Invalid, is_unicode, stored_at, texts_of, valid_text
 from mapmore_cli.storage.artefacts.label import Label
+from mapmore_cli.storage.recent import Unkept
 
 if TYPE_CHECKING:
     import h5py
@@ -53,6 +54,8 @@ class Codec:
         Of a group and a name in it; `read` raises Invalid for what is not of the form.
     feed
         Adds a value to a checksum, under the path that it stands at.
+    as_read
+        A value as `read` gives it once it is written: a copy. Raises Unkept for one that only reading may judge, or that is long.
     check
         Raises Invalid for a value that is of the form and yet cannot be.
     column
@@ -63,6 +66,7 @@ class Codec:
     write: Callable[[h5py.Group, str, Any, Label], None]
     read: Callable[[h5py.Group, str], Any]
     feed: Callable[[Digest, str, Any], None]
+    as_read: Callable[[Any], Any]
     check: Callable[[Any, str, Sizes], None] = _anything
     column: Codec | None = None
 
@@ -108,6 +112,7 @@ def numbers(
     Real numbers are finite unless they `may_be_nan`; they may have to be strictly `ascending`; whole ones may have a `least` value.
     """
     form = f"{np.dtype(dtype).name} dataset, {ndim}-D"
+    loaded = load_dtype or np.dtype(dtype).newbyteorder("=")
 
     def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
         array = value if isinstance(value, np.ndarray) else np.asarray(value, dtype=dtype)
@@ -126,7 +131,13 @@ def numbers(
             raise Invalid(where, f"is a {len(shape)}-D array of {found}, not a {form}")
         with stored_at(where):
             values = mapped(dataset) if dataset.size >= HUGE and dataset.chunks is None else dataset[()]
-            return values.astype(load_dtype or np.dtype(dtype).newbyteorder("="), copy=False)
+            return values.astype(loaded, copy=False)
+
+    def as_read(value: Any) -> Any:
+        array = np.array(value, dtype=dtype, order="C")
+        if array.ndim != ndim or array.size >= LONG:
+            raise Unkept
+        return array.astype(loaded, copy=False)
 
     def check(value: Any, where: str, _sizes: Sizes) -> None:
         array = np.asarray(value)
@@ -141,7 +152,7 @@ def numbers(
     def feed(digest: Digest, where: str, value: Any) -> None:
         digest.add(where, value, dtype)
 
-    return Codec(form, write, read, feed, check)
+    return Codec(form, write, read, feed, as_read, check)
 
 
 _mappings: WeakValueDictionary[tuple[int, ...], mmap.mmap] = WeakValueDictionary()
@@ -173,7 +184,10 @@ def texts() -> Codec:
     def feed(digest: Digest, where: str, value: Any) -> None:
         digest.add(where, list(value), None)
 
-    return Codec("string dataset, 1-D", write, read, feed)
+    def as_read(value: Any) -> tuple[str, ...]:
+        return tuple(map(str, value))
+
+    return Codec("string dataset, 1-D", write, read, feed, as_read)
 
 
 def number(kind: type[float] | type[int], *, may_be_nan: bool = False, least: float | None = None, most: float | None = None) -> Codec:
@@ -200,7 +214,10 @@ def number(kind: type[float] | type[int], *, may_be_nan: bool = False, least: fl
     def feed(digest: Digest, where: str, value: Any) -> None:
         digest.add(where, value, dtype)
 
-    return Codec(f"{np.dtype(dtype).name} attribute", write, read, feed, check, numbers(dtype))
+    def as_read(value: Any) -> Any:
+        return kind(np.asarray(value, dtype))
+
+    return Codec(f"{np.dtype(dtype).name} attribute", write, read, feed, as_read, check, numbers(dtype))
 
 
 def text(pattern: str | None = None, words: tuple[str, ...] = ()) -> Codec:
@@ -225,7 +242,7 @@ def text(pattern: str | None = None, words: tuple[str, ...] = ()) -> Codec:
     def feed(digest: Digest, where: str, value: Any) -> None:
         digest.add(where, value, None)
 
-    return Codec("string attribute", write, read, feed, check, texts())
+    return Codec("string attribute", write, read, feed, str, check, texts())
 
 
 def optional(codec: Codec) -> Codec:
@@ -246,7 +263,10 @@ def optional(codec: Codec) -> Codec:
     def read(group: h5py.Group, name: str) -> Any:
         return codec.read(group, name) if _present(group, name) else None
 
-    return Codec(f"{codec.form} (MAY be absent)", write, read, feed, check)
+    def as_read(value: Any) -> Any:
+        return None if value is None else codec.as_read(value)
+
+    return Codec(f"{codec.form} (MAY be absent)", write, read, feed, as_read, check)
 
 
 def added(codec: Codec, default: Any) -> Codec:
@@ -277,6 +297,7 @@ def adapted(
         write=lambda group, name, value, label: codec.write(group, name, store(value), label),
         read=lambda group, name: load(codec.read(group, name)),
         feed=lambda digest, where, value: codec.feed(digest, where, store(value)),
+        as_read=lambda value: load(codec.as_read(store(value))),
         check=checked,
         column=None,
     )
@@ -303,7 +324,10 @@ def numbered(codec: Codec) -> Codec:
         for place, part in enumerate(value):
             codec.check(part, f"{where}/{place:03d}", dict(sizes))
 
-    return Codec(f"numbered group of: {codec.form}", write, read, feed, check)
+    def as_read(value: Any) -> tuple[Any, ...]:
+        return tuple(map(codec.as_read, value))
+
+    return Codec(f"numbered group of: {codec.form}", write, read, feed, as_read, check)
 
 
 def named(codec: Codec) -> Codec:
@@ -338,7 +362,12 @@ def named(codec: Codec) -> Codec:
         for key, part in value.items():
             codec.check(part, f"{where}/{escaped(key)}", dict(sizes))
 
-    return Codec(f"named group of: {codec.form}", write, read, feed, check)
+    def as_read(value: Mapping[str, Any]) -> dict[str, Any]:
+        if len(value) > MOST_KEYS:
+            raise Unkept
+        return {str(key): codec.as_read(part) for key, part in value.items()}
+
+    return Codec(f"named group of: {codec.form}", write, read, feed, as_read, check)
 
 
 def pairs(codec: Codec) -> Codec:
@@ -354,7 +383,7 @@ def pairs(codec: Codec) -> Codec:
         values, names = codec.read(parts, "values"), texts().read(parts, "names")
         if len(values) != len(names) or len(set(names)) < len(names):
             raise Invalid(place_of(group, name), f"has {len(values)} values for {len(set(names))} names")
-        return dict(zip(names, values.tolist() if isinstance(values, np.ndarray) else values, strict=True))
+        return dict(zip(names, plain(values), strict=True))
 
     def feed(digest: Digest, where: str, value: Mapping[str, Any]) -> None:
         digest.add(f"{where}/names", list(value), None)
@@ -363,7 +392,15 @@ def pairs(codec: Codec) -> Codec:
     def check(value: Mapping[str, Any], where: str, sizes: Sizes) -> None:
         codec.check(list(value.values()), f"{where}/values", sizes)
 
-    return Codec(f"`names` and `values`; values: {codec.form}", write, read, feed, check)
+    def as_read(value: Mapping[str, Any]) -> dict[str, Any]:
+        return dict(zip(map(str, value), plain(codec.as_read(list(value.values()))), strict=True))
+
+    return Codec(f"`names` and `values`; values: {codec.form}", write, read, feed, as_read, check)
+
+
+def plain(values: Any) -> Any:
+    """A list of numbers or texts as Python has them."""
+    return values.tolist() if isinstance(values, np.ndarray) else values
 
 
 def shown(value: str, most: int = 60) -> str:

@@ -11,6 +11,7 @@ Format versions are read like semantic versions: a new major is refused by older
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -26,6 +27,7 @@ from mapmore_cli.storage.artefacts.layout import DATASET, FIT_RESULT, MODEL, SEG
 from mapmore_cli.storage.artefacts.layout.legacy import FIT_RESULT_1, MODEL_1
 from mapmore_cli.storage.artefacts.schema import Schema
 from mapmore_cli.storage.atomic import replacing
+from mapmore_cli.storage.recent import Unkept
 from mapmore_cli.storage.run_record import refuse_newer
 
 if TYPE_CHECKING:
@@ -55,8 +57,8 @@ class FileKind:
     schema: Schema
     before_2: Schema | None = None
 
-    def write(self, path: Path, record: Any, units: Mapping[str, str], provenance: Mapping[str, str] | None = None) -> None:
-        """Write `record`; `units` are those that it does not know itself. The bytes depend on the arguments only.
+    def write(self, path: Path, record: Any, units: Mapping[str, str], provenance: Mapping[str, str] | None = None) -> os.stat_result:
+        """Write `record`; `units` are those that it does not know itself. The bytes depend on the arguments only. Returns the file's state.
 
         Raises WriteError where the disk is full.
         """
@@ -78,6 +80,16 @@ class FileKind:
                         _write_provenance(file, provenance)
             finally:
                 steady.tell_fault()
+            return os.fstat(place.fileno())
+
+    def as_read(self, record: Any) -> Any:
+        """A record as `read` gives it once it is written: a copy. Raises Unkept for one that `read` would refuse, or that is long."""
+        found = self.schema.as_read(record)
+        try:
+            self.schema.check(found, "", {})
+        except Invalid as fault:
+            raise Unkept from fault
+        return found
 
     def read(self, path: Path, warn: Warn = silent, unverified: bool = False) -> Any:
         """The record in a file, checked against its declaration; `warn` is told where nothing says that it is as it was written.

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mapmore_cli.storage.artefacts.codecs import Codec, Sizes, place_of, shown, stored
+from mapmore_cli.storage.artefacts.codecs import Codec, Sizes, place_of, plain, shown, stored
 from mapmore_cli.storage.artefacts.integrity import Digest, Invalid, stored_at
 from mapmore_cli.storage.artefacts.label import Label
+from mapmore_cli.storage.recent import Unkept
 
 if TYPE_CHECKING:
     import h5py
@@ -92,6 +93,10 @@ class Schema:
         """The record that `write_into` stored; Invalid where it is of another form."""
         return self.type(**{field.name: field.codec.read(group, field.name) for field in self.fields if not field.derived})
 
+    def as_read(self, record: Any) -> Any:
+        """A record as `read_from` gives it; raises as the codecs do."""
+        return self.type(**{field.name: field.codec.as_read(getattr(record, field.name)) for field in self.fields if not field.derived})
+
     def check(self, record: Any, where: str, sizes: Sizes) -> None:
         """Raise Invalid for a record that cannot be, although each of its values has the right form."""
         own = [field for field in self.fields if not field.derived]
@@ -113,11 +118,11 @@ def _link(schema_type: type) -> str:
 
 def record(schema: Schema) -> Codec:
     """One object, as a group of its own."""
-    return nested(schema.type, lambda: schema)
+    return replace(nested(schema.type, lambda: schema), as_read=schema.as_read)
 
 
 def nested(type_: type, schema: Callable[[], Schema]) -> Codec:
-    """The same for a type that has parts of its own type, whose schema is not known before it is used."""
+    """The same for a type that has parts of its own type, whose schema is not known before it is used. Such parts may lie too deep."""
 
     def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
         schema().write_into(group.create_group(name), value, label)
@@ -131,7 +136,10 @@ def nested(type_: type, schema: Callable[[], Schema]) -> Codec:
     def check(value: Any, where: str, sizes: Sizes) -> None:
         schema().check(value, where, sizes)
 
-    return Codec(_link(type_), write, read, feed, check)
+    def as_read(_value: Any) -> Any:
+        raise Unkept
+
+    return Codec(_link(type_), write, read, feed, as_read, check)
 
 
 def variant(bodies: Mapping[str, Schema]) -> Codec:
@@ -162,8 +170,11 @@ def variant(bodies: Mapping[str, Schema]) -> Codec:
     def check(value: Any, where: str, sizes: Sizes) -> None:
         of(value)[1].check(value, where, sizes)
 
+    def as_read(value: Any) -> Any:
+        return of(value)[1].as_read(value)
+
     form = ", ".join(f"`{word}`: {_link(schema.type)}" for word, schema in bodies.items())
-    return Codec(f"group with the attribute `kind`; {form}", write, read, feed, check)
+    return Codec(f"group with the attribute `kind`; {form}", write, read, feed, as_read, check)
 
 
 def rows(schema: Schema) -> Codec:
@@ -185,10 +196,17 @@ def rows(schema: Schema) -> Codec:
         known = {
             field: column for field, column in columns.items() if column is not None and (not _has_default(field) or field.name in table)
         }
-        cells = {field.name: _plain(column.read(table, field.name)) for field, column in known.items()}
+        cells = {field.name: plain(column.read(table, field.name)) for field, column in known.items()}
         lengths = {len(column) for column in cells.values()}
         if len(lengths) > 1:
             raise Invalid(where, f"has columns of {min(lengths)} and of {max(lengths)} rows")
+        return made_of(cells)
+
+    def as_read(value: Any) -> tuple[Any, ...]:
+        known = {field: column for field, column in columns.items() if column is not None}
+        return made_of({field.name: plain(column.as_read([field.value_of(row) for row in value])) for field, column in known.items()})
+
+    def made_of(cells: Mapping[str, Any]) -> tuple[Any, ...]:
         return tuple(schema.type(**dict(zip(cells, row, strict=True))) for row in zip(*cells.values(), strict=True))
 
     def _has_default(field: Field) -> bool:
@@ -205,14 +223,9 @@ def rows(schema: Schema) -> Codec:
         for place, row in enumerate(value):
             schema.check(row, f"{where}/{place}", dict(sizes))
 
-    return Codec(f"table of {_link(schema.type)}, a dataset for every column", write, read, feed, check)
+    return Codec(f"table of {_link(schema.type)}, a dataset for every column", write, read, feed, as_read, check)
 
 
 def same(value: Any, default: Any) -> bool:
     """Whether a scalar is its default, NaN included."""
     return bool(value == default or (value != value and default != default))
-
-
-def _plain(column: Any) -> Any:
-    """A column as Python numbers or texts."""
-    return column if isinstance(column, tuple) else column.tolist()
