@@ -30,6 +30,7 @@ from mapmore_cli.storage.artefacts import files
 from mapmore_cli.storage.artefacts.codecs import escaped
 from mapmore_cli.storage.artefacts.label import NO_UNIT, Label
 from mapmore_cli.storage.artefacts.layout import SCHEMAS
+from mapmore_cli.storage.artefacts.placing import put_array, put_attribute
 from mapmore_cli.storage.artefacts.schema import Schema
 from mapmore_cli.storage.recent import recent
 
@@ -245,7 +246,7 @@ def test_later_stages_hand_the_units_on(tmp_path: Path) -> None:
 def test_units_in_brackets(unit: str, known: dict[str, str], resolved: str, tmp_path: Path) -> None:
     with h5py.File(tmp_path / "x.h5", "w") as file:
         dataset = file.create_dataset("x", data=[1.0])
-        Label("what", unit).within(known).put_on(dataset)
+        Label("what", unit).within(known).put_on(dataset.id)
         assert dataset.attrs["unit"] == resolved
 
 
@@ -380,6 +381,34 @@ def test_names_that_are_no_text_are_refused(name: str, tmp_path: Path) -> None:
     with pytest.raises(DataError, match="not valid text"):
         artefacts.write_dataset(tmp_path / "x.h5", replace(examples()["dataset"], notes=(name,)))
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("value", "dtype"),
+    [
+        ("kPa", None),
+        ("", None),
+        ("mü", None),
+        (["a", "é", ""], None),
+        ([], None),
+        (2.5, "<f8"),
+        (-3, "<i8"),
+        ([[1, 0]], "|u1"),
+        ([], "<f8"),
+    ],
+)
+def test_the_low_level_makes_the_bytes_of_the_high_level(value: Any, dtype: str | None, tmp_path: Path) -> None:
+    for name in ("low", "high"):
+        with h5py.File(tmp_path / name, "w", libver=("earliest", "v110")) as file:
+            kind = h5py.string_dtype() if dtype is None else dtype
+            if name == "low":
+                dataset = put_array(file.id, "values", value, dtype)
+                put_attribute(dataset, "twice", value, dtype)
+            else:
+                file.create_dataset("values", data=np.array(value, kind), dtype=kind, track_times=False).attrs.create(
+                    "twice", value, dtype=kind
+                )
+    assert (tmp_path / "low").read_bytes() == (tmp_path / "high").read_bytes()
 
 
 @given(st.lists(st.text("ab./%25F", max_size=6), unique=True))

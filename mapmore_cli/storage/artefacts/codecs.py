@@ -25,6 +25,7 @@ from mapmore_cli.domain.blocks import give_back, in_blocks, row_blocks
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.artefacts.integrity import MOST_KEYS, Digest, Invalid, is_unicode, stored_at, texts_of, valid_text
 from mapmore_cli.storage.artefacts.label import Label
+from mapmore_cli.storage.artefacts.placing import put_array, put_attribute
 from mapmore_cli.storage.recent import Unkept
 
 if TYPE_CHECKING:
@@ -116,12 +117,15 @@ def numbers(
 
     def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
         array = value if isinstance(value, np.ndarray) else np.asarray(value, dtype=dtype)
-        filters: dict[str, Any] = {"compression": "gzip", "shuffle": True} if LONG <= array.size < HUGE else {}
+        if array.size < LONG:
+            label.put_on(put_array(group.id, name, array, dtype))
+            return
+        filters: dict[str, Any] = {"compression": "gzip", "shuffle": True} if array.size < HUGE else {}
         dataset = group.create_dataset(name, array.shape, dtype, track_times=False, **filters)
         for rows in row_blocks(len(array), None if array.size >= HUGE else HUGE):
             dataset[rows] = np.asarray(array[rows], dtype=dtype)
             give_back(array)
-        label.put_on(dataset)
+        label.put_on(dataset.id)
 
     def read(group: h5py.Group, name: str) -> Any:
         dataset, where = stored(group, name, "Dataset"), place_of(group, name)
@@ -173,10 +177,7 @@ def texts() -> Codec:
     """A tuple of texts, as a 1-D dataset of UTF-8 strings of variable length."""
 
     def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
-        import h5py
-
-        array = np.array([checked_text(text) for text in value], dtype=object)
-        label.without_unit().put_on(group.create_dataset(name, data=array, dtype=h5py.string_dtype(), track_times=False))
+        label.without_unit().put_on(put_array(group.id, name, list(map(checked_text, value)), None))
 
     def read(group: h5py.Group, name: str) -> tuple[str, ...]:
         return texts_of(stored(group, name, "Dataset"), place_of(group, name))
@@ -196,7 +197,7 @@ def number(kind: type[float] | type[int], *, may_be_nan: bool = False, least: fl
 
     def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
         del label  # attributes cannot carry attributes; the documentation has unit and description
-        group.attrs[name] = np.asarray(value, dtype)
+        put_attribute(group.id, name, value, dtype)
 
     def read(group: h5py.Group, name: str) -> Any:
         value = np.asarray(_attribute(group, name))
@@ -225,7 +226,7 @@ def text(pattern: str | None = None, words: tuple[str, ...] = ()) -> Codec:
 
     def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
         del label
-        group.attrs[name] = checked_text(value)
+        put_attribute(group.id, name, checked_text(value), None)
 
     def read(group: h5py.Group, name: str) -> str:
         value = _attribute(group, name)
@@ -334,11 +335,8 @@ def named(codec: Codec) -> Codec:
     """A mapping, as a group whose parts are called after the keys; the attribute `order` lists the keys in their order."""
 
     def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
-        import h5py
-
         parts = group.create_group(name)
-        keys = np.array([checked_text(key) for key in value], dtype=object)
-        parts.attrs.create("order", keys, dtype=h5py.string_dtype())
+        put_attribute(parts.id, "order", list(map(checked_text, value)), None)
         for key, part in value.items():
             codec.write(parts, escaped(key), part, label.of_part(key))
 

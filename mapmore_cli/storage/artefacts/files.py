@@ -156,7 +156,7 @@ def _write_provenance(file: h5py.File, provenance: Mapping[str, str]) -> None:
     group = file.create_group("provenance")
     for name, text in provenance.items():
         dataset = group.create_dataset(name, data=checked_text(text), dtype=h5py.string_dtype(), track_times=False)
-        Label("where the file comes from").without_unit().put_on(dataset)
+        Label("where the file comes from").without_unit().put_on(dataset.id)
 
 
 def _kind_and_version(path: Path, file: h5py.File) -> tuple[str, str]:

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
+from mapmore_cli.storage.artefacts.placing import put_attribute
+
 if TYPE_CHECKING:
     import h5py
 
@@ -43,10 +45,10 @@ class Label:
         """The label of something that has no unit."""
         return replace(self, unit=NO_UNIT)
 
-    def put_on(self, dataset: h5py.Dataset) -> None:
+    def put_on(self, dataset: h5py.h5d.DatasetID) -> None:
         """Write the two attributes."""
-        dataset.attrs["unit"] = _resolved(self.unit, self.scope)
-        dataset.attrs["description"] = self.description
+        put_attribute(dataset, "unit", _resolved(self.unit, self.scope), None)
+        put_attribute(dataset, "description", self.description, None)
 
 
 def _resolved(unit: str, scope: Mapping[str, str]) -> str:

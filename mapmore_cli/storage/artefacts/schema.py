@@ -12,6 +12,7 @@ import numpy as np
 from mapmore_cli.storage.artefacts.codecs import Codec, Sizes, place_of, plain, shown, stored
 from mapmore_cli.storage.artefacts.integrity import Digest, Invalid, stored_at
 from mapmore_cli.storage.artefacts.label import Label
+from mapmore_cli.storage.artefacts.placing import put_attribute
 from mapmore_cli.storage.recent import Unkept
 
 if TYPE_CHECKING:
@@ -151,7 +152,7 @@ def variant(bodies: Mapping[str, Schema]) -> Codec:
     def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
         word, schema = of(value)
         body = group.create_group(name)
-        body.attrs["kind"] = word
+        put_attribute(body.id, "kind", word, None)
         schema.write_into(body, value, label)
 
     def read(group: h5py.Group, name: str) -> Any:
