@@ -6,7 +6,7 @@ import json
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -16,9 +16,9 @@ import typer.testing
 from cli_samples import hand_model, write_study
 from typer.main import get_command
 from typer.testing import CliRunner, Result
+from workers_here import Here
 
 from mapmore_cli.cli.app import app
-from mapmore_cli.domain.errors import MapmoreError
 
 Call = Callable[..., Result]
 
@@ -62,26 +62,6 @@ def shell() -> Callable[..., subprocess.CompletedProcess[str]]:
         return subprocess.run(command, capture_output=True, text=True, check=False, **options)
 
     return call
-
-
-class Here:
-    """Workers of `batch` that are this process."""
-
-    def __init__(self, *_: object) -> None:
-        pass
-
-    def __enter__(self) -> Here:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        pass
-
-    def each(self, function: Callable[[Any], Any], jobs: Sequence[Any]) -> Iterator[tuple[int, Any]]:
-        for number, job in enumerate(jobs):
-            try:
-                yield number, function(job)
-            except MapmoreError as error:
-                yield number, error
 
 
 @pytest.fixture

@@ -46,7 +46,7 @@ def write_study(folder: Path, name: str, data: str = "rig", method: str = "even"
 def write_slow_study(folder: Path, name: str) -> Path:
     """A study whose segmentation takes many seconds, so that a test can end it at work."""
     if not (folder / "long_100.csv").is_file():
-        write_recordings(folder, "long", 40_000)
+        write_recordings(folder, "long", 15_000)
     return write_study(folder, name, "long", "optimal")
 
 

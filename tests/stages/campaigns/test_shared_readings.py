@@ -4,31 +4,18 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from run_studies import write_study
+from workers_here import Here
 
 from mapmore_cli.spec.loader import load
 from mapmore_cli.stages.campaigns.batch import Finished, Job, planned, run_all, run_one
 from mapmore_cli.stages.ingestion import dataset
-
-
-class Here:
-    """Workers that are this process."""
-
-    def __enter__(self) -> Here:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        pass
-
-    def each(self, function: Callable[[Any], Any], jobs: Sequence[Any]) -> Iterator[tuple[int, Any]]:
-        for number, job in enumerate(jobs):
-            yield number, function(job)
 
 
 @pytest.fixture
