@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from mapmore_cli.domain import processors
+
 settings.register_profile("ci", derandomize=True, deadline=None)  # a change fails for what it does, not for the draw of the day
 settings.register_profile("search", deadline=None)
 settings.load_profile("ci" if os.environ.get("CI") else "search")
@@ -33,6 +35,14 @@ def no_power_cut() -> Iterator[None]:
     """Nothing that a test writes has to outlive a power cut, and waiting for the disk takes as long as the work itself."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(os, "fsync", lambda _file: None)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def no_copies() -> Iterator[None]:
+    """Work of this process is done in it, where a test may count and replace; commands in processes of their own share it out."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(processors, "free_processors", lambda: 1)
         yield
 
 

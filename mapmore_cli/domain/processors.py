@@ -18,25 +18,38 @@ R = TypeVar("R")
 THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 """What libraries ask for the number of their threads when they start."""
 
-MOST_PROCESSES = 8
-"""Small work gains nothing from more."""
+MOST_PROCESSES = 4
+"""Each of them may need as much memory as one."""
 
 
-def shared_out(work: Callable[[T], R], items: Sequence[T], processes: int | None = None) -> list[R]:
+def shared_out(
+    work: Callable[[T], R],
+    items: Sequence[T],
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
+    processes: int | None = None,
+) -> list[R]:
     """`[work(item) for item in items]`, with every n-th item done by each of n processes.
 
-    The others are forks: copies that have the items already. What they return must be picklable. What a copy does not deliver, for
-    whatever reason, is done here, so that an error is raised as without copies.
+    The others are forks: copies that have the items already. What they return must be picklable, and whatever else they change is lost.
+    What a copy does not deliver, for whatever reason, is done here, so that an error is raised as without copies.
 
     Parameters
     ----------
+    progress
+        Is told how many items are done, of how many, as far as this process sees it.
     processes
         How many there are with this one; by default as many as this machine has for them (`free_processors`).
     """
     count = max(1, min(len(items), free_processors() if processes is None else processes))
     shares = [items[start::count] for start in range(count)]
+
+    def own_share() -> Iterator[R]:
+        for number, item in enumerate(shares[0], start=1):
+            yield work(item)
+            progress(min(number * count, len(items)), len(items))
+
     with _copies(work, shares[1:]) as copies:
-        own = [work(item) for item in shares[0]]
+        own = list(own_share())
         parts = [own, *(_received(copy) or [work(item) for item in share] for copy, share in zip(copies, shares[1:], strict=True))]
     return [parts[place % count][place // count] for place in range(len(items))]
 
@@ -45,13 +58,14 @@ def free_processors() -> int:
     """How many processes work may be shared out to: one where copies are not safe, or where all processors are at work already.
 
     A fork of a process with threads may hang, and on macOS a fork without them too: only Linux has copies, of a process with one thread.
-    A worker process of a campaign has none.
+    A copy, a worker of a campaign, and a process that has some at work make none.
     """
     if sys.platform != "linux" or _threads() != 1:
         return 1
-    from multiprocessing import parent_process
+    from multiprocessing import active_children, parent_process
 
-    return 1 if parent_process() is not None else min(len(os.sched_getaffinity(0)), MOST_PROCESSES)
+    taken = parent_process() is not None or active_children()
+    return 1 if taken else min(len(os.sched_getaffinity(0)), MOST_PROCESSES)
 
 
 def _threads() -> int | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.errors import DataError, FitError, SpecError
 from mapmore_cli.domain.models import LeftOut, LeftOutKind, Model
+from mapmore_cli.domain.processors import shared_out
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.scores import OWN
 from mapmore_cli.modelling.forecast import forecast
@@ -29,31 +31,36 @@ if TYPE_CHECKING:
 LEAST_PARTS = 3
 """With fewer levels or recordings, blocks of all of them are left out."""
 
-Compare = Callable[[Contest], dict[str, Forecasts]]
-"""What every model of a comparison says of every curve; models whose fit failed are left out."""
+Said = dict[str, Forecasts]
+"""What models say of every curve, by their names."""
+
+Compare = Callable[[Contest], tuple[Said, Sequence[str]]]
+"""What every model of a comparison says, but those whose fit failed, and what the user is to be warned of."""
 
 
 def left_out(
     choices: ModelChoices, contest: Contest, compare: Compare, progress: Progress, fitted_to: str
-) -> tuple[Dataset, dict[str, Forecasts]]:
-    """The dataset with every sample held out, and what models of the other levels say of each curve, by the name of the model.
+) -> tuple[Dataset, Said, list[str]]:
+    """The dataset with every sample held out, what models of the other levels say of each curve, and warnings.
 
     Everything is fitted anew without the level: cuts, terms, backbone, how much of its residual is trusted, and every competitor. The run's
-    own model is `fitted_to` a quantity, which need not be the one that is scored.
+    own model is `fitted_to` a quantity, which need not be the one that is scored. A model that fails without some level is left out.
     """
     dataset = contest.dataset
     levels = list(dict.fromkeys(curve.level for curve in dataset.curves))
-    found: dict[str, list[Forecasts]] = {}
-    for number, level in enumerate(levels):
+
+    def without(level: float | None) -> tuple[Said, Sequence[str]]:
         fold = replace(dataset, curves=tuple(replace(c, held_out=np.full(c.size, c.level == level)) for c in dataset.curves))
         model = refitted(choices, replace(fold, target=fitted_to))
-        said = compare(replace(contest, dataset=fold, model=model, refit=refit_run))
-        for name, forecasts in {OWN: _own(model, fold), **said}.items():
-            found.setdefault(name, []).append(forecasts)
-        progress("levels left out", number + 1, len(levels))
+        said, warnings = compare(replace(contest, dataset=fold, model=model, refit=refit_run))
+        return {OWN: _own(model, fold), **said}, warnings
+
+    found = shared_out(without, levels, partial(progress, "levels left out"))
     whole = replace(dataset, curves=tuple(replace(c, held_out=np.ones(c.size, dtype=np.bool_)) for c in dataset.curves))
     folds = [levels.index(curve.level) for curve in dataset.curves]
-    return whole, {name: _joined(parts, folds) for name, parts in found.items() if len(parts) == len(levels)}
+    names = [name for name in found[0][0] if all(name in said for said, _ in found)]
+    joined = {name: _joined([said[name] for said, _ in found], folds) for name in names}
+    return whole, joined, [warning for _, warnings in found for warning in warnings]
 
 
 def refitted(choices: ModelChoices, dataset: Dataset) -> Model:
@@ -79,8 +86,9 @@ def residuals(choices: ModelChoices, dataset: Dataset, needed: Mapping[str, Path
     if kind == "blocks" and needed:
         found = "the runs that are added up can be fitted anew without a level or a recording, and there are fewer than three"
         raise SpecError(f"validate.intervals: {found}", "leave it out, or ask for the intervals of the parts")
-    missed: dict[str, list[Array]] = {}
-    for name, outs in folds.items():
+
+    def missed(part: tuple[str, tuple[BoolArray, ...]]) -> list[Array]:
+        name, outs = part
         curves = tuple(replace(c, held_out=c.held_out | out) for c, out in zip(dataset.curves, outs, strict=True))
         try:
             model = made_anew(choices, replace(dataset, curves=curves), needed)
@@ -89,9 +97,11 @@ def residuals(choices: ModelChoices, dataset: Dataset, needed: Mapping[str, Path
                 f"validate.intervals: without {name}, {error.message}", "leave it out, or change what that fit needs"
             ) from error
         every = [(curve, out, forecast(model, curve)) for curve, out in zip(dataset.curves, outs, strict=True) if out.any()]
-        missed[name] = [(curve.columns[dataset.target] - said.values)[out & said.ready] for curve, out, said in every]
-        progress(f"{kind} left out", len(missed), len(folds))
-    return summary(kind, count, missed)
+        return [(curve.columns[dataset.target] - said.values)[out & said.ready] for curve, out, said in every]
+
+    return summary(
+        kind, count, dict(zip(folds, shared_out(missed, list(folds.items()), partial(progress, f"{kind} left out")), strict=True))
+    )
 
 
 def parts_of(dataset: Dataset, choices: ModelChoices) -> tuple[LeftOutKind, int, dict[str, tuple[BoolArray, ...]]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mapmore_cli.domain.errors import FitError, MapmoreError, SpecError, UsageError
+from mapmore_cli.domain.processors import shared_out
 from mapmore_cli.domain.tuning import Trial, Tuning
 from mapmore_cli.modelling.kinds import parameters
 from mapmore_cli.modelling.scores.simplest import simplest_of
@@ -52,10 +54,7 @@ def tune(
     variants = list(_variants(loaded, over))
     outcome = bring_up_to_date(loaded, runs, "ingest", progress=progress, warn=warn, on_stage=on_stage)
     bench = bench_of(training_only(RunFiles(outcome.run_dir).dataset()), fuse.reads(loaded.spec), loaded.spec.validation.normaliser)
-    trials = []
-    for number, (settings, choices) in enumerate(variants):
-        trials.append(_tried(settings, choices, bench))
-        progress("combinations", number + 1, len(variants))
+    trials = shared_out(lambda variant: _tried(*variant, bench), variants, partial(progress, "combinations"))
     return ranked(loaded.spec.name, bench, trials)
 
 

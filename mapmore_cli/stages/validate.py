@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.domain.processors import shared_out
 from mapmore_cli.domain.scores import OWN, Limit, deciding
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.layers import as_overrides
@@ -114,13 +116,11 @@ def scored_as(name: str, dataset: Dataset, model: Model) -> Dataset:
 
 def _rivals(contest: Contest, part: Slice, workspace: Workspace) -> list[Rival]:
     """Every competitor, fitted to the training samples of the contest."""
-    rivals = []
-    for number, competitor in enumerate(part.against):
-        rivals.append(contest.rival(competitor))
-        if rivals[-1].failed:
-            reasons = "; ".join(note for fit in rivals[-1].formulas.values() for note in fit.notes)
-            workspace.warn(f"{rivals[-1].name}: the fit failed, its rows are left out: {reasons}")
-        workspace.progress("competitors", number + 1, len(part.against))
+    rivals = shared_out(contest.rival, part.against, partial(workspace.progress, "competitors"))
+    for one in rivals:
+        if one.failed:
+            reasons = "; ".join(note for fit in one.formulas.values() for note in fit.notes)
+            workspace.warn(f"{one.name}: the fit failed, its rows are left out: {reasons}")
     return rivals
 
 
@@ -130,12 +130,14 @@ def _left_out(
     """The dataset with all samples held out, and what models of the other levels say of them."""
     from mapmore_cli.stages.left_out import left_out
 
-    quiet = replace(workspace, progress=lambda _what, _done, _total: None)
+    def compare(fold: Contest) -> tuple[dict[str, Forecasts], list[str]]:
+        warnings: list[str] = []
+        quiet = replace(workspace, progress=lambda _what, _done, _total: None, warn=warnings.append)
+        return {one.name: one.forecasts for one in _rivals(fold, part, quiet) if not one.failed}, warnings
 
-    def compare(fold: Contest) -> dict[str, Forecasts]:
-        return {one.name: one.forecasts for one in _rivals(fold, part, quiet) if not one.failed}
-
-    whole, said = left_out(choices, contest, compare, workspace.progress, fitted_to)
+    whole, said, warnings = left_out(choices, contest, compare, workspace.progress, fitted_to)
+    for warning in warnings:
+        workspace.warn(warning)
     return whole, said
 
 

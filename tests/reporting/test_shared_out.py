@@ -9,9 +9,12 @@ from pathlib import Path
 
 import pytest
 
+from mapmore_cli.domain.processors import MOST_PROCESSES
+
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="copies are made on Linux only")
 
 HERE = Path(__file__).parent
+PROCESSORS = min(len(os.sched_getaffinity(0)), MOST_PROCESSES) if sys.platform == "linux" else 1
 START = """
 import os, signal, sys
 from multiprocessing import active_children
@@ -33,7 +36,7 @@ def python(script: str, *arguments: object, threads: str = "1") -> str:
 @pytest.mark.parametrize("processes", [1, 2, 3, 10, 12])
 def test_results_come_in_order_from_several_processes(processes):
     script = f"""
-found = shared_out(lambda item: (item**2, os.getpid()), items, {processes})
+found = shared_out(lambda item: (item**2, os.getpid()), items, processes={processes})
 assert [square for square, _ in found] == [item**2 for item in items], found
 assert found[0][1] == me
 assert not active_children()
@@ -42,8 +45,13 @@ print(len({{pid for _, pid in found}}))
     assert python(script) == str(min(processes, 10))
 
 
+def test_progress_is_told_up_to_the_last_item():
+    said = python("shared_out(str, items, lambda done, total: print(done, total), 4)").splitlines()
+    assert said == ["4 10", "8 10", "10 10"]
+
+
 def test_nothing_is_shared_out_of_nothing():
-    assert python("print(shared_out(str, [], 4))") == "[]"
+    assert python("print(shared_out(str, [], processes=4))") == "[]"
 
 
 @pytest.mark.parametrize(
@@ -61,13 +69,13 @@ def work(item):
     if item == 4 and os.getpid() != me:
         {end}
     return item + 1
-print(shared_out(work, items, 4) == [item + 1 for item in items], len(active_children()))
+print(shared_out(work, items, processes=4) == [item + 1 for item in items], len(active_children()))
 """
     assert python(script) == "True 0"
 
 
 def test_results_larger_than_a_pipe_arrive():
-    assert python("print([len(text) for text in shared_out(lambda item: 'x' * 10**6 * item, items, 3)])") == str(
+    assert python("print([len(text) for text in shared_out(lambda item: 'x' * 10**6 * item, items, processes=3)])") == str(
         [10**6 * item for item in range(10)]
     )
 
@@ -75,7 +83,7 @@ def test_results_larger_than_a_pipe_arrive():
 def test_an_error_is_that_of_the_item():
     script = """
 try:
-    shared_out(lambda item: 1 / (item - 5), items, 4)
+    shared_out(lambda item: 1 / (item - 5), items, processes=4)
 except ZeroDivisionError:
     print(len(active_children()))
 """
@@ -91,7 +99,7 @@ def work(item):
     os.kill(0, signal.SIGINT)  # to all of them
 os.setpgrp()
 try:
-    shared_out(work, items, 3)
+    shared_out(work, items, processes=3)
 except KeyboardInterrupt:
     print(len(active_children()))
 """
@@ -103,26 +111,26 @@ def test_where_no_process_can_be_made_all_is_done_here():
 def refuse():
     raise BlockingIOError(11, "no more processes")
 os.fork = refuse
-print(shared_out(str, items, 3) == list(map(str, items)))
+print(shared_out(str, items, processes=3) == list(map(str, items)))
 """
     assert python(script) == "True"
 
 
-def test_a_process_with_threads_or_a_worker_makes_no_copies():
+def test_a_process_with_threads_or_copies_and_a_copy_make_none():
     script = """
-import threading
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
+import threading, time
+def work(item):
+    if os.getpid() != me:
+        time.sleep(0.05)  # so that the other one is done before
+    return free_processors()
 alone = free_processors()
-with ProcessPoolExecutor(1, mp_context=get_context("fork")) as pool:
-    worker = pool.submit(free_processors).result()
+meanwhile = shared_out(work, items, processes=2)
 done = threading.Event()
 threading.Thread(target=done.wait).start()
-print(alone, worker, free_processors())
+print(alone, meanwhile == [1] * 10, free_processors())
 done.set()
 """
-    processors = min(len(os.sched_getaffinity(0)), 8)
-    assert python(script) == f"{processors} 1 1"
+    assert python(script) == f"{PROCESSORS} True 1"
 
 
 def test_a_page_and_its_panels_are_the_same_from_one_process_and_from_three(tmp_path):
@@ -153,4 +161,4 @@ def run():
 app.main = run
 main()
 """
-    assert python(script, threads="2") == str(min(len(os.sched_getaffinity(0)), 8))
+    assert python(script, threads="2") == str(PROCESSORS)
