@@ -1,11 +1,14 @@
-"""Least squares within bounds: Levenberg and Marquardt's method from several starts at once.
+"""Least squares within bounds: Levenberg and Marquardt's method from several starts at once, and for several problems at once.
 
-Over the few rows of a table, ten descents side by side cost hardly more than one. A step solves
+Over the few rows of a table, fifty descents side by side cost little more than one. A step solves
 
     (J'J + mu D) dx = -J'r,   D = diag(J'J), the largest so far,
 
 for the coordinates that are free; those at a bound are held while the slope leads out of it, and steps are cut off at the bounds. The
 damping mu follows Nielsen's rule (the gain of a step beside what the linear model promised).
+
+Most starts of a problem lead to one minimum, and some crawl where no minimum is worth finding. So a descent ends early where it has joined
+one that has ended, or where at its pace it cannot come near that one's end.
 """
 
 from __future__ import annotations
@@ -18,9 +21,10 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 
 EVALUATIONS = 200
-PATIENCE = 10  # evaluations in which a descent far above another's end has to gain
-LITTLE = 0.01  # of its sum of squares, or it is given up
-FAR_ABOVE = 1.5  # times the sum of squares of that end
+PACE = 10  # evaluations over which the pace of a descent is measured
+FAR_ABOVE = 1.5  # times the least sum of squares of an end: a descent that cannot come below it in the evaluations left is given up
+SAME_COST = 1e-6  # relative, and
+SAME_PLACE = 1e-2  # of the length of the coordinates (in D): within both, a descent has joined another that has ended
 DAMPING = 1e-3  # at the start, of the diagonal
 LEAST_DAMPING = 1e-14  # so that dependent coordinates never make the matrix singular
 TINY = 1e-300  # of the diagonal: a coordinate on which nothing depends stays where it is
@@ -29,6 +33,8 @@ TOUCHING = 1e-6  # of the range of a coordinate (or absolute, where it has no en
 Bounds = tuple[Array, Array]
 System = Callable[[Array], tuple[Array, Array]]
 """From s places, `(s, k)`, to the residuals there, `(s, n)`, and their derivatives, `(s, n, k)`; not finite where it has no value."""
+Systems = Callable[[Array, IntArray], tuple[Array, Array]]
+"""The same of several problems with as many rows: the second argument is the number of the problem of every place, `(s,)`."""
 
 
 @dataclass(frozen=True)
@@ -42,9 +48,10 @@ class End:
 
 @dataclass
 class _Descents:
-    """The descents that still go on: for every one its place, sum of squares, J'J, J'r, D, the damping and what it grows by."""
+    """The descents that still go on: for every one its problem, place, sum of squares, J'J, J'r, D, the damping and what it grows by."""
 
     number: IntArray
+    problem: IntArray
     x: Array
     cost: Array
     square: Array
@@ -60,41 +67,66 @@ class _Descents:
 def descend(system: System, starts: Sequence[Array], bounds: Bounds, tolerance: float) -> list[End]:
     """The nearest minimum of `|r(x)|^2` from every start in which it is finite, in their order.
 
-    A descent has converged where its steps, or what they gain, fall below the `tolerance` (relative). One that crawls far above the end of
-    another is given up. `bounds` are the lowest and the highest coordinates, each `(k,)`.
+    A descent has converged where its steps, or what they gain, fall below the `tolerance` (relative), or where it has joined another that
+    has: then its end is that one's. One that cannot come near the end of another in time is given up. `bounds` are the lowest and the
+    highest coordinates, each `(k,)`.
     """
-    going = _begun(system, np.clip(np.array(starts), *bounds))
+    return descend_each(lambda x, _: system(x), [starts], bounds, tolerance)[0]
+
+
+def descend_each(systems: Systems, starts: Sequence[Sequence[Array]], bounds: Bounds, tolerance: float) -> list[list[End]]:
+    """`descend` for several problems side by side, from the starts of each: the same ends as one by one."""
+    problem = np.repeat(np.arange(len(starts)), [len(some) for some in starts])
+    going = _begun(systems, np.clip(np.concatenate([np.array(some) for some in starts]), *bounds), problem)
     ends: dict[int, End] = {}
-    before = np.full(len(starts), np.inf)
+    deepest: dict[int, End] = {}
+    costs = np.full((EVALUATIONS, len(problem)), np.inf)
     for evaluation in range(EVALUATIONS):
-        if ends and evaluation % PATIENCE == 0:
-            least = 2.0 * min(end.cost for end in ends.values())
-            crawls = (going.cost > FAR_ABOVE * least) & (going.cost > (1 - LITTLE) * before[going.number])
-            ends |= _ended(going.only(crawls), converged=False)
-            going = going.only(~crawls)
         if not len(going.number):
             break
-        if evaluation % PATIENCE == 0:
-            before[going.number] = going.cost
-        done = _step(going, system, bounds, tolerance)
+        costs[evaluation, going.number] = going.cost
+        done = _step(going, systems, bounds, tolerance)
         if done.any():
-            ends |= _ended(going.only(done), converged=True)
+            arrived = going.only(done)
+            ends |= _ended(arrived, converged=True)
+            for number, of in zip(arrived.number, arrived.problem, strict=True):
+                end = ends[int(number)]
+                deepest[int(of)] = min(deepest.get(int(of), end), end, key=lambda one: one.cost)
             going = going.only(~done)
+        going = _without_the_late(going, ends, deepest, costs, evaluation)
     ends |= _ended(going, converged=False)
-    return [ends[number] for number in sorted(ends)]
+    return [[ends[number] for number in sorted(ends) if problem[number] == of] for of in range(len(starts))]
 
 
-def _begun(system: System, x: Array) -> _Descents:
-    cost, square, slope = _linearised(system, x)
-    every = np.arange(len(x))
-    begun = _Descents(every, x, cost, square, slope, np.maximum(_diagonal(square), TINY), np.full(len(x), DAMPING), np.full(len(x), 2.0))
+def _without_the_late(going: _Descents, ends: dict[int, End], deepest: dict[int, End], costs: Array, evaluation: int) -> _Descents:
+    """The descents but for those that have joined the deepest end of their problem, or are too slow ever to come near it."""
+    if not deepest:
+        return going
+    nowhere = End(np.full(going.x.shape[1], np.nan), np.inf, converged=False)
+    to = [deepest.get(int(of), nowhere) for of in going.problem]
+    least, place = 2.0 * np.array([end.cost for end in to]), np.array([end.x for end in to]).reshape(going.x.shape)
+    apart, length = (np.einsum("si,si->s", going.diagonal, part**2) for part in (going.x - place, place))
+    joined = (going.cost >= least) & (going.cost <= (1 + SAME_COST) * least) & (apart <= SAME_PLACE**2 * length)
+    ends |= {int(number): to[row] for row, number in enumerate(going.number) if joined[row]}
+    before = costs[max(0, evaluation + 1 - PACE), going.number]
+    with np.errstate(all="ignore"):
+        later = going.cost * (going.cost / before) ** ((EVALUATIONS - evaluation - 1) / PACE)
+    slow = (np.minimum(going.cost, later) > FAR_ABOVE * least) & ~joined & (evaluation + 1 >= PACE)
+    ends |= _ended(going.only(slow), converged=False)
+    return going.only(~(joined | slow))
+
+
+def _begun(systems: Systems, x: Array, problem: IntArray) -> _Descents:
+    cost, square, slope = _linearised(systems, x, problem)
+    every, diagonal = np.arange(len(x)), np.maximum(_diagonal(square), TINY)
+    begun = _Descents(every, problem, x, cost, square, slope, diagonal, np.full(len(x), DAMPING), np.full(len(x), 2.0))
     return begun.only(np.isfinite(cost))
 
 
-def _step(at: _Descents, system: System, bounds: Bounds, tolerance: float) -> BoolArray:
+def _step(at: _Descents, systems: Systems, bounds: Bounds, tolerance: float) -> BoolArray:
     """One step of every descent, taken where it gains; which of them have converged, `(s,)`."""
     x = np.clip(at.x + _towards(at, bounds), *bounds)
-    cost, square, slope = _linearised(system, x)
+    cost, square, slope = _linearised(systems, x, at.problem)
     step, finite = x - at.x, np.isfinite(cost)
     promised = -(2.0 * np.einsum("si,si->s", at.slope, step) + np.einsum("si,sij,sj->s", step, at.square, step))
     gained = at.cost - cost
@@ -128,10 +160,10 @@ def _ended(at: _Descents, *, converged: bool) -> dict[int, End]:
     return {int(number): End(x, 0.5 * float(cost), converged) for number, x, cost in zip(at.number, at.x, at.cost, strict=True)}
 
 
-def _linearised(system: System, x: Array) -> tuple[Array, Array, Array]:
+def _linearised(systems: Systems, x: Array, problem: IntArray) -> tuple[Array, Array, Array]:
     """Sum of squares, `(s,)`, infinite where it has no value; `J'J`, `(s, k, k)`, and `J'r`, `(s, k)`."""
     with np.errstate(all="ignore"):
-        r, jacobian = system(x)
+        r, jacobian = systems(x, problem)
         turned = jacobian.transpose(0, 2, 1)
         square, slope = turned @ jacobian, (turned @ r[:, :, None])[:, :, 0]
         cost = np.einsum("sn,sn->s", r, r)

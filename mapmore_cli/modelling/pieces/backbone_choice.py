@@ -19,7 +19,16 @@ import numpy as np
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.pieces.cross_validation import LeftOut, inner_folds, inner_levels, leave_out, of_fold, outer_folds, together
+from mapmore_cli.modelling.pieces.cross_validation import (
+    LeftOut,
+    fit_backbones,
+    inner_folds,
+    inner_levels,
+    leave_out,
+    of_fold,
+    outer_folds,
+    together,
+)
 from mapmore_cli.modelling.pieces.recipe import Recipe
 from mapmore_cli.modelling.pieces.shrinkage import shrunken_share
 
@@ -125,6 +134,8 @@ class _Folds:
     def tried(self, name: str | None, count: int) -> Candidate | None:
         """The candidate on the first `count` folds, as if the others added no error; None where it cannot be fitted without one."""
         said = self.said.setdefault(name, [])
+        if len(said) == 1:  # it has come through the first: those that do are mostly tried on all
+            fit_backbones(self.curves, self.folds, self.recipe, name)
         try:
             for fold in self.folds[len(said) : count]:
                 said.append(of_fold(self.curves, fold, self.recipe, self.quantities, name))

@@ -11,7 +11,7 @@ from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.literature.backbone import fit_formula, pooled
+from mapmore_cli.modelling.literature.backbone import fit_ahead, fit_formula, pooled
 from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.fit import dictionary_inputs
 from mapmore_cli.modelling.pieces.model import simulate
@@ -54,6 +54,7 @@ def leave_out(
         Where the backbone cannot be fitted without some of the data.
     """
     folds = inner_folds(curves, recipe) if folds is None else folds
+    fit_backbones(curves, folds, recipe, backbone)
     found = []
     for number, left_out in enumerate(folds):
         found.append(of_fold(curves, left_out, recipe, quantities, backbone))
@@ -65,7 +66,7 @@ def of_fold(
     curves: Sequence[Curve], left_out: Sequence[BoolArray], recipe: Recipe, quantities: Mapping[str, Quantity], backbone: str | None
 ) -> LeftOut:
     """What a model of the rest says of one fold; raises FitError where the backbone cannot be fitted without it."""
-    training = [replace(c, held_out=c.held_out | out) for c, out in zip(curves, left_out, strict=True)]
+    training = _rest(curves, left_out)
     formula = None if backbone is None else fit_formula(backbone, training, recipe.target, advice=False)
     if formula is not None and formula.failed:
         raise FitError(f"the fit of {formula.name} failed without some of the data", "take another backbone")
@@ -74,6 +75,17 @@ def of_fold(
     measured = rows[recipe.target]
     alone = np.zeros(len(measured)) if formula is None else literature.get(formula.name).predict(formula.parameters, rows)
     return LeftOut(measured, alone, simulate(model, rows).values - alone, 1)
+
+
+def fit_backbones(curves: Sequence[Curve], folds: Folds, recipe: Recipe, backbone: str | None) -> None:
+    """Fit the backbone to the rest of every fold at once, where that is quicker than in `of_fold`, which finds the fits then."""
+    if backbone is not None:
+        fit_ahead(backbone, [_rest(curves, left_out) for left_out in folds], recipe.target, advice=False)
+
+
+def _rest(curves: Sequence[Curve], left_out: Sequence[BoolArray]) -> list[Curve]:
+    """The curves without the training samples of a fold."""
+    return [replace(c, held_out=c.held_out | out) for c, out in zip(curves, left_out, strict=True)]
 
 
 def _of_fewer_samples(recipe: Recipe) -> Recipe:

@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.literature import descent, hinge_fit, linear
-from mapmore_cli.modelling.literature.descent import descend, onto_bounds
+from mapmore_cli.modelling.literature.descent import descend, descend_each, onto_bounds
 
 STEP = descent._step
 EVERYWHERE = np.full(3, -np.inf), np.full(3, np.inf)
@@ -56,7 +56,46 @@ def test_descents_side_by_side_are_those_one_by_one():
     arrived = [(one, other) for one, other in zip(together, alone, strict=True) if one.converged]
     assert len(arrived) >= 2
     for one, other in arrived:
-        assert one.x == pytest.approx(other.x, rel=1e-9)
+        assert one.x == pytest.approx(other.x, rel=1e-7)  # a minimum that is reached from another side
+
+
+def test_problems_side_by_side_end_to_the_digit_where_they_end_alone():
+    systems = [decay(seed) for seed in (3, 4, 5)]
+    starts = [[np.array([0.0, 1.0, -0.5]), np.array([1.0, 2.0, -1.0])], [np.array([0.1, 1.0, -0.4])], [np.array([1.0, 2.0, -1.0])] * 3]
+
+    def every(x: Array, of: Array) -> tuple[Array, Array]:
+        parts = [systems[one](place[None]) for place, one in zip(x, of, strict=True)]
+        return np.concatenate([r for r, _ in parts]), np.concatenate([slopes for _, slopes in parts])
+
+    together = descend_each(every, starts, EVERYWHERE, 1e-12)
+    for system, some, ends in zip(systems, starts, together, strict=True):
+        alone = descend(system, some, EVERYWHERE, 1e-12)
+        assert [(end.x.tolist(), end.cost, end.converged) for end in ends] == [(end.x.tolist(), end.cost, end.converged) for end in alone]
+
+
+def test_a_descent_that_joins_another_ends_where_that_one_ended(monkeypatch):
+    """Of two starts that lead to one minimum, the slower one stops on its way."""
+    system, starts = decay(3), [np.array([1.0, 2.0, -1.3]), np.array([0.0, 1.0, -0.2])]
+    steps = []
+    monkeypatch.setattr(descent, "_step", lambda at, *how: steps.append(1) or STEP(at, *how))
+    one, other = descend(system, starts, EVERYWHERE, 1e-12)
+    assert other == one
+    joined = len(steps)
+    monkeypatch.setattr(descent, "SAME_COST", -1.0)
+    for end in descend(system, starts, EVERYWHERE, 1e-12):
+        assert end.cost == pytest.approx(one.cost, rel=1e-12)
+    assert len(steps) - joined > joined
+
+
+def test_a_descent_in_a_minimum_of_its_own_joins_no_other():
+    """The two minima of `(x^2 - 1)^2 + 0.01` are as deep as each other."""
+
+    def system(x: Array) -> tuple[Array, Array]:
+        return np.stack([x[:, 0] ** 2 - 1.0, np.full(len(x), 0.1)], axis=1), np.stack([2 * x, np.zeros_like(x)], axis=1)
+
+    ends = descend(system, [np.array([0.9]), np.array([-3.0])], (np.array([-np.inf]), np.array([np.inf])), 1e-12)
+    assert [end.x[0] for end in ends] == pytest.approx([1.0, -1.0])
+    assert all(end.converged for end in ends)
 
 
 def test_descents_that_crawl_far_above_the_end_of_another_are_given_up(monkeypatch):
@@ -64,8 +103,8 @@ def test_descents_that_crawl_far_above_the_end_of_another_are_given_up(monkeypat
     pressure, strain = (column.ravel() for column in np.meshgrid(np.linspace(0, 600, 7), np.linspace(-0.04, 0.25, 8)))
     force = 3.0 * pressure * (1 - 3.5 * strain) ** 2 - 200 * np.exp(-20 * strain)
     fits, evaluations = [], []
-    for patience in (descent.PATIENCE, descent.EVALUATIONS + 1):
-        monkeypatch.setattr(descent, "PATIENCE", patience)
+    for pace in (descent.PACE, descent.EVALUATIONS + 1):
+        monkeypatch.setattr(descent, "PACE", pace)
         calls = []
         monkeypatch.setattr(descent, "_step", lambda *how, calls=calls: calls.append(1) or STEP(*how))
         fits.append(hinge_fit.fit({"pressure": pressure, "strain": strain}, force))

@@ -13,7 +13,7 @@ over a strain of 1/33).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -43,15 +43,31 @@ COMPUTED = (  # the same, but cannot overflow: ln(1 + exp(z)) = (z + |z|)/2 + ln
 class SarosiHinged(Formula):
     """A formula with a fit of its own, whose equation is printed in another form than it is computed in."""
 
-    def fit(self, columns: Columns, y: Array, method: str | None = None, *, advice: bool = True) -> FormulaFit:  # noqa: ARG002 - has none
+    side_by_side = hinge_fit.SIDE_BY_SIDE
+
+    def fit(self, columns: Columns, y: Array, method: str | None = None, *, advice: bool = True) -> FormulaFit:
         """Penalised least-squares fit of the hinged part (`hinge_fit.fit`), blended with the plain formula.
 
         `method` is that of the plain formula. Standard errors are those of the two parts, the share's is unknown; status and condition are
         those of the part with the larger share. Raises as `Formula.fit`.
         """
-        problem = self._problem(columns, y)
-        columns, y = problem.columns, problem.y
-        plain, hinged = PLAIN.fit(columns, y, method, advice=False), hinge_fit.fit(columns, y)
+        return self.fit_each([(columns, y)], method, advice=advice)[0]
+
+    def fit_each(
+        self,
+        tables: Sequence[tuple[Columns, Array]],
+        method: str | None = None,
+        *,
+        advice: bool = True,  # noqa: ARG002 - has none
+    ) -> list[FormulaFit]:
+        """`fit` of several tables, whose hinged parts are sought side by side."""
+        problems = [self._problem(*table) for table in tables]
+        ordered = [(problem.columns, problem.y) for problem in problems]
+        plain = [PLAIN.fit(*table, method, advice=False) for table in ordered]
+        return [self._blended(*parts) for parts in zip(hinge_fit.fit_each(ordered), plain, ordered, strict=True)]
+
+    def _blended(self, hinged: HingeFit, plain: FormulaFit, table: tuple[Columns, Array]) -> FormulaFit:
+        columns, y = table
         parameters, errors = _both(hinged, plain)
         alone = self.predict({**parameters, "share": 1.0}, columns), PLAIN.predict(plain.parameters, columns)
         scatter = [_relative_rmse(predicted, y) for predicted in alone]
