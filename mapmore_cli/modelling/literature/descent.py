@@ -79,7 +79,7 @@ def descend_each(systems: Systems, starts: Sequence[Sequence[Array]], bounds: Bo
     problem = np.repeat(np.arange(len(starts)), [len(some) for some in starts])
     going = _begun(systems, np.clip(np.concatenate([np.array(some) for some in starts]), *bounds), problem)
     ends: dict[int, End] = {}
-    deepest: dict[int, End] = {}
+    least, lowest = np.full(len(starts), np.inf), np.zeros((len(starts), going.x.shape[1]))
     costs = np.full((EVALUATIONS, len(problem)), np.inf)
     for evaluation in range(EVALUATIONS):
         if not len(going.number):
@@ -89,31 +89,31 @@ def descend_each(systems: Systems, starts: Sequence[Sequence[Array]], bounds: Bo
         if done.any():
             arrived = going.only(done)
             ends |= _ended(arrived, converged=True)
-            for number, of in zip(arrived.number, arrived.problem, strict=True):
-                end = ends[int(number)]
-                deepest[int(of)] = min(deepest.get(int(of), end), end, key=lambda one: one.cost)
+            for of, cost, x in zip(arrived.problem, arrived.cost, arrived.x, strict=True):
+                if cost < least[of]:
+                    least[of], lowest[of] = cost, x
             going = going.only(~done)
-        going = _without_the_late(going, ends, deepest, costs, evaluation)
+        to, place = least[going.problem], lowest[going.problem]
+        joined, slow = _joined(going, to, place), _slow(going, to, costs[max(0, evaluation + 1 - PACE)], EVALUATIONS - evaluation - 1)
+        if joined.any() or slow.any():
+            ends |= {int(one): End(place[row], 0.5 * float(to[row]), True) for row, one in enumerate(going.number) if joined[row]}
+            ends |= _ended(going.only(slow), converged=False)
+            going = going.only(~(joined | slow))
     ends |= _ended(going, converged=False)
     return [[ends[number] for number in sorted(ends) if problem[number] == of] for of in range(len(starts))]
 
 
-def _without_the_late(going: _Descents, ends: dict[int, End], deepest: dict[int, End], costs: Array, evaluation: int) -> _Descents:
-    """The descents but for those that have joined the deepest end of their problem, or are too slow ever to come near it."""
-    if not deepest:
-        return going
-    nowhere = End(np.full(going.x.shape[1], np.nan), np.inf, converged=False)
-    to = [deepest.get(int(of), nowhere) for of in going.problem]
-    least, place = 2.0 * np.array([end.cost for end in to]), np.array([end.x for end in to]).reshape(going.x.shape)
-    apart, length = (np.einsum("si,si->s", going.diagonal, part**2) for part in (going.x - place, place))
-    joined = (going.cost >= least) & (going.cost <= (1 + SAME_COST) * least) & (apart <= SAME_PLACE**2 * length)
-    ends |= {int(number): to[row] for row, number in enumerate(going.number) if joined[row]}
-    before = costs[max(0, evaluation + 1 - PACE), going.number]
+def _joined(at: _Descents, least: Array, lowest: Array) -> BoolArray:
+    """Which descents, `(s,)`, have come to the deepest ends so far of their problems: their costs, `(s,)`, and places, `(s, k)`."""
+    apart, length = (np.einsum("si,si->s", at.diagonal, part**2) for part in (at.x - lowest, lowest))
+    return np.asarray((at.cost >= least) & (at.cost <= (1 + SAME_COST) * least) & (apart <= SAME_PLACE**2 * length))
+
+
+def _slow(at: _Descents, least: Array, before: Array, left: int) -> BoolArray:
+    """Which descents will not come near the `least` costs in the evaluations `left` at their pace since they had those `before`, `(s,)`."""
     with np.errstate(all="ignore"):
-        later = going.cost * (going.cost / before) ** ((EVALUATIONS - evaluation - 1) / PACE)
-    slow = (np.minimum(going.cost, later) > FAR_ABOVE * least) & ~joined & (evaluation + 1 >= PACE)
-    ends |= _ended(going.only(slow), converged=False)
-    return going.only(~(joined | slow))
+        later = at.cost * (at.cost / before[at.number]) ** (left / PACE)
+    return np.asarray((at.cost > FAR_ABOVE * least) & (later > FAR_ABOVE * least) & (EVALUATIONS - left >= PACE))
 
 
 def _begun(systems: Systems, x: Array, problem: IntArray) -> _Descents:
