@@ -81,7 +81,7 @@ def test_a_descent_that_joins_another_ends_where_that_one_ended(monkeypatch):
     one, other = descend(system, starts, EVERYWHERE, 1e-12)
     assert (other.x.tolist(), other.cost, other.converged) == (one.x.tolist(), one.cost, True)
     joined = len(steps)
-    monkeypatch.setattr(descent, "SAME_COST", -1.0)
+    monkeypatch.setattr(descent, "SAME_COST", -0.5)
     for end in descend(system, starts, EVERYWHERE, 1e-12):
         assert end.cost == pytest.approx(one.cost, rel=1e-12)
     assert len(steps) - joined > joined
