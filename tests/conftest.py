@@ -12,8 +12,10 @@ from hypothesis import settings
 
 from mapmore_cli.domain import processors
 
-settings.register_profile("ci", derandomize=True, deadline=None)  # a change fails for what it does, not for the draw of the day
-settings.register_profile("search", deadline=None)
+# Examples of a property that asks for no number of its own; `make test-all` takes the third profile
+settings.register_profile("ci", derandomize=True, deadline=None, max_examples=50)  # a change fails for what it does, not for the draw
+settings.register_profile("search", deadline=None, max_examples=50)
+settings.register_profile("all", deadline=None, max_examples=100)
 settings.load_profile("ci" if os.environ.get("CI") else "search")
 
 PROJECT = Path(__file__).resolve().parent.parent

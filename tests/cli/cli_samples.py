@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -51,13 +51,20 @@ def thinned(recordings: Path, folder: Path, every: int) -> None:
         (folder / path.name).write_text("\n".join([head, *rows[::every]]) + "\n")
 
 
-def without_figures(study: Path, folder: Path, but: str = "") -> Path:
-    """A shipped study in another folder, with those that it needs, without figures, which take most of the time of a run, but for one's."""
+def without_figures(study: Path, folder: Path, but: str = "", figures: Sequence[str] | None = None) -> Path:
+    """A shipped study in another folder, with those that it needs, without figures, which take most of the time of a run.
+
+    One may have them: `but`, with some `figures` or with all.
+    """
     needs = re.search(r"^needs: (\{.*\})$", study.read_text(encoding="utf-8"), re.MULTILINE)
     quick = (
-        {role: without_figures(study.parent / path, folder, but).name for role, path in yaml.safe_load(needs[1]).items()} if needs else {}
+        {role: without_figures(study.parent / path, folder, but, figures).name for role, path in yaml.safe_load(needs[1]).items()}
+        if needs
+        else {}
     )
-    report = {} if study.stem == but else {"figures": [], "formats": ["html", "csv"]}
+    report: dict[str, Any] = {"figures": [], "formats": ["html", "csv"]}
+    if study.stem == but:
+        report = {} if figures is None else {"figures": list(figures)}
     document = {"extends": str(study), "name": study.stem, "needs": quick, "report": report}
     (folder / study.name).write_text(yaml.safe_dump(document), encoding="utf-8")
     return folder / study.name

@@ -66,17 +66,18 @@ WITH_REPORT = (
 )
 """Studies whose page is made as well, one of each kind; test_motion_studies.py makes that of a damping study."""
 
-LONG = re.compile(r"festo_10mm_.*|bellows_.*|coiled_loops_motion|coiled_loads")
-"""Measured studies with the competitors of festo_datasheet or coiled_steps_motion, which take most of the time.
+LONG = re.compile(r"festo_10mm_.*|bellows_.*|coiled_.*_motion|coiled_loads")
+"""Measured studies with the competitors of festo_datasheet or dmsp-20-400-sections, which take most of the time.
 
 And one of which `test_memory_page` does the same with another record.
 """
 
 SHORT = {
     **dict.fromkeys(("festo_10mm_10cm_pressure", "festo_10mm_10cm_repeat", "bellows_raw", "bellows_strain"), "sarosi"),
-    **dict.fromkeys(("festo_10mm_family", "coiled_loops_motion"), ""),
+    "festo_10mm_family": "",
+    "coiled_steps_motion": "{as: inflate_deflate, set: {model: {type: state_space, input: pressure, offset: true, direction: true}}}",
 }
-"""Some of them, one of each split, which are run with one competitor or none."""
+"""Some of them, one of each split, which are run with one competitor or none. The model of coiled_loops_motion is that of coiled_loops."""
 
 LONG_SIMULATED = "dmsp-20-400-waveforms"
 """Its nine competitors are other models of motion, as those of dmsp-20-400-sections."""

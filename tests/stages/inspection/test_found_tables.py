@@ -183,7 +183,7 @@ def test_links_in_circles_end(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "a.h5", "w") as file:
         run = file.create_group("run")
         run["t"], run["P"] = T, SWING
-        for number in range(30):
+        for number in range(8):
             run[f"again_{number}"] = run
     assert preview(tmp_path / "a.h5").columns == ("run/P", "run/t")
 
