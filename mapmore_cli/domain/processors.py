@@ -21,6 +21,8 @@ THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS", "VECLIB
 MOST_PROCESSES = 4
 """Each of them may need as much memory as one."""
 
+_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of Linux
+
 
 def shared_out(
     work: Callable[[T], R],
@@ -88,7 +90,7 @@ def _copy(work: Callable[[T], R], share: Sequence[T]) -> Iterator[Connection]:
 
     fork = get_context("fork")
     receiver, sender = fork.Pipe(duplex=False)
-    process = fork.Process(target=_deliver, args=(work, share, receiver, sender), daemon=True)
+    process = fork.Process(target=_deliver, args=(work, share, sender, os.getpid()), daemon=True)
     with receiver:
         heard = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # Ctrl-C is for the process that waits
         try:
@@ -104,12 +106,22 @@ def _copy(work: Callable[[T], R], share: Sequence[T]) -> Iterator[Connection]:
                 process.join()
 
 
-def _deliver(work: Callable[[T], R], share: Sequence[T], receiver: Connection, sender: Connection) -> None:
+def _deliver(work: Callable[[T], R], share: Sequence[T], sender: Connection, parent: int) -> None:
     """What a fork does. It ends without a word and without what others are to do at the end."""
     with suppress(BaseException):
-        receiver.close()  # so that it sees the end of the other process
+        killed_with(parent)
         sender.send([work(item) for item in share])
     os._exit(0)
+
+
+def killed_with(parent: int) -> None:
+    """Have this process killed by the system when its parent ends, in whatever way, where the system is Linux."""
+    if sys.platform == "linux":
+        import ctypes
+
+        ctypes.CDLL(None).prctl(_DEATH_SIGNAL, int(signal.SIGKILL), 0, 0, 0)
+        if os.getppid() != parent:  # it ended before
+            os._exit(1)
 
 
 def _received(copy: Connection) -> list[Any] | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -104,6 +105,21 @@ except KeyboardInterrupt:
     print(len(active_children()))
 """
     assert python(script) == "0"
+
+
+def test_a_copy_is_killed_with_the_process():
+    script = """
+import time
+def work(item):
+    if os.getpid() != me:
+        signal.pause()
+    time.sleep(0.2)
+    os.kill(me, signal.SIGKILL)
+shared_out(work, items, processes=3)
+"""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run([sys.executable, "-c", START + script], env=environment, capture_output=True, timeout=30, check=False)
+    assert done.returncode == -signal.SIGKILL  # and nobody holds its output open any more
 
 
 def test_where_no_process_can_be_made_all_is_done_here():

@@ -16,14 +16,13 @@ from types import FrameType, TracebackType
 from typing import NoReturn, Protocol, TypeVar
 
 from mapmore_cli.domain.errors import MapmoreError, Stopped, WriteError
+from mapmore_cli.domain.processors import killed_with
 
 J = TypeVar("J")
 T = TypeVar("T")
 
 ATTEMPTS = 2
 """How often a job is started whose worker dies: once more may help where another program filled the memory, and no more."""
-
-_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of Linux
 
 
 class Workers(Protocol):
@@ -100,12 +99,7 @@ def _one_process() -> ProcessPoolExecutor:
 
 def end_with_parent(parent: int) -> None:
     """Have this worker process killed when its parent ends, in whatever way: by the system where that is Linux, else by a thread."""
-    if sys.platform == "linux":
-        import ctypes
-
-        ctypes.CDLL(None).prctl(_DEATH_SIGNAL, int(signal.SIGKILL), 0, 0, 0)
-        if os.getppid() != parent:  # it ended before
-            os._exit(1)
+    killed_with(parent)
     Thread(target=_watch_parent, daemon=True).start()
 
 
