@@ -149,6 +149,27 @@ def _spread(blocks: Blocks) -> tuple[Array, Array, Array]:
         return first, shift, squares / samples - shift**2
 
 
+def uncentred(blocks: Blocks) -> Standard:
+    """No mean, and the root mean square over all rows as spread: for columns that keep their means. Passes and errors are `standard`'s."""
+    squares = _mean_squares(blocks)
+    scale = safe_scale(squares, blocks)
+    if (scale != 1.0).any():
+        squares = _mean_squares(scaled(blocks, scale))
+    size = scale * np.sqrt(squares)
+    return Standard(np.zeros(len(size)), np.where(size > 0.0, size, np.inf))
+
+
+def _mean_squares(blocks: Blocks) -> Array:
+    squares, samples = np.zeros(1), 0
+    with np.errstate(over="ignore", invalid="ignore"):  # `safe_scale` looks for the cause
+        for P, y in blocks():
+            squares = squares + np.append(np.einsum("ij,ij->j", P, P), y @ y)
+            samples += len(y)
+    if samples == 0:
+        raise ValueError("there is no row to standardise")
+    return squares / samples
+
+
 def standardised(blocks: Blocks, by: Standard) -> Blocks:
     """The blocks with every column centred and divided by its standard deviation."""
 

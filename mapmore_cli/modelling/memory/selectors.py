@@ -14,7 +14,7 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Selection
 from mapmore_cli.modelling.frols import frols, frols_streamed
 from mapmore_cli.modelling.frols.criteria import fewest, information_criterion
-from mapmore_cli.modelling.frols.moments import Moments, Standard, moments, standard, standardised
+from mapmore_cli.modelling.frols.moments import Moments, Standard, moments, standard, standardised, uncentred
 from mapmore_cli.modelling.frols.ridge import LEAST_RIDGE, Regularised, choose_ridge, prune, ridge_press, select, substitutes
 from mapmore_cli.modelling.memory.recipe import MemoryRecipe, Stop
 from mapmore_cli.modelling.memory.regressors import Regressors
@@ -87,10 +87,7 @@ class Plain:
     @cached_property
     def ranking(self) -> Regularised:
         """See `Selector`: of candidates divided by their root mean squares."""
-        M = len(self.data.terms)
-        squares = sum(np.append(np.einsum("ij,ij->j", P, P), y @ y) for P, y in self.data.blocks())
-        size = np.sqrt(squares / self.data.samples)
-        total = moments(standardised(self.data.blocks, Standard(np.zeros(M + 1), np.where(size > 0, size, np.inf))))
+        total = moments(standardised(self.data.blocks, uncentred(self.data.blocks)))
         return Regularised(total.products / total.samples, total.samples, LEAST_RIDGE)
 
     def best(self, stop: Stop, tolerance: float) -> Choice:
