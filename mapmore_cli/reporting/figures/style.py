@@ -10,7 +10,7 @@ from logging import LogRecord, getLogger
 from typing import Any
 
 import numpy as np
-from matplotlib import colormaps, rc_context, rcdefaults, rcParams
+from matplotlib import colormaps, rc_context, rcParams, rcParamsDefault
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.font_manager import FontProperties, fontManager
@@ -49,6 +49,9 @@ RC: dict[Any, Any] = {
     "ytick.major.width": 0.6,
 }
 
+BACKEND = ("backend", "backend_fallback")
+"""What shows windows: not asked for."""
+
 
 @contextmanager
 def figure_style(style: FigureStyle | None = None) -> Iterator[None]:
@@ -57,10 +60,16 @@ def figure_style(style: FigureStyle | None = None) -> Iterator[None]:
     large, small = ["axes.labelsize", "font.size"], ["axes.titlesize", "legend.fontsize", "xtick.labelsize", "ytick.labelsize"]
     sizes: dict[Any, Any] = {**dict.fromkeys(large, style.size), **dict.fromkeys(small, style.size - SMALLER)}
     fonts: dict[Any, Any] = {"font.family": [*([style.font] if style.font else []), "sans-serif"]}
-    with rc_context(), _no_word_of_absent_fonts():
-        rcdefaults()
-        with rc_context({**RC, **sizes, **fonts}):
-            yield
+    with _no_word_of_absent_fonts(), rc_context({**_changed(), **RC, **sizes, **fonts}):
+        yield
+
+
+def _changed() -> dict[Any, Any]:
+    """The defaults of what a user's matplotlibrc has changed.
+
+    `rcdefaults` sets all, and first reads the style sheets, which takes longer than to draw a figure.
+    """
+    return {key: value for key, value in rcParamsDefault.items() if key not in BACKEND and rcParams[key] != value}
 
 
 @contextmanager
