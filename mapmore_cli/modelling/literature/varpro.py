@@ -148,8 +148,8 @@ def _sse(problem: Problem, places: Array) -> Array:
 
 def _slope(problem: Problem, c: float) -> float:
     """Half of `d sse / dc`, exactly: with the residual outside of the regressors' space, `beta` need not be differentiated."""
-    projected = _project(problem, c)
-    return float(problem.jacobian(projected.beta, np.array([c]))[:, -1] @ projected.residual)
+    projected, at = _project(problem, c), np.array([[c]])
+    return float(problem.each_slopes(projected.beta[None], at)[0, :, 0] @ projected.residual)
 
 
 def _project(problem: Problem, c: float) -> linear.LinearFit:

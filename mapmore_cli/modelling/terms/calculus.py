@@ -44,9 +44,11 @@ SLOPES: Mapping[str, Callable[[Expression], Expression]] = MappingProxyType(
 
 def derivative(expression: Expression, name: str) -> Expression:
     """`d expression / d name`, in canonical form."""
+    if name not in expression.names:
+        return ZERO
     match expression:
-        case Name(own):
-            return ONE if own == name else ZERO
+        case Name():
+            return ONE
         case Sum(terms):
             return add(*(derivative(term, name) for term in terms))
         case Product(factors):
