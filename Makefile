@@ -18,7 +18,7 @@ demo: .venv/program
 test: lint
 	$(TESTS) -m "not long"
 
-test-all: lint  # with the studies that are of the same kind as others, and twice the examples of most properties
+test-all: lint  # with the studies that are of the same kind as others, and four times the examples of most properties
 	$(TESTS) --hypothesis-profile=all
 
 lint: .venv/development

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cli_samples import hand_model
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.memory import MemoryModel, StateSet
@@ -34,7 +34,6 @@ SUM = replace(REMEMBERING, name="sum", inputs=STATIC.inputs, body=Sum((Part(STAT
 pieces = st.lists(st.tuples(st.integers(3, 12), st.sampled_from(["gap", "reset", "recording", "empty"])), min_size=1, max_size=6)
 
 
-@settings(deadline=None, max_examples=60)
 @given(pieces, st.integers(0, 100), st.sampled_from([REMEMBERING, SUM]))
 def test_every_piece_is_predicted_as_by_itself(cuts: list[tuple[int, str]], seed: int, model: Model) -> None:
     rng = np.random.default_rng(seed)

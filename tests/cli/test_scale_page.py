@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from page_tables import DOCS, numbers, page_table
 
@@ -60,7 +60,6 @@ parts = st.floats(0, 5, width=16)
 
 
 @given(loads=st.lists(st.tuples(parts, parts, parts, parts), min_size=1, max_size=12), workers=st.integers(1, 6))
-@settings(max_examples=60, deadline=None)
 def test_nothing_is_faster_than_on_paper(scale: Any, loads: list[tuple[float, float, float, float]], workers: int) -> None:
     found = [scale.Load(*load) for load in loads]
     took = scale.simulated(found, workers)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError
@@ -63,7 +63,6 @@ def test_agrees_with_the_textbook(seed):
     np.testing.assert_allclose(ours.a @ ours.theta, ours.g, rtol=1e-9)
 
 
-@settings(deadline=None, max_examples=150)
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(3, 60), M=st.integers(1, 8))
 def test_total_err_is_what_least_squares_explains(seed, n, M):
     rng = np.random.default_rng(seed)

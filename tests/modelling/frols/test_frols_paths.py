@@ -4,7 +4,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError
@@ -40,7 +40,6 @@ def dictionaries(rng, kind, n, M):
     return P
 
 
-@settings(deadline=None, max_examples=150)
 @given(
     seed=st.integers(0, 2**32 - 1),
     kind=st.sampled_from(["plain", "offset", "powers", "integers", "dependent", "units"]),

@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from literature_cases import grid, motion
 from scipy.integrate import quad
@@ -144,7 +144,6 @@ def test_a_curve_that_never_falls_to_zero_is_told() -> None:
     assert zeta(fit.parameters, np.array([pressure])) == pytest.approx([(up - low) / up], rel=1e-4)
 
 
-@settings(deadline=None, max_examples=200)
 @given(
     *[st.floats(-1000, 1000)] * 3,
     st.floats(-60, 60).filter(lambda c: abs(c) > 1e-6),
@@ -175,7 +174,6 @@ def test_a_curve_that_overflows_beyond_the_strains_tested_is_no_reason_to_raise(
     assert np.isfinite(zeta(PLANTED | {"au3": -2500.0}, np.array([-1.0, 0.0, 50.0, 350.0]))).all()
 
 
-@settings(deadline=None, max_examples=100)
 @given(*[st.floats(-100, 100)] * 3, st.floats(-60, 60), st.floats(-0.05, 0.3), st.one_of(st.just(0.0), st.floats(1e-9, 0.7)))
 def test_the_mean_force_is_that_of_quadrature(a: float, b: float, c: float, curvature: float, start: float, width: float) -> None:
     curve = ForceCurve(np.array([a]), np.array([b]), np.array([c]), curvature)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from memory_samples import STEP, memory_model, narx_truth, state_set, wandering
 
@@ -58,7 +58,6 @@ def reference(model, x, y, scale):
     return np.array(values)
 
 
-@settings(deadline=None, max_examples=60)
 @given(
     st.lists(st.sampled_from(sorted(TERMS)), min_size=1, max_size=6, unique=True),
     st.integers(0, 1000),

@@ -109,7 +109,6 @@ def sides(rng, names):
     return {name: tuple(str(rng.choice(WORDS)) if rng.random() < 0.8 else float(rng.uniform(0.2, 1.2)) for _ in range(2)) for name in names}
 
 
-@settings(deadline=None, max_examples=120)
 @given(seeds, ways, st.integers(1, 5), st.integers(0, 4))
 def test_agrees_with_the_sum_over_all_segments(seed, way, levels, segments):
     rng = np.random.default_rng(seed)

@@ -36,7 +36,6 @@ def loop(per_branch: int, cycles: int = 1, warp: float = 1.0, rest: int = 0, sta
     return over[begin:], (static(over) + side * half_width(over))[begin:]
 
 
-@settings(deadline=None, max_examples=60)
 @given(
     per_branch=st.integers(300, 2000),
     cycles=st.integers(1, 3),

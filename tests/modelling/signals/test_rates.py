@@ -16,7 +16,6 @@ def rounded_stamps(seed: int, n: int) -> np.ndarray:
     return np.round(np.cumsum(steps), 3)
 
 
-@settings(deadline=None, max_examples=60)
 @given(
     seed=st.integers(0, 2**31),
     order=st.integers(1, 5),

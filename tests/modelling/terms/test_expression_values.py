@@ -45,14 +45,12 @@ def oracle(text, point) -> complex:
     return value
 
 
-@settings(deadline=None, max_examples=200)
 @given(texts())
 def test_text_round_trip(text: str) -> None:
     expression = parse(text)
     assert parse(to_text(expression)) == expression
 
 
-@settings(deadline=None, max_examples=200)
 @given(texts(), POINTS)
 def test_value_is_pythons(text: str, point) -> None:
     expected = oracle(text, point)
@@ -63,7 +61,6 @@ def test_value_is_pythons(text: str, point) -> None:
         assert found == pytest.approx(expected.real, rel=1e-7, abs=1e-7)
 
 
-@settings(deadline=None, max_examples=150)
 @given(texts(), POINTS)
 def test_folding_never_loses_a_finite_value(text: str, point) -> None:
     """Where NumPy's plain evaluation of the text is finite, so is ours, with the same value."""
@@ -73,7 +70,6 @@ def test_folding_never_loses_a_finite_value(text: str, point) -> None:
     assert value_at(parse(text), point) == pytest.approx(plain, rel=1e-7, abs=1e-7)
 
 
-@settings(deadline=None, max_examples=200)
 @given(analytic_texts(), POINTS)
 def test_derivative_is_the_complex_step(text: str, point) -> None:
     """d/dx = Im f(x + ih)/h, without any difference of close numbers."""
@@ -123,7 +119,6 @@ def test_derivative_reads_as_a_person_would_write_it(text: str, slope: str) -> N
     assert to_text(derivative(parse(text), "x")) == slope
 
 
-@settings(deadline=None, max_examples=100)
 @given(texts(max_leaves=6), texts(max_leaves=4), POINTS)
 def test_substitution_is_evaluation_in_two_steps(outer: str, inner: str, point) -> None:
     put = value_at(parse(inner), point)
@@ -173,7 +168,6 @@ def test_absent_and_misshapen_columns_are_data_errors() -> None:
         evaluate(parse("1"), {})
 
 
-@settings(deadline=None, max_examples=60)
 @given(st.lists(texts(max_leaves=6), max_size=6), st.integers(1, 4))
 def test_dictionary_matrix_is_evaluate_column_by_column(terms: list[str], n: int) -> None:
     rng = np.random.default_rng(n)

@@ -66,13 +66,11 @@ NODES = st.recursive(
 )
 
 
-@settings(deadline=None, max_examples=200)
 @given(NODES)
 def test_every_tree_that_can_be_built_survives_as_text(expression) -> None:
     assert parse(to_text(expression)) == expression
 
 
-@settings(deadline=None, max_examples=100)
 @given(texts(), st.integers(1, 8))
 def test_rounded_text_still_parses(text: str, digits: int) -> None:
     assert parse(to_text(parse(text), digits)).names <= parse(text).names

@@ -96,7 +96,6 @@ def test_every_state_survives_as_text_and_is_typeset(found) -> None:
     MathTextParser("path").parse(f"${to_latex(term)}$")
 
 
-@settings(deadline=None, max_examples=120)
 @given(st.text(alphabet="xk()[],-.0123456789slowplay ", max_size=40))
 def test_any_text_is_a_state_or_refused_within_it(text: str) -> None:
     position = None

@@ -68,7 +68,7 @@ def outcome(path: Path, content: bytes, **request: Any) -> list[list[float]] | s
     return [table.rows.tolist(), *(table.columns[column].view(np.int64).tolist() for column in request["columns"])]
 
 
-@settings(deadline=None, max_examples=250, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     lines=st.lists(st.one_of(st.lists(st.sampled_from(PLAIN), min_size=2, max_size=2), st.lists(CELLS, max_size=4)), max_size=12),
     end=st.sampled_from(["\n", "\r\n", "\r", "\n\n", "\r\r\n"]),
@@ -113,7 +113,6 @@ SHORT = st.tuples(st.sampled_from(["", "-"]), DIGITS, st.sampled_from(["", "."])
 NEARLY = st.one_of(st.text("0123456789.-+e ", max_size=18), st.floats(-1e8, 1e8).map(lambda x: f"{x:.6f}"))
 
 
-@settings(deadline=None, max_examples=120)
 @given(
     records=st.lists(st.tuples(SHORT, st.one_of(SHORT, NEARLY), st.one_of(SHORT, st.text(max_size=4))), min_size=1, max_size=6),
     end=st.sampled_from(["\n", "\r\n"]),

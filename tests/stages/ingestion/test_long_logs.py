@@ -105,7 +105,7 @@ def spooled(tmp_path: Path) -> Iterator[Path]:
         yield folder
 
 
-@settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     faults=st.tuples(*[st.sampled_from(["none", "none", "gap", "reset", "repeated", "missing", "marked"])] * 2),
     options=st.fixed_dictionaries(OPTIONS),
@@ -234,7 +234,6 @@ FINITE = st.floats(allow_nan=False, allow_infinity=False, width=32).map(lambda v
 
 
 @given(values=st.lists(st.one_of(FINITE, st.sampled_from([0.0, 1.0, 1.0 + 2**-52, -1.0])), min_size=1, max_size=40), rows=st.integers(1, 9))
-@settings(deadline=None, max_examples=60)
 def test_the_middle_of_blocks_is_that_of_the_whole(values: list[float], rows: int) -> None:
     column = np.array(values)
 
@@ -248,7 +247,7 @@ def test_the_middle_of_blocks_is_that_of_the_whole(values: list[float], rows: in
 
 
 @given(steps=st.lists(st.sampled_from([0.0, 0.1, 0.1, 0.25, 3.0, -2.0]), max_size=30), rows=st.integers(1, 9))
-@settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_what_is_between_blocks_is_seen(steps: list[float], rows: int) -> None:
     time = np.cumsum([0.0, *steps])
     with pytest.MonkeyPatch.context() as patch:
