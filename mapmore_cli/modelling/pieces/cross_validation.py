@@ -9,6 +9,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.errors import FitError
+from mapmore_cli.domain.processors import shared_out
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature.backbone import fit_ahead, fit_formula, pooled
@@ -55,11 +56,7 @@ def leave_out(
     """
     folds = inner_folds(curves, recipe) if folds is None else folds
     fit_backbones(curves, folds, recipe, backbone)
-    found = []
-    for number, left_out in enumerate(folds):
-        found.append(of_fold(curves, left_out, recipe, quantities, backbone))
-        progress(number + 1, len(folds))
-    return together(found)
+    return together(shared_out(lambda left_out: of_fold(curves, left_out, recipe, quantities, backbone), folds, progress))
 
 
 def of_fold(
