@@ -19,7 +19,16 @@ from mapmore_cli.stages.campaigns.cluster import ClusterWorkers, Shared, _work
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="looks into /proc for the worker that does a run")
 
-DASK = [sys.executable, "-W", "ignore", "-m"]
+FORKED = """
+import json, os, sys
+from distributed.cli import dask_scheduler, dask_worker
+
+scheduler, worker = json.loads(sys.argv[1])
+for command, arguments in ((dask_worker, worker), (dask_worker, worker), (dask_scheduler, scheduler)):
+    if command is dask_scheduler or not os.fork():
+        command.main(arguments)
+"""
+"""The commands of Dask in processes that share what they import."""
 
 
 @pytest.fixture
@@ -27,16 +36,13 @@ def scheduler_file(tmp_path: Path) -> Iterator[Path]:
     """A scheduler and two workers, one thread each, that nobody starts again."""
     file = tmp_path / "scheduler.json"
     common = ["--scheduler-file", str(file), "--host", "127.0.0.1", "--no-dashboard"]
-    worker = [*DASK, "distributed.cli.dask_worker", *common, "--nthreads", "1", "--no-nanny", "--local-directory", str(tmp_path)]
-    with (tmp_path / "dask.log").open("wb") as log:
-        commands = [[*DASK, "distributed.cli.dask_scheduler", *common, "--port", "0"], worker, worker]
-        processes = [Popen(command, stdout=log, stderr=log) for command in commands]
+    worker = [*common, "--nthreads", "1", "--no-nanny", "--local-directory", str(tmp_path)]
+    command = [sys.executable, "-W", "ignore", "-c", FORKED, json.dumps([[*common, "--port", "0"], worker])]
+    with (tmp_path / "dask.log").open("wb") as log, Popen(command, stdout=log, stderr=log, start_new_session=True) as dask:
         try:
             yield file
         finally:
-            for process in processes:
-                process.kill()
-                process.wait()
+            os.killpg(dask.pid, signal.SIGKILL)
 
 
 def holder_of(lock: Path) -> int | None:
@@ -48,6 +54,11 @@ def holder_of(lock: Path) -> int | None:
         except OSError:
             continue
     return None
+
+
+def is_done(run_dir: Path) -> bool:
+    """True where a run has come to its end, and nobody writes it any more."""
+    return (run_dir / "report").is_dir() and holder_of(run_dir / ".lock") is None
 
 
 def batch(specs: list[Path], runs: Path, file: Path) -> Popen[str]:
@@ -65,7 +76,7 @@ def test_a_campaign_on_a_cluster(tmp_path: Path, scheduler_file: Path) -> None:
     with batch(quick, runs, scheduler_file) as first:
         for spec in (slow, *quick[:2]):
             run_one(Job(spec, alone))
-        wait_until(lambda: (runs / "quick0" / "report").is_dir() or first.poll() is not None, 60)
+        wait_until(lambda: is_done(runs / "quick0") or first.poll() is not None, 60)
         first.kill()
     before = (runs / "quick0" / "run.json").stat().st_mtime_ns
     with batch([slow, *quick, broken], runs, scheduler_file) as second:
