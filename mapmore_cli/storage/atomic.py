@@ -18,6 +18,12 @@ from mapmore_cli.domain.errors import WriteError
 TEMPORARY = ".tmp-"
 """How the names of unfinished files and folders start."""
 
+UNFINISHED = re.compile(re.escape(TEMPORARY) + r"(?:[0-9a-f]{12}-.+|[a-z]+-[a-z0-9_]{8})", re.DOTALL)
+"""Names of files and of folders that this module and `run_folder.stage_folder` have begun."""
+
+SIDE_BY_SIDE = 8
+"""Files that are flushed at a time: the disk writes several in the time of one."""
+
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG}
 _REFUSED = {errno.EACCES, errno.EPERM, errno.EISDIR, errno.ENOTDIR, errno.EEXIST, errno.ENAMETOOLONG}
 
@@ -103,15 +109,21 @@ def remove(place: Path) -> None:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[BufferedRandom]:
-    """A file that takes the place of `path` when the block ends without an error: written beside it, flushed to the disk, moved over it."""
+    """A file that takes the place of `path` when the block ends without an error: written beside it, flushed to the disk, moved over it.
+
+    In an unfinished folder it is not flushed: `sync_tree` flushes the whole folder before that takes its place.
+    """
     path = replaced_place(path)
+    alone = not any(UNFINISHED.fullmatch(part) for part in path.parent.parts)
     with refusals_told(path.parent), unfinished_beside(path) as unfinished:
         with unfinished.open("r+b") as file:
             yield file
             file.flush()
-            os.fsync(file.fileno())
+            if alone:
+                os.fsync(file.fileno())
         unfinished.replace(path)
-        sync_folder(path.parent)
+        if alone:
+            sync_folder(path.parent)
 
 
 def write_bytes(path: Path, data: bytes) -> None:
@@ -138,11 +150,15 @@ def link_or_copy(source: Path, place: Path) -> None:
 
 
 def sync_tree(folder: Path) -> None:
-    """Flush every file and folder below `folder` to the disk."""
-    for parent, _, names in os.walk(folder, topdown=False):
-        for name in names:
-            _sync(Path(parent) / name, os.O_RDONLY)
-        sync_folder(Path(parent))
+    """Flush every file and folder below `folder` to the disk, several at a time."""
+    from concurrent.futures import ThreadPoolExecutor
+
+    with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
+        for parent, _, names in os.walk(folder):
+            flushed = [pool.submit(_sync, Path(parent) / name, os.O_RDONLY) for name in names]
+            flushed.append(pool.submit(sync_folder, Path(parent)))
+            for flush in flushed:
+                flush.result()
 
 
 def sync_folder(folder: Path) -> None:

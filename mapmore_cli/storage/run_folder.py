@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -19,7 +18,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.errors import WriteError
-from mapmore_cli.storage.atomic import TEMPORARY, refusals_told, remove, sync_folder, sync_tree
+from mapmore_cli.storage.atomic import TEMPORARY, UNFINISHED, refusals_told, remove, sync_folder, sync_tree
 from mapmore_cli.storage.recent import recent
 from mapmore_cli.storage.run_record import CAMPAIGN_RECORD, RUN_RECORD
 
@@ -94,9 +93,6 @@ LOCK = ".lock"
 _FOLDERS = {RUN_RECORD: "a run of that name", CAMPAIGN_RECORD: "the page of a campaign of that name"}
 """What the folders are that mapmore writes, by the record in them."""
 
-_UNFINISHED = re.compile(re.escape(TEMPORARY) + r"(?:[0-9a-f]{12}-.+|[a-z]+-[a-z0-9_]{8})", re.DOTALL)
-"""Names of files and of folders that `storage.atomic` and `stage_folder` have begun."""
-
 
 @contextmanager
 def run_lock(run_dir: Path, patient: bool = False) -> Iterator[None]:
@@ -137,7 +133,7 @@ def refuse_foreign(folder: Path, record: str) -> None:
         names = {entry.name for entry in os.scandir(folder)} if folder.is_dir() else set[str]()
     except OSError as fault:
         raise WriteError(f"{folder}: cannot be read ({fault.strerror})", "change its permissions, or choose another folder") from fault
-    others = sorted(name for name in names if name != LOCK and not _UNFINISHED.fullmatch(name))
+    others = sorted(name for name in names if name != LOCK and not UNFINISHED.fullmatch(name))
     if others and (record not in names or not _is_ours(folder / record)):
         found = f"files that mapmore did not write ({', '.join(others[:3])}{', ...' if len(others) > 3 else ''})"
         held = next((what for file, what in _FOLDERS.items() if file in names and _is_ours(folder / file)), found)
@@ -166,13 +162,13 @@ def recover(run_dir: Path, outputs: Iterable[str]) -> None:
             elif aside.is_dir():
                 remove(aside)
         for entry in sorted(run_dir.iterdir()):
-            if _UNFINISHED.fullmatch(entry.name):
+            if UNFINISHED.fullmatch(entry.name):
                 remove(entry)
 
 
 def is_tidy(run_dir: Path) -> bool:
     """False where a process is at work, or was killed at work."""
-    return not any(_UNFINISHED.fullmatch(name) or name.startswith(ASIDE) for name in os.listdir(run_dir))  # noqa: PTH208
+    return not any(UNFINISHED.fullmatch(name) or name.startswith(ASIDE) for name in os.listdir(run_dir))  # noqa: PTH208
 
 
 @contextmanager

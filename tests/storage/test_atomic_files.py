@@ -57,6 +57,22 @@ def test_interruption_keeps_the_old_file(tmp_path: Path, monkeypatch: pytest.Mon
     assert [file.read_text() for file in tmp_path.iterdir()] == ["old"]
 
 
+def test_files_of_a_stage_are_flushed_once_before_they_take_their_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    flushed: list[int] = []
+    monkeypatch.setattr(os, "fsync", lambda handle: flushed.append(os.fstat(handle).st_ino))
+    with stage_folder(tmp_path, "report") as out:
+        write_text(out / "scores.csv", "1\n")
+        (out / "report").mkdir()
+        write_text(out / "report" / "index.html", "page")
+        assert not flushed
+        inside = [place.stat().st_ino for place in (out, *out.rglob("*"))]
+        swap_in(out, tmp_path, ["scores.csv", "report"])
+    assert sorted(flushed) == sorted([*inside, tmp_path.stat().st_ino])
+    assert flushed[-1] == tmp_path.stat().st_ino
+    write_text(tmp_path / "run.json", "{}")  # a file alone: itself, and that it is there
+    assert len(flushed) == len(inside) + 3
+
+
 def test_missing_folder_passes_through(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         write_bytes(tmp_path / "none" / "a", b"")
