@@ -24,7 +24,7 @@ def dots(scores):
     names = [label.get_text() for label in ax.get_yticklabels()]
     legend = [text.get_text() for text in figure.legends[0].get_texts()]
     points = [line for line in ax.lines if line.get_marker() != "None" and line.get_linestyle() == "None"]
-    return names, legend, sorted((names[int(line.get_ydata()[0])], float(line.get_xdata()[0])) for line in points)
+    return names, legend, sorted((names[int(y)], float(x)) for line in points for x, y in line.get_xydata())
 
 
 def test_every_error_is_a_dot_in_the_line_of_its_run() -> None:

@@ -59,8 +59,12 @@ def _own_and_best(run: Mapping[str, float], own: str) -> dict[str, float]:
 
 
 def _draw_runs(ax: Axes, runs: Mapping[str, dict[str, float]], styles: dict[str, ModelStyle]) -> None:
-    for place, run in enumerate(runs.values()):
-        _draw_run(ax, place, run, styles)
+    ax.hlines(range(len(runs)), 0.0, 1.0, transform=ax.get_yaxis_transform(), colors=LIGHT, linewidth=0.4, zorder=0)
+    looks = {model: _look(style) for model, style in reversed(styles.items())} | {REPEATABILITY: FLOOR}  # the own dots over the others
+    for model, look in looks.items():
+        found = [(run[model], place) for place, run in enumerate(runs.values()) if math.isfinite(run.get(model, math.nan))]
+        if found:
+            ax.plot(*zip(*found, strict=True), **look)
     name_ticks(ax.yaxis, range(len(runs)), [shortened(name, 40) for name in runs])
     ax.tick_params(axis="y", length=0)
     ax.set_ylim(len(runs) - 0.4, -0.6)
@@ -78,15 +82,6 @@ def _mean_logarithm(scores: CampaignScores, model: str) -> float:
     """Of its NRMSE over the runs that have it, as the geometric mean has it; infinite where a run diverged."""
     found = [run[model].nrmse for run in scores.pooled.values() if model in run]
     return sum(math.log(value) if 0 < value < math.inf else math.inf for value in found) / len(found)
-
-
-def _draw_run(ax: Axes, place: int, run: dict[str, float], styles: dict[str, ModelStyle]) -> None:
-    ax.axhline(place, color=LIGHT, linewidth=0.4, zorder=0)
-    for model, style in reversed(styles.items()):  # the own one last, on top
-        if math.isfinite(run.get(model, math.nan)):
-            ax.plot([run[model]], [place], **_look(style))
-    if math.isfinite(run.get(REPEATABILITY, math.nan)):
-        ax.plot([run[REPEATABILITY]], [place], **FLOOR)
 
 
 def _look(style: ModelStyle) -> dict[str, Any]:

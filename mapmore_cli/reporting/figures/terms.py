@@ -57,11 +57,12 @@ def whole_curves(fits: Sequence[SegmentFit], most: int) -> list[SegmentFit]:
 def draw_terms(ax: Axes, segments: Sequence[TermSteps], colour: str) -> None:
     """One row a segment: a filled dot for every chosen term, an open one for its runner-up, the names at the right."""
     left_room, right_room = _room(ax, segments)
+    margins = [[*one.left, np.nan, one.left[-1], one.left_by_runner_up[-1], np.nan] for one in segments]
+    ax.plot(*_in_rows(margins), color=LIGHT, linewidth=0.8, zorder=1)
+    rivals = _in_rows([one.left_by_runner_up for one in segments])
+    ax.plot(*rivals, linestyle="none", marker="o", markersize=4, color=GREY, markerfacecolor="white", zorder=2)
+    ax.plot(*_in_rows([one.left for one in segments]), linestyle="none", marker="o", markersize=4, color=colour, zorder=3)
     for row, segment in enumerate(segments):
-        left, rival = (np.maximum(values, LEAST) for values in (segment.left, segment.left_by_runner_up))
-        ax.plot([*left, np.nan, left[-1], rival[-1]], [row] * (len(left) + 3), color=LIGHT, linewidth=0.8, zorder=1)
-        ax.plot(rival, [row] * len(rival), linestyle="none", marker="o", markersize=4, color=GREY, markerfacecolor="white", zorder=2)
-        ax.plot(left, [row] * len(left), linestyle="none", marker="o", markersize=4, color=colour, zorder=3)
         ax.annotate(
             shortened(segment.terms, right_room),
             (1.0, row),
@@ -78,6 +79,11 @@ def draw_terms(ax: Axes, segments: Sequence[TermSteps], colour: str) -> None:
     name_ticks(ax.yaxis, range(len(segments)), [shortened(segment.segment, left_room) for segment in segments])
     ax.tick_params(axis="y", length=0)
     ax.set_ylim(len(segments) - 0.4, -0.6)
+
+
+def _in_rows(shares: Sequence[Values]) -> tuple[Array, Array]:
+    """Shares of each segment as x and y in its row."""
+    return np.maximum(np.concatenate(shares), LEAST), np.repeat(np.arange(len(shares)), [len(values) for values in shares])
 
 
 def _room(ax: Axes, segments: Sequence[TermSteps]) -> tuple[int, int]:
