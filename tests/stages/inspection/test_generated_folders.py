@@ -22,7 +22,7 @@ from mapmore_cli.stages.inspection.lint import inspect
 from mapmore_cli.stages.pipeline.runner import bring_up_to_date
 
 MORE = os.environ.get("MAPMORE_EXAMPLES")
-UNUSABLE = ("no table of numbers", "no two columns of numbers move", "too few training samples")
+UNUSABLE = ("no table of numbers", "no two columns of numbers move", "too few training samples", "a single column, and no other")
 PHASES = (Phase.generate,) if MORE else tuple(Phase)
 
 
