@@ -12,9 +12,8 @@ from matplotlib.figure import Figure
 from mapmore_cli.domain.page import FIGURES
 from mapmore_cli.reporting.figures.catalogue import drawings
 from mapmore_cli.reporting.figures.drawing import alone, compose
-from mapmore_cli.reporting.figures.layout import PAD, arrange
+from mapmore_cli.reporting.figures.layout import PAD, POINTS, arrange
 from mapmore_cli.reporting.figures.style import figure_style
-from mapmore_cli.reporting.figures.ticks import POINTS
 from mapmore_cli.reporting.inputs import FigureStyle
 
 NAMES = [name for name in FIGURES if name not in ("loops", "motion", "convergence")]  # of models with memory

@@ -7,12 +7,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, LogLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from mapmore_cli.modelling.scores.metrics import Band, bands
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
 from mapmore_cli.reporting.figures.style import ModelStyle, model_styles, shortened
-from mapmore_cli.reporting.figures.ticks import name_ticks
 from mapmore_cli.reporting.inputs import SINGLE, ReportInputs
 from mapmore_cli.reporting.tables import bands_table
 
@@ -30,9 +29,10 @@ def draw_bands(ax: Axes, found: Sequence[Band], models: Sequence[str], styles: M
         ax.set_yscale("log")
         ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        ax.yaxis.set_minor_formatter(NullFormatter())
     else:
         ax.set_ylim(bottom=0)
-    name_ticks(ax.xaxis, range(len(found)), [f"{_short(band.low)}\N{EN DASH}{_short(band.high)}" for band in found])
+    ax.set_xticks(range(len(found)), [f"{_short(band.low)}\N{EN DASH}{_short(band.high)}" for band in found])
     ax.set_xlim(-0.3, len(found) - 0.7)
 
 

@@ -8,13 +8,12 @@ from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, ScalarFormatter
+from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 
 from mapmore_cli.domain.scores import REPEATABILITY
 from mapmore_cli.reporting.campaign import CampaignScores
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
 from mapmore_cli.reporting.figures.style import DOUBLE, GREY, LIGHT, ModelStyle, best_of, model_styles, shortened
-from mapmore_cli.reporting.figures.ticks import name_ticks
 from mapmore_cli.reporting.inputs import MOST_LINES
 
 FEWEST_RUNS = 2
@@ -65,7 +64,7 @@ def _draw_runs(ax: Axes, runs: Mapping[str, dict[str, float]], styles: dict[str,
         found = [(run[model], place) for place, run in enumerate(runs.values()) if math.isfinite(run.get(model, math.nan))]
         if found:
             ax.plot(*zip(*found, strict=True), **look)
-    name_ticks(ax.yaxis, range(len(runs)), [shortened(name, 40) for name in runs])
+    ax.set_yticks(range(len(runs)), [shortened(name, 40) for name in runs])
     ax.tick_params(axis="y", length=0)
     ax.set_ylim(len(runs) - 0.4, -0.6)
     _label_logarithm(ax)
@@ -95,3 +94,4 @@ def _label_logarithm(ax: Axes) -> None:
     formatter = ScalarFormatter()
     formatter.set_scientific(False)
     ax.xaxis.set_major_formatter(formatter)
+    ax.xaxis.set_minor_formatter(NullFormatter())

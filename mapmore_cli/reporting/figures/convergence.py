@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from mapmore_cli.domain.motion import FALL, MotionFit
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
@@ -51,3 +51,4 @@ def _draw_on(axes: Sequence[Axes], fit: MotionFit) -> None:
         ax.plot(best, color=GREY if falls else BLACK, linestyle="--" if falls else "-", linewidth=0.7)
     ax.set_yscale("log")
     ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    ax.yaxis.set_minor_formatter(NullFormatter())

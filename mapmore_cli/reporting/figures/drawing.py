@@ -11,9 +11,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from mapmore_cli.reporting.figures.layout import arrange
+from mapmore_cli.reporting.figures.layout import POINTS, arrange
 from mapmore_cli.reporting.figures.style import small
-from mapmore_cli.reporting.figures.ticks import POINTS
 from mapmore_cli.reporting.inputs import SINGLE, FigureStyle
 
 LEGEND_ROOM, TITLE_ROOM = 0.45, 0.2
@@ -116,44 +115,39 @@ def _composed(drawing: Drawing, panels: Sequence[Panel], columns: int, width: fl
     rows = math.ceil(len(panels) / columns)
     room = LEGEND_ROOM if drawing.legend else TITLE_ROOM
     figure = Figure(figsize=(width, room + rows * grid.height), dpi=POINTS)
-    every = _axes(figure, len(panels), columns, grid)
-    places = [[every[number // columns * stack + i, number % columns] for i in range(stack)] for number in range(len(panels))]
-    for number, (axes, panel) in enumerate(zip(places, panels, strict=True)):
-        _fill(axes, panel, style, first=number % columns == 0 or grid.common_y == "none", columns=columns)
+    shared: Any = {"none": False, "row": "row", "all": True}[grid.common_y]
+    every = figure.subplots(stack * rows, columns, height_ratios=[*grid.stack] * rows, sharex=grid.common_x, sharey=shared, squeeze=False)
+    places = [list(every[row * stack : (row + 1) * stack, column]) for row in range(rows) for column in range(columns)]
+    for number, axes in enumerate(places):
+        if number < len(panels):
+            _fill(axes, panels[number], grid, style, first=number % columns == 0 or grid.common_y == "none", columns=columns)
+        else:
+            for ax in axes:
+                ax.remove()
     _hold(panels, places, columns if grid.common_y == "row" else len(panels) if grid.common_y == "all" else 1)
     if drawing.legend:
         labels = [str(handle.get_label()) for handle in drawing.legend]
         figure.legend(handles=list(drawing.legend), loc="upper left", ncols=_legend_columns(labels, width))
-    arrange(figure, every, [*grid.stack] * rows)
+    placed = {(row, column): ax for row, line in enumerate(every) for column, ax in enumerate(line) if ax.figure is figure}
+    arrange(figure, placed, [*grid.stack] * rows)
     return figure
 
 
-def _axes(figure: Figure, count: int, columns: int, grid: Grid) -> dict[tuple[int, int], Axes]:
-    """The axes of so many panels by row and column, row by row. Numbers stand below every panel, and at the left of a row."""
-    stack, found = len(grid.stack), dict[tuple[int, int], Axes]()
-    for row in range(stack * math.ceil(count / columns)):
-        for column in range(min(columns, count - row // stack * columns)):
-            x_like = (0, 0) if grid.common_x else (row - row % stack, column)
-            y_like = {"none": (row, column), "row": (row, 0), "all": (0, 0)}[grid.common_y]
-            ax = figure.add_axes((0.0, 0.0, 1.0, 1.0), sharex=found.get(x_like), sharey=found.get(y_like))
-            if row % stack < stack - 1:
-                ax.tick_params(labelbottom=False)
-            if column and grid.common_y != "none":
-                ax.tick_params(labelleft=False)
-            found[row, column] = ax
-    return found
-
-
-def _fill(axes: Sequence[Axes], panel: Panel, style: FigureStyle, *, first: bool, columns: int) -> None:
+def _fill(axes: Sequence[Axes], panel: Panel, grid: Grid, style: FigureStyle, *, first: bool, columns: int) -> None:
     """Draw a panel; the y axes are labelled at the left of a row, the x axis below every panel."""
     top, bottom = axes[0], axes[-1]
+    for ax in axes[1:]:
+        if not grid.common_x:
+            ax.sharex(top)
+    for ax in axes:
+        ax.tick_params(labelbottom=ax is bottom)
     bottom.locator_params(axis="x", nbins=5 if columns < 2 else 4)
     panel.draw(axes)
     if panel.title:
         top.set_title(panel.title)
     bottom.set_xlabel(panel.x_label, parse_math=style.is_own_label(panel.x_label))
     for ax, label in zip(axes, panel.y_labels, strict=True):
-        if first and label:
+        if first:
             ax.set_ylabel(label, parse_math=style.is_own_label(label))
 
 

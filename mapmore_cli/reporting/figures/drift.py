@@ -11,7 +11,6 @@ from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.comparison import ReferencePoint
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
 from mapmore_cli.reporting.figures.style import level_colours, shortened
-from mapmore_cli.reporting.figures.ticks import name_ticks
 from mapmore_cli.reporting.inputs import FigureStyle
 
 
@@ -26,7 +25,7 @@ def drift_drawing(names: Sequence[str], points: Sequence[ReferencePoint], output
         for point, colour in zip(points, colours, strict=True):
             relative = [100 * value / point.outputs[0] for value in point.outputs]
             axes[0].plot(range(len(names)), relative, color=colour, marker="o", markersize=3, linewidth=1.1)
-        name_ticks(axes[0].xaxis, range(len(names)), [shortened(name, 22) for name in names])
+        axes[0].set_xticks(range(len(names)), [shortened(name, 22) for name in names])
 
     handles = zip(labels, colours, strict=True)
     legend = tuple(Line2D([], [], color=colour, marker="o", markersize=3, label=label) for label, colour in handles)

@@ -1,8 +1,7 @@
 """Where the panels of a figure stand: their labels are measured, and the panels share what is left of the page.
 
 All panels are equally wide, and as high as their place in a stack says. Matplotlib's constrained layout comes to nearly the same, but has
-every label measured some ten times and the figure drawn twice, which took most of the time of a report. Its axes are measured with all that
-they hold, too; here only what can stand out of a panel is.
+every label measured some ten times and the figure drawn twice, which took most of the time of a report.
 """
 
 from __future__ import annotations
@@ -12,12 +11,16 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backend_bases import RendererBase
 from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, MaxNLocator
 from matplotlib.transforms import Bbox
 
 from mapmore_cli.reporting.figures.style import fonts_may_lack_glyphs
-from mapmore_cli.reporting.figures.ticks import POINTS, Ticks
+
+POINTS = 72
+"""Points an inch. Figures have as many dots an inch, so that what is measured are points."""
 
 RENDERER = RendererBase()
 """Measures letters; one for all figures, because Matplotlib remembers by renderer what it has measured."""
@@ -50,20 +53,17 @@ class _Around:
 
 def arrange(figure: Figure, places: Places, heights: Sequence[float]) -> None:
     """Place the axes below the legend, in rows of these relative heights, and align the labels of each column."""
-    ticks = {at: (Ticks(ax.xaxis), Ticks(ax.yaxis)) for at, ax in places.items()}
     with fonts_may_lack_glyphs():
         legends = sum(legend.get_window_extent(RENDERER).height + 2 * PAD for legend in figure.legends)
         size = _place(figure, places, heights, {at: _guessed(ax) for at, ax in places.items()}, legends)
         for _ in range(2):
-            around = {at: _measured(ax, ticks[at]) for at, ax in places.items()}
+            around = {at: _measured(ax) for at, ax in places.items()}
             before, size = size, _place(figure, places, heights, around, legends)
             if np.allclose(before, size, rtol=NEAR):
                 break
     for (row, column), ax in places.items():
         stand_off = max(one.y_off for (_, other), one in around.items() if other == column)
         _hold(ax, around[row, column], stand_off)
-        for one in ticks[row, column]:
-            one.decide()
 
 
 def _guessed(ax: Axes) -> _Around:
@@ -73,30 +73,20 @@ def _guessed(ax: Axes) -> _Around:
     return _Around(left, 6.0, below, 12.0 * bool(ax.get_title(loc="left")))
 
 
-def _measured(ax: Axes, ticks: tuple[Ticks, Ticks]) -> _Around:
+def _measured(ax: Axes) -> _Around:
     """What stands around the axes where they are."""
     inner = ax.get_window_extent()
-    for one in ticks:
-        one.decide()
-    below, beside = (one.measured(RENDERER) for one in ticks)
-    x_off = max(inner.y0 - below.y0, ticks[0].length) + ax.xaxis.labelpad
-    y_off = max(inner.x0 - beside.x0, ticks[1].length) + ax.yaxis.labelpad
-    texts = [*ax.texts, ax.xaxis.get_offset_text(), ax.yaxis.get_offset_text()]
-    boxes = [inner, below, beside, *(text.get_window_extent(RENDERER) for text in texts if text.get_text())]
-    lift = 0.0
-    if words := ax.get_title(loc="left"):
-        title = ax.set_title(words, loc="left").get_window_extent(RENDERER)
-        boxes.append(Bbox.from_extents(inner.x0, title.y0, inner.x0, title.y1))  # it may be wider than the panel
-        lift = boxes[-2].y1 - inner.y1 if ax.yaxis.get_offset_text().get_text() else 0.0
-    outer = Bbox.union(boxes)
-    high, wide = (axis.get_label().get_window_extent(RENDERER) if axis.get_label().get_text() else None for axis in (ax.xaxis, ax.yaxis))
+    texts = [*ax.texts, *([legend] if (legend := ax.get_legend()) else [])]
+    outer = Bbox.union([inner, ax.get_tightbbox(RENDERER, bbox_extra_artists=texts, for_layout_only=True) or inner])
+    factor = ax.yaxis.get_offset_text()
+    lift = factor.get_window_extent(RENDERER).y1 - inner.y1 if factor.get_text() and ax.get_title(loc="left") else 0.0
     return _Around(
-        left=max(inner.x0 - outer.x0, y_off + wide.width if wide else 0.0),
+        left=inner.x0 - outer.x0,
         right=outer.x1 - inner.x1,
-        below=max(inner.y0 - outer.y0, x_off + high.height if high else 0.0),
+        below=inner.y0 - outer.y0,
         above=outer.y1 - inner.y1 + lift,
-        x_off=x_off,
-        y_off=y_off,
+        x_off=inner.y0 - ax.xaxis.label.get_position()[1] if ax.get_xlabel() else 0.0,
+        y_off=inner.x0 - ax.yaxis.label.get_position()[0] if ax.get_ylabel() else 0.0,
         lift=lift,
     )
 
@@ -126,11 +116,18 @@ def _place(
 
 
 def _hold(ax: Axes, around: _Around, stand_off: float) -> None:
-    """Put the labels where they were measured, those of a column in line."""
+    """Keep the ticks and labels as they were measured, so that drawing need not measure them again."""
     inner = ax.get_window_extent()
+    for axis in (ax.xaxis, ax.yaxis):
+        _hold_ticks(axis)
     if ax.get_xlabel():
         ax.xaxis.set_label_coords(0.5, -around.x_off / inner.height)
     if ax.get_ylabel():
         ax.yaxis.set_label_coords(-stand_off / inner.width, 0.5)
     if around.lift:
         ax.set_title(ax.get_title(loc="left"), loc="left", y=1.0 + around.lift / inner.height)
+
+
+def _hold_ticks(axis: Axis) -> None:
+    if isinstance(axis.get_major_locator(), MaxNLocator):
+        axis.set_major_locator(FixedLocator(axis.get_majorticklocs().tolist()))

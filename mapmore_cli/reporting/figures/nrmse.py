@@ -14,7 +14,6 @@ from matplotlib.patches import Patch
 from mapmore_cli.domain.scores import REPEATABILITY, Score
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
 from mapmore_cli.reporting.figures.style import BLACK, GREY, ModelStyle, model_styles, shortened, small
-from mapmore_cli.reporting.figures.ticks import name_ticks
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.score_tables import full_scale
 
@@ -71,7 +70,7 @@ def draw_nrmse(ax: Axes, bars: NrmseBars, styles: Mapping[str, ModelStyle]) -> N
     places = {model: place for place, model in enumerate(bars.values)}
     if bars.published:
         ax.plot([*bars.published.values()], [places[model] + first for model in bars.published], zorder=5, clip_on=False, **DIAMOND)
-    name_ticks(ax.yaxis, range(len(places)), [shortened(model, 24) for model in places])
+    ax.set_yticks(range(len(places)), [shortened(model, 24) for model in places])
     ax.tick_params(axis="y", length=0)
     ax.set_ylim(len(places) - 0.45, -0.55)
     ax.set_xlim(left=0)

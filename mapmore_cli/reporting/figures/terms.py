@@ -9,14 +9,13 @@ from functools import partial
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import SegmentFit
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
 from mapmore_cli.reporting.figures.style import DOUBLE, GREY, LIGHT, model_styles, shortened, small, some_of
 from mapmore_cli.reporting.figures.thinning import spread
-from mapmore_cli.reporting.figures.ticks import name_ticks
 from mapmore_cli.reporting.inputs import ReportInputs
 
 MOST_SEGMENTS, MOST_SPOKEN = 40, 12
@@ -76,7 +75,8 @@ def draw_terms(ax: Axes, segments: Sequence[TermSteps], colour: str) -> None:
     low, high = np.log10(ax.get_xlim())
     ax.set_xlim(10.0 ** np.floor(low), 10.0 ** np.ceil(high))
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    name_ticks(ax.yaxis, range(len(segments)), [shortened(segment.segment, left_room) for segment in segments])
+    ax.xaxis.set_minor_formatter(NullFormatter())
+    ax.set_yticks(range(len(segments)), [shortened(segment.segment, left_room) for segment in segments])
     ax.tick_params(axis="y", length=0)
     ax.set_ylim(len(segments) - 0.4, -0.6)
 
