@@ -24,8 +24,10 @@ def main() -> None:
         from mapmore_cli.cli.app import main as run
 
         run()
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
+    except (KeyboardInterrupt, SystemError) as end:
+        if isinstance(end, SystemError) and not isinstance(end.__cause__, KeyboardInterrupt):
+            raise
+        print("interrupted", file=sys.stderr)  # also where Ctrl-C came within a function in C
         sys.exit(130)
 
 

@@ -33,7 +33,7 @@ def settle(error: BaseException, debug: bool, as_json: bool) -> int:
         traceback.print_exception(error, file=sys.stderr)
     else:
         print(printable(message(error)), file=sys.stderr)
-    if as_json and not isinstance(error, LimitMissed | KeyboardInterrupt):
+    if as_json and not isinstance(explained(error), LimitMissed | KeyboardInterrupt):
         print_document({"error": error_document(error)})
     return exit_code(error)
 

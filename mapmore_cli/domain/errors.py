@@ -44,7 +44,12 @@ class MapmoreError(Exception):
 
 
 def explained(error: BaseException) -> BaseException:
-    """The error itself; for a file or folder that may not be read, wherever that turned out, the one that says so."""
+    """The error itself; for a file or folder that may not be read, wherever that turned out, the one that says so.
+
+    An interruption within a function in C may come as a SystemError: then it is the interruption.
+    """
+    if isinstance(error, SystemError) and isinstance(error.__cause__, KeyboardInterrupt):
+        return error.__cause__
     if isinstance(error, PermissionError) and error.filename is not None:
         return DataError(f"{error.filename}: cannot be read (permission denied)", "change its permissions, or leave it out")
     return error

@@ -63,10 +63,42 @@ def test_debug_shows_the_traceback(place: str, study, mapmore, monkeypatch) -> N
     assert "in fail" in result.stderr
 
 
-def test_interrupted(study, mapmore, monkeypatch) -> None:
-    failing(monkeypatch, KeyboardInterrupt())
-    result = mapmore("run", study)
+def within_c() -> SystemError:
+    """What comes of Ctrl-C while a function in C calls one of Python, as libraries do."""
+    error = SystemError("<class 'float'> returned a result with an exception set")
+    error.__cause__ = KeyboardInterrupt()
+    return error
+
+
+@pytest.mark.parametrize("interruption", [KeyboardInterrupt(), within_c()], ids=["in Python", "in C"])
+@pytest.mark.parametrize("options", [(), ("--json",)])
+def test_interrupted(interruption, options, study, mapmore, monkeypatch) -> None:
+    failing(monkeypatch, interruption)
+    result = mapmore("run", study, *options)
     assert (result.exit_code, result.stdout, result.stderr) == (130, "", "interrupted\n")
+
+
+BEFORE = """
+import mapmore_cli.cli.app as app
+from mapmore_cli.__main__ import main
+def interrupted():
+    raise {error}
+app.main = interrupted
+main()
+"""
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "last"),
+    [
+        ("KeyboardInterrupt", 130, "interrupted"),
+        ("SystemError('returned a result with an exception set') from KeyboardInterrupt()", 130, "interrupted"),
+        ("SystemError('bad argument')", 1, "SystemError: bad argument"),
+    ],
+)
+def test_interrupted_before_the_command(error: str, code: int, last: str) -> None:
+    done = subprocess.run([sys.executable, "-c", BEFORE.format(error=error)], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr.splitlines()[-1]) == (code, last)
 
 
 @pytest.mark.parametrize(
