@@ -29,6 +29,9 @@ def main() -> None:
             raise
         print("interrupted", file=sys.stderr)  # also where Ctrl-C came within a function in C
         sys.exit(130)
+    finally:
+        # Python forgets that Ctrl-C came while it executed a text, as dataclasses do; else it would end by killing itself.
+        exec("")
 
 
 def _hold_standard_streams() -> None:

@@ -82,7 +82,7 @@ BEFORE = """
 import mapmore_cli.cli.app as app
 from mapmore_cli.__main__ import main
 def interrupted():
-    raise {error}
+    {error}
 app.main = interrupted
 main()
 """
@@ -91,13 +91,17 @@ main()
 @pytest.mark.parametrize(
     ("error", "code", "last"),
     [
-        ("KeyboardInterrupt", 130, "interrupted"),
-        ("SystemError('returned a result with an exception set') from KeyboardInterrupt()", 130, "interrupted"),
-        ("SystemError('bad argument')", 1, "SystemError: bad argument"),
+        ("raise KeyboardInterrupt", 130, "interrupted"),
+        ("exec('raise KeyboardInterrupt')", 130, "interrupted"),
+        ("raise SystemError('returned a result with an exception set') from KeyboardInterrupt()", 130, "interrupted"),
+        ("raise SystemError('bad argument')", 1, "SystemError: bad argument"),
     ],
 )
-def test_interrupted_before_the_command(error: str, code: int, last: str) -> None:
-    done = subprocess.run([sys.executable, "-c", BEFORE.format(error=error)], capture_output=True, text=True, check=False)
+def test_interrupted_before_the_command(error: str, code: int, last: str, tmp_path: Path) -> None:
+    (tmp_path / "before.py").write_text(BEFORE.format(error=error))
+    search = os.pathsep.join([str(tmp_path), *sys.path])
+    command = [sys.executable, "-m", "before"]  # as `python -m mapmore_cli`, after which Python may kill itself
+    done = subprocess.run(command, env={**os.environ, "PYTHONPATH": search}, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr.splitlines()[-1]) == (code, last)
 
 
