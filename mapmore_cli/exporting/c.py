@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from mapmore_cli.domain.models import Model
 from mapmore_cli.exporting.c_inverse import InverseSource
 from mapmore_cli.exporting.c_source import source_of
-from mapmore_cli.modelling.assignments.slopes import with_slopes
+from mapmore_cli.modelling.program.slopes import with_slopes
 
 
 @dataclass(frozen=True)

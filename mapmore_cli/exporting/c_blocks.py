@@ -7,14 +7,14 @@ from dataclasses import dataclass, field
 from itertools import count
 
 from mapmore_cli.exporting.dialect import Dialect, Expressions
-from mapmore_cli.modelling.assignments.pruning import names_in
-from mapmore_cli.modelling.assignments.statements import (
-    Assignments,
+from mapmore_cli.modelling.program.pruning import names_in
+from mapmore_cli.modelling.program.statements import (
     Block,
     Choose,
     Function,
     Keep,
     Let,
+    Program,
     Queue,
     Recall,
     Statement,
@@ -28,7 +28,7 @@ INDENT = "    "
 class CBlocks:
     """Writes the statements of one model; `real` is the type of its numbers."""
 
-    model: Assignments
+    model: Program
     dialect: Dialect
     real: str
     places: dict[str, str] = field(default_factory=dict)

@@ -12,9 +12,9 @@ from mapmore_cli.domain.recording import Quantity, Signal
 from mapmore_cli.exporting.c_blocks import CBlocks, comment, indented
 from mapmore_cli.exporting.dialect import DOUBLE, SINGLE, Dialect, Expressions
 from mapmore_cli.exporting.names import identifier
-from mapmore_cli.modelling.assignments.model import INPUT
-from mapmore_cli.modelling.assignments.statements import Assignments, Limit
-from mapmore_cli.modelling.kinds import assignments
+from mapmore_cli.modelling.kinds import program_of
+from mapmore_cli.modelling.program.model import INPUT
+from mapmore_cli.modelling.program.statements import Limit, Program
 from mapmore_cli.modelling.ranges import OUTSIDE_TOLERANCE
 
 MOST_INPUTS = 14
@@ -62,7 +62,7 @@ def source_of(model: Model, single: bool = False) -> Source:
     """
     if len(model.inputs) > MOST_INPUTS:
         raise UsageError(f"{model.name} has {len(model.inputs)} inputs; one bit each leaves room for {MOST_INPUTS}", "export its parts")
-    return Source(model, assignments(model), identifier(model.name), single)
+    return Source(model, program_of(model), identifier(model.name), single)
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Source:
     """A model as the text of its files; `code` is the model itself, or with its derivatives."""
 
     model: Model
-    code: Assignments
+    code: Program
     name: str
     single: bool
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from mapmore_cli.modelling.assignments.statements import NOTHING, Condition
+from mapmore_cli.modelling.program.statements import NOTHING, Condition
 from mapmore_cli.modelling.terms.syntax import Call, Expression, Name, Number, Power, Product, Sum
 
 
@@ -63,12 +63,12 @@ NUMPY = Dialect(
 class Expressions:
     """Writes expressions, and the lines that they need before them: powers and function values that occur again get a name.
 
-    They are computed in the same order as `terms.program` computes them, so that all languages round alike.
+    They are computed in the same order as `terms.compiled` computes them, so that all languages round alike.
     """
 
     dialect: Dialect
     names: Callable[[str], str]
-    """What a name of the assignments is called."""
+    """How a name of the program is written."""
     fresh: Callable[[str], str]
     """A new name that begins so."""
     lines: list[str] = field(default_factory=list)

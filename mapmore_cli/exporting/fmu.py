@@ -13,7 +13,7 @@ from xml.sax.saxutils import quoteattr
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import BaseUnits, Quantity
 from mapmore_cli.exporting.c_source import Source, source_of
-from mapmore_cli.modelling.assignments.statements import Assignments
+from mapmore_cli.modelling.program.statements import Program
 
 WRAPPER = ("co-simulation.h", "co-simulation.c")
 """The files around every model; a hyphen keeps their names apart from those of models."""
@@ -63,7 +63,7 @@ class _Unit:
         return self.source.model
 
     @property
-    def code(self) -> Assignments:
+    def code(self) -> Program:
         return self.source.code
 
     @property

@@ -12,21 +12,21 @@ from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.exporting.c_blocks import indented
 from mapmore_cli.exporting.dialect import NUMPY, Expressions
 from mapmore_cli.exporting.names import identifier
-from mapmore_cli.modelling.assignments.model import INPUT
-from mapmore_cli.modelling.assignments.statements import (
-    Assignments,
+from mapmore_cli.modelling.kinds import program_of
+from mapmore_cli.modelling.program.model import INPUT
+from mapmore_cli.modelling.program.statements import (
     Block,
     Choose,
     Function,
     Keep,
     Let,
     Limit,
+    Program,
     Queue,
     Recall,
     Statement,
     Use,
 )
-from mapmore_cli.modelling.kinds import assignments
 from mapmore_cli.modelling.ranges import OUTSIDE_TOLERANCE
 
 BEYOND = f'''\
@@ -48,13 +48,13 @@ def numpy_module(model: Model) -> tuple[str, str]:
         Where a part of the model is no closed expression.
     """
     name = identifier(model.name)
-    return f"{name}.py", _Module(model, assignments(model)).text()
+    return f"{name}.py", _Module(model, program_of(model)).text()
 
 
 @dataclass
 class _Module:
     model: Model
-    code: Assignments
+    code: Program
     numbers: Iterator[int] = field(default_factory=lambda: count(1))
 
     def text(self) -> str:

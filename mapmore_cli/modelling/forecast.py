@@ -14,12 +14,12 @@ from mapmore_cli.modelling.kinds import one_step_ahead, predict, runs_over_time,
 def forecast(model: Model, curve: Curve, target: str | None = None) -> Forecast:
     """Predict every sample of a curve, recording by recording; raises as `kinds.predict`, naming the recording.
 
-    Where the `target` is not what the model predicts but one of its inputs, the model is inverted for it (`inverse.turned`).
+    Where the `target` is not what the model predicts but one of its inputs, the model is inverted for it (`inverse.solve_for_input`).
     """
     if target is not None and target != model.output.name:
-        from mapmore_cli.modelling.inverse import turned
+        from mapmore_cli.modelling.inverse import solve_for_input
 
-        return Forecast.of(turned(model, curve.columns, target).values)
+        return Forecast.of(solve_for_input(model, curve.columns, target).values)
     if not runs_over_time(model):
         return Forecast.of(predict(model, curve.columns))
     from mapmore_cli.modelling.memory import AtSample

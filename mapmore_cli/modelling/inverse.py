@@ -16,11 +16,11 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.models import CurveRange, Formula, Model, Pieces, Sum
-from mapmore_cli.modelling.assignments.slopes import with_slopes
-from mapmore_cli.modelling.assignments.statements import Assignments
-from mapmore_cli.modelling.assignments.values import results_of
-from mapmore_cli.modelling.kinds import assignments, predict
+from mapmore_cli.modelling.kinds import predict, program_of
 from mapmore_cli.modelling.pieces.weights import zones
+from mapmore_cli.modelling.program.slopes import with_slopes
+from mapmore_cli.modelling.program.statements import Program
+from mapmore_cli.modelling.program.values import results_of
 
 LOWEST, NEAREST = "lowest", "nearest"
 """Rules that pick one of several solutions: the lowest, or the one that is nearest to that of the row before."""
@@ -58,7 +58,7 @@ class Inverse:
 
 
 @dataclass(frozen=True)
-class Turned:
+class SolvedInput:
     """An input as a function of the output: its `values` at n rows, and where they are `solved` for, `(n,)` each."""
 
     values: Array
@@ -90,7 +90,7 @@ def invert(model: Model, wanted: Array, given: Columns, name: str, rule: str = L
     return Inverse(values, rows, status, _picked(values, rows, len(wanted), rule))
 
 
-def turned(model: Model, columns: Columns, name: str) -> Turned:
+def solve_for_input(model: Model, columns: Columns, name: str) -> SolvedInput:
     """The input `name` as a function of the model's output and its other inputs, as the force at a strain of a model of the strain.
 
     At every row, `(n,)`, it is the lowest solution within the training range, or, where there is none, the place that comes nearest to the
@@ -119,17 +119,17 @@ def turned(model: Model, columns: Columns, name: str) -> Turned:
         picked = _picked(solutions[order], rows[order], len(edges), LOWEST)
         solved[known[start : start + len(edges)]] = np.isfinite(picked)
         values[known[start : start + len(edges)]] = np.where(np.isfinite(picked), picked, line.nearest(edges))
-    return Turned(values, solved)
+    return SolvedInput(values, solved)
 
 
-def _slopes(model: Model, name: str) -> Assignments:
+def _slopes(model: Model, name: str) -> Program:
     names = [quantity.name for quantity in model.inputs]
     if name not in names:
         raise UsageError(f"the model has no input '{name}'", f"it has {', '.join(names)}")
-    return with_slopes(assignments(model))
+    return with_slopes(program_of(model))
 
 
-def _lines(model: Model, slopes: Assignments, wanted: Array, given: Columns, name: str) -> Iterator[tuple[int, _Line]]:
+def _lines(model: Model, slopes: Program, wanted: Array, given: Columns, name: str) -> Iterator[tuple[int, _Line]]:
     """The model along an input at some rows at a time, with the number of the first."""
     names = [quantity.name for quantity in model.inputs]
     for start in range(0, len(wanted), CHUNK):
@@ -196,7 +196,7 @@ class _Line:
     """The model along one input at each of n rows."""
 
     model: Model
-    slopes: Assignments
+    slopes: Program
     name: str
     names: list[str]
     wanted: Array

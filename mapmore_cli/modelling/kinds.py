@@ -1,7 +1,7 @@
 """What every kind of model can do: the one place that tells kinds apart.
 
 A kind is a folder of `modelling/` with a module `model` that holds its verbs. Whoever adds one adds it to `KINDS`, and to
-`assignments.model` how it is written down. It is imported when a model of it is there: a table needs nothing of motion.
+`program.model` how it is written down. It is imported when a model of it is there: a table needs nothing of motion.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from mapmore_cli.domain.models import Body, Equation, Formula, Memory, Model, Pi
 from mapmore_cli.domain.results import Run
 
 if TYPE_CHECKING:
-    from mapmore_cli.modelling.assignments.statements import Assignments
+    from mapmore_cli.modelling.program.statements import Program
 
 MODEL_UNITS: Mapping[str, float] = {}
 """Quantities in the units of the model."""
@@ -124,18 +124,18 @@ def fed_back(model: Model) -> tuple[str, ...]:
     return kind_of(model).fed_back(model)
 
 
-def assignments(model: Model) -> Assignments:
-    """The model as assignments of one sample's numbers, from which other languages and derivatives follow.
+def program_of(model: Model) -> Program:
+    """Return the model as a program of one sample's numbers, from which other languages and derivatives follow.
 
     Raises
     ------
     DataError
         Where a part of the model is no closed expression, and where a coefficient is too large to be a number.
     """
-    from mapmore_cli.modelling.assignments.model import assignments_of
+    from mapmore_cli.modelling.program.model import program_of
 
     with _numbers_in_reach(model):
-        return assignments_of(model)
+        return program_of(model)
 
 
 @contextmanager
@@ -160,10 +160,10 @@ def slopes(model: Model, columns: Columns) -> dict[str, Array]:
     DataError
         For a model with memory, and where a part of the model is no closed expression.
     """
-    from mapmore_cli.modelling.assignments.slopes import with_slopes
-    from mapmore_cli.modelling.assignments.values import results_of
+    from mapmore_cli.modelling.program.slopes import with_slopes
+    from mapmore_cli.modelling.program.values import results_of
 
-    _, *found = results_of(with_slopes(assignments(model)), columns)
+    _, *found = results_of(with_slopes(program_of(model)), columns)
     finite = np.logical_and.reduce([np.isfinite(columns[quantity.name]) for quantity in model.inputs])
     return {quantity.name: np.where(finite, slope, np.nan) for quantity, slope in zip(model.inputs, found, strict=True)}
 

@@ -20,7 +20,7 @@ from mapmore_cli.domain.models import CurveFunction, CurveRange, Formula, Memory
 from mapmore_cli.exporting.c import c_source
 from mapmore_cli.exporting.c_inverse import STATUS
 from mapmore_cli.modelling.inverse import NEAREST
-from mapmore_cli.modelling.kinds import assignments, fed_back, outside_range, runs_over_time, simulate
+from mapmore_cli.modelling.kinds import fed_back, outside_range, program_of, runs_over_time, simulate
 from mapmore_cli.modelling.pieces.weights import zones
 from mapmore_cli.modelling.terms import parse
 
@@ -257,7 +257,7 @@ def _zone_edges(curve: CurveFunction, variables: tuple[str, ...], name: str, z_s
 def recording(model: Model, n: int, seed: int = 1) -> dict[str, np.ndarray]:
     """A recording for a model with memory: smooth, with stands, and a step beyond the training range; the output where it is fed back."""
     rng = np.random.default_rng(seed)
-    step = assignments(model).step or 1.0
+    step = program_of(model).step or 1.0
     t = np.arange(n) * step
     columns = {"time": t}
     for quantity in model.inputs:

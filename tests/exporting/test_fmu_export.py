@@ -24,7 +24,7 @@ from fmpy.validation import validate_fmu
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.exporting.fmu import fmu_sources
-from mapmore_cli.modelling.kinds import assignments, fed_back, predict
+from mapmore_cli.modelling.kinds import fed_back, predict, program_of
 from mapmore_cli.stages.exports import exported
 
 needs_compiler = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler here")
@@ -91,7 +91,7 @@ def test_a_unit_with_memory_is_predict_along_a_recording(tmp_path: Path, name: s
     model = replace(WITH_MEMORY[name], name=f"memory {name}")
     file, columns = unit_of(model, tmp_path), recording(model, 600)
     assert validate_fmu(str(file)) == []
-    step = assignments(model).step
+    step = program_of(model).step
     assert step is not None
     found = simulated(model, file, columns, step)
     assert greatest_difference(found[model.output.name][1:], predict(model, columns)) < 1e-9

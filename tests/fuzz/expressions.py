@@ -94,7 +94,7 @@ TARGET = Target(
         "modelling/terms/printing.py",
         "modelling/terms/calculus.py",
         "modelling/terms/evaluation.py",
-        "modelling/terms/program.py",
+        "modelling/terms/compiled.py",
     ),
     past=("computed", "printed"),
 )

@@ -16,7 +16,7 @@ from surfaces import QUANTITIES, curves, recipe
 
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.modelling.forecast import forecast
-from mapmore_cli.modelling.inverse import turned
+from mapmore_cli.modelling.inverse import solve_for_input
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import Even
@@ -46,7 +46,7 @@ def test_the_force_gives_the_strain_back(places):
     pressure, share = np.array(places).T
     force = share * 2 * 80.0  # a force that every level has seen
     strain = predict(MODEL, {"pressure": pressure, "force": force})
-    found = turned(MODEL, {"pressure": pressure, "strain": strain}, "force")
+    found = solve_for_input(MODEL, {"pressure": pressure, "strain": strain}, "force")
     assert found.solved.all()
     np.testing.assert_allclose(predict(MODEL, {"pressure": pressure, "force": found.values}), strain, rtol=1e-6, atol=1e-9)
 
@@ -61,7 +61,7 @@ def test_the_law_that_made_the_strain_is_found_again():
 
 def test_a_strain_that_no_force_makes_has_the_force_at_the_end_of_the_range():
     columns = {"pressure": np.array([150.0, 150.0, np.nan, 150.0]), "strain": np.array([0.9, -0.9, 0.1, np.nan])}
-    found = turned(MODEL, columns, "force")
+    found = solve_for_input(MODEL, columns, "force")
     assert found.solved.tolist() == [False] * 4
     assert np.isnan(found.values[2:]).all()
     fine = predict(MODEL, {"pressure": np.full(500, 150.0), "force": np.linspace(0, 700, 500)})
@@ -72,4 +72,4 @@ def test_a_strain_that_no_force_makes_has_the_force_at_the_end_of_the_range():
 
 def test_what_is_no_input_cannot_be_asked_for():
     with pytest.raises(UsageError, match="no input 'load'"):
-        turned(MODEL, {"pressure": np.ones(1), "strain": np.ones(1)}, "load")
+        solve_for_input(MODEL, {"pressure": np.ones(1), "strain": np.ones(1)}, "load")

@@ -12,7 +12,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, Value
 from mapmore_cli.domain.fits import Scaling
 from mapmore_cli.domain.models import SegmentFunction
-from mapmore_cli.modelling.terms import Program, compiled, derivative, parse
+from mapmore_cli.modelling.terms import Compiled, compiled, derivative, parse
 
 V = TypeVar("V", Array, Value)
 
@@ -115,10 +115,10 @@ def _combination(factors: Iterable[np.float64], values: Iterable[Value], constan
 
 
 @lru_cache(maxsize=4096)
-def _program(terms: tuple[str, ...]) -> Program:
+def _program(terms: tuple[str, ...]) -> Compiled:
     return compiled(tuple(map(parse, terms)))
 
 
 @lru_cache(maxsize=4096)
-def _slopes(terms: tuple[str, ...], name: str) -> Program:
+def _slopes(terms: tuple[str, ...], name: str) -> Compiled:
     return compiled(tuple(derivative(parse(term), name) for term in terms))

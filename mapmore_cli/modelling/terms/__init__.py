@@ -1,18 +1,19 @@
 """Candidate terms and formulas as small syntax trees: read, evaluated, differentiated, printed; never `eval`ed."""
 
 from mapmore_cli.modelling.terms.calculus import affine, derivative, exponents, substitute
+from mapmore_cli.modelling.terms.compiled import Compiled, compiled
 from mapmore_cli.modelling.terms.errors import ExpressionError, NotFinite
 from mapmore_cli.modelling.terms.evaluation import dictionary_blocks, dictionary_matrix, evaluate, stacked_matrices
 from mapmore_cli.modelling.terms.families import monomials
 from mapmore_cli.modelling.terms.operators import OPERATORS
 from mapmore_cli.modelling.terms.parsing import parse
 from mapmore_cli.modelling.terms.printing import to_latex, to_text
-from mapmore_cli.modelling.terms.program import Program, compiled
 from mapmore_cli.modelling.terms.states import Lagged, Measured, Operated, State, state
 from mapmore_cli.modelling.terms.syntax import Expression, Name, Number, add, call, multiply, power
 
 __all__ = [
     "OPERATORS",
+    "Compiled",
     "Expression",
     "ExpressionError",
     "Lagged",
@@ -21,7 +22,6 @@ __all__ = [
     "NotFinite",
     "Number",
     "Operated",
-    "Program",
     "State",
     "add",
     "affine",

@@ -8,9 +8,9 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.modelling.terms.compiled import compiled
 from mapmore_cli.modelling.terms.errors import NotFinite
 from mapmore_cli.modelling.terms.printing import to_text
-from mapmore_cli.modelling.terms.program import compiled
 from mapmore_cli.modelling.terms.syntax import Expression, Number
 
 BLOCK = 8192

@@ -14,7 +14,7 @@ from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.intervals import ends, half_width_of
-from mapmore_cli.modelling.inverse import turned
+from mapmore_cli.modelling.inverse import solve_for_input
 from mapmore_cli.modelling.kinds import outside_range, runs_over_time, simulate, slopes
 from mapmore_cli.modelling.memory import AtSample, numbered
 from mapmore_cli.modelling.signals.rates import with_signals
@@ -63,7 +63,7 @@ def predicted_lines(
     messages; `chunk` has no influence on the result.
 
     With `turned_for` an input, as the force of a model of the strain, the model is inverted for it: the table has the output in its place,
-    the column is `<input>_predicted`, and rows that no value within the training range solves are outside of it (`inverse.turned`).
+    the column is `<input>_predicted`, and rows without a solution in the training range are outside of it.
 
     With an `interval`, as 0.95, there are `<output>_low` and `<output>_high`, empty outside of the training range; with `derivatives`, one
     more column for every input, `<output>_by_<input>`, in the units of the model.
@@ -166,7 +166,7 @@ def _evaluated(model: Model, reading: Reading, columns: dict[str, Array], rows: 
     `rows` are the numbers by which rows are told where a run diverges, or in a mistake.
     """
     if reading.turned_for is not None:
-        found_input = turned(model, columns, reading.turned_for)
+        found_input = solve_for_input(model, columns, reading.turned_for)
         outside = outside_range(model, {**columns, reading.turned_for: found_input.values}) | ~found_input.solved
         return Run(found_input.values), outside, np.empty((len(rows), 0))
     found, flags, diverged, more = [], [], list[int](), []

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from math import inf
 
 from mapmore_cli.domain.models import CurveFunction, Fusion, SegmentFunction
-from mapmore_cli.modelling.assignments.statements import Block, Condition, Function
-from mapmore_cli.modelling.assignments.writing import Lines, Names, combination, less, renamed_all, times, total
 from mapmore_cli.modelling.pieces.weights import held_at, zones
+from mapmore_cli.modelling.program.statements import Block, Condition, Function
+from mapmore_cli.modelling.program.writing import Lines, Names, combination, less, renamed_all, times, total
 from mapmore_cli.modelling.terms import Expression, Name, Number, add, derivative, parse, power
 
 Rise = Expression | None

@@ -22,7 +22,7 @@ Known = dict[Expression, Part]
 
 
 @dataclass(frozen=True)
-class Program:
+class Compiled:
     """Several expressions, to be evaluated together; `slots` is the number of powers and function values in them."""
 
     parts: tuple[Part, ...]
@@ -36,11 +36,11 @@ class Program:
 
 
 @lru_cache(maxsize=4096)
-def compiled(expressions: tuple[Expression, ...]) -> Program:
+def compiled(expressions: tuple[Expression, ...]) -> Compiled:
     """The program that evaluates `expressions`; powers and function values that several share are computed once."""
     known: Known = {}
     parts = tuple(_part(expression, known) for expression in expressions)
-    return Program(parts, len(known))
+    return Compiled(parts, len(known))
 
 
 def _part(expression: Expression, known: Known) -> Part:

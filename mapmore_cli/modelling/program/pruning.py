@@ -1,16 +1,16 @@
-"""Assignments without the statements that nothing follows from."""
+"""Program without the statements that nothing follows from."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Set
 from dataclasses import replace
 
-from mapmore_cli.modelling.assignments.statements import Assignments, Block, Choose, Keep, Let, Queue, Recall, Statement, Use
+from mapmore_cli.modelling.program.statements import Block, Choose, Keep, Let, Program, Queue, Recall, Statement, Use
 from mapmore_cli.modelling.terms import Expression
 from mapmore_cli.modelling.terms.syntax import ZERO
 
 
-def pruned(model: Assignments) -> Assignments:
+def pruned(model: Program) -> Program:
     """The model with what its results and what it keeps depend on."""
     functions = tuple(replace(function, body=pruned_block(function.body)) for function in model.functions)
     checked = _names(side for limit in model.limits for side in (limit.value, limit.at or ZERO))

@@ -1,4 +1,4 @@
-"""Helpers to write assignments down: fresh names, and the shapes that occur again and again."""
+"""Write programs: fresh names, and shapes that occur again and again."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import count
 
-from mapmore_cli.modelling.assignments.statements import Block, Choose, Condition, Function, Kept, Let, Limit, Statement, Use
+from mapmore_cli.modelling.program.statements import Block, Choose, Condition, Function, Kept, Let, Limit, Statement, Use
 from mapmore_cli.modelling.terms import Expression, Name, Number, add, substitute
 from mapmore_cli.modelling.terms.syntax import Product, Sum, negate
 

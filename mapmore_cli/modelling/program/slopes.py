@@ -1,4 +1,4 @@
-"""Derivatives of assignments: every name is followed by its slopes, by the chain rule from the syntax trees.
+"""Differentiate programs: every name is followed by its derivatives, by the chain rule on the syntax trees.
 
 At a boundary the slope is that of the case that holds there.
 """
@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.modelling.assignments.model import INPUT
-from mapmore_cli.modelling.assignments.pruning import pruned
-from mapmore_cli.modelling.assignments.statements import Assignments, Block, Choose, Function, Let, Statement, Use
+from mapmore_cli.modelling.program.model import INPUT
+from mapmore_cli.modelling.program.pruning import pruned
+from mapmore_cli.modelling.program.statements import Block, Choose, Function, Let, Program, Statement, Use
 from mapmore_cli.modelling.terms import Expression, Name, add, derivative, multiply
 from mapmore_cli.modelling.terms.syntax import ONE, ZERO
 
@@ -22,7 +22,7 @@ FUNCTION = "{}_slopes"
 """What a function with its slopes is called."""
 
 
-def with_slopes(model: Assignments) -> Assignments:
+def with_slopes(model: Program) -> Program:
     """The model with its derivative for every input behind its output.
 
     Raises

@@ -1,4 +1,4 @@
-"""Models with memory as assignments: states, queues, and what is kept from sample to sample."""
+"""Write models with memory as statements: states, queues, and numbers kept from sample to sample."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.memory import MemoryModel
-from mapmore_cli.modelling.assignments.statements import NOTHING, Condition, Keep, Kept, Queue, Recall
-from mapmore_cli.modelling.assignments.writing import Lines, kept_number, less, renamed_all, times, total
 from mapmore_cli.modelling.memory.evaluation import setting_of
 from mapmore_cli.modelling.memory.feedback import fed_back_states, parted
 from mapmore_cli.modelling.memory.simulation import bounds_of
+from mapmore_cli.modelling.program.statements import NOTHING, Condition, Keep, Kept, Queue, Recall
+from mapmore_cli.modelling.program.writing import Lines, kept_number, less, renamed_all, times, total
 from mapmore_cli.modelling.terms import Expression, Name, Number, add, parse, power
 from mapmore_cli.modelling.terms.operator import Setting
 from mapmore_cli.modelling.terms.operators.resonance import Oscillator, oscillator

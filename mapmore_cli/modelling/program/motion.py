@@ -1,12 +1,12 @@
-"""Models of motion as assignments: sections with states of their own, or with one that they hand on (P eq 10-17)."""
+"""Write models of motion as statements: sections with states of their own, or with a shared one (P eq 10-17)."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
 from mapmore_cli.domain.motion import HARD, Motion, MotionSection
-from mapmore_cli.modelling.assignments.statements import Block, Condition, Keep, Kept
-from mapmore_cli.modelling.assignments.writing import Lines, kept_number, less, renamed_all, times, total
+from mapmore_cli.modelling.program.statements import Block, Condition, Keep, Kept
+from mapmore_cli.modelling.program.writing import Lines, kept_number, less, renamed_all, times, total
 from mapmore_cli.modelling.terms import Expression, Number, add, parse, power
 from mapmore_cli.modelling.terms.syntax import ONE, ZERO
 

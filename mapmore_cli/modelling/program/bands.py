@@ -7,8 +7,8 @@ from itertools import pairwise
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.models import Fusion, Side
-from mapmore_cli.modelling.assignments.statements import Block, Condition, Function
-from mapmore_cli.modelling.assignments.writing import Lines, Names, block_of, less, times, total
+from mapmore_cli.modelling.program.statements import Block, Condition, Function
+from mapmore_cli.modelling.program.writing import Lines, Names, block_of, less, times, total
 from mapmore_cli.modelling.terms import Expression, Name, Number, add, call, power
 
 CurveAt = Callable[[Lines, int, tuple[int, int], Expression], Expression]

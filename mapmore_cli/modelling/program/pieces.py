@@ -1,4 +1,4 @@
-"""MAPMORE as assignments: the backbone, and the curves between their levels."""
+"""Write MAPMORE as statements: the backbone, and the curves between their levels."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.models import CurveFunction, Pieces, Side
-from mapmore_cli.modelling.assignments.bands import across_levels, slope_functions
-from mapmore_cli.modelling.assignments.curves import curve_function
-from mapmore_cli.modelling.assignments.statements import Condition, Function
-from mapmore_cli.modelling.assignments.writing import Lines, less, times, total
 from mapmore_cli.modelling.pieces.evaluation import level_values
 from mapmore_cli.modelling.pieces.weights import held_at
+from mapmore_cli.modelling.program.bands import across_levels, slope_functions
+from mapmore_cli.modelling.program.curves import curve_function
+from mapmore_cli.modelling.program.statements import Condition, Function
+from mapmore_cli.modelling.program.writing import Lines, less, times, total
 from mapmore_cli.modelling.terms import Expression, Number, add, power
 
 

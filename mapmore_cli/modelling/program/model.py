@@ -1,4 +1,4 @@
-"""Every kind of model as assignments; `modelling.kinds` says which of them a model is."""
+"""Write every kind of model as a program; `modelling.kinds` says which kind a model is."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ import numpy as np
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Body, CurveRange, Formula, Memory, Model, Pieces, StateSpace, Sum
-from mapmore_cli.modelling.assignments.formula import formula_value
-from mapmore_cli.modelling.assignments.memory import memory_value
-from mapmore_cli.modelling.assignments.motion import motion_value
-from mapmore_cli.modelling.assignments.pieces import pieces_value
-from mapmore_cli.modelling.assignments.pruning import pruned
-from mapmore_cli.modelling.assignments.statements import Assignments, Limit
-from mapmore_cli.modelling.assignments.writing import Lines, Names, Writer, times, total
 from mapmore_cli.modelling.memory.records import UNEVEN
+from mapmore_cli.modelling.program.formula import formula_value
+from mapmore_cli.modelling.program.memory import memory_value
+from mapmore_cli.modelling.program.motion import motion_value
+from mapmore_cli.modelling.program.pieces import pieces_value
+from mapmore_cli.modelling.program.pruning import pruned
+from mapmore_cli.modelling.program.statements import Limit, Program
+from mapmore_cli.modelling.program.writing import Lines, Names, Writer, times, total
 from mapmore_cli.modelling.terms import Expression, Name, Number, add, parse, substitute
 
 Inputs = Mapping[str, Expression]
 """What a model's inputs are, in the order that it has them in."""
 
 INPUT = "x_"
-"""How the names of inputs begin in assignments, so that they are nobody else's."""
+"""How the names of inputs begin in a program, so that they are nobody else's."""
 
 
-def assignments_of(model: Model) -> Assignments:
+def program_of(model: Model) -> Program:
     """The model written down.
 
     Raises
@@ -46,7 +46,7 @@ def assignments_of(model: Model) -> Assignments:
         raise DataError(f"the parts of {model.name} go on from {', '.join(writer.kept.fed_back)}", "export the parts one by one")
     functions = {function.name: function for function in writer.functions}
     return pruned(
-        Assignments(
+        Program(
             inputs=tuple(names),
             functions=tuple(functions.values()),
             body=writer.lines.block(value),

@@ -147,7 +147,7 @@ class Kept:
 
 
 @dataclass(frozen=True)
-class Assignments:
+class Program:
     """A model, ready to be written in another language; its inputs are names in the statements.
 
     The one result of its body is the output.

@@ -1,4 +1,4 @@
-"""Assignments of a model without memory worked out along columns, row by row."""
+"""Program of a model without memory worked out along columns, row by row."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
-from mapmore_cli.modelling.assignments.model import INPUT
-from mapmore_cli.modelling.assignments.statements import Assignments, Block, Choose, Condition, Let, Use
+from mapmore_cli.modelling.program.model import INPUT
+from mapmore_cli.modelling.program.statements import Block, Choose, Condition, Let, Program, Use
 from mapmore_cli.modelling.terms import evaluate
 from mapmore_cli.modelling.terms.syntax import Expression
 
@@ -22,7 +22,7 @@ COMPARISONS: Mapping[str, Callable[[Array, Array], BoolArray]] = {
 }
 
 
-def results_of(model: Assignments, columns: Columns) -> list[Array]:
+def results_of(model: Program, columns: Columns) -> list[Array]:
     """The results of the model's body at every row, (n,) each."""
     n = len(columns[model.inputs[0]])
     functions = {function.name: function for function in model.functions}

@@ -1,4 +1,4 @@
-"""Formulas of the literature as assignments."""
+"""Write formulas of the literature as statements."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from collections.abc import Mapping
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.assignments.statements import Block, Condition
-from mapmore_cli.modelling.assignments.writing import Lines, times, total
 from mapmore_cli.modelling.literature.cells import Region
 from mapmore_cli.modelling.literature.formula import Formula
 from mapmore_cli.modelling.literature.hysteresis_loss import HysteresisLoss
 from mapmore_cli.modelling.literature.piecewise import PiecewiseFormula
+from mapmore_cli.modelling.program.statements import Block, Condition
+from mapmore_cli.modelling.program.writing import Lines, times, total
 from mapmore_cli.modelling.terms import Expression, Name, Number
 from mapmore_cli.modelling.terms.syntax import Call, Power, Product, Sum
 
