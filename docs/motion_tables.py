@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from statistics import median
@@ -15,9 +16,10 @@ from statistics import median
 import numpy as np
 from pages import CONFIGS, DOCS, campaign, finished, printed, write_tables
 
-from mapmore_cli.domain.motion import HARD, Motion, MotionSection
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.motion import CARRIED, HARD, ZERO, Motion, MotionSection
 from mapmore_cli.modelling.memory import Record
-from mapmore_cli.modelling.motion import MotionRecipe, fit_motion, simulate
+from mapmore_cli.modelling.motion import Box, MotionRecipe, fit_motion, simulate
 from mapmore_cli.modelling.motion.bumpless import continued
 from mapmore_cli.modelling.motion.measures import motion_errors
 from mapmore_cli.reporting.campaign import nrmse_table
@@ -167,6 +169,93 @@ def waveforms(runs: Path) -> Table:
     return Table("waveforms", "Errors over one wavelength", columns, tuple(rows))
 
 
+READINGS: Mapping[str, dict[str, object]] = {
+    "at rest, hard": {},
+    "from zero, carried": {"start": ZERO, "mask": "displacement", "switching": CARRIED, "begin": Box((0.0, 1.0), (0.0, 1.0), (0.0, 3.0))},
+}
+"""Two readings of P's text; the settings of every model."""
+KINDS: Mapping[str, tuple[str, dict[str, object]]] = {
+    "linear": ("reference_full.csv", {}),
+    "inflate_deflate": ("reference_full.csv", {"direction": True}),
+    "piecewise": ("reference_section_*.csv", {"sections": BOUNDARIES}),
+    "piecewise_inflate_deflate": ("reference_section_*.csv", {"sections": BOUNDARIES, "direction": True}),
+}
+READING_SEEDS = range(1, 21)
+
+
+@cache
+def errors_by_seed(reading: str, seeds: Sequence[int] = READING_SEEDS) -> Mapping[str, Array]:
+    """Return the displacement RMSE (cm) of P's four models, found by its swarm, on every waveform, (seeds, models)."""
+    folder = DOCS.parent / "datasets" / "waveforms"
+    waves = {path.stem.removeprefix("waveform_"): log(path).columns for path in sorted(folder.glob("waveform_*.csv"))}
+    found: dict[str, list[list[float]]] = {wave: [] for wave in waves}
+    for seed in seeds:
+        models = []
+        for pattern, settings in KINDS.values():
+            recipe = MotionRecipe("input", "displacement", STEP, solver="swarm", seed=seed, **settings, **READINGS[reading])  # type: ignore[arg-type]
+            models.append(fit_motion([log(path) for path in sorted(folder.glob(pattern))], recipe).model)
+        for wave, columns in waves.items():
+            y, u = columns["displacement"], columns["input"]
+            found[wave].append([motion_errors(y, simulate(model, columns), u, STEP).displacement_rmse for model in models])
+    return {wave: np.array(errors) for wave, errors in found.items()}
+
+
+def printed_errors() -> Mapping[str, list[float]]:
+    """Return the printed RMSE of table 3 by waveform, in the order of the models."""
+    rows = printed("p_table_3.csv")
+    waves = dict.fromkeys(row["experiment"] for row in rows)
+    cells = {(row["experiment"], row["model"]): float(row["displacement_rmse"]) for row in rows}
+    return {wave: [cells[wave, model] for model in MODELS] for wave in waves}
+
+
+def agreement(errors: Mapping[str, Array]) -> float:
+    """Return Kendall's tau between the ranks of the models, ours (models,) and printed, averaged over the waveforms."""
+    from scipy.stats import kendalltau
+
+    return float(np.mean([kendalltau(errors[wave], said).statistic for wave, said in printed_errors().items()]))
+
+
+def readings() -> Table:
+    """Compare both readings with table 3, over seeds."""
+    rows: list[tuple[Cell, ...]] = []
+    for name in READINGS:
+        errors = errors_by_seed(name)
+        medians = {wave: np.median(each, axis=0) for wave, each in errors.items()}
+        each_seed = [agreement({wave: each[k] for wave, each in errors.items()}) for k in range(len(READING_SEEDS))]
+        winners = sum(int(np.argmin(medians[wave])) == int(np.argmin(said)) for wave, said in printed_errors().items())
+        first = [sum(int(np.argmin(each[k])) == 0 for each in errors.values()) for k in range(len(READING_SEEDS))]
+        rows.append(
+            (
+                name,
+                agreement(medians),
+                float(np.mean(each_seed)),
+                float(np.std(each_seed)),
+                f"{winners} of 7",
+                f"{min(first)} to {max(first)} of 7",
+            )
+        )
+    columns = (
+        Column("reading"),
+        Column("tau of the medians", "", ".2f"),
+        Column("tau of a seed, mean", "", ".2f"),
+        Column("tau of a seed, deviation", "", ".2f"),
+        Column("best model as printed"),
+        Column("linear is best"),
+    )
+    return Table("readings", "Two readings of P's text beside its table 3, 20 seeds", columns, tuple(rows))
+
+
+def waveform_medians() -> Table:
+    """Show the median error and its spread over seeds, reading by reading."""
+    rows: list[tuple[Cell, ...]] = []
+    for name in READINGS:
+        for wave, each in errors_by_seed(name).items():
+            low, middle, high = np.percentile(each, (10, 50, 90), axis=0)
+            rows.append((name, wave, *(f"{m:.2f} ({a:.2f} to {b:.2f})" for a, m, b in zip(low, middle, high, strict=True))))
+    columns = (Column("reading"), Column("waveform"), *(Column(model, "cm") for model in MODELS))
+    return Table("reading_medians", "RMSE over one wavelength: median of 20 seeds (10 to 90 %)", columns, tuple(rows))
+
+
 def sections(runs: Path) -> Table:
     """Errors against the number of sections."""
     scores = campaign("motion_sections", runs)
@@ -203,6 +292,8 @@ def tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
         "solvers": solvers,
         "slowest": slowest,
         "waveforms": lambda: waveforms(runs),
+        "readings": readings,
+        "reading_medians": waveform_medians,
         "sections": lambda: sections(runs),
         "coiled_motion": lambda: nrmse_table(campaign("coiled_motion", runs)),
     }

@@ -7,8 +7,11 @@ from dataclasses import dataclass
 
 from mapmore_cli.domain.arrays import Array
 
-HARD, BUMPLESS = "hard", "bumpless"
+HARD, CARRIED, BUMPLESS = "hard", "carried", "bumpless"
 """How a model changes from section to section."""
+
+REST, ZERO = "rest", "zero"
+"""Where a run begins: in the steady state of its first input, or at an output of zero."""
 
 ALL, RISE, FALL = "all", "rise", "fall"
 """Directions of the input in which a section holds."""
@@ -60,19 +63,23 @@ class Motion:
     step
         Time between samples, s.
     switching
-        `hard`: every section runs beside the others on the whole input, the active one's output is taken. `bumpless`: one shared state.
+        `hard`: every section runs on the whole input, the active one's output is taken. `carried`: one state passes from section to
+        section. `bumpless`: the same, with sections whose steady outputs meet at their boundaries.
     boundaries
         Inputs at which sections meet, ascending; one fewer than there are sections along the input.
     directed
         Whether sections differ between a rising and a falling input.
     dead_band
-        How far the input has to turn back before its direction changes, in its unit; 0 with hard switching: there it falls unless it rises.
+        How far the input has to turn back before its direction changes, in its unit. It is 0 without bumpless switching: the input then
+        falls unless it rises.
     drives
         Texts of the terms that drive every section, the input first: as `input`, `1`, `load`, `input*load`.
     sections
         In order along the input, `rise` before `fall`.
     limits
         Training range of the input.
+    start
+        `rest`: a run begins in the steady state of its first input. `zero`: it begins at an output of zero (P, on each reference).
     """
 
     input: str
@@ -85,6 +92,7 @@ class Motion:
     drives: tuple[str, ...]
     sections: tuple[MotionSection, ...]
     limits: tuple[float, float]
+    start: str = REST
 
 
 @dataclass(frozen=True)

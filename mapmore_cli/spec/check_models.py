@@ -177,10 +177,15 @@ def sections(spec: ExperimentSpec) -> Iterator[Finding]:
         remedy = f"write `sections: {sorted(set(model.sections))}`"
         yield Finding(("model", "sections"), "the boundaries between the sections do not increase", remedy)
     if model.dead_band > 0 and not (model.direction and model.switching == "bumpless"):
-        what = "a dead band goes with `direction: true` and `switching: bumpless`; hard switching goes by every change of the input"
+        what = "a dead band goes with `direction: true` and `switching: bumpless`; other switching goes by every change of the input"
         yield Finding(("model", "dead_band"), what, "remove it", on_key=True)
-    if model.bounds is not None and model.solver != "swarm":
-        yield Finding(("model", "bounds"), f"`solver: {model.solver}` looks at all stable sections", "remove `bounds`", on_key=True)
+    for key in ("bounds", "begin"):
+        if getattr(model, key) is not None and model.solver != "swarm":
+            yield Finding(("model", key), f"`solver: {model.solver}` looks at all stable sections", f"remove `{key}`", on_key=True)
+    if model.mask != "input" and not model.direction:
+        yield Finding(
+            ("model", "mask"), "`mask` tells rise from fall, and sections have no direction", "add `direction: true`", on_key=True
+        )
     if model.polish and model.solver == "least_squares":
         yield Finding(("model", "polish"), "`polish` goes on by least squares, which this solver is", "remove it", on_key=True)
     if model.solver == "swarm" and (model.offset or model.load is not None or model.switching == "bumpless"):

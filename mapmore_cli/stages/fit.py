@@ -33,4 +33,4 @@ def run(part: FitChoices, workspace: Workspace) -> None:
     write_fit(workspace.out / FIT, result, units_of(dataset))
 
 
-STAGE = Stage(name="fit", revision=8, outputs=(FIT,), reads=reads, run=run)
+STAGE = Stage(name="fit", revision=9, outputs=(FIT,), reads=reads, run=run)

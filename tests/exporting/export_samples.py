@@ -137,7 +137,7 @@ def memory(
     return Model("with memory", FORCE, tuple(Quantity(name, units[name]) for name in names), body)
 
 
-def motion(switching: str, *, directed: bool, dead_band: float) -> Model:
+def motion(switching: str, *, directed: bool, dead_band: float, start: str = "rest") -> Model:
     poles = [(-0.81, 1.75), (-0.5, 1.3), (-0.72, 1.6), (-0.3, 1.1)]
     ways = [(place, way) for place in (1, 2) for way in (("rise", "fall") if directed else ("all",))]
     sections = tuple(
@@ -145,7 +145,7 @@ def motion(switching: str, *, directed: bool, dead_band: float) -> Model:
         for i, ((place, way), (p1, p2)) in enumerate(zip(ways, poles, strict=False))
     )
     drives = ("pressure", "1", "pressure*strain")
-    body = Motion("pressure", "angle", 0.01, switching, (240.0,), directed, dead_band, drives, sections, (0.0, 500.0))
+    body = Motion("pressure", "angle", 0.01, switching, (240.0,), directed, dead_band, drives, sections, (0.0, 500.0), start)
     ranges = (CurveRange("a", None, {"pressure": (0.0, 500.0), "strain": (0.0, 0.2)}),)
     return Model("motion", Quantity("angle", "deg"), (PRESSURE, STRAIN), StateSpace(body, ranges))
 
@@ -213,6 +213,8 @@ WITH_MEMORY = {
     ),
     "diverging": memory(FED_BACK, ("force[k-1]", "pressure"), scaled=False, theta=(1.03, 0.01)),
     "motion, hard": motion("hard", directed=True, dead_band=0.0),
+    "motion, hard, from zero": motion("hard", directed=True, dead_band=0.0, start="zero"),
+    "motion, carried from zero": motion("carried", directed=True, dead_band=0.0, start="zero"),
     "motion, handed on": motion("bumpless", directed=True, dead_band=25.0),
     "motion, whatever the direction": motion("bumpless", directed=False, dead_band=0.0),
     "a sum of two that are fed back": Model(

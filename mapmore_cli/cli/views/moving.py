@@ -33,7 +33,11 @@ def fit_tables(fit: MotionFit) -> tuple[Table, ...]:
 
 def running_lines(motion: Motion) -> tuple[str, ...]:
     """How the model is run."""
-    ways = {"hard": "every section runs, the active one's output is taken", "bumpless": "sections share one state"}
+    ways = {
+        "hard": "every section runs, the active one's output is taken",
+        "carried": "sections hand one state on",
+        "bumpless": "sections share one state, and meet at their boundaries",
+    }
     at = ", ".join(f"{boundary:g}" for boundary in motion.boundaries)
     places = f"Sections meet at {motion.input} {at}. " if at else ""
-    return (f"{places}Switching: {motion.switching} ({ways[motion.switching]}), at steps of {motion.step:.6g} s, from rest.",)
+    return (f"{places}Switching: {motion.switching} ({ways[motion.switching]}), at steps of {motion.step:.6g} s, from {motion.start}.",)

@@ -61,7 +61,8 @@ def joined(motion: Motion, traces: Sequence[Trace], reach: float) -> Motion:
 
     def outputs(poles: Array) -> Array:
         parts = [
-            shared(poles, basis * (1.0 - poles.sum(axis=1))[run.holds, None], run.holds) for run, basis in zip(counted, bases, strict=True)
+            shared(poles, basis * (1.0 - poles.sum(axis=1))[run.holds, None], run.holds, motion.start)
+            for run, basis in zip(counted, bases, strict=True)
         ]
         return np.concatenate([part[run.counts] for part, run in zip(parts, counted, strict=True)])
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.motion import HARD, Motion, MotionFit, MotionSection, SectionSearch
+from mapmore_cli.domain.motion import BUMPLESS, Motion, MotionFit, MotionSection, SectionSearch
 from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.motion.bumpless import Trace, joined
 from mapmore_cli.modelling.motion.problem import Found, MotionRecipe, Piece, Problem
@@ -37,7 +37,7 @@ def fit_motion(records: Sequence[Record], recipe: MotionRecipe, progress: Callab
     u = _training_input(records, recipe)
     boundaries = spread(u, recipe.sections) if isinstance(recipe.sections, int) else recipe.sections
     outline = _outline(recipe, boundaries, (float(u.min()), float(u.max())))
-    traces = [_trace(record, outline) for record in records]
+    traces = [_trace(record, outline, recipe.mask) for record in records]
     searched: list[Found] = []
     for number in range(len(outline.sections)):
         searched.append(_search(traces, recipe, outline, number))
@@ -50,7 +50,7 @@ def fit_motion(records: Sequence[Record], recipe: MotionRecipe, progress: Callab
         for number, (section, found) in enumerate(zip(sections, searched, strict=True))
     )
     model = replace(outline, sections=sections)
-    if recipe.switching == HARD:
+    if recipe.switching != BUMPLESS:
         return MotionFit(model, recipe.solver, searches)
     return MotionFit(joined(model, traces, _reach(traces, recipe)), recipe.solver, searches)
 
@@ -85,12 +85,14 @@ def _outline(recipe: MotionRecipe, boundaries: tuple[float, ...], limits: tuple[
         drives=recipe.drives,
         sections=sections,
         limits=limits,
+        start=recipe.start,
     )
 
 
-def _trace(record: Record, outline: Motion) -> Trace:
+def _trace(record: Record, outline: Motion, mask: str) -> Trace:
     columns = record.columns
-    return Trace(driven(outline.drives, columns), columns[outline.output], record.training, active(outline, columns[outline.input]))
+    moving = columns[outline.output if mask == "displacement" else outline.input]
+    return Trace(driven(outline.drives, columns), columns[outline.output], record.training, active(outline, columns[outline.input], moving))
 
 
 def _reach(traces: Sequence[Trace], recipe: MotionRecipe) -> float:
@@ -112,4 +114,4 @@ def _search(traces: Sequence[Trace], recipe: MotionRecipe, outline: Motion, numb
             "move the boundaries of `model.sections` to where the input has been, or train on records that go there",
         )
     pieces = [Piece(trace.drives, trace.y, trace.counts & (trace.holds == number)) for trace in traces]
-    return solve(Problem(pieces, _reach(traces, recipe)), recipe)
+    return solve(Problem(pieces, _reach(traces, recipe), recipe.start, (recipe.seed, number)), recipe)

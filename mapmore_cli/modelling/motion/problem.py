@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray
-from mapmore_cli.domain.motion import HARD
+from mapmore_cli.domain.motion import BUMPLESS, HARD, REST
 from mapmore_cli.modelling.motion.plane import radius, stable
 from mapmore_cli.modelling.motion.simulation import response
 
@@ -47,6 +47,14 @@ class MotionRecipe:
     slowest
         Longest time constant of a section, s; None for a quarter of the longest piece of a training record, which cannot tell a slower one
         from a drift. The swarm as published has no such bound.
+    start
+        Where a run begins: `rest` or `zero`.
+    mask
+        `input` or `displacement`: the quantity whose direction says which training samples are those of rise and of fall.
+    seed
+        Seed of the solver; every section draws numbers of its own from it.
+    box, begin
+        Where the published swarm looks, and where its particles begin; None for everywhere in the box.
     polish
         Whether `least_squares` goes on from what another solver has found.
     """
@@ -66,7 +74,10 @@ class MotionRecipe:
     iterations: int = 20
     seed: int = 1
     slowest: float | None = None
+    start: str = REST
+    mask: str = "input"
     box: Box = Box()
+    begin: Box | None = None
 
     def reach(self, longest: int) -> float:
         """Largest modulus of a pole, `exp(-step/slowest)`, where the longest piece has so many samples."""
@@ -75,7 +86,7 @@ class MotionRecipe:
     @property
     def drives(self) -> tuple[str, ...]:
         """Terms that drive every section, the input first. Sections that share a state need a constant each to meet at their boundaries."""
-        constant = self.offset or self.switching != HARD
+        constant = self.offset or self.switching == BUMPLESS
         on_load = () if self.load is None else (self.load, f"{self.input}*{self.load}")
         return (self.input, *(("1",) if constant or on_load else ()), *on_load)
 
@@ -108,7 +119,9 @@ class Found:
 class Problem:
     """Error of one section's parameters: it runs on the whole input of every piece, its own samples count."""
 
-    def __init__(self, pieces: Sequence[Piece], reach: float = 1.0) -> None:
+    def __init__(self, pieces: Sequence[Piece], reach: float = 1.0, start: str = REST, seed: Sequence[int] = (1,)) -> None:
+        self.start = start
+        self.random = np.random.default_rng(seed)
         self.reach = reach  # largest modulus of a pole that is looked for
         self.pieces = tuple(piece for piece in pieces if piece.counts.any())
         self.own = [slice(None) if piece.counts.all() else piece.counts for piece in self.pieces]  # a slice copies nothing
@@ -124,7 +137,7 @@ class Problem:
     def responses(self, p1: float, p2: float) -> Array:
         """Outputs (n, m) at the own samples, of a section that each drive alone moves with weight one."""
         self.evaluations += 1
-        return np.concatenate([response(p1, p2, piece.drives)[own] for piece, own in zip(self.pieces, self.own, strict=True)])
+        return np.concatenate([response(p1, p2, piece.drives, self.start)[own] for piece, own in zip(self.pieces, self.own, strict=True)])
 
     def rmse(self, p1: float, p2: float, weights: Array) -> float:
         """Root mean squared error; large and finite for unstable sections."""

@@ -44,12 +44,15 @@ def rising(u: Array, dead_band: float, *, latched: bool) -> BoolArray:
     return (last < 0) | (moves[np.maximum(last, 0)] > 0)
 
 
-def active(motion: Motion, u: Array) -> IntArray:
-    """Number of the section that holds at each sample, (n,), from 0: section j from its lower boundary on (P eq 15), by direction."""
+def active(motion: Motion, u: Array, moving: Array | None = None) -> IntArray:
+    """Return the number of the section that holds at each sample, (n,), from 0: section j from its lower boundary on (P eq 15).
+
+    The direction is that of `moving` (n,), by default of the input u (n,).
+    """
     place = np.searchsorted(np.asarray(motion.boundaries), u, side="right")
     if not motion.directed:
         return place.astype(np.int64)
-    falls = ~rising(u, motion.dead_band, latched=motion.switching == BUMPLESS)
+    falls = ~rising(u if moving is None else moving, motion.dead_band, latched=motion.switching == BUMPLESS)
     return (2 * place + falls).astype(np.int64)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns, IntArray
 from mapmore_cli.domain.errors import FitError
-from mapmore_cli.domain.motion import HARD, Motion
+from mapmore_cli.domain.motion import HARD, REST, Motion
 from mapmore_cli.modelling.memory.records import uninterrupted
 from mapmore_cli.modelling.motion.plane import unstable_sections
 from mapmore_cli.modelling.motion.regimes import active
@@ -16,8 +16,7 @@ from mapmore_cli.modelling.terms import evaluate, parse
 def simulate(motion: Motion, columns: Columns) -> Array:
     """Output (n,) along a recording with its `time`, or along one piece of a record without.
 
-    Every piece begins at rest: the section that holds at its first sample has always had this sample's input. The measured output is
-    not needed.
+    Every piece begins as `motion.start` says: in the steady state of its first input, or at zero. The measured output is not needed.
 
     Raises
     ------
@@ -52,24 +51,25 @@ def _along(columns: Columns, motion: Motion) -> Array:
     if motion.switching != HARD:
         poles = np.array([(section.p1, section.p2) for section in motion.sections])
         weights = np.array([section.weights for section in motion.sections])
-        return shared(poles, np.sum(drives * weights[holds], axis=1), holds)
+        return shared(poles, np.sum(drives * weights[holds], axis=1), holds, motion.start)
     values = np.empty(len(drives))
     for number in np.unique(holds):
         section, own = motion.sections[number], holds == number
-        values[own] = response(section.p1, section.p2, drives @ section.weights)[own]
+        values[own] = response(section.p1, section.p2, drives @ section.weights, motion.start)[own]
     return values
 
 
-def response(p1: float, p2: float, drive: Array) -> Array:
-    """Output x1 (n,) or (n, m) of one section: `x1[k+2] = P2 x1[k+1] + P1 x1[k] + d[k]`, from rest under d[0]."""
+def response(p1: float, p2: float, drive: Array, start: str = REST) -> Array:
+    """Return the output x1 (n,) or (n, m) of one section: `x1[k+2] = P2 x1[k+1] + P1 x1[k] + d[k]`, from rest under d[0] or from zero."""
     from scipy.signal import lfilter
 
-    moved = lfilter([0.0, 0.0, 1.0], [1.0, -p2, -p1], drive - drive[0], axis=0)
-    return np.asarray(moved + drive[0] / (1.0 - p1 - p2))
+    origin = drive[0] if start == REST else np.zeros_like(drive[0])
+    moved = lfilter([0.0, 0.0, 1.0], [1.0, -p2, -p1], drive - origin, axis=0)
+    return np.asarray(moved + origin / (1.0 - p1 - p2))
 
 
-def shared(poles: Array, drive: Array, holds: IntArray) -> Array:
-    """Output (n,) or (n, m) of sections that hand one state on, from rest under d[0].
+def shared(poles: Array, drive: Array, holds: IntArray, start: str = REST) -> Array:
+    """Return the output (n,) or (n, m) of sections that hand one state on, from rest under d[0] or from zero.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def shared(poles: Array, drive: Array, holds: IntArray) -> Array:
     n = len(holds)
     states = np.empty((n + 2, *drive.shape[1:]))  # x1[k] stands at k, x2[k] at k + 1
     p1, p2 = poles[holds[0]] if n else (0.0, 0.0)
-    states[:2] = drive[0] / (1.0 - p1 - p2)
+    states[:2] = drive[0] / (1.0 - p1 - p2) if start == REST else 0.0
     turns = np.flatnonzero(np.diff(holds)) + 1
     for first, last in zip([0, *turns], [*turns, n], strict=True):
         p1, p2 = poles[holds[first]]

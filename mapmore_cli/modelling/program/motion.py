@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from mapmore_cli.domain.motion import HARD, Motion, MotionSection
+from mapmore_cli.domain.motion import BUMPLESS, HARD, REST, Motion, MotionSection
 from mapmore_cli.modelling.program.statements import Block, Condition, Keep, Kept
 from mapmore_cli.modelling.program.writing import Lines, kept_number, less, renamed_all, times, total
 from mapmore_cli.modelling.terms import Expression, Number, add, parse, power
@@ -12,7 +12,7 @@ from mapmore_cli.modelling.terms.syntax import ONE, ZERO
 
 
 def motion_value(lines: Lines, motion: Motion, inputs: Mapping[str, Expression], kept: Kept) -> Expression:
-    """The model's output at a sample; it begins at rest under the first one's input."""
+    """The model's output at a sample; it begins at rest under the first one's input, or at zero."""
     seen = kept_number(kept, lines, "seen")
     first = Condition(seen, "==", ZERO)
     drives = [lines.let("drive", one) for one in renamed_all(map(parse, motion.drives), inputs)]
@@ -29,7 +29,7 @@ def _section(lines: Lines, motion: Motion, u: Expression, kept: Kept, first: Con
     place = lines.choose("place", places, Number(float(len(motion.boundaries))))
     if not motion.directed:
         return place
-    falls = _falls(lines, u, kept, first) if motion.switching == HARD else _falls_latched(lines, motion, u, kept, first)
+    falls = _falls(lines, u, kept, first) if motion.switching != BUMPLESS else _falls_latched(lines, motion, u, kept, first)
     return lines.let("section", total([times(Number(2.0), place), falls]))
 
 
@@ -59,7 +59,7 @@ def _separate(lines: Lines, motion: Motion, section: Expression, drives: list[Ex
     for one in motion.sections:
         origin, now, later = (kept_number(kept, lines, stem) for stem in ("origin", "now", "later"))
         drive = lines.let("driven", _driven(one, drives))
-        began = lines.choose("began", [(first, drive)], origin)
+        began = lines.choose("began", [(first, drive)], origin) if motion.start == REST else ZERO
         x1, z = (lines.choose(stem, [(first, ZERO)], name) for stem, name in (("moved", now), ("ahead", later)))
         rest = lines.let("rest", times(began, power(Number(1.0 - one.p1 - one.p2), -1)))
         outputs.append(lines.let("output", add(x1, rest)))
@@ -81,7 +81,7 @@ def _shared(lines: Lines, motion: Motion, section: Expression, drives: list[Expr
         return blocks
 
     resting = of_each(lambda own, one: times(own.let("driven", _driven(one, drives)), power(Number(1.0 - one.p1 - one.p2), -1)))
-    rest = _of_section(lines, "rest", section, resting)
+    rest = _of_section(lines, "rest", section, resting) if motion.start == REST else ZERO
     x1, x2 = (lines.choose(stem, [(first, rest)], name) for stem, name in (("output", now), ("ahead", later)))
 
     def following(own: Lines, one: MotionSection) -> Expression:

@@ -136,11 +136,13 @@ class ModelChoice(StateSpaceKeys):
 
     `state_space` is P's model of motion: linear sections of second order along an `input`. `sections` are the boundaries between them, or
     how many with equal shares of the samples; `direction` gives rise and fall sections of their own. With `switching: hard` every section
-    runs on the whole input and the active one's output is taken; with `bumpless` they share one state and meet at their boundaries, and
-    the direction changes once the input has turned back by more than `dead_band`. Sections may have an `offset`, and may depend on a
-    `load`. `solver` is `least_squares`, `differential_evolution`, the `swarm` as published (`particles`, `iterations`, `seed`, within
-    `bounds`) or the same over frequency and damping, `swarm_projected`; `polish` goes on by least squares. `slowest` is the longest time
-    constant (a quarter of the longest piece of a training record).
+    runs on the whole input and the active one's output is taken; with `carried` the state passes from section to section; with `bumpless`
+    they also meet at their boundaries, and the direction changes once the input has turned back by more than `dead_band`. A run begins at
+    `start`: at `rest` under its first input, or at `zero`. `mask` says whose direction tells training samples of rise and fall apart.
+    Sections may have an `offset`, and may depend on a `load`. `solver` is `least_squares`, `differential_evolution`, the `swarm` as
+    published (`particles`, `iterations`, `seed`, within `bounds`, its particles beginning within `begin`) or the same over frequency and
+    damping, `swarm_projected`; `polish` goes on by least squares. `slowest` is the longest time constant (a quarter of the longest piece of
+    a training record).
     """
 
     type: Literal["mapmore", "literature", "sum", "state_space"] = "mapmore"

@@ -36,7 +36,9 @@ class StateSpaceKeys(Section):
         by_shape,
     ] = 1
     direction: bool = False
-    switching: Literal["hard", "bumpless"] = "hard"
+    switching: Literal["hard", "carried", "bumpless"] = "hard"
+    start: Literal["rest", "zero"] = "rest"
+    mask: Literal["input", "displacement"] = "input"
     dead_band: Annotated[float, Field(ge=0), of_sibling("input")] = 0.0
     offset: bool = False
     load: str | None = None
@@ -47,6 +49,7 @@ class StateSpaceKeys(Section):
     seed: Annotated[int, Field(ge=0)] = 1
     slowest: Seconds | None = None
     bounds: Bounds | None = None
+    begin: Bounds | None = None
 
     @property
     def foreign(self) -> str | None:

@@ -13,6 +13,7 @@ from mapmore_cli.modelling.motion import Box, MotionRecipe, fit_motion
 from mapmore_cli.modelling.motion import model as motion
 from mapmore_cli.modelling.pieces.segmentation import uncut
 from mapmore_cli.spec.sections.method import ModelChoice
+from mapmore_cli.spec.sections.state_space import Bounds
 from mapmore_cli.stages.kinds.choices import FitChoices, ModelChoices, level_of
 from mapmore_cli.stages.pipeline.stage import Workspace
 
@@ -38,7 +39,6 @@ def _fitted(part: FitChoices, dataset: Dataset, progress: Callable[[int, int], N
 def recipe_of(choice: ModelChoice, target: str, step: float) -> MotionRecipe:
     """The recipe that a spec asks for, with `step` (s) between samples."""
     assert choice.input is not None
-    bounds = choice.bounds
     return MotionRecipe(
         input=choice.input,
         output=target,
@@ -55,8 +55,15 @@ def recipe_of(choice: ModelChoice, target: str, step: float) -> MotionRecipe:
         iterations=choice.iterations,
         seed=choice.seed,
         slowest=choice.slowest,
-        box=Box() if bounds is None else Box(bounds.p1, bounds.p2, bounds.p3),
+        start=choice.start,
+        mask=choice.mask,
+        box=_box(choice.bounds) or Box(),
+        begin=_box(choice.begin),
     )
+
+
+def _box(bounds: Bounds | None) -> Box | None:
+    return None if bounds is None else Box(bounds.p1, bounds.p2, bounds.p3)
 
 
 def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:

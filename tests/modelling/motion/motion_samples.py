@@ -42,9 +42,9 @@ def published(model: str) -> Motion:
     return Motion("input", "displacement", STEP, "hard", boundaries, directed, 0.0, ("input",), sections, (0.0, 5.0))
 
 
-def looped(u, section):
+def looped(u, section, start="rest"):
     """The section, sample by sample."""
-    x1 = x2 = float(section[2] * u[0] / (1 - section[0] - section[1]))
+    x1 = x2 = float(section[2] * u[0] / (1 - section[0] - section[1])) if start == "rest" else 0.0
     values = []
     for now in u:
         values.append(x1)

@@ -74,8 +74,33 @@ def test_another_seed_makes_another_swarm():
     assert one(records, solver="swarm", seed=1)[1].rmse != one(records, solver="swarm", seed=2)[1].rmse
 
 
+def test_sections_draw_numbers_of_their_own():
+    """The same record in each section: one seed for all would find the same parameters twice."""
+    u = np.concatenate([sine(200), sine(200)])
+    fit = fit_motion([record(u, simulate(published("linear"), {"input": u}))], recipe(direction=True, solver="swarm"))
+    first, second = fit.searches
+    assert first.history[0] != second.history[0]
+
+
+def test_the_displacement_says_which_samples_rise():
+    """The output moves against the input: its rise is the input's fall."""
+    u = sine(400)
+    y = -u
+    by = {mask: fit_motion([record(u, y)], recipe(direction=True, mask=mask)).searches[0].samples for mask in ("input", "displacement")}
+    assert by["input"] == int(np.sum(np.diff(u, prepend=u[0]) > 0))
+    assert by["displacement"] == int(np.sum(np.diff(y, prepend=y[0]) > 0))
+
+
+def test_particles_begin_in_their_box_and_may_leave_it():
+    seen = []
+    walls, begin = np.array([[-1.0, -1.0], [1.0, 1.0]]), np.array([[0.0, 0.0], [0.5, 0.5]])
+    best = fly(lambda x: (seen.append(x.copy()), float(np.sum((x + 0.6) ** 2)))[1], walls, 20, 20, np.random.default_rng(2), begin)
+    assert np.all((np.array(seen[:20]) >= 0) & (np.array(seen[:20]) <= 0.5))
+    assert best.place.max() < 0
+
+
 def test_a_swarm_finds_the_bottom_of_a_bowl():
-    best = fly(lambda x: float(np.sum((x - [0.3, -0.2]) ** 2)), np.array([-1.0, -1.0]), np.array([1.0, 1.0]), 50, 20, 1)
+    best = fly(lambda x: float(np.sum((x - [0.3, -0.2]) ** 2)), np.array([[-1.0, -1.0], [1.0, 1.0]]), 50, 20, np.random.default_rng(1))
     assert best.cost < 0.01
     assert best.cost == min(best.history)
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from motion_samples import BOUNDARIES, ROWS, STEP, looped, published, sine
 
 from mapmore_cli.domain.errors import FitError
-from mapmore_cli.domain.motion import BUMPLESS
+from mapmore_cli.domain.motion import BUMPLESS, CARRIED, REST, ZERO
 from mapmore_cli.modelling.memory.records import AtSample
 from mapmore_cli.modelling.motion import simulate
 from mapmore_cli.modelling.motion.bumpless import continued
@@ -57,6 +57,27 @@ def test_hard_switching_takes_the_active_one_of_parallel_sections():
     for k, now in enumerate(u):
         place = sum(now >= boundary for boundary in BOUNDARIES)
         expected.append(parallel[2 * place + (0 if now > last else 1)][k])
+        last = now
+    np.testing.assert_allclose(run(motion, u), expected, atol=1e-12)
+
+
+def test_a_section_may_start_from_zero():
+    motion, u = replace(published("linear"), start=ZERO), sine(240, 1.0, 4.0)
+    (section,) = motion.sections
+    np.testing.assert_allclose(run(motion, u), looped(u, (section.p1, section.p2, section.p3), ZERO), atol=1e-12)
+
+
+@pytest.mark.parametrize("start", [REST, ZERO])
+def test_a_carried_state_passes_from_section_to_section(start):
+    """The section that holds drives one state on; nothing is joined."""
+    motion, u = replace(published("piecewise_inflate_deflate"), switching=CARRIED, start=start), sine(480, 0.5, 5.0)
+    first = motion.sections[1]  # the first sample falls
+    x1 = x2 = first.gain * u[0] if start == REST else 0.0
+    expected, last = [], u[0]
+    for now in u:
+        section = motion.sections[2 * sum(now >= boundary for boundary in BOUNDARIES) + (0 if now > last else 1)]
+        expected.append(x1)
+        x1, x2 = x2, section.p1 * x1 + section.p2 * x2 + section.p3 * now
         last = now
     np.testing.assert_allclose(run(motion, u), expected, atol=1e-12)
 

@@ -32,6 +32,6 @@ def solve(problem: Problem, recipe: MotionRecipe) -> Found:
         maxiter=recipe.iterations,
         tol=1e-6,
         polish=False,
-        seed=recipe.seed,
+        seed=problem.random,
     )
     return problem.found(*poles(best.x), history[members - 1 :: members])

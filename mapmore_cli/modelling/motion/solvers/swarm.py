@@ -10,7 +10,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import FitError, SpecError
 from mapmore_cli.modelling.motion.plane import stable
-from mapmore_cli.modelling.motion.problem import Found, MotionRecipe, Problem
+from mapmore_cli.modelling.motion.problem import Box, Found, MotionRecipe, Problem
 
 INERTIA, OWN, COMMON = 0.9, 2.0, 2.0
 """P's W, C1 and C2. They lie outside of the region in which a swarm settles: it needs `C1 + C2 < 24 (1 - W^2)/(7 - 5 W)`, here 1.8."""
@@ -24,14 +24,17 @@ class Best(NamedTuple):
     history: list[float]
 
 
-def fly(cost: Callable[[Array], float], low: Array, high: Array, particles: int, iterations: int, seed: int) -> Best:
-    """Lowest `cost` that a swarm finds in the box between `low` and `high`, (d,) each.
+def fly(
+    cost: Callable[[Array], float], walls: Array, particles: int, iterations: int, rng: np.random.Generator, begin: Array | None = None
+) -> Best:
+    """Find the lowest `cost` in the box between `walls`, (2, d); particles begin within `begin`, (2, d), by default everywhere.
 
     `v = W v + C1 r1 (own best - x) + C2 r2 (common best - x)`, `x = x + v`, with fresh r1, r2 in 0..1 for every coordinate. Particles begin
     evenly spread and still; one that would leave the box stops at its wall.
     """
-    rng = np.random.default_rng(seed)
-    x = low + (high - low) * rng.random((particles, len(low)))
+    low, high = walls
+    first, last = walls if begin is None else begin
+    x = first + (last - first) * rng.random((particles, len(first)))
     v = np.zeros_like(x)
     own, own_cost = x.copy(), np.array([cost(each) for each in x])
     history = [float(own_cost.min())]
@@ -69,15 +72,21 @@ def solve(problem: Problem, recipe: MotionRecipe) -> Found:
             "`solver: swarm` looks for P1, P2 and P3 alone, which an offset, a load or bumpless switching are not",
             "use `swarm_projected`, `differential_evolution` or `least_squares`",
         )
-    low, high = np.transpose([recipe.box.p1, recipe.box.p2, recipe.box.p3 or _gains(problem)])
-    best = fly(lambda x: problem.rmse(x[0], x[1], x[2:]), low, high, recipe.particles, recipe.iterations, recipe.seed)
+    walls = _walls(recipe.box, problem)
+    begin = None if recipe.begin is None else _walls(recipe.begin, problem)
+    best = fly(lambda x: problem.rmse(x[0], x[1], x[2:]), walls, recipe.particles, recipe.iterations, problem.random, begin)
     p1, p2, p3 = best.place.tolist()
     if not stable(p1, p2):
         raise FitError(
-            f"the swarm found no stable section with P1 in {low[0]:g}..{high[0]:g} and P2 in {low[1]:g}..{high[1]:g}",
+            f"the swarm found no stable section with P1 in {walls[0, 0]:g}..{walls[1, 0]:g} and P2 in {walls[0, 1]:g}..{walls[1, 1]:g}",
             "widen `bounds`: sections are stable where |P1| < 1 and |P2| < 1 - P1",
         )
     return Found(p1, p2, np.array([p3]), best.cost, problem.evaluations, np.array(best.history))
+
+
+def _walls(box: Box, problem: Problem) -> Array:
+    """Return the lower and the upper end of P1, P2, P3, (2, 3)."""
+    return np.transpose([box.p1, box.p2, box.p3 or _gains(problem)])
 
 
 def _gains(problem: Problem) -> tuple[float, float]:

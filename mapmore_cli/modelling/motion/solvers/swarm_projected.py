@@ -20,5 +20,7 @@ def solve(problem: Problem, recipe: MotionRecipe) -> Found:
     def poles(place: Array) -> tuple[float, float]:
         return of_oscillator(math.exp(place[0]), float(place[1]))
 
-    best = fly(lambda place: problem.projected_rmse(*poles(place)), low, high, recipe.particles, recipe.iterations, recipe.seed)
+    best = fly(
+        lambda place: problem.projected_rmse(*poles(place)), np.array([low, high]), recipe.particles, recipe.iterations, problem.random
+    )
     return problem.found(*poles(best.place), best.history)

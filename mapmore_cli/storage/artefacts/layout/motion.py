@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mapmore_cli.domain.motion import BUMPLESS, HARD, Motion, MotionFit, MotionSection, SectionSearch
-from mapmore_cli.storage.artefacts.codecs import adapted, numbered
+from mapmore_cli.domain.motion import BUMPLESS, CARRIED, HARD, REST, ZERO, Motion, MotionFit, MotionSection, SectionSearch
+from mapmore_cli.storage.artefacts.codecs import adapted, added, numbered, text
 from mapmore_cli.storage.artefacts.label import NO_UNIT
 from mapmore_cli.storage.artefacts.layout.cells import ASCENDING, COUNT, FLAG, REAL, REALS, SPAN, TEXT, TEXTS
 from mapmore_cli.storage.artefacts.schema import Fault, Field, Schema, record
@@ -32,8 +32,6 @@ def _motion_faults(motion: Motion) -> Iterator[Fault]:
         yield "sections", f"has {len(motion.sections)} sections, where the boundaries make {wanted}"
     if not motion.step > 0:
         yield "step", "is not positive"
-    if motion.switching not in (HARD, BUMPLESS):
-        yield "switching", f"is neither `{HARD}` nor `{BUMPLESS}`"
     for number, section in enumerate(motion.sections):
         if len(section.weights) != len(motion.drives):
             yield f"sections/{number}/weights", f"has {len(section.weights)} values for {len(motion.drives)} drives"
@@ -51,13 +49,19 @@ MOTION = Schema(
         Field("input", TEXT, "the input", NO_UNIT),
         Field("output", TEXT, "the predicted quantity", NO_UNIT),
         Field("step", REAL, "time between samples", "s"),
-        Field("switching", TEXT, "`hard`: sections run side by side; `bumpless`: they share one state", NO_UNIT),
+        Field(
+            "switching",
+            text(words=(HARD, CARRIED, BUMPLESS)),
+            "`hard`: sections run side by side; `carried`, `bumpless`: they share one state",
+            NO_UNIT,
+        ),
         Field("boundaries", BOUNDARIES, "inputs at which sections meet, ascending", "that of the input"),
         Field("directed", FLAG, "1 where sections differ between a rising and a falling input"),
         Field("dead_band", REAL, "how far the input turns back before its direction changes", "that of the input"),
         Field("drives", TEXTS, "(m) terms that drive every section, the input first", NO_UNIT),
         Field("sections", numbered(record(MOTION_SECTION)), "in order along the input, `rise` before `fall`", NO_UNIT),
         Field("limits", SPAN, "least and greatest training input", "that of the input"),
+        Field("start", added(text(words=(REST, ZERO)), REST), "a run begins at `rest` under its first input, or at `zero`", NO_UNIT),
     ),
     rule=_motion_faults,
 )
