@@ -1,32 +1,27 @@
-"""MAPMORE: piecewise models of soft actuators from measured curves."""
+"""MAPMORE: piecewise models of soft actuators from measured curves.
+
+import mapmore_cli as mm
+
+m = mm.fit(frame, target="static", ...)   # the sections of a spec as keyword arguments
+r = mm.run("muscle.yaml")                 # what the command `mapmore run` does
+m = mm.load_model("model.h5")
+"""
 
 from __future__ import annotations
 
-import warnings
-from pathlib import Path
-from typing import TYPE_CHECKING
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mapmore_cli.stages.prediction.loaded_model import LoadedModel
+    from mapmore_cli.api import FROLS, fit, load_model, run
 
-__all__ = ["__version__", "load_model"]
+__all__ = ["FROLS", "__version__", "fit", "load_model", "run"]
 
 __version__ = "0.1.0"
 
 
-def load_model(path: str | Path, *, unverified: bool = False) -> LoadedModel:
-    """Read a `model.h5` as a function of keyword arrays: `load_model("model.h5")(pressure=[100, 200], strain=0.1)`.
-
-    Warns (UserWarning) where nothing shows that the file is as it was written.
-
-    Raises
-    ------
-    mapmore_cli.domain.errors.DataError
-        The file is missing, damaged or no valid model, or its checksum does not match (but not where it may be `unverified`).
-    """
-    from mapmore_cli.stages.prediction.loaded_model import LoadedModel  # here, so that the command line starts without NumPy
-    from mapmore_cli.storage.artefacts import read_model
-    from mapmore_cli.storage.score_files import scores_beside
-
-    model = read_model(Path(path), lambda message: warnings.warn(message, stacklevel=4), unverified)
-    return LoadedModel(model, scores_beside(Path(path)))
+def __getattr__(name: str) -> Any:
+    """Load the interface when something of it is first asked for, so that the command line starts without NumPy."""
+    if name not in __all__:
+        raise AttributeError(f"module 'mapmore_cli' has no attribute '{name}'")
+    return getattr(import_module("mapmore_cli.api"), name)

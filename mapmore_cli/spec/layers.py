@@ -31,8 +31,17 @@ def read(path: Path, problems: list[Mistake]) -> Node:
     return _read(path, problems, ())
 
 
+def read_text(text: str, name: str, folder: Path, problems: list[Mistake]) -> Node:
+    """The tree of a spec that no file holds: messages call it `name`, relative paths start at `folder`. Raises as `read`."""
+    return _extended(SourceText(name, folder, text, numbered=False), folder / name, problems, ())
+
+
 def _read(path: Path, problems: list[Mistake], heirs: tuple[Path, ...]) -> Node:
-    source = read_source(path)
+    return _extended(read_source(path), path, problems, heirs)
+
+
+def _extended(source: SourceText, path: Path, problems: list[Mistake], heirs: tuple[Path, ...]) -> Node:
+    """The tree of a text with what it inherits; `path` is where it lies."""
     root = parse(source, problems)
     if root.value is None:
         raise SpecError(f"{source.name}: the file is empty", "a spec needs at least `name`, `data`, `target` and `dictionary`")

@@ -15,7 +15,7 @@ from mapmore_cli.spec.diagnostics import Finding, Mistake, locate, new_places, r
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.explain import explain, faulty, unknown_keys
 from mapmore_cli.spec.fields import PARTIAL
-from mapmore_cli.spec.layers import apply, read
+from mapmore_cli.spec.layers import apply, read, read_text
 from mapmore_cli.spec.quantities import moved, resolve
 from mapmore_cli.spec.tree import Kind, Loc, Node, nearest, plain, without
 from mapmore_cli.spec.yaml_core import dump, escaped
@@ -79,7 +79,17 @@ def load(path: Path, overrides: Sequence[str] = ()) -> LoadedSpec:
 def load_as(path: Path, model: type[M], overrides: Sequence[str] = (), check: Check[M] = lambda _: ()) -> Loaded[M]:
     """Read a spec of any kind; raises as `load` does."""
     problems: list[Mistake] = []
-    written = apply(read(path, problems), overrides, problems)
+    return _valid(apply(read(path, problems), overrides, problems), path, model, overrides, check, problems)
+
+
+def load_text(text: str, name: str, folder: Path) -> LoadedSpec:
+    """An experiment spec as YAML that no file holds; messages call it `name`, paths start at `folder`. Raises as `load`."""
+    problems: list[Mistake] = []
+    return _valid(read_text(text, name, folder, problems), folder / name, ExperimentSpec, (), semantics.findings, problems)
+
+
+def _valid(written: Node, path: Path, model: type[M], overrides: Sequence[str], check: Check[M], problems: list[Mistake]) -> Loaded[M]:
+    """A spec as written, resolved and validated; raises all `problems` at once, and those found here."""
     root = resolve(written, model, problems)
     try:
         spec = model.model_validate(plain(root))

@@ -12,8 +12,10 @@ from mapmore_cli.reporting.figures.style import level_colours
 POINTS = 201
 
 
-def draw_model(ax: Axes, model: Model) -> None:
+def draw_model(ax: Axes, model: Model, half: float | None = None) -> None:
     """A line for every training curve, over the input that varies most within it; other inputs are held in the middle of their ranges.
+
+    With `half`, half of the width of an interval, a band around each.
 
     Raises
     ------
@@ -30,7 +32,10 @@ def draw_model(ax: Axes, model: Model) -> None:
         held = {name: np.full(POINTS, sum(ends) / 2) for name, ends in one.limits.items()}
         if model.level is not None and one.level is not None:
             held[model.level] = np.full(POINTS, one.level)
-        ax.plot(x, predict(model, {**held, along: x}), color=colour, label=one.curve)
+        said = predict(model, {**held, along: x})
+        ax.plot(x, said, color=colour, label=one.curve)
+        if half is not None:
+            ax.fill_between(x, said - half, said + half, color=colour, alpha=0.2, linewidth=0)
     ax.set_xlabel(f"{along} [{unit[along]}]")
     ax.set_ylabel(f"{model.output.name} [{model.output.unit}]")
     ax.legend()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import prod
 from typing import TYPE_CHECKING, Any
@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.models import Equation, Model
 from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.modelling.intervals import interval
+from mapmore_cli.modelling.intervals import half_width_of, interval
 from mapmore_cli.modelling.inverse import LOWEST, Inverse, invert
 from mapmore_cli.modelling.kinds import equations as model_equations
 from mapmore_cli.modelling.kinds import outside_range, predict, slopes
@@ -39,7 +39,7 @@ class LoadedModel:
     """
 
     model: Model
-    scores: tuple[Mapping[str, Any], ...] = ()  # rows of scores.json beside the file
+    scores: Sequence[Mapping[str, Any]] = ()  # rows of scores.json beside the file
 
     def __repr__(self) -> str:
         """A line: what the model predicts, from what."""
@@ -79,10 +79,11 @@ class LoadedModel:
             warnings.warn(f"{outside} of {prod(shape)} point(s) lie outside of the training range of {self.model.name}", stacklevel=2)
         return predict(self.model, flat).reshape(shape)
 
-    def plot(self, ax: Axes | None = None) -> Axes:
+    def plot(self, ax: Axes | None = None, interval: float | None = None) -> Axes:
         """Draw the model over its training range, a line for every training curve; on `ax`, or on a new figure.
 
-        Raises `TypeError` for a model that runs along recordings: call it with one, and draw that.
+        With `interval`, as 0.95, bands that hold a sample of a new curve with that probability. Raises `TypeError` for a model that runs
+        along recordings: call it with one, and draw that; `DataError` as `interval` does.
         """
         from mapmore_cli.reporting.figures.lines import draw_model
 
@@ -90,7 +91,7 @@ class LoadedModel:
             import matplotlib.pyplot as plt
 
             ax = plt.figure(layout="constrained").subplots()
-        draw_model(ax, self.model)
+        draw_model(ax, self.model, None if interval is None else half_width_of(self.model, interval))
         return ax
 
     def outside_range(self, **columns: ArrayLike) -> BoolArray:
@@ -112,11 +113,16 @@ class LoadedModel:
         flat, shape = self._flattened(columns)
         return {name: slope.reshape(shape) for name, slope in slopes(self.model, flat).items()}
 
-    def invert(self, name: str, wanted: ArrayLike, rule: str = LOWEST, **given: ArrayLike) -> Inverse:
+    def invert(self, name: str, wanted: ArrayLike | None = None, rule: str = LOWEST, **given: ArrayLike) -> Inverse:
         """Every value of the input `name` within its training range for a `wanted` output at the other inputs, row by row.
 
-        `lowest` picks the lowest solution, `nearest` the one nearest to that of the row before. Not for models with memory.
+        The wanted output may go by its name: `invert("pressure", force=100, strain=0.1)`. `lowest` picks the lowest solution, `nearest`
+        the one nearest to that of the row before. Not for models with memory.
         """
+        if wanted is None:
+            if self.output.name not in given:
+                raise TypeError(f"no wanted output: give `{self.output.name}`")
+            wanted = given.pop(self.output.name)
         target, *others = (np.asarray(x, dtype=np.float64).ravel() for x in np.broadcast_arrays(wanted, *given.values()))
         return invert(self.model, target, dict(zip(given, others, strict=True)), name, rule)
 

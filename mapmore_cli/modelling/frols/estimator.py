@@ -1,0 +1,238 @@
+"""The regression engine as an estimator that keeps the protocol of scikit-learn, which it does not need."""
+
+from __future__ import annotations
+
+import inspect
+import sys
+from math import comb
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.modelling.frols.engine import frols
+from mapmore_cli.modelling.terms.evaluation import dictionary_matrix
+from mapmore_cli.modelling.terms.families import monomials, refuse_beyond_memory
+from mapmore_cli.modelling.terms.printing import to_text
+from mapmore_cli.modelling.terms.syntax import IDENTIFIER
+
+
+class NotFitted(ValueError, AttributeError):
+    """`fit` was not called yet; where scikit-learn is loaded, its own class is raised."""
+
+
+class FROLS:
+    """Few terms of a polynomial in the columns of X, selected by error reduction ratio (`mapmore_cli.modelling.frols`).
+
+    Parameters
+    ----------
+    order
+        Total degree of the candidate monomials.
+    max_terms
+        The most terms; None for no limit.
+    tolerance
+        Stop where the terms leave so much of `y'y`.
+    stop
+        `tolerance`, `bic`, `aicc` or `press`.
+    constant
+        Whether the constant is a candidate.
+
+    Attributes
+    ----------
+    table_
+        A row for each term, in the order of selection: `{"term", "coefficient", "standard_error", "err"}`.
+    equations_
+        The model as text.
+    terms_, coef_, err_
+        The terms, their coefficients and error reduction ratios, (k,).
+
+    Examples
+    --------
+    >>> x = np.linspace(0, 1, 50)
+    >>> model = FROLS(order=2, max_terms=2).fit(np.column_stack([x, np.cos(9 * x)]), 3 * x**2 - 1)
+    >>> model.equations_
+    ('3*x0^2 - 1',)
+    """
+
+    _estimator_type = "regressor"
+
+    def __init__(
+        self, order: int = 2, max_terms: int | None = None, tolerance: float = 1e-4, stop: str = "tolerance", constant: bool = True
+    ) -> None:
+        self.order = order
+        self.max_terms = max_terms
+        self.tolerance = tolerance
+        self.stop = stop
+        self.constant = constant
+
+    def fit(self, X: ArrayLike, y: ArrayLike) -> Self:
+        """Select terms for the target `y`, (n,), among monomials of the columns of `X`, (n, m).
+
+        Raises
+        ------
+        ValueError
+            For tables of another form, or values that are not finite.
+        """
+        names = _column_names(X)
+        values = _table(X)
+        target = _target(y, len(values))
+        if len(values) < 2:
+            raise ValueError(f"n_samples={len(values)}: at least 2 samples are needed to fit a model, and there is 1 sample")
+        columns = names if names is not None and all(map(IDENTIFIER.fullmatch, names)) else [f"x{i}" for i in range(values.shape[1])]
+        refuse_beyond_memory(comb(values.shape[1] + self.order, self.order))
+        candidates = monomials(columns, self.order, self.constant)
+        P = dictionary_matrix(candidates, dict(zip(columns, values.T, strict=True)), len(values))
+        found = frols(P, target, self.max_terms, self.tolerance, stop=self.stop)
+        self.n_features_in_ = values.shape[1]
+        self.__dict__.pop("feature_names_in_", None)
+        if names is not None:
+            self.feature_names_in_ = np.array(names, dtype=object)
+        self._columns = tuple(columns)
+        self._terms = tuple(candidates[i] for i in found.chosen)
+        self.terms_ = tuple(map(to_text, self._terms))
+        self.coef_, self.err_, self.selection_ = found.theta, found.err, found
+        return self
+
+    def predict(self, X: ArrayLike) -> Array:
+        """The model at every row of `X`, (n,)."""
+        self._check_fitted()
+        names = _column_names(X)
+        own = getattr(self, "feature_names_in_", None)
+        if names is not None and own is not None and list(own) != names:
+            raise ValueError(_other_names(list(own), names))
+        values = _table(X)
+        if values.shape[1] != self.n_features_in_:
+            raise ValueError(f"X has {values.shape[1]} features, but FROLS is expecting {self.n_features_in_} features as input")
+        P = dictionary_matrix(self._terms, dict(zip(self._columns, values.T, strict=True)), len(values))
+        return np.asarray(P @ self.coef_)
+
+    def score(self, X: ArrayLike, y: ArrayLike) -> float:
+        """R² of the prediction."""
+        predicted = self.predict(X)
+        target = _target(y, len(predicted))
+        spread = float(np.sum((target - target.mean()) ** 2))
+        return 1.0 - float(np.sum((target - predicted) ** 2)) / spread if spread else 0.0
+
+    @property
+    def table_(self) -> list[dict[str, Any]]:
+        """The terms with their coefficients, standard errors and error reduction ratios."""
+        self._check_fitted()
+        rows = zip(self.terms_, self.coef_, self.selection_.theta_error, self.err_, strict=True)
+        return [{"term": t, "coefficient": float(c), "standard_error": float(e), "err": float(r)} for t, c, e, r in rows]
+
+    @property
+    def equations_(self) -> tuple[str, ...]:
+        """The model as text, six digits."""
+        self._check_fitted()
+        parts = [f"{c:.6g}" if t == "1" else f"{c:.6g}*{t}" for t, c in zip(self.terms_, self.coef_, strict=True)]
+        return (" + ".join(parts).replace("+ -", "- ") or "0",)
+
+    def get_params(self, deep: bool = True) -> dict[str, Any]:  # noqa: ARG002 - scikit-learn's protocol
+        """The parameters by name."""
+        return {name: getattr(self, name) for name in inspect.signature(type(self).__init__).parameters if name != "self"}
+
+    def set_params(self, **given: Any) -> Self:
+        """Set parameters; raises `ValueError` for one that there is not."""
+        known = self.get_params()
+        for name, value in given.items():
+            if name not in known:
+                raise ValueError(f"Invalid parameter {name!r} for estimator {self!r}. Valid parameters are: {sorted(known)}.")
+            setattr(self, name, value)
+        return self
+
+    def __repr__(self) -> str:
+        default = {name: one.default for name, one in inspect.signature(type(self).__init__).parameters.items()}
+        changed = [f"{name}={value!r}" for name, value in self.get_params().items() if value != default[name]]
+        return f"FROLS({', '.join(changed)})"
+
+    def __sklearn_tags__(self) -> Any:
+        """What scikit-learn asks of an estimator; only it calls this."""
+        from sklearn.utils import InputTags, RegressorTags, Tags, TargetTags
+
+        return Tags(
+            estimator_type="regressor",
+            target_tags=TargetTags(required=True),
+            transformer_tags=None,
+            classifier_tags=None,
+            regressor_tags=RegressorTags(),
+            input_tags=InputTags(),
+        )
+
+    def _check_fitted(self) -> None:
+        if not hasattr(self, "coef_"):
+            sklearn = sys.modules.get("sklearn.exceptions")
+            kind = NotFitted if sklearn is None else sklearn.NotFittedError
+            raise kind("This FROLS instance is not fitted yet: call `fit` first")
+
+
+def _column_names(X: Any) -> list[str] | None:
+    """The names of a frame's columns; None where there are none, or they are not all text."""
+    names = list(X.columns) if hasattr(X, "columns") else []
+    return names if names and all(isinstance(name, str) for name in names) else None
+
+
+def _table(X: Any) -> Array:
+    """A table of numbers, (n, m); raises `ValueError` or `TypeError` for anything else."""
+    if hasattr(X, "toarray"):
+        raise TypeError("Sparse data was passed for X, but dense data is required. Use '.toarray()' to convert to a dense numpy array.")
+    values = _numbers(X)
+    if values.ndim != 2:
+        hint = "Reshape your data: X.reshape(-1, 1) for one feature, X.reshape(1, -1) for one sample"
+        raise ValueError(f"Expected 2D array, got {values.ndim}D array instead. {hint}")
+    if 0 in values.shape:
+        rows = len(values)
+        what = (
+            f"0 feature(s) (shape={values.shape}) while a minimum of 1 is required."
+            if rows
+            else "0 sample(s) while a minimum of 1 is required."
+        )
+        raise ValueError(f"Found array with {what}")
+    return values
+
+
+def _target(y: Any, rows: int) -> Array:
+    if y is None:
+        raise ValueError("requires y to be passed, but the target y is None")
+    values = _numbers(y)
+    if values.ndim == 2 and values.shape[1] == 1:
+        _warn_column()
+        values = values[:, 0]
+    if values.ndim != 1:
+        raise ValueError(f"y should be a 1d array, got an array of shape {values.shape} instead.")
+    if len(values) != rows:
+        raise ValueError(f"X and y have inconsistent numbers of samples: {rows} and {len(values)}")
+    return values
+
+
+def _warn_column() -> None:
+    """Warn of a column as target, by the class that scikit-learn has for it where that is loaded."""
+    import warnings
+
+    sklearn = sys.modules.get("sklearn.exceptions")
+    kind = UserWarning if sklearn is None else sklearn.DataConversionWarning
+    warnings.warn("A column-vector y was passed when a 1d array was expected.", kind, stacklevel=4)
+
+
+def _numbers(values: Any) -> Array:
+    """Finite real numbers; raises `ValueError` for others."""
+    array = np.asarray(values)
+    if array.dtype.kind == "c":
+        raise ValueError("Complex data not supported")
+    found = np.asarray(array, dtype=np.float64)
+    if not np.isfinite(found).all():
+        raise ValueError("Input contains NaN or infinity")
+    return found
+
+
+def _other_names(own: list[str], given: list[str]) -> str:
+    """What scikit-learn says of frames whose columns differ."""
+    told = ["The feature names should match those that were passed during fit."]
+    unseen, missing = sorted({*given} - {*own}), sorted({*own} - {*given})
+    if unseen:
+        told += ["Feature names unseen at fit time:", *(f"- {name}" for name in unseen)]
+    if missing:
+        told += ["Feature names seen at fit time, yet now missing:", *(f"- {name}" for name in missing)]
+    if not unseen and not missing:
+        told.append("Feature names must be in the same order as they were in fit.")
+    return "\n".join(told) + "\n"

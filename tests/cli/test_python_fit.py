@@ -1,0 +1,214 @@
+"""`mapmore_cli.fit` and `run`: the words of the spec, the numbers of the command, and nothing left behind."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+import mapmore_cli as mm
+from mapmore_cli.domain.errors import DataError, SpecError
+from mapmore_cli.storage.globs import expand
+
+CONFIGS = Path(__file__).resolve().parents[2] / "configs"
+
+
+def columns_of(path: Path, names: bool, delimiter: str | None = ",") -> dict[str, np.ndarray]:
+    """The table as a notebook would have it: arrays by title, or by number."""
+    head = path.read_text().split("\n", 1)[0].split(delimiter)
+    values = np.loadtxt(path, delimiter=delimiter, skiprows=1 if names else 0, ndmin=2)
+    return {title if names else f"c{i}": values[:, i] for i, title in enumerate(head)}
+
+
+def sections_of(config: Path) -> dict[str, Any]:
+    document: dict[str, Any] = yaml.safe_load(config.read_text())
+    base = yaml.safe_load((config.parent / document.pop("extends")).read_text()) if "extends" in document else {}
+    document = {**base, **document}
+    for key in ("schema_version", "report"):
+        document.pop(key, None)
+    return document
+
+
+def scored(config: Path, runs: Path, mapmore: Callable[..., Any]) -> list[dict[str, Any]]:
+    result = mapmore("validate", config, "--runs", runs, "-q")
+    assert result.exit_code == 0, result.stderr
+    rows: list[dict[str, Any]] = json.loads((runs / config.stem / "scores.json").read_text())["scores"]
+    return rows
+
+
+def agree(found: Any, command: list[dict[str, Any]], measured: bool = False) -> None:
+    """Row for row the same to 1e-12; a recording that came as a frame has another id."""
+    assert len(found) == len(command) > 2
+    for row, other in zip(found, command, strict=True):
+        assert row.keys() == other.keys()
+        for key in row:
+            if isinstance(other[key], float):
+                assert row[key] == pytest.approx(other[key], rel=1e-12, abs=1e-12), key
+            elif key != "curve" or not measured:
+                assert row[key] == other[key]
+
+
+def test_frames_score_as_the_command_does(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    """Load cycles: one frame a recording."""
+    config = CONFIGS / "m2" / "dmsp-20-88-static.yaml"
+    sections = sections_of(config)
+    frames = [columns_of(config.parent / file, names=True) for file in sections["data"].pop("files")]
+    del sections["data"]["reader"]
+    agree(mm.fit(frames, **sections).scores, scored(config, tmp_path, mapmore))
+
+
+def test_a_table_scores_as_the_command_does(tmp_path: Path, mapmore: Callable[..., Any], measured_data: Path) -> None:
+    """A measured table; the competitors that are other settings of the same study are runs of their own."""
+    config = CONFIGS / "festo" / "festo_datasheet.yaml"
+    sections = sections_of(config)
+    del sections["data"]["files"]
+    found = mm.fit(columns_of(measured_data / "festo_datasheet" / "dmsp_20mm.csv", names=True), **sections)
+    agree(found.scores, scored(config, tmp_path, mapmore))
+
+
+def test_a_record_with_memory_scores_as_the_command_does(tmp_path: Path, mapmore: Callable[..., Any], measured_data: Path) -> None:
+    config = CONFIGS / "identification" / "data_for_testing.yaml"
+    sections = sections_of(config)
+    for key in ("files", "header", "delimiter"):
+        del sections["data"][key]
+    frame = columns_of(measured_data / "system_identification" / "data_for_testing.txt", names=False, delimiter=None)
+    found = mm.fit(frame, **sections)
+    agree(found.scores, scored(config, tmp_path, mapmore), measured=True)
+    rows = {name: values[:50] for name, values in zip(("time", "x", "y"), (np.arange(50.0), frame["c0"], frame["c1"]), strict=True)}
+    assert np.isfinite(found.predict(rows)[2:]).all()
+
+
+# --- one small study ---------------------------------------------------------------------------------------------------------------------
+
+BAR, EPS = (grid.ravel() for grid in np.meshgrid([0.8, 1.5, 2.0, 2.5, 3.5], np.linspace(0, 0.2, 25), indexing="ij"))
+FRAME = {"P [bar]": BAR, "eps": EPS, "F": 330 * BAR * (1 - 3.2 * EPS) ** 2 - 70 + 40 * np.exp(-EPS / 0.02)}
+SECTIONS: dict[str, Any] = {
+    "columns": {"pressure": {"column": "P [bar]", "unit": "bar"}, "strain": {"column": "eps"}, "force": {"column": "F"}},
+    "levels": {"of": "pressure", "at": "auto"},
+    "split": {"validate": {"pressure": [200]}},
+    "dictionary": [{"polynomial": {"of": ["strain"], "order": 4}}],
+    "validate": {"against": ["sarosi"]},
+}
+
+
+@pytest.fixture(scope="module")
+def fitted() -> Any:
+    return mm.fit(FRAME, segment={"strain": {"method": "even", "count": 4}}, **SECTIONS)
+
+
+class Frame:
+    """What pandas and polars frames have in common."""
+
+    def __init__(self, columns: dict[str, Any]) -> None:
+        self._columns = columns
+        self.columns = list(columns)
+
+    def __getitem__(self, name: str) -> Any:
+        return self._columns[name]
+
+
+@pytest.mark.parametrize("kind", ["frame", "structured", "mapping of lists"])
+def test_any_table_will_do(kind: str, fitted: Any) -> None:
+    table: Any = {name: values.tolist() for name, values in FRAME.items()}
+    if kind == "frame":
+        table = Frame(FRAME)
+    elif kind == "structured":
+        table = np.rec.fromarrays(list(FRAME.values()), names=list(FRAME))
+    found = mm.fit(table, segment={"strain": {"method": "even", "count": 4}}, **SECTIONS)
+    assert tuple(found.scores) == tuple(fitted.scores)
+
+
+def test_canonical_names_need_no_columns() -> None:
+    frame = {"pressure": 100 * BAR, "strain": EPS, "force": FRAME["F"], "note": ["x"] * len(BAR)}
+    sections = {key: value for key, value in SECTIONS.items() if key != "columns"}
+    assert mm.fit(frame, **sections).scores.of_model()["r2"] > 0.98
+
+
+def test_predict_uses_the_columns_of_the_fit(fitted: Any) -> None:
+    by_source = fitted.predict(FRAME)
+    canonical = fitted.predict({"pressure": 100 * BAR, "strain": EPS})
+    np.testing.assert_allclose(by_source, canonical, rtol=1e-13)
+    np.testing.assert_array_equal(canonical, fitted(pressure=100 * BAR, strain=EPS))
+    with pytest.raises(DataError, match="no column 'strain'"):
+        fitted.predict({"pressure": BAR})
+
+
+def test_invert_takes_the_output_by_its_name(fitted: Any) -> None:
+    picked = fitted.invert("pressure", force=200, strain=0.1).picked
+    assert fitted(pressure=picked[0], strain=0.1) == pytest.approx(200, rel=1e-6)
+    with pytest.raises(TypeError, match="give `force`"):
+        fitted.invert("pressure", strain=0.1)
+
+
+def test_bands_are_fitted_when_they_are_asked_for(fitted: Any) -> None:
+    assert fitted.model.left_out is None
+    low, high = fitted.interval(0.9, pressure=150.0, strain=0.1)
+    assert low < fitted(pressure=150.0, strain=0.1) < high
+    ax = fitted.plot(interval=0.9)
+    assert len(ax.collections) == len(ax.lines) == 4
+
+
+def test_what_is_written_runs_to_the_same_scores(fitted: Any, tmp_path: Path) -> None:
+    spec = fitted.to_yaml(tmp_path / "there" / "muscle.yaml")
+    assert sorted(path.name for path in spec.parent.iterdir()) == ["muscle.yaml", "muscle_data"]
+    found = mm.run(spec, tmp_path / "runs")
+    assert tuple(found.scores) == tuple(fitted.scores)
+    assert found.page.is_file()
+    assert found.missed == ()
+    assert mm.run(spec, tmp_path / "runs").stages["fit"] == "up-to-date"
+    assert mm.run(spec, tmp_path / "runs", settings={"validate.require": {"nrmse": 1e-9}}).missed
+    loaded = mm.load_model(fitted.save(tmp_path / "model.h5"))
+    np.testing.assert_array_equal(loaded(pressure=150, strain=EPS), fitted(pressure=150, strain=EPS))
+
+
+def test_nothing_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    mm.fit(FRAME, **SECTIONS)
+    assert not list(tmp_path.iterdir())
+
+
+def test_it_shows_itself(fitted: Any) -> None:
+    assert repr(fitted).startswith("<model model: force [N] of pressure [kPa], strain [1]>\nScores (target: static)")
+    html = fitted._repr_html_()
+    assert html.count("<table>") == 1
+    assert "<li><code>" in html
+
+
+@pytest.mark.parametrize(
+    ("change", "kind", "message"),
+    [
+        ({"segmnt": {}}, SpecError, "did you mean `segment`"),
+        ({"columns": {"force": {"column": "G"}}}, DataError, "no column 'G'"),
+        ({"columns": {"force": {"unit": "N"}}}, SpecError, "names no column"),
+        ({"split": {"validate": {"pressure": [210]}}}, DataError, "no level"),
+    ],
+)
+def test_mistakes_are_told_with_remedies(change: dict[str, Any], kind: type[Exception], message: str) -> None:
+    with pytest.raises(kind, match=message) as raised:
+        mm.fit(FRAME, **{**SECTIONS, **change})
+    assert "/tmp" not in str(raised.value)
+
+
+@pytest.mark.parametrize("table", [[], 7, [FRAME, "a.csv"]])
+def test_what_is_no_table(table: Any) -> None:
+    with pytest.raises(SpecError):
+        mm.fit(table, **SECTIONS)
+
+
+def test_columns_of_different_length() -> None:
+    with pytest.raises(DataError, match="different length"):
+        mm.fit({**FRAME, "F": FRAME["F"][1:]}, **SECTIONS)
+
+
+def test_a_file_is_a_table_too(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    np.savetxt(path, np.column_stack(list(FRAME.values())), delimiter=",", header=",".join(FRAME), comments="", fmt="%.17g")
+    assert mm.fit(path, **SECTIONS).scores.of_model() == mm.fit(FRAME, **SECTIONS).scores.of_model()
+    assert expand("log.csv", tmp_path)

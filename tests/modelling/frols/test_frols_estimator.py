@@ -1,0 +1,54 @@
+"""`FROLS` keeps the protocol of scikit-learn, and says what the engine says."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from sklearn.model_selection import GridSearchCV
+from sklearn.utils.estimator_checks import check_estimator
+
+import mapmore_cli as mm
+from mapmore_cli.modelling.frols import frols
+
+
+@pytest.mark.filterwarnings("ignore::sklearn.exceptions.SkipTestWarning")  # pandas is not installed
+@pytest.mark.filterwarnings("ignore:Estimator FROLS does not inherit")  # it needs no scikit-learn
+def test_every_check_of_scikit_learn_passes() -> None:
+    results = check_estimator(mm.FROLS(), on_fail=None)
+    assert len(results) > 40
+    assert {one["status"] for one in results} <= {"passed", "skipped"}, [r["check_name"] for r in results if r["status"] == "failed"]
+
+
+def test_the_engine_decides() -> None:
+    rng = np.random.default_rng(1)
+    X = rng.normal(size=(80, 3))
+    y = 2 * X[:, 0] * X[:, 2] - 0.5 * X[:, 1] ** 2 + 1e-3 * rng.normal(size=80)
+    model = mm.FROLS(order=2, max_terms=2).fit(X, y)
+    assert model.terms_ == ("x0*x2", "x1^2")
+    P = np.column_stack([X[:, 0] * X[:, 2], X[:, 1] ** 2])
+    np.testing.assert_allclose(model.coef_, frols(P, y).theta, rtol=1e-12)
+    assert [row["term"] for row in model.table_] == list(model.terms_)
+    assert sum(model.err_) == pytest.approx(1, abs=1e-5)
+    assert model.equations_[0].startswith("2")
+    assert model.score(X, y) > 0.999
+
+
+def test_a_search_of_scikit_learn_chooses_its_settings() -> None:
+    x = np.linspace(-1, 1, 60)[:, None]
+    found = GridSearchCV(mm.FROLS(tolerance=0.0), {"order": [1, 3]}, cv=3).fit(x, x[:, 0] ** 3)
+    assert found.best_params_ == {"order": 3}
+
+
+def test_neither_scikit_learn_nor_numpy_is_loaded_before_it_is_needed() -> None:
+    code = (
+        "import sys, mapmore_cli; assert 'numpy' not in sys.modules, 'numpy'\n"
+        "import numpy as np\n"
+        "m = mapmore_cli.FROLS().fit(np.arange(10.)[:, None], np.arange(10.)); repr(m), m.table_\n"
+        "try: mapmore_cli.FROLS().predict([[1.0]])\n"
+        "except ValueError as e: assert 'not fitted' in str(e)\n"
+        "assert 'sklearn' not in sys.modules, 'sklearn'; assert 'matplotlib' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
