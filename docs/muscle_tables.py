@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 from pages import CONFIGS, DOCS, printed, run, scores, write_tables
-from scipy.optimize import brentq
+from scipy.optimize import brentq, least_squares
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.fits import FormulaFit
@@ -26,6 +26,8 @@ from mapmore_cli.reporting.tables import bands_table
 from mapmore_cli.spec.loader import load
 from mapmore_cli.stages.pipeline.runner import bring_up_to_date
 from mapmore_cli.storage.artefacts import read_dataset, read_validation
+
+Predict = Callable[[Mapping[str, float], Columns], Array]
 
 LENGTHS = ("22", "16", "12")
 INITIAL = (200, 300, 400, 500, 600)
@@ -93,6 +95,44 @@ def rebuilt_table() -> Table:
         tuple(rows),
         ("R is about zero (uncentred), as W's is.",),
     )
+
+
+def inert_table() -> Table:
+    """Test how W's eq 8 and 9 were fitted: with `exp(-P)` of a pressure in kPa or Pa, a_k has no effect and keeps its start, 3.55."""
+    columns, force = rebuilt_points()
+    rows: list[tuple[Cell, ...]] = []
+    for model, equation in (("tondu_lopez_corrected_fixed_area", "8"), ("kerscher", "9")):
+        said = next(row for row in printed("w_models.csv") if row["model"] == model)
+        theirs = {**printed_parameters(model), "a_k": 0.0}
+        predict = literature.get(model).of_muscle(WRIST).predict
+        as_printed = uncentred(force, predict(theirs, columns))
+        best = None
+        if equation == "8":  # eq 9 with a_k inert has no minimum: its fit runs to a flat braid
+
+            def errors(x: Array, predict: Predict = predict, theirs: dict[str, float] = theirs) -> Array:
+                return predict({**theirs, "theta": x[0], "b_k": x[1]}, columns) - force
+
+            found = least_squares(errors, [theirs["theta"], theirs["b_k"]], x_scale=[0.1, 1.0])
+            best = f"theta {math.degrees(found.x[0]):.2f} deg, b_k {found.x[1]:.3f}, R {uncentred(force, found.fun + force):.4f}"
+        words = ", ".join(f"{row['parameter']} {row['printed']}" for row in printed("w_models.csv") if row["model"] == model)
+        rows.append((equation, words, float(said["r"]), float(said["r2"]), math.sqrt(float(said["r2"])), as_printed, best))
+    heads = (
+        Column("eq"),
+        Column("printed"),
+        Column("printed R", "", ".4f"),
+        Column("printed R²", "", ".4f"),
+        Column("its root", "", ".4f"),
+        Column("R of the printed parameters, a_k inert", "", ".4f"),
+        Column("least squares, a_k inert"),
+    )
+    return Table("inert", "W's eq 8 and 9 with a_k inert, on the rebuilt points", heads, tuple(rows))
+
+
+def size_of_eq_3() -> float:
+    """Return the factor by which the printed force of eq 3 is best multiplied, by least squares on the rebuilt points."""
+    columns, force = rebuilt_points()
+    theirs = literature.get("chou_hannaford").predict(printed_parameters("chou_hannaford"), columns)
+    return float(theirs @ force / (theirs @ theirs))
 
 
 def score_rows(folder: Path, split: str, title: str, name: str) -> Table:
@@ -167,6 +207,7 @@ def wrist_tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
     formulas = {name: fit for name, fit in read_validation(whole / "validate.h5").formulas.items() if not name.endswith("_start")}
     return {
         "rebuilt": rebuilt_table,
+        "inert": inert_table,
         "simulated": lambda: score_rows(whole, "train", "The simulated table, scored as W does: on the points of the fit", "simulated"),
         "held-out": lambda: score_rows(held_out, "validate", "2, 4 and 6 bar held out", "held-out"),
         "bands": lambda: wrist_bands(whole),

@@ -94,7 +94,7 @@ def test_the_measured_pair(muscle_tables: ModuleType, runs: Path, measured_data:
 
 
 def test_what_is_said_of_w() -> None:
-    """The printed parameters give the printed R within 0.0065, and neither eq 3 nor eq 8 had converged."""
+    """The printed parameters give the printed R; for eq 8 and 9 with a_k inert."""
     rows = {name: numbers(row) for name, row in page_table("rebuilt", WRIST).items()}
     for name, expected in {
         "chou_hannaford": 0.818,
@@ -105,6 +105,12 @@ def test_what_is_said_of_w() -> None:
         assert rows[name]["R of the printed parameters"] == pytest.approx(expected, abs=0.006)
     assert rows["chou_hannaford"]["RMSE, converged"] < 0.6 * rows["chou_hannaford"]["RMSE, printed"]
     assert rows["tondu_lopez_corrected_fixed_area"]["R, converged"] > 0.99
+
+
+def test_a_k_was_inert(muscle_tables: ModuleType) -> None:
+    found = muscle_tables.inert_table()
+    assert_shown(found, WRIST)
+    assert f"{muscle_tables.size_of_eq_3():.1f} times too small" in WRIST.read_text(encoding="utf-8")
 
 
 def test_the_accuracy_drops_where_the_valves_are_open() -> None:
