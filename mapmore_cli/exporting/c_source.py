@@ -13,8 +13,8 @@ from mapmore_cli.exporting.c_blocks import CBlocks, comment, indented
 from mapmore_cli.exporting.dialect import DOUBLE, SINGLE, Dialect, Expressions
 from mapmore_cli.exporting.names import identifier
 from mapmore_cli.modelling.kinds import program_of
-from mapmore_cli.modelling.program.model import INPUT
 from mapmore_cli.modelling.program.statements import Limit, Program
+from mapmore_cli.modelling.program.values import INPUT
 from mapmore_cli.modelling.ranges import OUTSIDE_TOLERANCE
 
 MOST_INPUTS = 14

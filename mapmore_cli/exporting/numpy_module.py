@@ -13,7 +13,6 @@ from mapmore_cli.exporting.c_blocks import indented
 from mapmore_cli.exporting.dialect import NUMPY, Expressions
 from mapmore_cli.exporting.names import identifier
 from mapmore_cli.modelling.kinds import program_of
-from mapmore_cli.modelling.program.model import INPUT
 from mapmore_cli.modelling.program.statements import (
     Block,
     Choose,
@@ -27,6 +26,7 @@ from mapmore_cli.modelling.program.statements import (
     Statement,
     Use,
 )
+from mapmore_cli.modelling.program.values import INPUT
 from mapmore_cli.modelling.ranges import OUTSIDE_TOLERANCE
 
 BEYOND = f'''\

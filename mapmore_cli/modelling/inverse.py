@@ -19,8 +19,7 @@ from mapmore_cli.domain.models import CurveRange, Formula, Model, Pieces, Sum
 from mapmore_cli.modelling.kinds import predict, program_of
 from mapmore_cli.modelling.pieces.weights import zones
 from mapmore_cli.modelling.program.slopes import with_slopes
-from mapmore_cli.modelling.program.statements import Program
-from mapmore_cli.modelling.program.values import results_of
+from mapmore_cli.modelling.program.values import evaluator
 
 LOWEST, NEAREST = "lowest", "nearest"
 """Rules that pick one of several solutions: the lowest, or the one that is nearest to that of the row before."""
@@ -122,14 +121,14 @@ def solve_for_input(model: Model, columns: Columns, name: str) -> SolvedInput:
     return SolvedInput(values, solved)
 
 
-def _slopes(model: Model, name: str) -> Program:
+def _slopes(model: Model, name: str) -> Callable[[Columns], list[Array]]:
     names = [quantity.name for quantity in model.inputs]
     if name not in names:
         raise UsageError(f"the model has no input '{name}'", f"it has {', '.join(names)}")
-    return with_slopes(program_of(model))
+    return evaluator(with_slopes(program_of(model)))
 
 
-def _lines(model: Model, slopes: Program, wanted: Array, given: Columns, name: str) -> Iterator[tuple[int, _Line]]:
+def _lines(model: Model, slopes: Callable[[Columns], list[Array]], wanted: Array, given: Columns, name: str) -> Iterator[tuple[int, _Line]]:
     """The model along an input at some rows at a time, with the number of the first."""
     names = [quantity.name for quantity in model.inputs]
     for start in range(0, len(wanted), CHUNK):
@@ -196,7 +195,7 @@ class _Line:
     """The model along one input at each of n rows."""
 
     model: Model
-    slopes: Program
+    slopes: Callable[[Columns], list[Array]]
     name: str
     names: list[str]
     wanted: Array
@@ -212,7 +211,7 @@ class _Line:
 
     def _both(self, x: Array, rows: IntArray) -> tuple[Array, Array]:
         """What is missing to the wanted output, and the derivative along the input, (m,) each."""
-        value, *slopes = results_of(self.slopes, self._columns(x, rows))
+        value, *slopes = self.slopes(self._columns(x, rows))
         return value - self.wanted[rows], slopes[self.names.index(self.name)]
 
     def _columns(self, x: Array, rows: IntArray) -> dict[str, Array]:

@@ -161,9 +161,9 @@ def slopes(model: Model, columns: Columns) -> dict[str, Array]:
         For a model with memory, and where a part of the model is no closed expression.
     """
     from mapmore_cli.modelling.program.slopes import with_slopes
-    from mapmore_cli.modelling.program.values import results_of
+    from mapmore_cli.modelling.program.values import evaluator
 
-    _, *found = results_of(with_slopes(program_of(model)), columns)
+    _, *found = evaluator(with_slopes(program_of(model)))(columns)
     finite = np.logical_and.reduce([np.isfinite(columns[quantity.name]) for quantity in model.inputs])
     return {quantity.name: np.where(finite, slope, np.nan) for quantity, slope in zip(model.inputs, found, strict=True)}
 

@@ -9,6 +9,7 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.memory import StateSet
 from mapmore_cli.modelling.terms.operator import Setting
 from mapmore_cli.modelling.terms.operators import OPERATORS
+from mapmore_cli.modelling.terms.recursion import along
 from mapmore_cli.modelling.terms.states import Lagged, Measured, Operated, State, state
 
 Known = dict[str, Array]
@@ -53,7 +54,7 @@ def _computed(found: State, columns: Columns, numbers: StateSet, known: Known) -
         case Lagged(source, steps):
             return delayed(value_of(source, columns, numbers, known), steps)
         case Operated(operator, source):
-            return OPERATORS[operator].along(value_of(source, columns, numbers, known), setting_of(found, numbers))
+            return along(OPERATORS[operator], value_of(source, columns, numbers, known), setting_of(found, numbers))
 
 
 def setting_of(found: Operated, numbers: StateSet) -> Setting:

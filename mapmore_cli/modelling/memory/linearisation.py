@@ -15,6 +15,7 @@ from scipy.linalg.lapack import dtbtrs
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.modelling.memory.feedback import OUTPUT
 from mapmore_cli.modelling.memory.simulation import Course, Trajectory
+from mapmore_cli.modelling.program.slopes import recursion_slopes
 from mapmore_cli.modelling.terms import evaluate
 
 STEPS = 12
@@ -38,6 +39,7 @@ class Linearised:
 
     def __init__(self, course: Course, trajectory: Trajectory, theta: Array) -> None:
         self.feedback, self.trajectory, self.theta = course.feedback, trajectory, theta
+        self.course = course
         self.inputs, self.n = course.inputs[: len(trajectory.output)], len(trajectory.output)
         self.unknowns = [place for place, node in enumerate(self.feedback.nodes) if node.rule is not None]
         self.fed = self._fed_values()
@@ -71,15 +73,23 @@ class Linearised:
         return values
 
     def _of_rules(self) -> Iterator[Coupling]:
-        nodes, trajectory = self.feedback.nodes, self.trajectory
+        nodes = self.feedback.nodes
         for row, place in enumerate(self.unknowns):
             rule, source = nodes[place].rule, nodes[place].source
             assert rule is not None
             column, lag = self._reference(source)
-            for number, slope in enumerate(rule.slopes(trajectory.nodes[place], trajectory.nodes[source])):
+            own = [self._past(place, 1 + back) for back in range(rule.own)]
+            arguments = [*own, *(self._past(source, back) for back in range(rule.source + 1))]
+            for number, slope in enumerate(recursion_slopes(rule, arguments)):
                 factor = np.broadcast_to(np.asarray(slope, dtype=np.float64), (self.n,))
                 past = number < rule.own
                 yield (row, row, number + 1, factor) if past else (row, column, lag + number - rule.own, factor)
+
+    def _past(self, place: int, lag: int) -> Array:
+        """Return a node so many samples ago, (n,); measured where that is before the beginning of a stretch."""
+        back = np.arange(self.n) - lag
+        measured = self.course.history[place, np.maximum(self.course.start + back, 0)]
+        return np.asarray(np.where(back >= self.trajectory.begins, self.trajectory.nodes[place, np.maximum(back, 0)], measured))
 
     def _of_output(self) -> Iterator[Coupling]:
         feedback, margin = self.feedback, self.feedback.states.margin

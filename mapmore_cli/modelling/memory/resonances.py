@@ -8,8 +8,9 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.modelling.terms.operators.resonance import resonance
-from mapmore_cli.modelling.terms.operators.slow import slow
+from mapmore_cli.modelling.terms.operator import Setting
+from mapmore_cli.modelling.terms.operators import OPERATORS
+from mapmore_cli.modelling.terms.recursion import along
 
 FREQUENCIES = tuple(np.geomspace(1.0, 15.0, 30).tolist())
 """Hz: what a load on a soft muscle rings with."""
@@ -49,7 +50,8 @@ def find_resonance(driving: Sequence[Array], output: Sequence[Array], training: 
             "give frequency and damping, as resonance(pressure, 0.1, 0.3), or sample faster",
         )
     x = _pooled(driving, training)
-    others = np.column_stack([np.ones(len(x)), x, x**2, _pooled([slow(one, CREEP, step) for one in driving], training)])
+    creep = [along(OPERATORS["slow"], one, Setting((CREEP,), step)) for one in driving]
+    others = np.column_stack([np.ones(len(x)), x, x**2, _pooled(creep, training)])
     known = np.isfinite(others).all(axis=1)
     basis = np.linalg.qr(others[known])[0]
     y = _pooled(output, training)[known]
@@ -57,7 +59,7 @@ def find_resonance(driving: Sequence[Array], output: Sequence[Array], training: 
     best = (-np.inf, frequencies[0], DAMPINGS[0])
     for frequency in frequencies:
         for damping in DAMPINGS:
-            positions = [resonance(one, frequency, damping, step) for one in driving]
+            positions = [along(OPERATORS["resonance"], one, Setting((frequency, damping), step)) for one in driving]
             velocities = [np.nan_to_num(np.diff(one, prepend=one[:1])) for one in positions]  # at rest where they begin
             moved = np.column_stack([_pooled(positions, training), _pooled(velocities, training)])[known]
             gain = _explained(left, moved, basis)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 
 import numpy as np
@@ -17,6 +17,7 @@ from mapmore_cli.modelling.memory.feedback import OUTPUT, Feedback, fed_back_sta
 from mapmore_cli.modelling.memory.records import AtSample
 from mapmore_cli.modelling.terms import evaluate
 from mapmore_cli.modelling.terms.operator import Recursion
+from mapmore_cli.modelling.terms.recursion import FLOATS
 
 DIVERGED = 100.0
 """Training ranges by which a free run may leave the training range before it counts as diverged."""
@@ -162,11 +163,12 @@ def _wired(feedback: Feedback, history: Array, y: list[float]) -> tuple[list[Rea
 
 def _advanced(rule: Recursion, own: list[float], source: list[float], back: int) -> Callable[[], None]:
     """What appends the next value of an operator to its `own` ones; the present value of its source stands `back` from the end."""
+    following = partial(rule.next, FLOATS)
     if (rule.own, rule.source) == (1, 0):
-        return lambda: own.append(rule.next(own[-1], source[-back]))
+        return lambda: own.append(following(own[-1], source[-back]))
     if (rule.own, rule.source) == (1, 1):
-        return lambda: own.append(rule.next(own[-1], source[-back], source[-back - 1]))
-    return lambda: own.append(rule.next(*[own[-i - 1] for i in range(rule.own)], *[source[-back - i] for i in range(rule.source + 1)]))
+        return lambda: own.append(following(own[-1], source[-back], source[-back - 1]))
+    return lambda: own.append(following(*[own[-i - 1] for i in range(rule.own)], *[source[-back - i] for i in range(rule.source + 1)]))
 
 
 @dataclass(frozen=True)

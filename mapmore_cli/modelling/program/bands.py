@@ -7,9 +7,10 @@ from itertools import pairwise
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.models import Fusion, Side
-from mapmore_cli.modelling.program.statements import Block, Condition, Function
+from mapmore_cli.modelling.program.statements import Block, Function
 from mapmore_cli.modelling.program.writing import Lines, Names, block_of, less, times, total
 from mapmore_cli.modelling.terms import Expression, Name, Number, add, call, power
+from mapmore_cli.modelling.terms.syntax import Condition
 
 CurveAt = Callable[[Lines, int, tuple[int, int], Expression], Expression]
 """Writes the value of a curve down, given its number, the numbers of the levels to both sides, and the place t between them."""

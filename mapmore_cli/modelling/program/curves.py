@@ -8,9 +8,10 @@ from math import inf
 
 from mapmore_cli.domain.models import CurveFunction, Fusion, SegmentFunction
 from mapmore_cli.modelling.pieces.weights import held_at, zones
-from mapmore_cli.modelling.program.statements import Block, Condition, Function
+from mapmore_cli.modelling.program.statements import Block, Function
 from mapmore_cli.modelling.program.writing import Lines, Names, combination, less, renamed_all, times, total
 from mapmore_cli.modelling.terms import Expression, Name, Number, add, derivative, parse, power
+from mapmore_cli.modelling.terms.syntax import Condition
 
 Rise = Expression | None
 """Weight of the segment above at a place; None where there is one segment alone."""
@@ -110,7 +111,7 @@ class _Curve:
         """A segment function where it is looked up, and straight on from there where its curve goes straight on."""
         at = {name: one.held for name, one in self.along.items()}
         for name, low, high in self._reach(segment):
-            at[name] = lines.clip(f"reached_{name}", at[name], low, high)
+            at[name] = lines.clip(at[name], low, high, f"reached_{name}")
         scaling = segment.scaling
         scales = zip(scaling.variables, scaling.slope.tolist(), scaling.intercept.tolist(), strict=True)
         z = {name: lines.let(f"z_{name}", total([times(Number(slope), at[name]), Number(shift)])) for name, slope, shift in scales}

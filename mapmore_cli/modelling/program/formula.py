@@ -11,10 +11,10 @@ from mapmore_cli.modelling.literature.cells import Region
 from mapmore_cli.modelling.literature.formula import Formula
 from mapmore_cli.modelling.literature.hysteresis_loss import HysteresisLoss
 from mapmore_cli.modelling.literature.piecewise import PiecewiseFormula
-from mapmore_cli.modelling.program.statements import Block, Condition
+from mapmore_cli.modelling.program.statements import Block
 from mapmore_cli.modelling.program.writing import Lines, times, total
 from mapmore_cli.modelling.terms import Expression, Name, Number
-from mapmore_cli.modelling.terms.syntax import Call, Power, Product, Sum
+from mapmore_cli.modelling.terms.syntax import Call, Condition, Power, Product, Sum
 
 
 def formula_value(lines: Lines, fit: FormulaFit | None, inputs: Mapping[str, Expression]) -> Expression:

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.memory import MemoryModel
 from mapmore_cli.modelling.memory.evaluation import setting_of
 from mapmore_cli.modelling.memory.feedback import fed_back_states, parted
 from mapmore_cli.modelling.memory.simulation import bounds_of
-from mapmore_cli.modelling.program.statements import NOTHING, Condition, Keep, Kept, Queue, Recall
+from mapmore_cli.modelling.program.statements import NOTHING, Keep, Kept, Queue, Recall
 from mapmore_cli.modelling.program.writing import Lines, kept_number, less, renamed_all, times, total
 from mapmore_cli.modelling.terms import Expression, Name, Number, add, parse, power
-from mapmore_cli.modelling.terms.operator import Setting
-from mapmore_cli.modelling.terms.operators.resonance import Oscillator, oscillator
+from mapmore_cli.modelling.terms.operator import Recursion
+from mapmore_cli.modelling.terms.operators import OPERATORS
 from mapmore_cli.modelling.terms.states import Lagged, Measured, Operated, State, state
-from mapmore_cli.modelling.terms.syntax import ONE, ZERO
+from mapmore_cli.modelling.terms.syntax import ONE, ZERO, Condition
 
 
 @dataclass
@@ -45,10 +43,22 @@ class _States:
             case Lagged(source, steps):
                 return self._lagged(source, steps)
             case Operated(operator, source):
-                if operator not in WRITERS:
-                    raise DataError(f"the operator `{operator}` cannot be exported yet", "fit the model without it")
-                x = self.value(source)
-                return WRITERS[operator](self, x, setting_of(found, self.model.states), self.at_rest(source))
+                return self._operated(operator, OPERATORS[operator].recursion(setting_of(found, self.model.states)), source)
+
+    def _operated(self, name: str, rule: Recursion, source: State) -> Expression:
+        """An operator from its kept values, at rest up to the first sample on which its source has a value."""
+        lines, x = self.lines, self.value(source)
+        x = lines.let("source", x)
+        if rule.own == rule.source == 0:
+            return lines.let(name, rule.next(lines, x))
+        own = [kept_number(self.kept, lines, name) for _ in range(rule.own)]
+        past = [kept_number(self.kept, lines, "source") for _ in range(rule.source)]
+        rest = Condition(self.seen, "<=", Number(float(history_of(source))))
+        value = lines.where(rest, rule.rest(x), lambda: rule.next(lines, *own, x, *past))
+        for kept, now in ((own, value), (past, x)):
+            older = [now, *(lines.where(rest, now, one) for one in kept[:-1])]
+            lines.statements.extend(Keep(name.name, one) for name, one in zip(kept, older, strict=False))
+        return value
 
     def _lagged(self, source: State, steps: int) -> Expression:
         if source.name not in self.queues:
@@ -60,10 +70,6 @@ class _States:
         name = self.lines.names.fresh("past")
         self.lines.statements.append(Recall(name, queue, steps))
         return Name(name)
-
-    def at_rest(self, source: State) -> Condition:
-        """Up to the first sample on which the source has a value, from which an operator begins at rest."""
-        return Condition(self.seen, "<=", Number(float(history_of(source))))
 
     def queued(self, output: str, value: Expression) -> None:
         """Put what was recalled into its queue."""
@@ -115,7 +121,7 @@ def _scaled(lines: Lines, model: MemoryModel, place: int, value: Expression) -> 
     if not high > low:
         return Number(0.0)
     z = lines.let("z", times(less(value, Number(low)), power(Number(high - low), -1)))
-    return lines.clip("scaled", z, -states.margin, 1 + states.margin)
+    return lines.clip(z, -states.margin, 1 + states.margin, "scaled")
 
 
 def _output(lines: Lines, model: MemoryModel, lags: Mapping[str, int], names: Mapping[str, Expression]) -> Expression:
@@ -135,73 +141,3 @@ def _bounded(lines: Lines, model: MemoryModel, lost: Name, value: Expression) ->
     low, high = bounds_of(model.limits)
     below, above = Condition(value, "<", Number(low)), Condition(value, ">", Number(high))
     return lines.choose("within", [(Condition(lost, ">", ZERO), NOTHING), (below, NOTHING), (above, NOTHING)], value)
-
-
-def _slow(states: _States, x: Expression, setting: Setting, rest: Condition) -> Expression:
-    """`slow`, as deviation from where it began to rest."""
-    a = math.exp(-setting.step / setting.numbers[0])
-    return _filtered(states, x, rest, 1 - a, (a,))[0]
-
-
-def _oscillator(setting: Setting) -> Oscillator:
-    frequency, damping = setting.numbers
-    return oscillator(frequency, damping, setting.step)
-
-
-def _resonance(states: _States, x: Expression, setting: Setting, rest: Condition) -> Expression:
-    first, second, gain, _ = _oscillator(setting)
-    return _filtered(states, x, rest, gain, (first, -second))[0]
-
-
-def _resonance_velocity(states: _States, x: Expression, setting: Setting, rest: Condition) -> Expression:
-    first, second, gain, _ = _oscillator(setting)
-    lines = states.lines
-    y, before = _filtered(states, x, rest, gain, (first, -second))
-    moving = Lines(lines.names)
-    speed = moving.let("speed", times(less(y, before), power(Number(2 * math.pi * setting.numbers[0] * setting.step), -1)))
-    return lines.choose("velocity", [(rest, Number(0.0))], moving.block(speed))
-
-
-def _filtered(states: _States, x: Expression, rest: Condition, gain: float, past: tuple[float, ...]) -> tuple[Expression, Expression]:
-    """`y[k] = gain x[k] + sum_i past_i y[k-i]` of deviations from where x began, and its value a sample before."""
-    lines, kept = states.lines, states.kept
-    began = kept_number(kept, lines, "began")
-    own = [kept_number(kept, lines, "own") for _ in past]
-    origin = lines.choose("origin", [(rest, x)], began)
-    moving = Lines(lines.names)
-    before = moving.let("before", total([times(Number(factor), y) for factor, y in zip(past, own, strict=True)]))
-    way = moving.let("way", less(x, origin))
-    y = lines.choose("filtered", [(rest, Number(0.0))], moving.block(moving.let("now", total([before, times(Number(gain), way)]))))
-    at, previous = lines.let("at", add(y, origin)), lines.let("previous", add(own[0], origin))
-    older = [lines.choose("older", [(rest, Number(0.0))], one) for one in own[:-1]]
-    for name, value in zip([began, *own], [origin, y, *older], strict=True):
-        lines.statements.append(Keep(name.name, value))
-    return at, previous
-
-
-def _play(states: _States, x: Expression, setting: Setting, rest: Condition) -> Expression:
-    lines = states.lines
-    w = kept_number(states.kept, lines, "play")
-    low, high = lines.let("low", less(x, Number(setting.width))), lines.let("high", add(x, Number(setting.width)))
-    value = lines.choose("play", [(rest, x), (Condition(low, ">", w), low), (Condition(high, "<", w), high)], w)
-    lines.statements.append(Keep(w.name, value))
-    return value
-
-
-def _stop(states: _States, x: Expression, setting: Setting, rest: Condition) -> Expression:
-    return states.lines.let("stop", less(x, _play(states, x, setting, rest)))
-
-
-def _saturate(states: _States, x: Expression, setting: Setting, _rest: Condition) -> Expression:
-    return states.lines.clip("saturated", x, *setting.limits)
-
-
-WRITERS: Mapping[str, Callable[[_States, Expression, Setting, Condition], Expression]] = {
-    "slow": _slow,
-    "resonance": _resonance,
-    "resonance_velocity": _resonance_velocity,
-    "play": _play,
-    "stop": _stop,
-    "saturate": _saturate,
-}
-"""How every operator goes on from sample to sample, given what it works on and up to when that has been at rest."""

@@ -16,14 +16,12 @@ from mapmore_cli.modelling.program.motion import motion_value
 from mapmore_cli.modelling.program.pieces import pieces_value
 from mapmore_cli.modelling.program.pruning import pruned
 from mapmore_cli.modelling.program.statements import Limit, Program
+from mapmore_cli.modelling.program.values import INPUT
 from mapmore_cli.modelling.program.writing import Lines, Names, Writer, times, total
 from mapmore_cli.modelling.terms import Expression, Name, Number, add, parse, substitute
 
 Inputs = Mapping[str, Expression]
 """What a model's inputs are, in the order that it has them in."""
-
-INPUT = "x_"
-"""How the names of inputs begin in a program, so that they are nobody else's."""
 
 
 def program_of(model: Model) -> Program:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from mapmore_cli.domain.motion import BUMPLESS, HARD, REST, Motion, MotionSection
-from mapmore_cli.modelling.program.statements import Block, Condition, Keep, Kept
+from mapmore_cli.modelling.program.statements import Block, Keep, Kept
 from mapmore_cli.modelling.program.writing import Lines, kept_number, less, renamed_all, times, total
 from mapmore_cli.modelling.terms import Expression, Number, add, parse, power
-from mapmore_cli.modelling.terms.syntax import ONE, ZERO
+from mapmore_cli.modelling.terms.syntax import ONE, ZERO, Condition
 
 
 def motion_value(lines: Lines, motion: Motion, inputs: Mapping[str, Expression], kept: Kept) -> Expression:

@@ -12,9 +12,10 @@ from mapmore_cli.modelling.pieces.evaluation import level_values
 from mapmore_cli.modelling.pieces.weights import held_at
 from mapmore_cli.modelling.program.bands import across_levels, slope_functions
 from mapmore_cli.modelling.program.curves import curve_function
-from mapmore_cli.modelling.program.statements import Condition, Function
+from mapmore_cli.modelling.program.statements import Function
 from mapmore_cli.modelling.program.writing import Lines, less, times, total
 from mapmore_cli.modelling.terms import Expression, Number, add, power
+from mapmore_cli.modelling.terms.syntax import Condition
 
 
 def pieces_value(lines: Lines, body: Pieces, inputs: Mapping[str, Expression]) -> tuple[Expression, tuple[Function, ...]]:

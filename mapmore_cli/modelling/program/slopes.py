@@ -8,11 +8,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, Value
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.modelling.program.model import INPUT
 from mapmore_cli.modelling.program.pruning import pruned
 from mapmore_cli.modelling.program.statements import Block, Choose, Function, Let, Program, Statement, Use
+from mapmore_cli.modelling.program.values import INPUT, block_values
+from mapmore_cli.modelling.program.writing import Lines, Names
 from mapmore_cli.modelling.terms import Expression, Name, add, derivative, multiply
+from mapmore_cli.modelling.terms.operator import Recursion
 from mapmore_cli.modelling.terms.syntax import ONE, ZERO
 
 Slopes = tuple[Expression, ...]
@@ -35,6 +40,16 @@ def with_slopes(model: Program) -> Program:
     functions = tuple(_function(function) for function in model.functions)
     body = _block(model.body, _seeds([f"{INPUT}{name}" for name in model.inputs]), len(model.inputs))
     return pruned(replace(model, functions=functions, body=body))
+
+
+def recursion_slopes(rule: Recursion, arguments: Sequence[Array]) -> list[Value]:
+    """Return the derivatives of `rule.next` by each of its p + q + 1 arguments, given those, (n,) each; (n,), or one for all samples."""
+    if rule.weights is not None:
+        return [np.float64(weight) for weight in rule.weights]
+    names = [f"argument_{place}" for place in range(len(arguments))]
+    lines = Lines(Names())
+    block = _block(lines.side(lambda: rule.next(lines, *map(Name, names))), _seeds(names), len(names))
+    return block_values(block, dict(zip(names, arguments, strict=True)))[1:]
 
 
 def _function(function: Function) -> Function:

@@ -9,18 +9,10 @@ from dataclasses import dataclass, field
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.terms import Expression, Name
+from mapmore_cli.modelling.terms.syntax import Condition
 
 NOTHING = Name("not_a_number")
 """The value where there is none."""
-
-
-@dataclass(frozen=True)
-class Condition:
-    """`left comparison right`, with `<`, `<=`, `>`, `>=` or `==`; false where a side is not a number."""
-
-    left: Expression
-    comparison: str
-    right: Expression
 
 
 @dataclass(frozen=True)

@@ -1,19 +1,26 @@
-"""Program of a model without memory worked out along columns, row by row."""
+"""Evaluate programs of models without memory over columns of samples.
+
+Each branch is computed for the rows that take it, so a program of many pieces costs about as much as the pieces that count. A side of a
+branch is made ready when the first row takes it.
+"""
 
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns
-from mapmore_cli.modelling.program.model import INPUT
-from mapmore_cli.modelling.program.statements import Block, Choose, Condition, Let, Program, Use
-from mapmore_cli.modelling.terms import evaluate
-from mapmore_cli.modelling.terms.syntax import Expression
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, Value
+from mapmore_cli.modelling.program.pruning import names_in
+from mapmore_cli.modelling.program.statements import Block, Choose, Function, Let, Program, Statement, Use
+from mapmore_cli.modelling.terms.compiled import Known, Part, Shared, part_of
+from mapmore_cli.modelling.terms.syntax import Condition, Name, Number
 
-COMPARISONS: Mapping[str, Callable[[Array, Array], BoolArray]] = {
+INPUT = "x_"
+"""How the names of inputs begin in a program, so that no other name equals them."""
+
+COMPARISONS: Mapping[str, Callable[[Value, Value], BoolArray]] = {
     "<": operator.lt,
     "<=": operator.le,
     ">": operator.gt,
@@ -21,46 +28,133 @@ COMPARISONS: Mapping[str, Callable[[Array, Array], BoolArray]] = {
     "==": operator.eq,
 }
 
+Values = dict[str, Value]
+Run = Callable[[Values, int], list[Value]]
+"""The results of a block, given what is known outside of it and the number of rows n: (n,) each, or one number for all rows."""
 
-def results_of(model: Program, columns: Columns) -> list[Array]:
-    """The results of the model's body at every row, (n,) each."""
-    n = len(columns[model.inputs[0]])
-    functions = {function.name: function for function in model.functions}
+Test = Callable[[Values, Shared], BoolArray]
+"""A condition: (n,), or one for all rows."""
 
-    def results(block: Block, known: dict[str, Array], n: int) -> list[Array]:
-        for statement in block.statements:
-            match statement:
-                case Let(name, value):
-                    known[name] = _value(value, known, n)
-                case Use(names, function, arguments):
-                    called = functions[function]
-                    given = {name: _value(one, known, n) for name, one in zip(called.parameters, arguments, strict=True)}
-                    known.update(zip(names, results(called.body, given, n), strict=True))
-                case Choose(names):
-                    known.update(zip(names, chosen(statement, known, n), strict=True))
-                case _:
-                    raise TypeError(f"not a statement of a model without memory: {statement!r}")
-        return [_value(result, known, n) for result in block.results]
+Step = Callable[[Values, Shared, int], None]
+"""A statement: it adds what it computes to the values."""
 
-    def chosen(choice: Choose, known: dict[str, Array], n: int) -> list[Array]:
-        found = [np.empty(n) for _ in choice.names]
-        left = np.ones(n, dtype=np.bool_)
-        for condition, block in (*choice.cases, (None, choice.otherwise)):
-            rows = np.flatnonzero(left if condition is None else left & _holds(condition, known, n))
-            left[rows] = False
-            if len(rows):
-                own = {name: values[rows] for name, values in known.items()}
-                for whole, part in zip(found, results(block, own, len(rows)), strict=True):
-                    whole[rows] = part
-        return found
 
+def evaluator(program: Program) -> Callable[[Columns], list[Array]]:
+    """Return a function of the model's inputs, (n,) each by name, for many calls: the results of the program, (n,) each."""
+    run = _Compiler(program.functions).block(program.body)
+
+    def results(columns: Columns) -> list[Array]:
+        given: Values = {f"{INPUT}{name}": np.asarray(columns[name], dtype=np.float64) for name in program.inputs}
+        n = len(columns[program.inputs[0]])
+        with np.errstate(all="ignore"):
+            return [np.array(np.broadcast_to(value, (n,)), dtype=np.float64) for value in run(given, n)]
+
+    return results
+
+
+def block_values(block: Block, known: Mapping[str, Array]) -> list[Value]:
+    """Return the results of a block that uses no function, given the names that it needs, (n,) each."""
     with np.errstate(all="ignore"):
-        return results(model.body, {f"{INPUT}{name}": np.asarray(columns[name], dtype=np.float64) for name in model.inputs}, n)
+        return _Compiler(()).block(block)(dict(known), len(next(iter(known.values()))))
 
 
-def _value(expression: Expression, known: dict[str, Array], n: int) -> Array:
-    return evaluate(expression, {name: known[name] for name in expression.names}, n)
+class _Compiler:
+    """Makes blocks and functions ready to run."""
+
+    def __init__(self, functions: Iterable[Function]) -> None:
+        self.functions = {function.name: function for function in functions}
+        self.ready: dict[str, Run] = {}
+
+    def block(self, block: Block) -> Run:
+        known: Known = {}
+        steps = [self._step(statement, known) for statement in block.statements]
+        results = [part_of(result, known) for result in block.results]
+        slots = len(known)
+
+        def run(values: Values, n: int) -> list[Value]:
+            shared: Shared = [None] * slots
+            for step in steps:
+                step(values, shared, n)
+            return [result(values, shared) for result in results]
+
+        return run
+
+    def _step(self, statement: Statement, known: Known) -> Step:
+        match statement:
+            case Let(name, value):
+                return _let(name, part_of(value, known))
+            case Use(names, function, arguments):
+                return self._use(names, function, [part_of(argument, known) for argument in arguments])
+            case Choose():
+                return self._choose(statement, known)
+        raise TypeError(f"not a statement of a model without memory: {statement!r}")
+
+    def _use(self, names: Sequence[str], function: str, arguments: Sequence[Part]) -> Step:
+        parameters = self.functions[function].parameters
+
+        def step(values: Values, shared: Shared, n: int) -> None:
+            if function not in self.ready:
+                self.ready[function] = self.block(self.functions[function].body)
+            given = {name: argument(values, shared) for name, argument in zip(parameters, arguments, strict=True)}
+            values.update(zip(names, self.ready[function](given, n), strict=True))
+
+        return step
+
+    def _choose(self, choice: Choose, known: Known) -> Step:
+        conditions = [_condition(condition, known) for condition, _ in choice.cases]
+        blocks = [*(block for _, block in choice.cases), choice.otherwise]
+        if all(not block.statements and all(isinstance(result, Name | Number) for result in block.results) for block in blocks):
+            return _selection(choice.names, conditions, [[part_of(result, known) for result in block.results] for block in blocks])
+        return self._branches(choice.names, conditions, blocks)
+
+    def _branches(self, names: Sequence[str], conditions: Sequence[Test], blocks: Sequence[Block]) -> Step:
+        needed = [names_in(block) for block in blocks]
+        ready: list[Run | None] = [None] * len(blocks)
+
+        def side(number: int) -> Run:
+            found = ready[number] = ready[number] or self.block(blocks[number])
+            return found
+
+        def step(values: Values, shared: Shared, n: int) -> None:
+            found = [np.empty(n) for _ in names]
+            left = np.ones(n, dtype=np.bool_)
+            for number in range(len(blocks)):
+                mask = left & conditions[number](values, shared) if number < len(conditions) else left
+                rows = np.flatnonzero(mask)
+                if len(rows) == n:
+                    values.update(zip(names, side(number)(values, n), strict=True))
+                    return
+                if len(rows):
+                    left = left ^ mask
+                    own = {name: x.take(rows) if (x := values[name]).ndim else x for name in needed[number] if name in values}
+                    for whole, part in zip(found, side(number)(own, len(rows)), strict=True):
+                        whole[rows] = part
+            values.update(zip(names, found, strict=True))
+
+        return step
 
 
-def _holds(condition: Condition, known: dict[str, Array], n: int) -> BoolArray:
-    return COMPARISONS[condition.comparison](_value(condition.left, known, n), _value(condition.right, known, n))
+def _let(name: str, part: Part) -> Step:
+    def step(values: Values, shared: Shared, _n: int) -> None:
+        values[name] = part(values, shared)
+
+    return step
+
+
+def _condition(condition: Condition, known: Known) -> Test:
+    compare, left, right = COMPARISONS[condition.comparison], part_of(condition.left, known), part_of(condition.right, known)
+    return lambda values, shared: compare(left(values, shared), right(values, shared))
+
+
+def _selection(names: Sequence[str], conditions: Sequence[Test], sides: Sequence[Sequence[Part]]) -> Step:
+    """Return a choice between values that are there already: no rows are sorted."""
+
+    def step(values: Values, shared: Shared, _n: int) -> None:
+        held = [condition(values, shared) for condition in conditions]
+        for place, name in enumerate(names):
+            value = sides[-1][place](values, shared)
+            for condition, side in zip(reversed(held), reversed(sides[:-1]), strict=True):
+                value = np.where(condition, side[place](values, shared), value)
+            values[name] = value
+
+    return step

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import count
 
-from mapmore_cli.modelling.program.statements import Block, Choose, Condition, Function, Kept, Let, Limit, Statement, Use
-from mapmore_cli.modelling.terms import Expression, Name, Number, add, substitute
-from mapmore_cli.modelling.terms.syntax import Product, Sum, negate
+from mapmore_cli.modelling.program.statements import Block, Choose, Function, Kept, Let, Limit, Statement, Use
+from mapmore_cli.modelling.terms import Expression, Name, Number, add, call, substitute
+from mapmore_cli.modelling.terms.syntax import Condition, Operand, Product, Sum, expression, negate
+
+Side = Operand | Callable[[], Operand]
+"""A value, or a function that writes the statements of one."""
 
 
 class Names:
@@ -52,10 +55,30 @@ class Lines:
         self.statements.append(Choose((name,), found, block_of(otherwise)))
         return Name(name)
 
-    def clip(self, stem: str, x: Expression, low: float | None, high: float | None) -> Expression:
-        """`x`, held at the ends that are given."""
-        ends = [(Condition(x, sign, Number(end)), Number(end)) for sign, end in (("<", low), (">", high)) if end is not None]
-        return self.choose(stem, ends, x)
+    def where(self, condition: Condition, then: Side, otherwise: Side) -> Expression:
+        """Return `then` where the condition holds, else `otherwise`: values, or functions that write the statements of that side."""
+        return self.choose("side", [(condition, self.side(then))], self.side(otherwise))
+
+    def clip(self, x: Operand, low: Operand | None, high: Operand | None, stem: str = "clipped") -> Expression:
+        """Return x, held at the ends that are given."""
+        held = self.let(stem, expression(x))
+        ends = [(Condition(held, sign, expression(end)), expression(end)) for sign, end in (("<", low), (">", high)) if end is not None]
+        return self.choose(stem, ends, held)
+
+    def call(self, function: str, x: Operand) -> Expression:
+        """Return a function's value."""
+        return call(function, expression(x))
+
+    def side(self, value: Side) -> Block:
+        """Return the statements of one side of a branch."""
+        if not callable(value):
+            return Block((), (expression(value),))
+        outer, self.statements = self.statements, []
+        try:
+            result = expression(value())
+            return self.block(result)
+        finally:
+            self.statements = outer
 
     def block(self, *results: Expression) -> Block:
         """All so far."""

@@ -39,11 +39,12 @@ class Compiled:
 def compiled(expressions: tuple[Expression, ...]) -> Compiled:
     """The program that evaluates `expressions`; powers and function values that several share are computed once."""
     known: Known = {}
-    parts = tuple(_part(expression, known) for expression in expressions)
+    parts = tuple(part_of(expression, known) for expression in expressions)
     return Compiled(parts, len(known))
 
 
-def _part(expression: Expression, known: Known) -> Part:
+def part_of(expression: Expression, known: Known) -> Part:
+    """Return a node ready to be evaluated; `known` has the powers and function values of those that it is evaluated with."""
     match expression:
         case Number(value):
             constant = np.float64(value)
@@ -51,7 +52,7 @@ def _part(expression: Expression, known: Known) -> Part:
         case Name(name):
             return lambda columns, _shared: columns[name]
         case Sum(terms):
-            return _sum([_part(term, known) for term in terms])
+            return _sum([part_of(term, known) for term in terms])
         case Product(factors):
             return _product(factors, known)
         case Power() | Call():
@@ -72,8 +73,8 @@ def _sum(terms: Sequence[Part]) -> Part:
 
 
 def _product(factors: Sequence[Expression], known: Known) -> Part:
-    first = _part(factors[0], known)
-    others = [(_divides(factor), _divisor(factor, known) if _divides(factor) else _part(factor, known)) for factor in factors[1:]]
+    first = part_of(factors[0], known)
+    others = [(_divides(factor), _divisor(factor, known) if _divides(factor) else part_of(factor, known)) for factor in factors[1:]]
 
     def total(columns: Mapping[str, Value], shared: Shared) -> Value:
         value = first(columns, shared)
@@ -111,7 +112,7 @@ def _once(expression: Power | Call, known: Known) -> Part:
 def _computed(expression: Power | Call, known: Known) -> Part:
     match expression:
         case Call(function, argument):
-            compute, inner = FUNCTIONS[function].compute, _part(argument, known)
+            compute, inner = FUNCTIONS[function].compute, part_of(argument, known)
             return lambda columns, shared: compute(inner(columns, shared))
         case Power(base, exponent) if exponent < 0:
             divisor = _power(base, -exponent, known)
@@ -121,9 +122,9 @@ def _computed(expression: Power | Call, known: Known) -> Part:
             left, right = _power(base, half, known), _power(base, exponent - half, known)
             return lambda columns, shared: left(columns, shared) * right(columns, shared)
         case Power(base, exponent):
-            raised = _part(base, known)
+            raised = part_of(base, known)
             return lambda columns, shared: np.power(raised(columns, shared), exponent)
 
 
 def _power(base: Expression, exponent: float, known: Known) -> Part:
-    return _part(base if exponent == 1.0 else Power(base, exponent), known)
+    return part_of(base if exponent == 1.0 else Power(base, exponent), known)

@@ -1,7 +1,7 @@
-"""What is declared of an operator with memory: the form of its file in `operators/`, and helpers to write one.
+"""Declare operators with memory: the form of a file in `operators/`.
 
-An operator turns a state x into a new one by a causal rule that is the same at all times. Its file says how it is written, computed along
-a recording, computed sample by sample where the output is fed back, printed, and what a spec may set of it. Nothing else knows of it.
+An operator turns a state x into a new one by a causal rule that is the same at all times. Its file says how it is written, its
+recursion, how it is printed, and what a spec may set of it. Nothing else knows of it.
 """
 
 from __future__ import annotations
@@ -9,9 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
-
-import numpy as np
+from typing import Any, Literal, Protocol
 
 from mapmore_cli.domain.arrays import Array
 
@@ -63,27 +61,59 @@ class Setting:
         return self.numbers[0] * (high - low)
 
 
+class Arithmetic(Protocol):
+    """What a recursion computes with beside `+ - * / **` and comparisons: floats, columns, or the statements of a program.
+
+    `then` and `otherwise` are values, or functions without arguments that compute one; floats call only the one that counts.
+    """
+
+    def where(self, condition: Any, then: Any, otherwise: Any) -> Any:
+        """Return `then` where the condition holds, else `otherwise`."""
+
+    def clip(self, x: Any, low: Any, high: Any) -> Any:
+        """Return x, held at low and high."""
+
+    def call(self, function: str, x: Any) -> Any:
+        """Return one of `FUNCTIONS` of x."""
+
+
 @dataclass(frozen=True)
 class Recursion:
-    """An operator from one sample to the next: `s[k] = next(s[k-1], ..., s[k-p], x[k], ..., x[k-q])`.
+    """An operator from one sample to the next: `s[k] = next(m, s[k-1], ..., s[k-p], x[k], ..., x[k-q])`.
+
+    This is the one definition of an operator: values along a recording, steps of a free run, derivatives and exported code follow
+    from it. `next` is called with floats, with columns and with the names of a program, so it branches by `m.where` and not by `if`.
 
     Attributes
     ----------
     own, source
         How many past values of its own, p, and of its source, q, it needs.
     next
-        The new value, of p + q + 1 numbers in the order above.
+        The new value, of the arithmetic m and p + q + 1 numbers in the order above.
     rest
-        The value where the source has stood at x for ever.
-    slopes
-        Derivatives of s[k] for the same p + q + 1 numbers, each (n,) or one for all samples, given s and x, (n,) each.
+        The value where the source has always been x.
+    weights
+        Of a linear operator, the p + q + 1 weights; None for others.
     """
 
     own: int
     source: int
-    next: Callable[..., float]
-    rest: Callable[[float], float]
-    slopes: Callable[[Array, Array], tuple[Array | float, ...]]
+    next: Callable[..., Any]
+    rest: Callable[[Any], Any]
+    weights: tuple[float, ...] | None = None
+
+
+def linear(past: Sequence[float], driven: Sequence[float], steady: float = 1.0) -> Recursion:
+    """Return the recursion `s[k] = sum_i past_i s[k-i] + sum_j driven_j x[k-j]`, i from 1, j from 0; at rest s is `steady` times x."""
+    weights = (*past, *driven)
+
+    def following(_m: Arithmetic, *values: Any) -> Any:
+        total = weights[0] * values[0]
+        for weight, value in zip(weights[1:], values[1:], strict=True):
+            total = total + weight * value
+        return total
+
+    return Recursion(len(past), len(driven) - 1, following, lambda x: steady * x, weights)
 
 
 @dataclass(frozen=True)
@@ -96,10 +126,8 @@ class Operator:
         As in `slow(pressure, 0.3)`.
     summary
         What a spec's author reads of its family.
-    along
-        Its values on one uninterrupted piece, (n,), from those of its source; NaN where the source is NaN at the beginning, at rest then.
     recursion
-        The same, sample by sample, as a free run needs it where the source depends on the output.
+        From one sample to the next.
     parameters
         Its numbers, in the order of its name.
     needs
@@ -109,16 +137,18 @@ class Operator:
         Numbers where a spec gives a `count` of them: of that count, the time between samples and the longest piece's duration, both s.
     family
         The key of the spec's family that writes it, if that is not its name: a family may write several operators.
+    along
+        A faster way to compute its values on one uninterrupted piece, (n,), which begins at rest; None takes the recursion.
     """
 
     name: str
     summary: str
-    along: Callable[[Array, Setting], Array]
     recursion: Callable[[Setting], Recursion]
     parameters: tuple[Parameter, ...] = ()
     needs: Literal["range", "oscillator"] | None = None
     spread: Callable[[int, float, float], tuple[float, ...]] | None = None
     family: str = ""
+    along: Callable[[Array, Setting], Array] | None = None
 
     @property
     def counts(self) -> tuple[int, ...]:
@@ -129,20 +159,3 @@ class Operator:
     def latex(self) -> str:
         """The name upright."""
         return rf"\mathrm{{{self.name.replace('_', chr(92) + '_')}}}"
-
-
-def beginning(x: Array) -> int:
-    """Index of the first sample that is not empty; the length where there is none."""
-    known = ~np.isnan(x)
-    return int(np.argmax(known)) if known.any() else len(x)
-
-
-def filtered_from_rest(x: Array, b: Sequence[float], a: Sequence[float]) -> Array:
-    """The linear filter of unit gain with coefficients b (of x) and a, (n,), as if x had stood at its first value for ever."""
-    from scipy.signal import lfilter
-
-    begin = beginning(x)
-    values = np.full(len(x), np.nan)
-    rest = x[begin : begin + 1].sum()
-    values[begin:] = np.asarray(lfilter(b, a, x[begin:] - rest)) + rest
-    return values

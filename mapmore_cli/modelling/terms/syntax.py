@@ -59,6 +59,50 @@ class Expression:
         """Every quantity that occurs."""
         return frozenset[str]().union(*(part.names for part in self.parts))
 
+    __array_ufunc__ = None  # a number of NumPy's leaves arithmetic with an expression to the expression
+
+    def __add__(self, other: Operand) -> Expression:
+        return add(self, expression(other))
+
+    def __radd__(self, other: Operand) -> Expression:
+        return add(expression(other), self)
+
+    def __sub__(self, other: Operand) -> Expression:
+        return add(self, negate(expression(other)))
+
+    def __rsub__(self, other: Operand) -> Expression:
+        return add(expression(other), negate(self))
+
+    def __mul__(self, other: Operand) -> Expression:
+        return multiply(self, expression(other))
+
+    def __rmul__(self, other: Operand) -> Expression:
+        return multiply(expression(other), self)
+
+    def __truediv__(self, other: Operand) -> Expression:
+        return multiply(self, power(expression(other), -1))
+
+    def __rtruediv__(self, other: Operand) -> Expression:
+        return multiply(expression(other), power(self, -1))
+
+    def __pow__(self, exponent: float) -> Expression:
+        return power(self, exponent)
+
+    def __neg__(self) -> Expression:
+        return negate(self)
+
+    def __lt__(self, other: Operand) -> Condition:
+        return Condition(self, "<", expression(other))
+
+    def __le__(self, other: Operand) -> Condition:
+        return Condition(self, "<=", expression(other))
+
+    def __gt__(self, other: Operand) -> Condition:
+        return Condition(self, ">", expression(other))
+
+    def __ge__(self, other: Operand) -> Condition:
+        return Condition(self, ">=", expression(other))
+
 
 @_node
 class Number(Expression):
@@ -145,7 +189,27 @@ class Call(Expression):
         return (self.argument,)
 
 
+@dataclass(frozen=True)
+class Condition:
+    """`left comparison right`, with `<`, `<=`, `>`, `>=` or `==`; false where a side is not a number."""
+
+    left: Expression
+    comparison: str
+    right: Expression
+
+    def __bool__(self) -> bool:
+        raise TypeError("a condition of a program is neither true nor false before the program runs: branch by `where`")
+
+
+Operand = Expression | float
+"""What stands beside an expression in arithmetic."""
+
 ZERO, ONE = Number(0.0), Number(1.0)
+
+
+def expression(value: Operand) -> Expression:
+    """Return the value itself, or a number as an expression."""
+    return value if isinstance(value, Expression) else Number(float(value))
 
 
 def add(*terms: Expression) -> Expression:

@@ -13,7 +13,8 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.signals.cycles import bin_means
 from mapmore_cli.modelling.signals.rates import rate
-from mapmore_cli.modelling.terms.operator import filtered_from_rest
+from mapmore_cli.modelling.terms.operator import linear
+from mapmore_cli.modelling.terms.recursion import followed
 
 HINGED = "sarosi_hinged"
 """The formula that is made for it."""
@@ -186,7 +187,7 @@ def remembered(records: Sequence[tuple[Array, Array]]) -> Remembered | None:
 def _earlier(u: Array) -> Array:
     """The input delayed and followed slowly, and the square of the latter, `(n, 8)`."""
     delayed = [np.concatenate([np.full(min(k, len(u)), u[0]), u[:-k]])[: len(u)] for k in DELAYS]
-    slow = [filtered_from_rest(u, [1 / lag], [1, 1 / lag - 1]) for lag in LAGS]
+    slow = [followed(linear([1 - 1 / lag], [1 / lag]), u) for lag in LAGS]
     return np.column_stack([*delayed, *slow, *(one**2 for one in slow)])
 
 

@@ -6,6 +6,9 @@ import numpy as np
 
 from mapmore_cli.domain.memory import MemoryModel, StateSet
 from mapmore_cli.modelling.memory import MemoryRecipe, Record
+from mapmore_cli.modelling.terms.operator import Setting
+from mapmore_cli.modelling.terms.operators import OPERATORS
+from mapmore_cli.modelling.terms.recursion import along
 
 STEP = 0.01
 
@@ -53,3 +56,13 @@ def narx_truth(x, y0=0.0, y1=0.0):
     for k in range(2, len(x)):
         y[k] = 0.6 * x[k - 2] - 0.5 * y[k - 2] + 0.7 * x[k - 1] * y[k - 1] + 0.2 * y[k - 1] ** 2
     return y
+
+
+def slow(x, tau, step):
+    """A first-order lag of x."""
+    return along(OPERATORS["slow"], x, Setting((tau,), step))
+
+
+def resonance(x, frequency, damping, step, name="resonance"):
+    """Position of the oscillator that x drives, or its velocity by the other name."""
+    return along(OPERATORS[name], x, Setting((frequency, damping), step))

@@ -7,15 +7,27 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from memory_samples import resonance, slow
 
 from mapmore_cli.modelling.memory.evaluation import delayed
-from mapmore_cli.modelling.terms.operators.play import play
-from mapmore_cli.modelling.terms.operators.resonance import resonance, resonance_velocity
-from mapmore_cli.modelling.terms.operators.slow import slow
-from mapmore_cli.modelling.terms.operators.stop import stop
+from mapmore_cli.modelling.terms.operator import Setting
+from mapmore_cli.modelling.terms.operators import OPERATORS as DECLARED
+from mapmore_cli.modelling.terms.recursion import along
 from mapmore_cli.rig.muscle import stop as rig_stop
 
 PATHS = arrays(float, st.integers(1, 60), elements=st.floats(-10, 10, width=32))
+
+
+def play(x, width):
+    return along(DECLARED["play"], x, Setting((1.0,), 0.01, (0.0, width)))
+
+
+def stop(x, width):
+    return along(DECLARED["stop"], x, Setting((1.0,), 0.01, (0.0, width)))
+
+
+def resonance_velocity(x, frequency, damping, step):
+    return resonance(x, frequency, damping, step, "resonance_velocity")
 
 
 @given(PATHS, st.integers(1, 70))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from memory_samples import STEP, record, state_set, wandering
+from memory_samples import STEP, record, resonance, slow, state_set, wandering
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
@@ -15,8 +15,6 @@ from mapmore_cli.modelling.memory.feedback import fed_back_states
 from mapmore_cli.modelling.memory.records import records_of, time_step, uninterrupted
 from mapmore_cli.modelling.memory.resolution import resolve
 from mapmore_cli.modelling.terms.operators.play import play
-from mapmore_cli.modelling.terms.operators.resonance import resonance
-from mapmore_cli.modelling.terms.operators.slow import slow
 
 NAMES = ("x", "x[k-2]", "slow(play(x, 0.2), 0.05)", "stop(slow(x, 0.1), 0.1)", "slow(saturate(x), 0.1)", "resonance(x, 3, 0.2)")
 
