@@ -294,22 +294,32 @@ def joint_forces(runs: Path, experiment: str) -> Iterator[tuple[str, Array, Arra
         yield muscle, columns["time"], columns[muscle], literature.get("muscle_like").predict(fit.parameters, inputs)
 
 
+JOINTS = {"closed": "closed", "driven": "driven, 50 to 500 kPa", "driven-200": "driven, 200 to 500 kPa"}
+"""The studies of the joint, and their names on the page."""
+
+
 def joint_table(runs: Path) -> Table:
-    """R² of each muscle's own force and of their difference, closed and driven, by models that were identified at closed valves."""
+    """Compare each muscle's own force, and their difference, with models that were identified at closed valves."""
     rows: list[tuple[Cell, ...]] = []
     said = {(row["experiment"], row["muscle"]): row["r2"] for row in printed("h_verification.csv")}
-    for experiment in ("closed", "driven"):
+    for experiment, word in JOINTS.items():
         folder = run(f"muscle-like/muscle-like-joint-{experiment}", runs)
         for muscle, _, force, predicted in joint_forces(runs, experiment):
-            error = predicted - force
-            r2 = 1 - float(np.sum(error**2) / np.sum((force - force.mean()) ** 2))
-            rows.append((f"{experiment}: {muscle}", said[experiment, muscle] or "not printed", r2, float(np.sqrt(np.mean(error**2)))))
+            here = said[experiment.removesuffix("-200"), muscle] or "not printed"
+            rows.append((f"{word}: {muscle}", here, *_r2_and_rmse(force, predicted)))
+            if experiment == "driven":
+                rows.append((f"{word}: {muscle}, never below zero", here, *_r2_and_rmse(force, np.maximum(predicted, 0.0))))
         found = scores(folder, "validate")
         words = {"mapmore": "difference of both", "identified_here": "the same, identified from the first half of this record"}
-        for model, word in words.items():
-            rows.append((f"{experiment}: {word}", None, found[model].r2, found[model].rmse))
+        for model, name in words.items():
+            rows.append((f"{word}: {name}", None, found[model].r2, found[model].rmse))
     heads = (Column("force"), Column("H, R²"), Column("R²", "", ".4f"), Column("RMSE", "N", ".3g"))
     return Table("joint", "The joint: muscle-like models, identified at closed valves where nothing else is said", heads, tuple(rows))
+
+
+def _r2_and_rmse(force: Array, predicted: Array) -> tuple[float, float]:
+    error = predicted - force
+    return 1 - float(np.sum(error**2) / np.sum((force - force.mean()) ** 2)), float(np.sqrt(np.mean(error**2)))
 
 
 def one_run(config: str, runs: Path, name: str, title: str, unit: str) -> Table:

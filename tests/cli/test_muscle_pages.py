@@ -113,11 +113,16 @@ def test_a_k_was_inert(muscle_tables: ModuleType) -> None:
     assert f"{muscle_tables.size_of_eq_3():.1f} times too small" in WRIST.read_text(encoding="utf-8")
 
 
-def test_the_accuracy_drops_where_the_valves_are_open() -> None:
+def test_a_slack_muscle_is_what_the_model_misses() -> None:
+    """Driven from 50 kPa it is slack for a part of the period; driven from 200 kPa, or held at zero from below, the model is good."""
     rows = {name: numbers(row)["R²"] for name, row in page_table("joint", MUSCLE_LIKE).items()}
-    assert min(rows[f"closed: {muscle}"] for muscle in ("extensor", "flexor")) > 0.97
-    assert max(rows[f"driven: {muscle}"] for muscle in ("extensor", "flexor")) < 0.6
-    assert rows["driven: the same, identified from the first half of this record"] > 0.99
+    muscles = ("extensor", "flexor")
+    wide, narrow = "driven, 50 to 500 kPa", "driven, 200 to 500 kPa"
+    assert min(rows[f"closed: {muscle}"] for muscle in muscles) > 0.97
+    assert max(rows[f"{wide}: {muscle}"] for muscle in muscles) < 0.6
+    assert min(rows[f"{wide}: {muscle}, never below zero"] for muscle in muscles) > 0.9
+    assert min(rows[f"{narrow}: {muscle}"] for muscle in muscles) > 0.96
+    assert rows[f"{wide}: the same, identified from the first half of this record"] > 0.99
 
 
 def test_biological_curves_are_those_of_h(muscle_tables: ModuleType) -> None:
