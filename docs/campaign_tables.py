@@ -15,11 +15,11 @@ from pathlib import Path
 import numpy as np
 from pages import write_tables
 
-from mapmore_cli.domain.models import Fusion, Model
+from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling.comparison import Comparison, compare
 from mapmore_cli.modelling.pieces.build import build
-from mapmore_cli.modelling.pieces.recipe import Cutting, Even, Fitting, Fusing, Recipe
+from mapmore_cli.modelling.pieces.recipe import Cuts, Recipe
 from mapmore_cli.reporting.table import Column, Table
 from mapmore_cli.rig.load_cycle import load_cycle
 from mapmore_cli.rig.sensors import Sensor, measure
@@ -39,10 +39,10 @@ EVERY = 10
 PRESSURES = {4: (80.0, 150.0, 250.0, 350.0), 8: (80.0, 120.0, 160.0, 200.0, 240.0, 280.0, 320.0, 350.0)}
 QUANTITIES = {q.name: q for q in (Quantity("pressure", "kPa"), Quantity("strain", "1"), Quantity("force", "N"))}
 RECIPE = Recipe(  # M2 section 5.1
-    "force",
-    Cutting("pressure", {"strain": Even(4)}),
-    Fitting(("1", "strain", "strain^2", "strain^3", "strain^4"), "unit_square", 1, 1e-4, "tolerance"),
-    Fusing(Fusion(transition="linear", z_s=0.25, extrapolation={}, levels="linear", hold="samples"), "none", "curve", None, {}, None),
+    target="force",
+    dictionary=("1", "strain", "strain^2", "strain^3", "strain^4"),
+    cuts={"strain": Cuts("even", 4)},
+    level="pressure",
 )
 
 

@@ -12,6 +12,7 @@ from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 import numpy as np
 from pages import CONFIGS, DOCS, campaign, finished, printed, write_tables
@@ -19,9 +20,11 @@ from pages import CONFIGS, DOCS, campaign, finished, printed, write_tables
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.motion import CARRIED, HARD, ZERO, Motion, MotionSection
 from mapmore_cli.modelling.memory import Record
-from mapmore_cli.modelling.motion import Box, MotionRecipe, fit_motion, simulate
 from mapmore_cli.modelling.motion.bumpless import continued
+from mapmore_cli.modelling.motion.fitting import fit_motion
 from mapmore_cli.modelling.motion.measures import motion_errors
+from mapmore_cli.modelling.motion.recipe import Bounds, MotionRecipe
+from mapmore_cli.modelling.motion.simulation import simulate
 from mapmore_cli.reporting.campaign import nrmse_table
 from mapmore_cli.reporting.table import Cell, Column, Table
 from mapmore_cli.spec.campaign import Entry
@@ -43,6 +46,11 @@ TRIALS: Mapping[str, dict[str, object]] = {
     "differential_evolution": {"solver": "differential_evolution"},
     "differential_evolution, 60 generations": {"solver": "differential_evolution", "iterations": 60},
 }
+
+
+def recipe(**settings: Any) -> MotionRecipe:
+    """The settings of a fit, of the simulated muscle."""
+    return MotionRecipe(input="input", output="displacement", step=STEP, **settings)
 
 
 def published(model: str) -> Motion:
@@ -102,10 +110,7 @@ def solvers() -> Table:
     clean = simulate(published("linear"), {"input": u})
     y = clean + NOISE * np.random.default_rng(1).standard_normal(n)
     record = Record({"input": u, "displacement": y}, np.ones(n, dtype=np.bool_))
-    found = {
-        name: [fit_motion([record], MotionRecipe("input", "displacement", STEP, seed=seed, **settings)).searches[0] for seed in SEEDS]  # type: ignore[arg-type]
-        for name, settings in TRIALS.items()
-    }
+    found = {name: [fit_motion([record], recipe(seed=seed, **settings)).searches[0] for seed in SEEDS] for name, settings in TRIALS.items()}
     least = found["least_squares"][0].rmse
     columns = (
         Column("solver"),
@@ -144,8 +149,8 @@ def slowest() -> Table:
     for bound in BOUNDS:
         errors = []
         for pattern, settings in (("reference_full.csv", {}), ("reference_section_*.csv", {"sections": BOUNDARIES})):
-            recipe = MotionRecipe("input", "displacement", STEP, slowest=bound, **settings)  # type: ignore[arg-type]
-            model = fit_motion([log(path) for path in sorted(folder.glob(pattern))], recipe).model
+            made = recipe(slowest=bound, **settings)
+            model = fit_motion([log(path) for path in sorted(folder.glob(pattern))], made).model
             wrong = [simulate(model, one.columns) - one.columns["displacement"] for one in held_out]
             errors.append(float(np.sqrt(np.mean(np.concatenate(wrong) ** 2))))
         rows.append((f"{bound:g} s", *errors))
@@ -171,7 +176,12 @@ def waveforms(runs: Path) -> Table:
 
 READINGS: Mapping[str, dict[str, object]] = {
     "at rest, hard": {},
-    "from zero, carried": {"start": ZERO, "mask": "displacement", "switching": CARRIED, "begin": Box((0.0, 1.0), (0.0, 1.0), (0.0, 3.0))},
+    "from zero, carried": {
+        "start": ZERO,
+        "mask": "displacement",
+        "switching": CARRIED,
+        "begin": Bounds((0.0, 1.0), (0.0, 1.0), (0.0, 3.0)),
+    },
 }
 """Two readings of P's text; the settings of every model."""
 KINDS: Mapping[str, tuple[str, dict[str, object]]] = {
@@ -192,8 +202,8 @@ def errors_by_seed(reading: str, seeds: Sequence[int] = READING_SEEDS) -> Mappin
     for seed in seeds:
         models = []
         for pattern, settings in KINDS.values():
-            recipe = MotionRecipe("input", "displacement", STEP, solver="swarm", seed=seed, **settings, **READINGS[reading])  # type: ignore[arg-type]
-            models.append(fit_motion([log(path) for path in sorted(folder.glob(pattern))], recipe).model)
+            made = recipe(solver="swarm", seed=seed, **settings, **READINGS[reading])
+            models.append(fit_motion([log(path) for path in sorted(folder.glob(pattern))], made).model)
         for wave, columns in waves.items():
             y, u = columns["displacement"], columns["input"]
             found[wave].append([motion_errors(y, simulate(model, columns), u, STEP).displacement_rmse for model in models])

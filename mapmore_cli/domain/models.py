@@ -11,7 +11,7 @@ from mapmore_cli.domain.fits import FormulaFit, Scaling
 from mapmore_cli.domain.memory import MemoryModel
 from mapmore_cli.domain.motion import Motion
 from mapmore_cli.domain.recording import Quantity, Signal
-from mapmore_cli.domain.words import Between, Hold, Transition
+from mapmore_cli.domain.words import Joining
 
 Side = str | float
 """Behaviour beyond one limit: `continue`, `continue_linear`, `saturate`, `zero`, or a value (M2 eq 12)."""
@@ -51,8 +51,8 @@ class CurveFunction:
     threshold: float | None = None  # along the aligned variable, where there is one
 
 
-@dataclass(frozen=True)
-class Fusion:
+@dataclass(frozen=True, kw_only=True)
+class Fusion(Joining):
     """How the pieces are joined (M2 eq 9-12).
 
     `hold: samples` holds a segment function beyond its samples by more than `z_s` of their width, as far as transition zones reach there;
@@ -63,13 +63,9 @@ class Fusion:
     place t between them.
     """
 
-    transition: Transition
-    z_s: float
     extrapolation: Mapping[str, tuple[Side, Side]]  # below and above, for every input
-    levels: Between = "linear"
     aligned: str | None = None  # variable along which curves are aligned at their thresholds before they are interpolated
     shrink: float = 1.0
-    hold: Hold = "samples"
     domain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 

@@ -8,7 +8,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from mapmore_cli.spec.fields import Name, Section, SpecPath, contradiction
+from mapmore_cli.domain.declared import Contradiction
+from mapmore_cli.spec.fields import Name, Section, SpecPath
 from mapmore_cli.spec.layers import as_overrides
 from mapmore_cli.spec.loader import load_as
 from mapmore_cli.spec.yaml_loader import LARGEST
@@ -28,7 +29,7 @@ class Variant(Section):
     @model_validator(mode="after")
     def _named(self) -> Variant:
         if self.base is None and self.name is None:
-            raise contradiction("a variant of the campaign's base needs a `name`", "add it: every run has a folder of its own")
+            raise Contradiction("a variant of the campaign's base needs a `name`", "add it: every run has a folder of its own")
         return self
 
 
@@ -50,7 +51,7 @@ class Campaign(Section):
     @model_validator(mode="after")
     def _has_specs(self) -> Campaign:
         if self.base is None and any(run.base is None for run in self.runs):
-            raise contradiction("a run has no spec", "give the campaign a `base`, or each run one", "runs")
+            raise Contradiction("a run has no spec", "give the campaign a `base`, or each run one", "runs")
         return self
 
 

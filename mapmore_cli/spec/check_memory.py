@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import fields
 
+from mapmore_cli.modelling.pieces.recipe import Fuse
+from mapmore_cli.modelling.selection import AUTO, Fit
 from mapmore_cli.spec.check_names import NO_TIME
 from mapmore_cli.spec.diagnostics import Finding
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.dictionary import feeds_back, remembers
-from mapmore_cli.spec.sections.method import AUTO, Fit, Fuse
 from mapmore_cli.spec.tree import Loc
 from mapmore_cli.spec.units import default_unit
 
@@ -46,7 +48,7 @@ def segments(spec: ExperimentSpec) -> Iterator[Finding]:
         remedy = f"add `segment: {{{levels.of}: none}}`, and name `{levels.of}` in the terms where it matters"
         yield Finding(("data", "levels"), f"{ONE}: it is not interpolated between levels of `{levels.of}`", remedy, on_key=True)
     defaults = Fuse()
-    for key in Fuse.model_fields:
+    for key in (field.name for field in fields(Fuse)):
         if getattr(spec.fuse, key) != getattr(defaults, key):
             yield Finding(("fuse", key), f"{ONE}: there is nothing to join", f"remove `{key}`", on_key=True)
 

@@ -7,12 +7,13 @@ from itertools import pairwise
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import DIRECTION
+from mapmore_cli.modelling.pieces.recipe import CutByDirection
 from mapmore_cli.spec.check_names import NO_TIME, expression_findings
 from mapmore_cli.spec.check_study import formula_uses
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean
 from mapmore_cli.spec.experiment import ExperimentSpec, TargetColumn
 from mapmore_cli.spec.sections.data import STEP_OF
-from mapmore_cli.spec.sections.method import CutByDirection, Summand
+from mapmore_cli.spec.sections.model import Summand
 from mapmore_cli.spec.sections.results import Competitor
 from mapmore_cli.spec.tree import Loc
 from mapmore_cli.spec.units import default_unit

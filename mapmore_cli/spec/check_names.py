@@ -7,12 +7,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from mapmore_cli.domain.recording import DIRECTION
+from mapmore_cli.modelling.pieces.recipe import CutByDirection
 from mapmore_cli.spec.check_dictionary import word
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean
 from mapmore_cli.spec.experiment import ExperimentSpec, TargetColumn
 from mapmore_cli.spec.sections.data import Direction, Rate
 from mapmore_cli.spec.sections.logs import FileEntry, Keep
-from mapmore_cli.spec.sections.method import CutByDirection
 from mapmore_cli.spec.tree import Loc
 
 NO_TIME = "add `time` to `columns`, or `sample_time` to `data`"

@@ -7,11 +7,12 @@ from collections.abc import Iterator
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.scores import BASELINES, METRICS, OWN, REPEATABILITY
+from mapmore_cli.modelling.pieces.recipe import Cuts, Fuse
+from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean
 from mapmore_cli.spec.experiment import ExperimentSpec, TargetColumn
 from mapmore_cli.spec.sections.dictionary import entries_of, texts_in
 from mapmore_cli.spec.sections.logs import Logs
-from mapmore_cli.spec.sections.method import AUTO, Cuts, Fuse
 from mapmore_cli.spec.sections.results import Competitor
 from mapmore_cli.spec.tree import Loc
 from mapmore_cli.spec.units import CANONICAL, check_unit, convert, default_unit, is_canonical

@@ -9,30 +9,23 @@ the unit that the field's mark names.
 from __future__ import annotations
 
 import functools
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, TypeAdapter, ValidationError, ValidationInfo, model_validator
 
-from mapmore_cli.spec.fields import (
-    PARTIAL,
-    Keyed,
-    Metres,
-    Name,
-    Quantity,
-    Section,
-    Text,
-    by_shape,
-    by_shape_or_key,
-    contradiction,
-    with_key,
-)
+from mapmore_cli.domain.declared import Contradiction, Either, Settings
+from mapmore_cli.modelling.pieces.recipe import CutByDirection, Fuse, Segmented
+from mapmore_cli.modelling.selection import Fit
+from mapmore_cli.spec.fields import PARTIAL, Metres, Name, Quantity, Section
 from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry, remembers
-from mapmore_cli.spec.sections.method import CutByDirection, Cuts, Fit, Fuse, ModelChoice, Needs
+from mapmore_cli.spec.sections.model import ModelChoice, Needs
 from mapmore_cli.spec.sections.results import Report, Validate
 
 
-class Muscle(Section):
+@dataclass(frozen=True)
+class Muscle(Settings):
     """What was measured, with dimensions in metres; recorded in the results, and used by formulas that need dimensions."""
 
     name: str | None = None
@@ -46,7 +39,8 @@ class Muscle(Section):
         return {"length": self.length, "diameter": self.diameter}
 
 
-class TargetColumn(Section):
+@dataclass(frozen=True)
+class TargetColumn(Settings):
     """A canonical quantity as target."""
 
     column: str
@@ -80,14 +74,8 @@ class ExperimentSpec(Section):
     units: dict[Quantity, str] = {}
     data: Data
     needs: Needs = Needs()
-    target: Annotated[Annotated[Literal["static", "hysteresis", "damping", "dynamic"], Text] | Annotated[TargetColumn, Keyed], by_shape]
-    segment: dict[
-        str,
-        Annotated[
-            Annotated[Cuts, Keyed] | Annotated[CutByDirection, with_key("dead_band")] | Annotated[Literal["none", "levels"], Text],
-            by_shape_or_key("dead_band"),
-        ],
-    ] = {}
+    target: Annotated[Literal["static", "hysteresis", "damping", "dynamic"] | TargetColumn, Either()]
+    segment: dict[str, Segmented] = {}
     dictionary: list[DictionaryEntry] = []
     model: ModelChoice = ModelChoice()
     fit: Fit = Fit()
@@ -99,15 +87,18 @@ class ExperimentSpec(Section):
     @classmethod
     def _no_campaign(cls, given: Any) -> Any:
         if isinstance(given, dict) and "campaign" in given:
-            raise contradiction("this is a campaign of several runs, not an experiment", "run it with `mapmore batch`", "campaign")
+            raise Contradiction("this is a campaign of several runs, not an experiment", "run it with `mapmore batch`", "campaign")
         return given
 
     @model_validator(mode="before")
     @classmethod
     def _by_choice(cls, given: Any) -> Any:
-        """Defaults that depend on the target and on the terms."""
+        """Defaults that depend on the target, on the terms, and on the parts of a sum."""
         if not isinstance(given, dict):
             return given
+        model = given.get("model")
+        if isinstance(model, dict) and model.get("sum") is not None:
+            given = {**given, "model": {"type": "sum", **model}}
         section, defaults = _DEFAULTS_OF_TARGET.get(str(given.get("target")), ("", {}))
         if _given_memory(given.get("dictionary")):
             section, defaults = "fit", {"scaling": "none"}  # numbers of steps and widths in physical units stay readable
@@ -140,7 +131,7 @@ class ExperimentSpec(Section):
     @model_validator(mode="after")
     def _needs_terms(self, info: ValidationInfo) -> ExperimentSpec:
         if self.model.type == "mapmore" and not self.dictionary and info.context is not PARTIAL:
-            raise contradiction(
+            raise Contradiction(
                 "there are no candidate terms",
                 "add a `dictionary`, as `[{polynomial: {of: [strain], order: 4}}]`, or `model: {type: literature, name: sarosi}`",
                 "dictionary",

@@ -10,8 +10,8 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from mapmore_cli.domain.declared import Contradiction, shape
 from mapmore_cli.spec.diagnostics import Mistake, did_you_mean
-from mapmore_cli.spec.fields import shape
 from mapmore_cli.spec.tree import Loc, Node, keys_at, nearest
 
 Explained = tuple[str, str | None]
@@ -28,7 +28,9 @@ _EXPECTED = {
     "dict_type": "a mapping",
     "model_type": "a mapping",
     "model_attributes_type": "a mapping",
+    "dataclass_type": "a mapping",
 }
+_UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 _BOUNDS = {
     "greater_than": ("gt", "greater than"),
     "greater_than_equal": ("ge", "at least"),
@@ -40,7 +42,7 @@ _BOUNDS = {
 def explain(error: ValidationError, root: Node, model: type[BaseModel]) -> list[Mistake]:
     """One problem for each mistake that pydantic found in the tree: a key that is missing because it is misspelt is one mistake."""
     errors = error.errors(include_url=False)
-    meant = {_meant(details["loc"], root, model) for details in errors if details["type"] == "extra_forbidden"}
+    meant = {_meant(details["loc"], root, model) for details in errors if details["type"] in _UNKNOWN}
     return [_problem(details, root, model) for details in errors if _split(details["loc"], root) not in meant]
 
 
@@ -53,7 +55,7 @@ def unknown_keys(error: ValidationError, root: Node, model: type[BaseModel]) -> 
     """The ways to unknown keys, each with that to the key which it stands for; None where it is near to no key that the spec lacks."""
     found: dict[Loc, Loc | None] = {}
     for details in error.errors(include_url=False):
-        if details["type"] == "extra_forbidden":
+        if details["type"] in _UNKNOWN:
             loc, _ = _split(details["loc"], root)
             section = nearest(root, loc[:-1])
             near = get_close_matches(str(loc[-1]), keys_at(model, loc[:-1]), n=1)
@@ -69,16 +71,16 @@ def _problem(details: ErrorDetails, root: Node, model: type[BaseModel]) -> Mista
     if misspelt is not None:
         return misspelt
     match details["type"]:
-        case "extra_forbidden":
+        case "extra_forbidden" | "unexpected_keyword_argument":
             return Mistake(node.start, *_unknown_key(loc, model))
         case "missing" if isinstance(rest[-1], int):
             return Mistake(node.at, f"{_name(loc)} has too few values", "give two: `[low, high]`")
         case "missing":
             return Mistake(node.start, f"{_name(loc)} lacks the key `{rest[-1]}`", f"add `{rest[-1]}: ...`")
-        case "contradiction":
-            beside = [node.child(key) for key in context["near"]]
+        case "value_error" if isinstance(found := context["error"], Contradiction):
+            beside = [node.child(key) for key in found.near]
             at = next((child.start for child in beside if child is not None), node.start)
-            return Mistake(at, context["message"], context["remedy"])
+            return Mistake(at, found.message, found.remedy)
         case "string_pattern_mismatch" if rest and rest[-1] == "[key]":
             return Mistake(
                 node.start, f"{str(loc[-1])!r} cannot be the name of a quantity", "use letters, digits and `_`, as `step_pressure`"

@@ -11,9 +11,10 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from mapmore_cli.domain.declared import InUnit
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.spec.diagnostics import Mistake
-from mapmore_cli.spec.fields import RelativePath, SettingsOf, Surroundings, WithUnit
+from mapmore_cli.spec.fields import RelativePath, SettingsOf, Surroundings
 from mapmore_cli.spec.tree import Kind, Node, below, is_free, plain
 from mapmore_cli.spec.units import default_unit, is_quantity, parse_quantity, split_quantity
 
@@ -66,7 +67,7 @@ class _Resolver:
     def _text(self, node: Node, text: str, marks: Sequence[Any], around: Surroundings) -> str | float:
         if any(isinstance(mark, RelativePath) for mark in marks):
             return _from_folder(text, marks, node.at.source.folder, self.folder)
-        rule = next((mark for mark in marks if isinstance(mark, WithUnit)), None)
+        rule = next((mark for mark in marks if isinstance(mark, InUnit)), None)
         if rule is None or not is_quantity(text):
             return text
         unit = rule.unit(around)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import collections.abc
+import dataclasses
 import functools
 import types
 from collections.abc import Iterator, Sequence
@@ -10,6 +12,8 @@ from pathlib import Path
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel
+
+from mapmore_cli.domain.declared import Settings
 
 Loc = Sequence[str | int]
 """The way from the root to a value: keys and list indices."""
@@ -116,15 +120,15 @@ def with_child(node: Node, step: str | int, child: Node) -> Node:
 
 @dataclass(frozen=True)
 class Kind:
-    """One type that a value may have, and the marks (`Annotated[...]`) around it."""
+    """One type that a value may have, and the marks (`...`) around it."""
 
     type: Any
     marks: tuple[Any, ...] = ()
 
     @property
     def is_section(self) -> bool:
-        """True for a model, whose keys are its fields."""
-        return isinstance(self.type, type) and issubclass(self.type, BaseModel)
+        """True for settings, whose keys are their fields."""
+        return isinstance(self.type, type) and issubclass(self.type, BaseModel | Settings)
 
 
 def kinds(annotation: Any, marks: tuple[Any, ...] = ()) -> tuple[Kind, ...]:
@@ -140,13 +144,13 @@ def kinds(annotation: Any, marks: tuple[Any, ...] = ()) -> tuple[Kind, ...]:
 def below(kind: Kind, step: str | int) -> tuple[Kind, ...]:
     """What may stand under a key or list index of a value of this kind."""
     if kind.is_section and isinstance(step, str):
-        fields, others = _fields(kind.type)
+        fields, others = fields_of(kind.type)
         return kinds(fields[step]) if step in fields else kinds(others) if others is not None else ()
     arguments = get_args(kind.type)
     match get_origin(kind.type):
         case container if container is dict and isinstance(step, str):
             return kinds(arguments[1])
-        case container if container is list and isinstance(step, int):
+        case container if container in (list, collections.abc.Sequence) and isinstance(step, int):
             return kinds(arguments[0])
         case container if container is tuple and isinstance(step, int) and step < len(arguments):
             return kinds(arguments[step])
@@ -158,7 +162,7 @@ def is_free(kind: Kind, key: str) -> bool:
     """True where the user chose the key, as the name of a quantity, and it is no field of a section."""
     if not kind.is_section:
         return get_origin(kind.type) is dict
-    fields, others = _fields(kind.type)
+    fields, others = fields_of(kind.type)
     return others is not None and key not in fields
 
 
@@ -173,12 +177,14 @@ def keys_at(model: type[BaseModel], loc: Loc) -> tuple[str, ...]:
 def _keys(here: tuple[Kind, ...]) -> Iterator[str]:
     for kind in here:
         if kind.is_section:
-            yield from _fields(kind.type)[0]
+            yield from fields_of(kind.type)[0]
 
 
 @functools.cache
-def _fields(model: type[BaseModel]) -> tuple[dict[str, Any], Any]:
-    """Annotations by YAML key, and the annotation of keys that are no field (None where there may be none)."""
+def fields_of(model: type[BaseModel | Settings]) -> tuple[dict[str, Any], Any]:
+    """Return annotations by YAML key, and the annotation of keys that are no field (None where there may be none)."""
     hints = get_type_hints(model, include_extras=True)
+    if issubclass(model, Settings):
+        return {field.name: hints[field.name] for field in dataclasses.fields(model)}, None  # type: ignore[arg-type]
     fields = {field.alias or name: hints[name] for name, field in model.model_fields.items()}
     return fields, get_args(hints["__pydantic_extra__"])[1] if model.model_config.get("extra") == "allow" else None

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.spec.experiment import ExperimentSpec
-from mapmore_cli.spec.sections.method import AUTO
 from mapmore_cli.stages.kinds import maker_of
 from mapmore_cli.stages.kinds.choices import ModelChoices, lengths_of
 from mapmore_cli.stages.kinds.dictionary import signals_of

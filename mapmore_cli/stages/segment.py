@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from mapmore_cli.modelling.pieces.recipe import Cuts, Fuse
+from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.data import Levels
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry
-from mapmore_cli.spec.sections.method import Cuts, Fit, Fuse, ModelChoice
+from mapmore_cli.spec.sections.model import ModelChoice
 from mapmore_cli.stages.kinds.choices import SegmentSection
 from mapmore_cli.stages.pipeline.stage import Stage, Workspace
 from mapmore_cli.storage.run_folder import SEGMENTATION
@@ -42,7 +44,6 @@ def run(part: Slice, workspace: Workspace) -> None:
     """Segment every curve over its own range; what is fitted there is what the backbone leaves."""
     from mapmore_cli.modelling.literature.backbone import fit_formula
     from mapmore_cli.modelling.pieces.build import segment
-    from mapmore_cli.modelling.pieces.recipe import Even
     from mapmore_cli.modelling.pieces.segmentation import trained_at
     from mapmore_cli.stages.kinds.pieces import recipe_of
     from mapmore_cli.storage.artefacts import units_of, write_segmentation
@@ -55,9 +56,10 @@ def run(part: Slice, workspace: Workspace) -> None:
     segmentation = segment(trained_at(dataset.curves, part.train_level), recipe, formula)
     for curve in segmentation:
         for name, boundaries in zip(curve.variables, curve.boundaries, strict=True):
-            wanted = getattr(recipe.cutting.cuts[name], "count", None)
-            if wanted is not None and len(boundaries) <= wanted:
-                why = ": neighbours with too few samples are joined" if isinstance(recipe.cutting.cuts[name], Even) else ""
+            cut = recipe.cuts[name]
+            wanted = cut.count if isinstance(cut, Cuts) else None
+            if isinstance(cut, Cuts) and wanted is not None and len(boundaries) <= wanted:
+                why = ": neighbours with too few samples are joined" if cut.joins else ""
                 workspace.warn(f"curve {curve.curve}: {len(boundaries) - 1} segment(s) along {name} instead of {wanted}{why}")
     write_segmentation(workspace.out / SEGMENTATION, segmentation, units_of(dataset))
 

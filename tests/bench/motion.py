@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from timing import median_seconds
 
-from mapmore_cli.modelling.motion import MotionRecipe
 from mapmore_cli.modelling.motion.problem import Piece, Problem
+from mapmore_cli.modelling.motion.recipe import MotionRecipe
 from mapmore_cli.modelling.motion.simulation import response
 from mapmore_cli.modelling.motion.solvers import SOLVERS
 
@@ -23,7 +23,7 @@ def motion():
     p1, p2, p3 = SECTION
     y = response(p1, p2, p3 * u) + 0.05 * np.random.default_rng(20).standard_normal(SAMPLES)
     piece = Piece(u[:, np.newaxis], y, np.ones(SAMPLES, dtype=bool))
-    recipe = MotionRecipe("input", "displacement", STEP)
+    recipe = MotionRecipe(input="input", output="displacement", step=STEP)
     simulations = recipe.particles * (recipe.iterations + 1)
     problem = Problem([piece])
     one = median_seconds(lambda: [problem.rmse(p1, p2, np.array([p3])) for _ in range(LOOPED)], RUNS) / LOOPED

@@ -89,7 +89,7 @@ def hand_model() -> Model:
         name="by-hand",
         output=Quantity("force", "N"),
         inputs=(Quantity("pressure", "kPa"), Quantity("strain", "1")),
-        body=Pieces("pressure", ("strain",), curves, Fusion("linear", 0.25, continued)),
+        body=Pieces("pressure", ("strain",), curves, Fusion(extrapolation=continued)),
     )
 
 

@@ -17,11 +17,11 @@ import pytest
 from page_tables import PAGE, numbers, page_table
 from test_shipped_studies import CONFIGS, NRMSE
 
-from mapmore_cli.domain.models import Fusion
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces.build import build
-from mapmore_cli.modelling.pieces.recipe import Cutting, Even, Fitting, Fusing, Recipe
+from mapmore_cli.modelling.pieces.recipe import Cuts, Recipe
+from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.spec.campaign import load_campaign
 
 CLOSING = ("ratio, geometric mean", "ratio, worst", "runs better", "below the best formula")
@@ -152,10 +152,11 @@ def test_the_gel_muscle_is_better_the_other_way_round(measured_data: Path) -> No
         level = float(columns["pressure"][0])
         curves.append(Curve(f"pressure={level:g}", level, columns, np.full(len(rows), level == 100.0), (path.stem,)))
     recipe = Recipe(
-        "strain",
-        Cutting("pressure", {"force": Even(3, 6)}),
-        Fitting(("1", "force", "force^2", "force^3"), "unit_square", 3, 1e-4, "bic"),
-        Fusing(Fusion("linear", 0.25, {}), "none", "curve", None, {}, None),
+        target="strain",
+        dictionary=("1", "force", "force^2", "force^3"),
+        cuts={"force": Cuts("even", 3, min_samples=6)},
+        level="pressure",
+        fit=Fit(max_terms=3, stop="bic"),
     )
     model = build("strain", curves, recipe, quantities)
     left_out = next(curve for curve in curves if curve.level == 100.0).columns

@@ -12,7 +12,9 @@ import pytest
 from page_tables import DOCS, numbers, page_table
 
 from mapmore_cli.modelling.memory import Record
-from mapmore_cli.modelling.motion import Box, MotionRecipe, fit_motion, simulate
+from mapmore_cli.modelling.motion.fitting import fit_motion
+from mapmore_cli.modelling.motion.recipe import Bounds, MotionRecipe
+from mapmore_cli.modelling.motion.simulation import simulate
 from mapmore_cli.spec.campaign import load_campaign
 from mapmore_cli.spec.loader import load
 
@@ -39,7 +41,7 @@ def log(name: str) -> dict[str, np.ndarray]:
 
 def fitted(references, settings):
     records = [Record(log(f"reference_{name}"), np.ones(len(log(f"reference_{name}")["time"]), dtype=bool)) for name in references]
-    return fit_motion(records, MotionRecipe("input", "displacement", 0.05, **settings)).model
+    return fit_motion(records, MotionRecipe(input="input", output="displacement", step=0.05, **settings)).model
 
 
 def table(name):
@@ -93,7 +95,7 @@ def test_errors_by_waveform_are_made_again_from_the_recordings(model: str) -> No
         assert float(rows[f"{name}, largest"][model]) == pytest.approx(np.abs(error).max(), rel=0.02, abs=6e-3)
 
 
-READ_AGAIN = {"start": "zero", "mask": "displacement", "switching": "carried", "begin": Box((0.0, 1.0), (0.0, 1.0), (0.0, 3.0))}
+READ_AGAIN = {"start": "zero", "mask": "displacement", "switching": "carried", "begin": Bounds((0.0, 1.0), (0.0, 1.0), (0.0, 3.0))}
 
 
 @pytest.mark.parametrize("settings", [{}, READ_AGAIN], ids=["at rest, hard", "from zero, carried"])

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import mapmore_cli
-from mapmore_cli.modelling.motion import simulate
+from mapmore_cli.modelling.motion.simulation import simulate
 from mapmore_cli.storage.artefacts import read_fit, read_model
 
 DATASETS = Path(__file__).parents[2] / "datasets"

@@ -80,7 +80,7 @@ def pieces(
     counts = counts or {"strain": 3}
     curves = tuple(curve(i, level, counts, terms) for i, level in enumerate(levels or (None,)))
     extrapolation = {**dict.fromkeys(counts, sides), "pressure": level_sides}
-    fusion = Fusion(transition, z_s, extrapolation, scheme, aligned, shrink)
+    fusion = Fusion(transition=transition, z_s=z_s, extrapolation=extrapolation, levels=scheme, aligned=aligned, shrink=shrink)
     names = sorted({*counts, *(["pressure"] if levels else []), *(literature.get(backbone.name).inputs if backbone else ())})
     units = {"pressure": "kPa", "strain": "1", "speed": "1/s"}
     body = Pieces("pressure" if levels else None, tuple(counts), curves, fusion, backbone)

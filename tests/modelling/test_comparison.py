@@ -12,21 +12,22 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import stats
 
-from mapmore_cli.domain.models import Fusion, Model
+from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling.comparison import common_curves, compare, grid, reference_points, term_changes
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces.build import build
-from mapmore_cli.modelling.pieces.recipe import Cutting, Even, Fitting, Fusing, Recipe
+from mapmore_cli.modelling.pieces.recipe import Cuts, Recipe
 from mapmore_cli.modelling.scores.intervals import sign_permutation, weighted_mean
+from mapmore_cli.modelling.selection import Fit
 
 QUANTITIES = {q.name: q for q in (Quantity("pressure", "kPa"), Quantity("strain", "1"), Quantity("force", "N"))}
-JOINTS = Fusion(transition="linear", z_s=0.25, extrapolation={}, levels="linear", hold="samples")
 RECIPE = Recipe(
-    "force",
-    Cutting("pressure", {"strain": Even(2)}),
-    Fitting(("1", "strain", "strain^2"), "unit_square", 2, 1e-4, "tolerance"),
-    Fusing(JOINTS, "none", "curve", None, {}, None),
+    target="force",
+    dictionary=("1", "strain", "strain^2"),
+    cuts={"strain": Cuts("even", 2)},
+    level="pressure",
+    fit=Fit(max_terms=2),
 )
 LEVELS = (100.0, 200.0, 300.0, 400.0)
 

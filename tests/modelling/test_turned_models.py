@@ -19,10 +19,10 @@ from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.inverse import solve_for_input
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces.build import build
-from mapmore_cli.modelling.pieces.recipe import Even
+from mapmore_cli.modelling.pieces.recipe import Cuts
 
 LEVELS = (80.0, 150.0, 250.0, 350.0)
-OF_STRAIN = {"target": "strain", "cuts": {"force": Even(3)}, "dictionary": ("1", "force", "force^2", "force^3"), "max_terms": 3}
+OF_STRAIN = {"target": "strain", "cuts": {"force": Cuts("even", 3)}, "dictionary": ("1", "force", "force^2", "force^3"), "max_terms": 3}
 
 
 def taut(n=60, noise=0.0, seed=0):

@@ -155,7 +155,7 @@ def _model(name: str, segmentation: Sequence[SegmentedCurve], fit: FitResult) ->
     curves = tuple(
         CurveFunction(c.curve, c.level, c.boundaries, c.limits, tuple(functions[s.id] for s in c.segments)) for c in segmentation
     )
-    fusion = Fusion("quadratic", 0.25, {"strain": ("continue", "continue"), "pressure": ("continue", "continue_linear")})
+    fusion = Fusion(transition="quadratic", extrapolation={"strain": ("continue", "continue"), "pressure": ("continue", "continue_linear")})
     return Model(name, QUANTITIES["force"], (QUANTITIES["pressure"], QUANTITIES["strain"]), Pieces("pressure", ("strain",), curves, fusion))
 
 

@@ -38,18 +38,15 @@ def report_of(dictionary, *, ridge=0.0, scale=False, held=0.5, free_run=False):
     curve = Curve("a", None, columns, time > (1 - held) * time[-1], ("a",), None, np.zeros(n, dtype=np.int64))
     dataset = Dataset("motion", None, QUANTITIES, (Recording("a", "a.csv", columns, n, {}),), (curve,))
     recipe = MemoryRecipe(
-        "motion",
-        tuple(dictionary),
-        STEP,
-        scale=scale,
-        margin=0.15,
+        target="motion",
+        dictionary=tuple(dictionary),
+        step=STEP,
+        scaling="range" if scale else "none",
         ridge=ridge,
         max_terms=2,
-        forward=None,
         tolerance=0.0,
         stop="free_run" if free_run else "tolerance",
         criterion="free_run" if free_run else "one_step",
-        select="one_step",
     )
     fit = fit_with_memory(records_of([curve], STEP), recipe)
     limits = {name: (float(x.min()), float(x.max())) for name, x in columns.items()}

@@ -9,12 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from spec_examples import FORMULA, GOOD, LOGS, MEASURED, STATIC, load_text
 
+from mapmore_cli.modelling.pieces.recipe import BelowAbove, Cuts
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.fields import Section
 from mapmore_cli.spec.loader import load, load_as, resolved
 from mapmore_cli.spec.sections.data import Between, GapRule, Holdout, Levels, Rate
 from mapmore_cli.spec.sections.logs import FileEntry, Keep
-from mapmore_cli.spec.sections.method import BelowAbove, Cuts
 from mapmore_cli.spec.sections.results import Competitor
 
 PROJECT = Path(__file__).resolve().parents[2]

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from spec_examples import load_text, refusal
 
-from mapmore_cli.spec.sections.method import CutByDirection
+from mapmore_cli.modelling.pieces.recipe import CutByDirection
 from mapmore_cli.stages.kinds.dictionary import signals_of, units_of
 from mapmore_cli.stages.kinds.pieces import recipe_of
 
@@ -64,7 +64,7 @@ def test_a_sum_is_the_default_of_a_dynamic_target_without_a_dictionary(tmp_path:
 
 def test_weights_between_step_pressures_go_by_the_pressure(tmp_path: Path) -> None:
     spec = load_text(tmp_path, DAMPING.replace("step_pressure: none}", "step_pressure: levels}")).spec
-    assert recipe_of("damping", spec.data.levels, spec.segment, spec.dictionary, spec.fit, spec.fuse).cutting.level == "pressure"
+    assert recipe_of("damping", spec.data.levels, spec.segment, spec.dictionary, spec.fit, spec.fuse).level == "pressure"
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from spec_examples import MEASURED, STATIC, load_text, refusal
 
-from mapmore_cli.modelling.pieces.recipe import Gradient, Optimal
+from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.stages.kinds.pieces import cuts_of, recipe_of
 from mapmore_cli.stages.segment import reads
 
@@ -18,10 +18,10 @@ FUSE = "fuse: {transition: linear, z_s: 0.25,"
 @pytest.mark.parametrize(
     ("cuts", "meant"),
     [
-        ("{method: gradient, count: 3}", Gradient(3)),
-        ("{method: gradient, count: 3, window: 2 %, separation: 0.05}", Gradient(3, 0.02, 0.05)),
-        ("{method: optimal, count: 2}", Optimal(2)),
-        ("{method: optimal, count: 2, grid: 30, min_samples: 4}", Optimal(2, 30, 4)),
+        ("{method: gradient, count: 3}", Cuts("gradient", 3)),
+        ("{method: gradient, count: 3, window: 2 %, separation: 0.05}", Cuts("gradient", 3, window=0.02, separation=0.05)),
+        ("{method: optimal, count: 2}", Cuts("optimal", 2)),
+        ("{method: optimal, count: 2, grid: 30, min_samples: 4}", Cuts("optimal", 2, grid=30, min_samples=4)),
     ],
 )
 def test_methods_with_their_settings(cuts: str, meant: object, tmp_path: Path) -> None:
@@ -32,7 +32,7 @@ def test_a_window_has_the_unit_of_its_variable(tmp_path: Path) -> None:
     spec = load_text(
         tmp_path, MEASURED.replace("{method: breakpoints, at: [100 kPa, 2]}", "{method: gradient, count: 2, window: 50 kPa}")
     ).spec
-    assert cuts_of(spec.segment) == {"pressure": Gradient(2, 0.5)}  # the study's unit is bar
+    assert cuts_of(spec.segment) == {"pressure": Cuts("gradient", 2, window=0.5)}  # the study's unit is bar
 
 
 @pytest.mark.parametrize(
@@ -72,7 +72,7 @@ def test_the_way_between_levels_reaches_the_recipe(tmp_path: Path) -> None:
     )
     spec = load_text(tmp_path, text).spec
     recipe = recipe_of("force", spec.data.levels, spec.segment, spec.dictionary, spec.fit, spec.fuse)
-    assert (recipe.fusing.joints.levels, recipe.fusing.align, recipe.fusing.shrink) == ("pchip", "threshold", 1.0)
+    assert (recipe.fuse.levels, recipe.fuse.align, recipe.fuse.shrink) == ("pchip", "threshold", 1.0)
 
 
 def test_segments_depend_on_the_fit_only_where_boundaries_try_it(tmp_path: Path) -> None:

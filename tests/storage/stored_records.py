@@ -157,12 +157,11 @@ SIDE = st.sampled_from(["continue", "continue_linear", "saturate", "zero"]) | FI
 TERMS = ["1", "strain", "strain^2", "pressure*strain", "exp(-strain/0.02)"]
 FUSIONS = st.builds(
     Fusion,
-    st.sampled_from(["linear", "cubic"]),
-    st.floats(0, 0.5),
-    st.fixed_dictionaries({name: st.tuples(SIDE, SIDE) for name in INPUTS}),
-    st.sampled_from(["linear", "pchip"]),
-    st.none(),
-    st.floats(0, 1),
+    transition=st.sampled_from(["linear", "cubic"]),
+    z_s=st.floats(0, 0.5),
+    extrapolation=st.fixed_dictionaries({name: st.tuples(SIDE, SIDE) for name in INPUTS}),
+    levels=st.sampled_from(["linear", "pchip"]),
+    shrink=st.floats(0, 1),
 )
 ALL_LIMITS = st.fixed_dictionaries(dict.fromkeys(INPUTS, SPANS))
 

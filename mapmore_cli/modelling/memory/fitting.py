@@ -61,7 +61,7 @@ def fit_with_memory(records: Sequence[Record], recipe: MemoryRecipe, progress: P
 
 def _counted(recipe: MemoryRecipe, progress: Progress) -> Tick:
     """What counts the models that are tried."""
-    sizes = trials(recipe.max_terms) if recipe.select == "free_run" else recipe.max_terms
+    sizes = trials(recipe.most_terms) if recipe.select == "free_run" else recipe.most_terms
     total = (sizes if recipe.stop == "free_run" else 0) + (recipe.criterion == "free_run")
     numbers = iter(range(1, total + 1))
     return lambda: progress(next(numbers), total)
@@ -90,7 +90,7 @@ def _best_in_free_run(records: Sequence[Record], recipe: MemoryRecipe, tick: Tic
     """Fit models of every size to the early training samples, and run them over the late ones."""
     late = [_late(record) for record in records]
     early = Training([Record(record.columns, record.training & ~held) for record, held in zip(records, late, strict=True)], recipe)
-    members = beam(early, recipe.max_terms, tick) if recipe.select == "free_run" else _one_step(early, recipe, tick)
+    members = beam(early, recipe.most_terms, tick) if recipe.select == "free_run" else _one_step(early, recipe, tick)
     problems = [early.problem(np.array(member.chosen), late) for member in members]
     errors = np.array([np.sqrt(one.at(member.point).sse / one.samples) for one, member in zip(problems, members, strict=True)])
     if not np.isfinite(errors).any():
@@ -100,7 +100,7 @@ def _best_in_free_run(records: Sequence[Record], recipe: MemoryRecipe, tick: Tic
 
 def _one_step(training: Training, recipe: MemoryRecipe, tick: Tick) -> list[Member]:
     """Models of 1, 2, ... terms that were chosen one step ahead."""
-    choices = [training.selector.of_size(terms) for terms in range(1, recipe.max_terms + 1)]
+    choices = [training.selector.of_size(terms) for terms in range(1, recipe.most_terms + 1)]
     members = []
     for choice in choices:
         point = _ahead(choice)

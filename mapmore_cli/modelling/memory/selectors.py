@@ -16,8 +16,9 @@ from mapmore_cli.modelling.frols import frols, frols_streamed
 from mapmore_cli.modelling.frols.criteria import fewest, information_criterion
 from mapmore_cli.modelling.frols.moments import Moments, Standard, moments, standard, standardised, uncentred
 from mapmore_cli.modelling.frols.ridge import LEAST_RIDGE, Regularised, choose_ridge, prune, ridge_press, select, substitutes
-from mapmore_cli.modelling.memory.recipe import MemoryRecipe, Stop
+from mapmore_cli.modelling.memory.recipe import MemoryRecipe
 from mapmore_cli.modelling.memory.regressors import Regressors
+from mapmore_cli.modelling.selection import Stop
 from mapmore_cli.modelling.terms.families import fits_whole, refuse_beyond_memory
 
 FOLDS = 4
@@ -82,7 +83,7 @@ class Plain:
 
     @cached_property
     def _largest(self) -> Selection:
-        return self._selection(np.arange(len(self.data.terms)), self.recipe.max_terms)
+        return self._selection(np.arange(len(self.data.terms)), self.recipe.most_terms)
 
     @cached_property
     def ranking(self) -> Regularised:
@@ -92,7 +93,7 @@ class Plain:
 
     def best(self, stop: Stop, tolerance: float) -> Choice:
         """See `Selector`."""
-        return _plain(self._selection(np.arange(len(self.data.terms)), self.recipe.max_terms, tolerance, stop))
+        return _plain(self._selection(np.arange(len(self.data.terms)), self.recipe.most_terms, tolerance, stop))
 
     def of_size(self, terms: int) -> Choice:
         """See `Selector`."""
@@ -127,14 +128,14 @@ class Ridged:
         total = moments(self.blocks)
         ridge = recipe.ridge
         if ridge == "auto":
-            ridge = choose_ridge(total, _folds(data, self.standard), recipe.forward_terms, recipe.max_terms)
+            ridge = choose_ridge(total, _folds(data, self.standard), recipe.forward_terms, recipe.most_terms)
         self.problem = Regularised(total.covariance, total.samples, ridge)
         self.forward = select(self.problem, recipe.forward_terms).chosen
         if not len(self.forward):
             raise DataError(
                 "no candidate explains anything of the output", "look whether the output and the inputs vary in the training samples"
             )
-        self.subsets = prune(self.problem, self.forward)[: recipe.max_terms]
+        self.subsets = prune(self.problem, self.forward)[: recipe.most_terms]
 
     def best(self, stop: Stop, tolerance: float) -> Choice:
         """See `Selector`."""

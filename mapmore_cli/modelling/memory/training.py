@@ -32,14 +32,14 @@ class Training:
         self.terms = tuple(parse(text) for text in recipe.dictionary)
         names = sorted(frozenset[str]().union(*(term.names for term in self.terms)))
         self.records, self.recipe = records, recipe
-        self.states = resolve(names, records, recipe.target, recipe.step, scale=recipe.scale, margin=recipe.margin)
+        self.states = resolve(names, records, recipe.target, recipe.step, scale=recipe.scaling == "range", margin=recipe.margin)
         fed_back = fed_back_states(self.states, recipe.target)
         for term in self.terms:
             parted(term, fed_back)  # refuses what no free run could feed back
         self.data = regressors(records, self.states, self.terms, recipe.target)
-        if self.data.samples <= recipe.max_terms:
+        if self.data.samples <= recipe.most_terms:
             raise DataError(
-                f"{self.data.samples} training sample(s) with a history, too few for {recipe.max_terms} term(s)",
+                f"{self.data.samples} training sample(s) with a history, too few for {recipe.most_terms} term(s)",
                 "keep more samples, or lower fit.max_terms",
             )
         self.limits = (float(self.data.y.min()), float(self.data.y.max()))

@@ -3,9 +3,3 @@
 `regimes` says which section holds at a sample; `simulation` runs a model; `plane` knows the poles; `problem` is the error of one section,
 `solvers/` find its least; `bumpless` joins sections that share a state; `fitting` puts it all together. A further solver is a further file.
 """
-
-from mapmore_cli.modelling.motion.fitting import fit_motion
-from mapmore_cli.modelling.motion.problem import Box, MotionRecipe
-from mapmore_cli.modelling.motion.simulation import simulate
-
-__all__ = ["Box", "MotionRecipe", "fit_motion", "simulate"]

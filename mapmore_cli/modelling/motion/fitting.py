@@ -12,7 +12,8 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.motion import BUMPLESS, Motion, MotionFit, MotionSection, SectionSearch
 from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.motion.bumpless import Trace, joined
-from mapmore_cli.modelling.motion.problem import Found, MotionRecipe, Piece, Problem
+from mapmore_cli.modelling.motion.problem import Found, Piece, Problem
+from mapmore_cli.modelling.motion.recipe import MotionRecipe
 from mapmore_cli.modelling.motion.regimes import active, extent, named, spread
 from mapmore_cli.modelling.motion.simulation import driven
 from mapmore_cli.modelling.motion.solvers import solve
@@ -35,7 +36,7 @@ def fit_motion(records: Sequence[Record], recipe: MotionRecipe, progress: Callab
         Where the solver refuses the sections, or finds no stable one.
     """
     u = _training_input(records, recipe)
-    boundaries = spread(u, recipe.sections) if isinstance(recipe.sections, int) else recipe.sections
+    boundaries = spread(u, recipe.sections) if isinstance(recipe.sections, int) else tuple(recipe.sections)
     outline = _outline(recipe, boundaries, (float(u.min()), float(u.max())))
     traces = [_trace(record, outline, recipe.mask) for record in records]
     searched: list[Found] = []

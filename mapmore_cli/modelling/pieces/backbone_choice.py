@@ -83,13 +83,13 @@ def choose_backbone(
 ) -> Choice:
     """Choose among `candidates` by left-out inner levels of the training data."""
     names = candidates(curves, recipe.target)
-    pooled = recipe.cutting.level is None
+    pooled = recipe.level is None
     folds = len(inner_folds(curves, recipe)) if pooled else len(inner_levels(curves, recipe))
     if folds < FEWEST_FOLDS:
         taken = FEW if FEW in names else None
         why = f"{folds} inner {_part(recipe)}(s) are too few to choose a backbone by; {taken or 'none'} is taken"
         return Choice(taken, f"{why}, as wherever they are" if taken else why)
-    thinned = [thin(curve, next(iter(recipe.cutting.cuts), None)) for curve in curves]
+    thinned = [thin(curve, next(iter(recipe.cuts), None)) for curve in curves]
     found = _raced(names, _Folds(thinned, recipe, quantities), progress)
     if not found:
         return Choice(None, "no backbone: no formula could be fitted without a level, nor pieces alone")
@@ -179,7 +179,7 @@ def _outermost(chosen: Candidate, curves: Sequence[Curve], recipe: Recipe, quant
 
 def _part(recipe: Recipe) -> str:
     """What is left out in turn."""
-    return "training block" if recipe.cutting.level is None else "training level"
+    return "training block" if recipe.level is None else "training level"
 
 
 def _note(chosen: Candidate, found: Sequence[Candidate], folds: int, part: str, outermost: float | None, unit: str) -> str:

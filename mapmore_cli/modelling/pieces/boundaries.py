@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, IntArray
-from mapmore_cli.modelling.pieces.recipe import Gradient
+from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.signals.rates import STEPS, running_median
 
 DEFAULT_WINDOW = 0.1
@@ -20,7 +20,7 @@ FEWEST_SAMPLES = 5
 """In a segment: where a curve has a gap its course is made up, and a bend there must not become a segment of its own."""
 
 
-def gradient_boundaries(x: Array, y: Array, cut: Gradient) -> Array:
+def gradient_boundaries(x: Array, y: Array, cut: Cuts) -> Array:
     """The `count - 1` inner boundaries at the largest peaks of |change of slope|, ascending.
 
     No boundary lies nearer than the separation to another one or to an end of the range, or leaves a segment with hardly any sample;
@@ -39,7 +39,7 @@ def gradient_boundaries(x: Array, y: Array, cut: Gradient) -> Array:
     peaks = _peaks(np.where(inner, np.abs(change), 0.0))
     chosen: list[float] = []
     for peak in at[peaks]:
-        if len(chosen) == cut.count - 1:
+        if len(chosen) == cut.segments - 1:
             break
         if all(abs(peak - other) >= separation for other in chosen) and _filled(x, [*chosen, float(peak)]):
             chosen.append(float(peak))

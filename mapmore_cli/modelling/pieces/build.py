@@ -11,8 +11,9 @@ from dataclasses import replace
 import numpy as np
 
 from mapmore_cli.domain.arrays import IntArray
+from mapmore_cli.domain.declared import taken
 from mapmore_cli.domain.fits import FormulaFit, Scaling, Segment, SegmentedCurve, SegmentFit
-from mapmore_cli.domain.models import CurveFunction, Model, Pieces, SegmentFunction, Side
+from mapmore_cli.domain.models import CurveFunction, Fusion, Model, Pieces, SegmentFunction, Side
 from mapmore_cli.domain.recording import Curve, Quantity, united
 from mapmore_cli.domain.results import FitResult, PiecesFit
 from mapmore_cli.modelling import literature
@@ -26,34 +27,34 @@ from mapmore_cli.modelling.terms import parse
 
 def model_inputs(recipe: Recipe, backbone: FormulaFit | None) -> tuple[str, ...]:
     """Every quantity that the model needs: of the dictionary, the segmentation, the level and the backbone."""
-    names = {*dictionary_inputs(recipe.fitting.dictionary), *recipe.cutting.cuts}
-    if recipe.cutting.level is not None:
-        names.add(recipe.cutting.level)
+    names = {*dictionary_inputs(recipe.dictionary), *recipe.cuts}
+    if recipe.level is not None:
+        names.add(recipe.level)
     if backbone is not None:
         names.update(literature.get(backbone.name).inputs)
     return tuple(sorted(names))
 
 
 def segment(curves: Sequence[Curve], recipe: Recipe, backbone: FormulaFit | None = None) -> tuple[SegmentedCurve, ...]:
-    """Cut every training curve: by its measured course, or (`Optimal`) by what the fits of its segments would leave.
+    """Cut every training curve: by its measured course, or (`optimal`) by what the fits of its segments would leave.
 
     Raises
     ------
     DataError
         Where a segment holds no sample, or a curve has too few for the cut.
     """
-    terms = [parse(text) for text in recipe.fitting.dictionary]
-    training = training_curves(curves, recipe.cutting.level is not None)
+    terms = [parse(text) for text in recipe.dictionary]
+    training = training_curves(curves, recipe.level is not None)
     fitted = {curve.id: residual_of(curve, recipe.target, backbone) for curve in training}
 
     def cost(curve: Curve, rows: IntArray) -> float:
-        if len(rows) <= recipe.fitting.max_terms:
+        if len(rows) <= recipe.fit.most_terms:
             return float("inf")
         trial = Segment(f"{curve.id}/trial", curve.id, (), rows)
         found = fit_segment(trial, samples_of(fitted[curve.id], rows), terms, recipe)
         return found.selection.sse * found.scaling.y_slope**2
 
-    return tuple(segment_curve(curve, recipe.cutting.cuts, recipe.target, cost) for curve in training)
+    return tuple(segment_curve(curve, recipe.cuts, recipe.target, cost) for curve in training)
 
 
 def fit(
@@ -64,7 +65,7 @@ def fit(
     tick: Callable[[], None] = lambda: None,
 ) -> tuple[SegmentFit, ...]:
     """Fit every segment, to what the backbone leaves where there is one."""
-    pooled = training_curves(curves, recipe.cutting.level is not None)
+    pooled = training_curves(curves, recipe.level is not None)
     return fit_segments([residual_of(curve, recipe.target, backbone) for curve in pooled], segmentation, recipe, tick)
 
 
@@ -99,21 +100,22 @@ def fuse(
         for s in sorted(segmentation, key=lambda s: (s.level is not None, s.level))
     ]
     share = _share(recipe, result.backbone)
-    if recipe.cutting.level is None and share != 1.0:
+    if recipe.level is None and share != 1.0:
         functions = [replace(function, segments=multiplied(function.segments, share)) for function in functions]
     sides = _extrapolation(recipe, result, inputs)
-    fusion = replace(
-        recipe.fusing.joints,
+    fusion = taken(
+        Fusion,
+        recipe.fuse,
         extrapolation=sides,
         aligned=along,
-        shrink=1.0 if recipe.cutting.level is None else share,
+        shrink=1.0 if recipe.level is None else share,
         domain=_domain(segmentation, recipe, inputs),
     )
     return Model(
         name=name,
         output=quantities[recipe.target],
         inputs=tuple(quantities[i] for i in inputs),
-        body=Pieces(recipe.cutting.level, tuple(recipe.cutting.cuts), tuple(functions), fusion, result.backbone),
+        body=Pieces(recipe.level, tuple(recipe.cuts), tuple(functions), fusion, result.backbone),
         notes=(*result.notes, *_remarks(recipe, result, sides)),
     )
 
@@ -137,22 +139,22 @@ def multiplied(segments: Sequence[SegmentFunction], share: float) -> tuple[Segme
 
 def _domain(segmentation: Sequence[SegmentedCurve], recipe: Recipe, inputs: Sequence[str]) -> dict[str, tuple[float, float]]:
     """Limits of the whole training domain, for every input but the level, where extrapolation is to begin there."""
-    if recipe.fusing.limits == "curve":
+    if recipe.fuse.limits == "curve":
         return {}
     whole = united(curve.limits for curve in segmentation)
-    return {name: whole[name] for name in inputs if name != recipe.cutting.level}
+    return {name: whole[name] for name in inputs if name != recipe.level}
 
 
 def _share(recipe: Recipe, backbone: FormulaFit | None) -> float:
     """Share of the residual that the recipe asks for; all of it without a backbone, where there is nothing to shrink towards."""
-    return 1.0 if backbone is None or recipe.fusing.shrink is None else recipe.fusing.shrink
+    return 1.0 if backbone is None or recipe.fuse.shrink == "auto" else recipe.fuse.shrink
 
 
 def _aligned_variable(recipe: Recipe, inputs: Sequence[str]) -> str | None:
     """The variable along which thresholds are looked for: the first that is cut, else the first input that is not the level."""
-    if recipe.fusing.align == "none" or recipe.cutting.level is None:
+    if recipe.fuse.align == "none" or recipe.level is None:
         return None
-    return next(iter([*recipe.cutting.cuts, *(name for name in inputs if name != recipe.cutting.level)]), None)
+    return next(iter([*recipe.cuts, *(name for name in inputs if name != recipe.level)]), None)
 
 
 def _thresholds(curves: Sequence[Curve], recipe: Recipe, along: str) -> dict[str, float]:
@@ -165,7 +167,7 @@ def _segment_limits(
     curves: Sequence[Curve], segmentation: Sequence[SegmentedCurve], recipe: Recipe
 ) -> dict[str, dict[str, tuple[float, float]]]:
     """Range of every segment's samples along every segmented variable, by the segment's id."""
-    by_id = {curve.id: curve for curve in training_curves(curves, recipe.cutting.level is not None)}
+    by_id = {curve.id: curve for curve in training_curves(curves, recipe.level is not None)}
     ranges = {}
     for segmented in segmentation:
         for one in segmented.segments:
@@ -198,8 +200,8 @@ def _extrapolation(recipe: Recipe, result: FitResult, inputs: Sequence[str]) -> 
     A polynomial of several terms explodes beyond its data, and while interpolating between levels a curve is evaluated past its own end
     as a matter of course: on a simulated muscle that made a validation RMSE of 771 N out of 19.6 N.
     """
-    default: Side = recipe.fusing.beyond if recipe.fusing.beyond is not None else "saturate" if _several_terms(result) else "continue"
-    asked = {name: recipe.fusing.extrapolation.get(name, (None, None)) for name in inputs}
+    default: Side = "saturate" if _several_terms(result) else "continue"
+    asked = {name: recipe.fuse.beyond(name) for name in inputs}
     return {name: (default if below is None else below, default if above is None else above) for name, (below, above) in asked.items()}
 
 
@@ -213,7 +215,7 @@ def _remarks(recipe: Recipe, result: FitResult, sides: Mapping[str, tuple[Side, 
     curves = _several_terms(result)
     if not curves:
         return ()
-    explosive = sorted(name for name, side in sides.items() if "continue" in side and name != recipe.cutting.level)
+    explosive = sorted(name for name, side in sides.items() if "continue" in side and name != recipe.level)
     if explosive:
         where = f"{', '.join(explosive)} on {', '.join(curves)}"
         return (f"segments of several terms continue beyond their data along {where}: polynomials explode there; consider saturate",)

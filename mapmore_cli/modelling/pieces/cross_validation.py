@@ -16,7 +16,7 @@ from mapmore_cli.modelling.literature.backbone import fit_ahead, fit_formula, po
 from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.fit import dictionary_inputs
 from mapmore_cli.modelling.pieces.model import simulate
-from mapmore_cli.modelling.pieces.recipe import Breakpoints, Cut, Even, Recipe
+from mapmore_cli.modelling.pieces.recipe import Cut, Cuts, Recipe
 
 BLOCKS = 5
 """Contiguous blocks of a curve or a surface where there are too few levels to leave one out; the inner ones are left out in turn."""
@@ -87,13 +87,13 @@ def _rest(curves: Sequence[Curve], left_out: Sequence[BoolArray]) -> list[Curve]
 
 def _of_fewer_samples(recipe: Recipe) -> Recipe:
     """The recipe with all of the residual, which joins segments that lack samples only since some are left out."""
-    least = recipe.fitting.max_terms + 1
+    least = recipe.fit.most_terms + 1
 
     def joining(cut: Cut) -> Cut:
-        return replace(cut, min_samples=max(cut.min_samples, least)) if isinstance(cut, Even | Breakpoints) else cut
+        return replace(cut, min_samples=max(cut.least, least)) if isinstance(cut, Cuts) and cut.joins else cut
 
-    cuts = {name: joining(cut) for name, cut in recipe.cutting.cuts.items()}
-    return replace(recipe, cutting=replace(recipe.cutting, cuts=cuts), fusing=replace(recipe.fusing, shrink=1.0))
+    cuts = {name: joining(cut) for name, cut in recipe.cuts.items()}
+    return replace(recipe, cuts=cuts, fuse=replace(recipe.fuse, shrink=1.0))
 
 
 def together(parts: Sequence[LeftOut]) -> LeftOut:
@@ -104,7 +104,7 @@ def together(parts: Sequence[LeftOut]) -> LeftOut:
 
 def inner_levels(curves: Sequence[Curve], recipe: Recipe) -> list[int]:
     """Numbers of the curves whose level lies between two others of the training data."""
-    if recipe.cutting.level is None:
+    if recipe.level is None:
         return []
     return training_numbers(curves)[1:-1]
 
@@ -132,16 +132,15 @@ def outer_folds(curves: Sequence[Curve], recipe: Recipe) -> Folds:
 
 def _along(curves: Sequence[Curve], recipe: Recipe) -> list[Folds]:
     """The folds along every quantity that has at least three, in ascending order."""
-    cutting = recipe.cutting
     levels = _levels(curves, training_numbers(curves))
-    if cutting.level is not None and len(levels) > 2:
+    if recipe.level is not None and len(levels) > 2:
         return [levels]
-    inputs = sorted({*dictionary_inputs(recipe.fitting.dictionary), *cutting.cuts} - {cutting.level, cutting.pooled})
+    inputs = sorted({*dictionary_inputs(recipe.dictionary), *recipe.cuts} - {recipe.level, recipe.pooled})
     if len(levels) == 1:
         found = [_blocks(curves, name) for name in inputs]
     else:
-        found = [_blocks_of_each(curves, in_curve(curves, tuple(cutting.cuts), recipe.target, cutting.level))]
-    found += [levels] if cutting.pooled is not None else []
+        found = [_blocks_of_each(curves, in_curve(curves, tuple(recipe.cuts), recipe.target, recipe.level))]
+    found += [levels] if recipe.pooled is not None else []
     return [folds for folds in found if len(folds) > 2]
 
 

@@ -34,7 +34,7 @@ def fit_segments(
         Where a segment has too few samples, or a term is not finite on its samples.
     """
     by_id = {curve.id: curve for curve in curves}
-    terms = [parse(text) for text in recipe.fitting.dictionary]
+    terms = [parse(text) for text in recipe.dictionary]
     fits = []
     for segmented in segmentation:
         for segment in segmented.segments:
@@ -50,10 +50,10 @@ def fit_segment(segment: Segment, samples: Columns, terms: Sequence[Expression],
 
     Rows are sorted first: the numbers then do not depend on the order in which a logger wrote them.
     """
-    if len(segment.rows) <= recipe.fitting.max_terms:
+    if len(segment.rows) <= recipe.fit.most_terms:
         raise DataError(
-            f"segment {segment.id}: {len(segment.rows)} training sample(s), too few for {recipe.fitting.max_terms} term(s)",
-            f"use fewer segments, join them by `min_samples: {recipe.fitting.max_terms + 1}`, keep more samples of this curve, or set "
+            f"segment {segment.id}: {len(segment.rows)} training sample(s), too few for {recipe.fit.most_terms} term(s)",
+            f"use fewer segments, join them by `min_samples: {recipe.fit.most_terms + 1}`, keep more samples of this curve, or set "
             f"fit.max_terms below {max(2, len(segment.rows))}",
         )
     variables = sorted(frozenset[str]().union(*(term.names for term in terms)))
@@ -62,12 +62,12 @@ def fit_segment(segment: Segment, samples: Columns, terms: Sequence[Expression],
     order = np.lexsort((y, *X.T[::-1]))
     X, y = X[order], y[order]
     best: SegmentFit | None = None
-    for scaling in placements(recipe.fitting.scaling, X, y, variables):
+    for scaling in placements(recipe.fit.scaling, X, y, variables):
         z = scaled(scaling, dict(zip(variables, X.T, strict=True)))
         with _located(segment):
             selection = _selection(terms, z, (y - scaling.y_intercept) / scaling.y_slope, recipe)
         if best is None or selection.sse < best.selection.sse * (1 - TIE_TOLERANCE):
-            best = SegmentFit(segment.id, segment.curve, segment.cell, recipe.fitting.dictionary, scaling, selection)
+            best = SegmentFit(segment.id, segment.curve, segment.cell, recipe.dictionary, scaling, selection)
     assert best is not None
     return best
 
@@ -75,10 +75,10 @@ def fit_segment(segment: Segment, samples: Columns, terms: Sequence[Expression],
 def _selection(terms: Sequence[Expression], z: Columns, y: Array, recipe: Recipe) -> Selection:
     """FROLS on the dictionary, which is never there as a whole where it need not be read more than once or twice."""
     n = len(y)
-    how = (recipe.fitting.max_terms, recipe.fitting.tolerance)
-    if reads_once(n, len(terms), recipe.fitting.max_terms):
-        return frols_streamed(lambda: ((P, y[rows]) for rows, P in dictionary_blocks(terms, z, n)), *how, stop=recipe.fitting.stop)
-    return frols(dictionary_matrix(terms, z, n), y, *how, stop=recipe.fitting.stop)
+    how = (recipe.fit.most_terms, recipe.fit.tolerance)
+    if reads_once(n, len(terms), recipe.fit.most_terms):
+        return frols_streamed(lambda: ((P, y[rows]) for rows, P in dictionary_blocks(terms, z, n)), *how, stop=recipe.fit.stop)
+    return frols(dictionary_matrix(terms, z, n), y, *how, stop=recipe.fit.stop)
 
 
 @contextmanager

@@ -1,135 +1,156 @@
-"""Everything that MAPMORE has to be told to turn curves into a model."""
+"""What MAPMORE has to be told to turn curves into a model: the sections `segment` and `fuse`, and the whole recipe."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from itertools import pairwise
+from typing import Annotated, Literal
 
-from mapmore_cli.domain.models import Fusion, Side
+from annotated_types import Gt, Interval, Len
 
+from mapmore_cli.domain.declared import Contradiction, Either, OfKey, Settings, of_sibling
+from mapmore_cli.domain.words import Beyond, Joining
+from mapmore_cli.modelling.selection import Fit
 
-@dataclass(frozen=True)
-class Even:
-    """`count` segments of one width; neighbours are joined until each holds `min_samples`."""
-
-    count: int
-    min_samples: int = 0
-
-
-@dataclass(frozen=True)
-class Breakpoints:
-    """Segments between given inner boundaries; neighbours are joined until each holds `min_samples`."""
-
-    at: tuple[float, ...]
-    min_samples: int = 0
+USES = {
+    "even": ("count", "min_samples"),
+    "breakpoints": ("at", "min_samples"),
+    "gradient": ("count", "window", "separation"),
+    "optimal": ("count", "grid", "min_samples"),
+}
+"""Keys of each method; the first is needed."""
 
 
 @dataclass(frozen=True)
-class Gradient:
-    """`count` segments that meet where the slope of the target changes most (M1 section IV.A).
+class Cuts(Settings):
+    """How one variable is cut into segments.
 
-    `window` is the width of the features to be seen, `separation` the least distance of boundaries, both in the variable's unit; None
-    stands for a tenth of the curve's range and for the window.
+    - `even` needs `count`; `breakpoints` needs the inner boundaries, `at`. Neighbours are joined until each segment holds `min_samples`, so
+      that curves of few samples have fewer segments. Where several variables are cut, as of a table of scattered points, cells are joined;
+      cells that belong together have one function.
+    - `gradient` puts `count - 1` boundaries where the slope of the target changes most, seen through a `window` (a tenth of each curve's
+      range) and `separation` apart (the window).
+    - `optimal` puts them where the fits of the segments leave the least, on a `grid` of equal cells (20) with `min_samples` in each segment
+      (10).
     """
 
-    count: int
-    window: float | None = None
-    separation: float | None = None
+    method: Literal["even", "breakpoints", "gradient", "optimal"]
+    count: Annotated[int, Interval(ge=1, le=1000)] | None = None
+    at: Annotated[Sequence[OfKey], Len(1)] | None = None
+    window: Annotated[OfKey, Gt(0)] | None = None
+    separation: Annotated[OfKey, Gt(0)] | None = None
+    grid: Annotated[int, Interval(ge=1, le=200)] | None = None
+    min_samples: Annotated[int, Interval(ge=1)] | None = None
+
+    @property
+    def segments(self) -> int:
+        """The `count`, of the methods that need it."""
+        assert self.count is not None
+        return self.count
+
+    @property
+    def cells(self) -> int:
+        """Cells of the grid of `optimal`."""
+        return self.grid or 20
+
+    @property
+    def least(self) -> int:
+        """Samples that each segment holds at least."""
+        return self.min_samples or (10 if self.method == "optimal" else 0)
+
+    @property
+    def joins(self) -> bool:
+        """Whether segments with too few samples are joined to their neighbours."""
+        return self.method in ("even", "breakpoints")
+
+    def __post_init__(self) -> None:
+        """Refuse keys that the method lacks or has no use for."""
+        needed = USES[self.method][0]
+        if getattr(self, needed) is None:
+            example = "count: 4" if needed == "count" else "at: [0.05, 0.1]"
+            raise Contradiction(f"method `{self.method}` needs `{needed}`", f"add it, as `{example}`", "method")
+        for other in fields(self)[1:]:
+            if other.name not in USES[self.method] and getattr(self, other.name) is not None:
+                raise Contradiction(f"method `{self.method}` has no use for `{other.name}`", f"remove `{other.name}`", other.name)
+        if self.at is not None and any(after <= before for before, after in pairwise(self.at)):
+            raise Contradiction("the breakpoints do not increase", f"write `at: {sorted(set(self.at))}`", "at")
+        if self.method == "optimal" and self.segments > self.cells:
+            what = f"{self.count} segments do not fit on a grid of {self.cells} cells"
+            raise Contradiction(what, "raise `grid`, or lower `count`", "grid")
 
 
 @dataclass(frozen=True)
-class Optimal:
-    """`count` segments whose fits leave the least, with boundaries on an even grid of `grid` cells and `min_samples` in each segment."""
+class CutByDirection(Settings):
+    """Segments for rise and fall: by the sign of the rate `of` a quantity, with a `dead_band` in which the last direction holds."""
 
-    count: int
-    grid: int = 20
-    min_samples: int = 10
-
-
-@dataclass(frozen=True)
-class Directions:
-    """A segment for each direction of motion, fall (-1) and rise (+1)."""
+    of: str
+    dead_band: Annotated[float, Gt(0), of_sibling("of")]
 
 
-Cut = Even | Breakpoints | Gradient | Optimal | Directions
+Cut = Cuts | CutByDirection
 """How one variable is cut into segments."""
 
+Segmented = Annotated[Cuts | CutByDirection | Literal["none", "levels"], Either(key="dead_band")]
+"""A cut, or a word about the quantity of `levels`."""
 
-Scale = Literal["unit_square", "max_abs", "none"]
-"""Rule by which a segment's data are scaled (M1 step 1)."""
-
-Stop = Literal["tolerance", "bic", "aicc", "press", "free_run"]
-"""What ends the selection of terms."""
-
-Align = Literal["none", "threshold"]
-"""Whether curves are interpolated between points at the same pressure or strain, or at the same place relative to their thresholds."""
-
-Limits = Literal["curve", "domain"]
-"""Where extrapolation begins: at the ends of each curve, or at those of all training samples (M2 eq 12 as printed)."""
+WordOrValue = Annotated[Beyond | OfKey, Either()]
 
 
 @dataclass(frozen=True)
-class Cutting:
-    """How samples are cut into curves and segments.
+class BelowAbove(Settings):
+    """Extrapolation of one variable on each side: a word, or the value that the variable takes (M2 eq 12)."""
+
+    below: WordOrValue | None = None
+    above: WordOrValue | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fuse(Joining):
+    """How pieces are joined (M2 eq 9-12).
+
+    Transition zones reach `z_s` of a segment's width to each side of a boundary. Between levels, curves are interpolated by triangles
+    (`levels: linear`) or keeping their shape (`pchip`), and with `align: threshold` between places that lie alike relative to their
+    thresholds. `shrink` is the share of the residual on a backbone that is carried to the middle between two levels: `auto` asks left-out
+    training levels, 1 carries all of it, 0 leaves the backbone alone there; where all samples are one surface, it is the share that counts
+    everywhere, and `auto` asks left-out blocks. `extrapolation` is a word for all variables, or a mapping from variable to word or
+    `{below, above}`; without it, `continue` for one-term fits, else `saturate`. It begins at each curve's own ends
+    (`limits: curve`), or at those of the whole training domain (`domain`: M2 eq 12 as printed). `hold: samples` holds a segment function
+    where a transition zone reaches beyond its samples by more than `z_s` of their width; `none` is M2 eq 9-11 to the letter.
+    """
+
+    align: Literal["none", "threshold"] = "none"
+    limits: Literal["curve", "domain"] = "curve"
+    shrink: Annotated[Literal["auto"] | Annotated[float, Interval(ge=0, le=1)], Either()] = "auto"
+    extrapolation: Annotated[Beyond | dict[str, Annotated[Beyond | BelowAbove, Either()]], Either()] | None = None
+
+    def beyond(self, name: str) -> tuple[Beyond | float | None, Beyond | float | None]:
+        """Return the extrapolation of a variable below and above its limits; None where nothing is said."""
+        said = self.extrapolation.get(name) if isinstance(self.extrapolation, Mapping) else self.extrapolation
+        return (said.below, said.above) if isinstance(said, BelowAbove) else (said, said)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recipe:
+    """The choices of a MAPMORE model of one `target` (M2 section 4.4 has the paper's).
 
     Attributes
     ----------
+    dictionary
+        Candidate terms as text, in scaled coordinates.
+    cuts
+        Segmentation of each segmented variable.
     level
         Quantity whose curves are interpolated; None pools all curves into one. It is constant within a curve, or the pressure of step
         responses, whose curves stand at the pressure of their plateau (M2 figure 3h).
-    cuts
-        Segmentation of each segmented variable.
     pooled
         Quantity whose levels the curves have, where they are pooled into one surface all the same.
     """
 
-    level: str | None
-    cuts: Mapping[str, Cut]
-    pooled: str | None = None
-
-
-@dataclass(frozen=True)
-class Fitting:
-    """How the terms of a segment are chosen; candidates are text, in scaled coordinates."""
-
-    dictionary: tuple[str, ...]
-    scaling: Scale
-    max_terms: int
-    tolerance: float
-    stop: Stop
-
-
-@dataclass(frozen=True)
-class Fusing:
-    """How segment functions are joined, where the data still have a say.
-
-    Attributes
-    ----------
-    joints
-        What is settled; its extrapolation and its aligned variable are filled in when the curves are known.
-    align, limits
-        Where the aligned variable and the limits of the training domain come from.
-    shrink
-        Share of a backbone's residual that is carried to the middle between two levels; None asks left-out training levels.
-    extrapolation
-        Below and above, for every variable that is named. What is not named, or None, takes `beyond`, and where that is None the
-        default: `continue` where every segment has one term, else `saturate`.
-    """
-
-    joints: Fusion
-    align: Align
-    limits: Limits
-    shrink: float | None
-    extrapolation: Mapping[str, tuple[Side | None, Side | None]]
-    beyond: Side | None
-
-
-@dataclass(frozen=True)
-class Recipe:
-    """The choices of a MAPMORE model of one `target` (M2 section 4.4 has the paper's), step by step."""
-
     target: str
-    cutting: Cutting
-    fitting: Fitting
-    fusing: Fusing
+    dictionary: tuple[str, ...]
+    cuts: Mapping[str, Cut] = field(default_factory=dict)
+    level: str | None = None
+    pooled: str | None = None
+    fit: Fit = field(default_factory=Fit)
+    fuse: Fuse = field(default_factory=Fuse)

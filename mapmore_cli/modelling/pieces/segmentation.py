@@ -14,7 +14,7 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Segment, SegmentedCurve
 from mapmore_cli.domain.recording import DIRECTION, Curve, united
 from mapmore_cli.modelling.pieces.boundaries import gradient_boundaries, optimal_partition
-from mapmore_cli.modelling.pieces.recipe import Breakpoints, Cut, Directions, Even, Gradient, Optimal
+from mapmore_cli.modelling.pieces.recipe import Cut, CutByDirection, Cuts
 
 
 def samples_of(curve: Curve, rows: IntArray) -> dict[str, Array]:
@@ -37,23 +37,23 @@ def cut_points(curve: Curve, rows: IntArray, name: str, target: str, cut: Cut, c
 
     Given breakpoints that lie outside of the curve's own range are left out: a low-pressure curve ends at a smaller strain.
     """
-    if isinstance(cut, Directions):
+    if isinstance(cut, CutByDirection):
         return np.array([-1.0, 0.0, 1.0])
     x, y = curve.columns[name][rows], curve.columns[target][rows]
     low, high = float(x.min()), float(x.max())
     if low == high:
         return np.array([low, high])
-    match cut:
-        case Even(count):
-            return joined(np.linspace(low, high, count + 1), x, cut.min_samples)
-        case Breakpoints(at):
-            return joined(np.array([low, *(b for b in at if low < b < high), high]), x, cut.min_samples)
-        case Gradient():
+    match cut.method:
+        case "even":
+            return joined(np.linspace(low, high, cut.segments + 1), x, cut.least)
+        case "breakpoints":
+            return joined(np.array([low, *(b for b in cut.at or () if low < b < high), high]), x, cut.least)
+        case "gradient":
             return np.array([low, *gradient_boundaries(x, y, cut), high])
-        case Optimal():
+        case "optimal":
             order = np.lexsort((y, x))
             thinned = rows[order[:: -(-len(rows) // MOST_SAMPLES)]]
-            return _optimal_points(curve, thinned, name, np.linspace(low, high, cut.grid + 1), cut, cost)
+            return _optimal_points(curve, thinned, name, np.linspace(low, high, cut.cells + 1), cut, cost)
 
 
 def joined(boundaries: Array, x: Array, least: int) -> Array:
@@ -106,18 +106,18 @@ def _touch(group: Sequence[Cell], other: Sequence[Cell], across: Sequence[bool])
     return any(sum(step) == 1 and across[step.index(1)] for step in steps)
 
 
-def _optimal_points(curve: Curve, rows: IntArray, name: str, grid: Array, cut: Optimal, cost: IntervalCost) -> Array:
+def _optimal_points(curve: Curve, rows: IntArray, name: str, grid: Array, cut: Cuts, cost: IntervalCost) -> Array:
     x = curve.columns[name][rows]
 
     @cache
     def interval(i: int, j: int) -> float:
         inside = rows[(x >= grid[i]) & (x <= grid[j])]
-        return cost(curve, inside) if len(inside) >= cut.min_samples else float("inf")
+        return cost(curve, inside) if len(inside) >= cut.least else float("inf")
 
-    places = optimal_partition(interval, cut.grid, cut.count)
+    places = optimal_partition(interval, cut.cells, cut.segments)
     if places is None:
         raise DataError(
-            f"curve {curve.id}: cannot be cut into {cut.count} segments of at least {cut.min_samples} samples along {name}",
+            f"curve {curve.id}: cannot be cut into {cut.count} segments of at least {cut.least} samples along {name}",
             f"use fewer segments, lower segment.{name}.min_samples, or raise segment.{name}.grid",
         )
     return np.array([grid[0], *grid[list(places)], grid[-1]])
@@ -170,8 +170,8 @@ def segment_curve(curve: Curve, cuts: Mapping[str, Cut], target: str, cost: Inte
         cells[cell] = np.ones(len(rows), dtype=np.bool_)
         for name, place in zip(cuts, cell, strict=True):
             cells[cell] &= inside[name][place - 1]
-    least = max((cut.min_samples for cut in cuts.values() if isinstance(cut, Even | Breakpoints)), default=0)
-    across = [not isinstance(cut, Directions) for cut in cuts.values()]
+    least = max((cut.least for cut in cuts.values() if isinstance(cut, Cuts) and cut.joins), default=0)
+    across = [not isinstance(cut, CutByDirection) for cut in cuts.values()]
     masks = joined_cells(cells, least, across) if len(cuts) > 1 else cells
     segments = [Segment(segment_id(curve.id, tuple(cuts), cell), curve.id, cell, rows[mask]) for cell, mask in masks.items()]
     _refuse_empty(segments)
@@ -186,7 +186,7 @@ def segment_curve(curve: Curve, cuts: Mapping[str, Cut], target: str, cost: Inte
 
 
 def cut_by_course(curves: Sequence[Curve], by_level: bool, cuts: Mapping[str, Cut], target: str) -> list[SegmentedCurve]:
-    """Every training curve cut by its measured course, without a fit: `cuts` of any method but `Optimal`; raises as `segment_curve`."""
+    """Every training curve cut by its measured course, without a fit: `cuts` of any method but `optimal`; raises as `segment_curve`."""
     return [segment_curve(curve, cuts, target, lambda _curve, _rows: 0.0) for curve in training_curves(curves, by_level)]
 
 

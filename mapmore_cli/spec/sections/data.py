@@ -9,25 +9,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
-from mapmore_cli.spec.fields import (
-    Keyed,
-    Many,
-    Number,
-    OfKey,
-    Quantity,
-    RelativePath,
-    Seconds,
-    Section,
-    SignedSeconds,
-    Text,
-    WithUnit,
-    by_shape,
-    by_shape_or_key,
-    contradiction,
-    of_sibling,
-    possible_path,
-    with_key,
-)
+from mapmore_cli.domain.declared import Contradiction, Either, InUnit, OfKey, Seconds, of_sibling
+from mapmore_cli.spec.fields import Quantity, RelativePath, Section, SignedSeconds, possible_path
 from mapmore_cli.spec.sections.logs import FileEntry, Join, Keep, Logs
 
 OfLevel = Annotated[float, of_sibling("of")]
@@ -68,7 +51,7 @@ class Levels(Section):
     """
 
     of: str
-    at: Annotated[Annotated[list[OfLevel], Many, Field(min_length=1)] | Annotated[Literal["auto"], Text], by_shape] = "auto"
+    at: Annotated[Annotated[list[OfLevel], Field(min_length=1)] | Literal["auto"], Either()] = "auto"
     within: Annotated[float, Field(gt=0), of_sibling("of")] | None = None
 
     @property
@@ -83,9 +66,9 @@ class Levels(Section):
     def _apart(self) -> Levels:
         if self.spacing == 0 and not isinstance(self.at, str):
             twice = sorted({level for level in self.at if self.at.count(level) > 1})
-            raise contradiction(f"level {', '.join(f'{level:g}' for level in twice)} is given twice", "give each level once", "at")
+            raise Contradiction(f"level {', '.join(f'{level:g}' for level in twice)} is given twice", "give each level once", "at")
         if self.within is not None and self.spacing is not None and self.within > self.spacing / 2:
-            raise contradiction(
+            raise Contradiction(
                 f"levels overlap: they lie {self.spacing:g} apart, and `within: {self.within:g}` reaches further than half of that",
                 f"give `within` of {self.spacing / 2:g} or less",
                 "within",
@@ -102,12 +85,12 @@ class Between(Section):
     def _ascending(self) -> Between:
         for low, high in self.between:
             if low > high:
-                raise contradiction(f"the interval runs from {low:g} to {high:g}", "put the lower end first", "between")
+                raise Contradiction(f"the interval runs from {low:g} to {high:g}", "put the lower end first", "between")
         return self
 
 
-Part = Annotated[float, Field(gt=0, lt=1), WithUnit(lambda _: "1")]
-HeldOut = Annotated[Annotated[list[OfKey], Many, Field(min_length=1)] | Annotated[Between, Keyed], by_shape]
+Part = Annotated[float, Field(gt=0, lt=1), InUnit(lambda _: "1")]
+HeldOut = Annotated[Annotated[list[OfKey], Field(min_length=1)] | Between, Either()]
 
 
 class Holdout(Section):
@@ -146,12 +129,12 @@ class Holdout(Section):
     def _says_something(self) -> Holdout:
         conditions = (self.files, self.recordings, self.last, self.last_cycles, self.fraction)
         if all(value is None for value in conditions) and not self.quantities:
-            raise contradiction("`validate` does not say what is held out", "name a quantity, as `pressure: [250]`", "seed", "of")
+            raise Contradiction("`validate` does not say what is held out", "name a quantity, as `pressure: [250]`", "seed", "of")
         if (self.last_cycles is None) != (self.of is None):
             remedy = "say of which quantity, as `{last_cycles: 0.5, of: pressure}`"
-            raise contradiction("`last_cycles` and `of` go together", remedy, "last_cycles", "of")
+            raise Contradiction("`last_cycles` and `of` go together", remedy, "last_cycles", "of")
         if self.seed is not None and self.fraction is None:
-            raise contradiction("`seed` draws nothing here", "it belongs to `fraction`", "seed")
+            raise Contradiction("`seed` draws nothing here", "it belongs to `fraction`", "seed")
         return self
 
 
@@ -167,7 +150,7 @@ class Split(Section):
     @model_validator(mode="after")
     def _one_of_both(self) -> Split:
         if self.hold_out is not None and self.leave_one_level_out:
-            raise contradiction("both `validate` and `leave_one_level_out` are given", "choose one", "leave_one_level_out")
+            raise Contradiction("both `validate` and `leave_one_level_out` are given", "choose one", "leave_one_level_out")
         return self
 
 
@@ -187,7 +170,7 @@ class MissingRule(Section):
     `tokens` are texts and numbers that stand for a missing value, besides an empty cell, `nan`, `NA` and the like.
     """
 
-    tokens: list[Annotated[Annotated[str, Text] | Annotated[float, Number], by_shape]] = []
+    tokens: list[Annotated[str | float, Either()]] = []
     action: Literal["error", "drop"] = "drop"
 
     @property
@@ -201,9 +184,7 @@ class MissingRule(Section):
         return tuple(token for token in self.tokens if not isinstance(token, str))
 
 
-Plateau = Annotated[
-    Annotated[Annotated[tuple[SignedSeconds, SignedSeconds], Field(strict=False)], Many] | Annotated[Literal["auto"], Text], by_shape
-]
+Plateau = Annotated[Annotated[tuple[SignedSeconds, SignedSeconds], Field(strict=False)] | Literal["auto"], Either()]
 """Where a step response rests between its rise and its fall: from when to when, or found in each recording."""
 
 
@@ -220,13 +201,13 @@ class Data(Logs):
     derive: dict[
         Quantity,
         Annotated[
-            Annotated[str, Text] | Annotated[Rate, Keyed] | Annotated[Direction, with_key("direction_of")],
-            by_shape_or_key("direction_of"),
+            str | Rate | Direction,
+            Either(key="direction_of"),
         ],
     ] = {}
     plateau: Plateau | None = None
     keep: list[Keep] = []
-    missing: Annotated[Annotated[Literal["error", "drop"], Text] | Annotated[MissingRule, Keyed], by_shape] = "error"
+    missing: Annotated[Literal["error", "drop"] | MissingRule, Either()] = "error"
     repeated_time: Literal["error", "average", "spread"] = "error"
     gaps: GapRule | None = None
     resample: Seconds | None = None

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import Field, create_model, model_validator
 
+from mapmore_cli.domain.declared import Contradiction, Either, InUnit, Seconds
 from mapmore_cli.modelling.terms.operator import Operator, Parameter
 from mapmore_cli.modelling.terms.operators import families
-from mapmore_cli.spec.fields import Keyed, Seconds, Section, Text, WithUnit, by_shape, contradiction
+from mapmore_cli.spec.fields import Section
 from mapmore_cli.spec.tree import Loc
 
 Of = Annotated[list[str], Field(min_length=1)]
@@ -43,17 +44,17 @@ class OperatorFamily(Section):
         name, parameters = self.operator.name, self.operator.parameters
         if self.operator.spread is not None and (getattr(self, parameters[0].key) is None) == (getattr(self, "count", None) is None):
             key, example = parameters[0].key, parameters[0].example
-            raise contradiction(f"`{name}` takes either `{key}` or `count`", f"give one of both, as `{key}: [{example}]`", "count", "of")
+            raise Contradiction(f"`{name}` takes either `{key}` or `count`", f"give one of both, as `{key}: [{example}]`", "count", "of")
         missing = [parameter.key for parameter in parameters if getattr(self, parameter.key) is None]
         if len(parameters) > 1 and 0 < len(missing) < len(parameters):
             remedy = f"add `{missing[0]}`, or leave all out: training then finds them"
-            raise contradiction(f"`{name}` lacks `{missing[0]}`", remedy, *(parameter.key for parameter in parameters))
+            raise Contradiction(f"`{name}` lacks `{missing[0]}`", remedy, *(parameter.key for parameter in parameters))
         return self
 
 
 def _number(parameter: Parameter) -> Any:
     bounds = Field(gt=0) if parameter.below == float("inf") else Field(gt=0, lt=parameter.below)
-    return Annotated[float, bounds, WithUnit(lambda _, unit=parameter.unit: unit)]  # type: ignore[misc]
+    return Annotated[float, bounds, InUnit(lambda _, unit=parameter.unit: unit)]  # type: ignore[misc]
 
 
 def _fields(operator: Operator) -> dict[str, Any]:
@@ -111,7 +112,7 @@ class Products(Section):
     Given `with`, names among `of`, a product holds powers of at most one term besides those.
     """
 
-    of: Annotated[list[Annotated[Annotated[str, Text] | Annotated[DictionaryEntry, Keyed], by_shape]], Field(min_length=1)]
+    of: Annotated[list[Annotated[str | DictionaryEntry, Either()]], Field(min_length=1)]
     order: Order
     partners: Of | None = Field(default=None, alias="with")
     constant: bool = True
@@ -146,7 +147,7 @@ class Families(Section):
         if len(self.families) != 1:
             found = "two families" if self.families else "no family"
             remedy = f"give one of {', '.join(f'`{name}`' for name in type(self).model_fields)}; further families are entries of their own"
-            raise contradiction(f"this entry has {found} of terms", remedy)
+            raise Contradiction(f"this entry has {found} of terms", remedy)
         return self
 
 

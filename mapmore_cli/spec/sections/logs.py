@@ -10,22 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from mapmore_cli.spec.fields import (
-    InColumnUnit,
-    Keyed,
-    Number,
-    OfKey,
-    Quantity,
-    Seconds,
-    Section,
-    SignedSeconds,
-    SpecPath,
-    Text,
-    TrueFalse,
-    by_shape,
-    contradiction,
-    of_sibling,
-)
+from mapmore_cli.domain.declared import Contradiction, Either, OfKey, Seconds, of_sibling
+from mapmore_cli.spec.fields import InColumnUnit, Quantity, Section, SignedSeconds, SpecPath
 from mapmore_cli.storage.readers import READERS
 
 OfQuantity = Annotated[float, of_sibling("quantity")]
@@ -53,11 +39,11 @@ class Keep(Section):
         if len(given) != 1:
             found = "two conditions at once: " + ", ".join(f"`{name}`" for name in given) if given else "no condition"
             remedy = f"give one of {', '.join(f'`{name}`' for name in CONDITIONS)}"
-            raise contradiction(f"`keep` has {found}", remedy, *given[1:], "quantity")
+            raise Contradiction(f"`keep` has {found}", remedy, *given[1:], "quantity")
         for name in ("between", "outside"):
             interval = getattr(self, name)
             if interval is not None and interval[0] >= interval[1]:
-                raise contradiction(f"`{name}` runs from {interval[0]:g} to {interval[1]:g}", "put the lower end first", name)
+                raise Contradiction(f"`{name}` runs from {interval[0]:g} to {interval[1]:g}", "put the lower end first", name)
         return self
 
 
@@ -93,7 +79,7 @@ class SourceColumn(Section):
     its own, `rest` is how long it rests at its beginning: the mean over that time is taken off.
     """
 
-    column: Annotated[Annotated[str, Text] | Annotated[int, Number], by_shape]
+    column: Annotated[str | int, Either()]
     unit: str | None = None
     scale: float = 1.0
     offset: InColumnUnit = 0.0
@@ -112,11 +98,11 @@ class Logs(Section):
     """
 
     files: Annotated[
-        list[Annotated[Annotated[SpecPath, Text] | Annotated[FileEntry, Keyed], by_shape]],
+        list[Annotated[SpecPath | FileEntry, Either()]],
         Field(min_length=1),
     ]
     reader: ReaderName = "csv"
-    header: Annotated[Annotated[bool, TrueFalse] | Annotated[int, Number, Field(ge=1, le=1000)], by_shape] = True
+    header: Annotated[bool | Annotated[int, Field(ge=1, le=1000)], Either()] = True
     skip_rows: Annotated[int, Field(ge=0, le=1_000_000)] = 0
     delimiter: str = ","
     decimal: Literal[".", ","] = "."
@@ -132,33 +118,33 @@ class Logs(Section):
         for key, readers in READERS_OF.items():
             if self.reader not in readers and getattr(self, key) != Logs.model_fields[key].default:
                 owners = " and ".join(f"`{reader}`" for reader in readers)
-                raise contradiction(f"reader `{self.reader}` has no use for `{key}`", f"remove it: it belongs to {owners}", key)
+                raise Contradiction(f"reader `{self.reader}` has no use for `{key}`", f"remove it: it belongs to {owners}", key)
         reader = READERS[self.reader]
         if "sheet" not in reader.keys and any(isinstance(entry, FileEntry) and entry.sheet is not None for entry in self.files):
             owners = " and ".join(f"`{name}`" for name in READERS_OF["sheet"])
-            raise contradiction(f"reader `{self.reader}` has no use for `sheet`", f"remove it: it belongs to {owners}", "files")
+            raise Contradiction(f"reader `{self.reader}` has no use for `sheet`", f"remove it: it belongs to {owners}", "files")
         if not reader.by_index and any(isinstance(column.column, int) for column in self.columns.values()):
-            raise contradiction(f"reader `{reader.name}` finds columns by name", f"write `column: {reader.column}`", "columns")
+            raise Contradiction(f"reader `{reader.name}` finds columns by name", f"write `column: {reader.column}`", "columns")
         if self.sample_time is not None and "time" in self.columns:
-            raise contradiction("`time` is a column, and `sample_time` makes it as well", "keep one of both", "sample_time")
+            raise Contradiction("`time` is a column, and `sample_time` makes it as well", "keep one of both", "sample_time")
         if self.sample_time is None and "time" not in self.columns and any(column.rest is not None for column in self.columns.values()):
-            raise contradiction("`rest` needs the time", "add `time` to `columns`, or `sample_time`", "columns")
+            raise Contradiction("`rest` needs the time", "add `time` to `columns`, or `sample_time`", "columns")
         return self
 
     @model_validator(mode="after")
     def _dialect(self) -> Logs:
         if not re.fullmatch(r"tab|whitespace|[^\w\s\"'.+-]|[\t ]", self.delimiter):
-            raise contradiction(
+            raise Contradiction(
                 f"{self.delimiter!r} cannot separate fields", 'write one character, as `";"`, or `tab`, or `whitespace`', "delimiter"
             )
         if self.delimiter == self.decimal:
             remedy = 'say what separates the fields, as `delimiter: ";"`'
-            raise contradiction("the decimal point also separates the fields", remedy, "decimal")
+            raise Contradiction("the decimal point also separates the fields", remedy, "decimal")
         try:
             "a".encode(self.encoding)
         except (LookupError, ValueError):  # ValueError: a zero byte in the name
             remedy = "write `utf-8`, `utf-16`, `latin-1`, `cp1252`, ..."
-            raise contradiction(f"encoding {self.encoding!r} is unknown", remedy, "encoding") from None
+            raise Contradiction(f"encoding {self.encoding!r} is unknown", remedy, "encoding") from None
         return self
 
 
@@ -183,7 +169,7 @@ class Join(Logs):
     """
 
     on: Literal["time", "row"] = "time"
-    shift: Annotated[Annotated[Literal["auto"], Text] | Annotated[SignedSeconds, Number], by_shape] = 0.0
+    shift: Annotated[Literal["auto"] | SignedSeconds, Either()] = 0.0
     match: Match | None = None
     max_gap: Seconds | None = None
 
@@ -196,21 +182,21 @@ class Join(Logs):
     def _clock(self) -> Join:
         if self.on == "time" and "time" not in self.columns and self.sample_time is None:
             remedy = "add `time` to its `columns`, or say `on: row`"
-            raise contradiction("a join on time needs the time of the second log", remedy, "on", "columns")
+            raise Contradiction("a join on time needs the time of the second log", remedy, "on", "columns")
         if self.on == "row" and (self.shift != 0 or self.max_gap is not None):
-            raise contradiction("a join on rows has no use for `shift` and `max_gap`", "remove them", "shift", "max_gap")
+            raise Contradiction("a join on rows has no use for `shift` and `max_gap`", "remove them", "shift", "max_gap")
         if self.on == "row" and ("time" in self.columns or self.sample_time is not None):
-            raise contradiction("a join on rows takes the time of the first log", "remove the second", "columns")
+            raise Contradiction("a join on rows takes the time of the first log", "remove the second", "columns")
         if (self.shift == "auto") != (self.match is not None):
             if self.match is None:
                 remedy = "add `match: {first: QUANTITY, second: QUANTITY}`, which change together"
-                raise contradiction("`shift: auto` needs two quantities that tell the shift", remedy, "shift")
-            raise contradiction("`match` is about `shift: auto`", "add that, or remove `match`", "match")
+                raise Contradiction("`shift: auto` needs two quantities that tell the shift", remedy, "shift")
+            raise Contradiction("`match` is about `shift: auto`", "add that, or remove `match`", "match")
         if self.match is not None and self.match.second not in self.quantities:
             remedy = f"name one of {', '.join(f'`{name}`' for name in self.quantities)}"
-            raise contradiction(f"the second log has no quantity `{self.match.second}`", remedy, "match")
+            raise Contradiction(f"the second log has no quantity `{self.match.second}`", remedy, "match")
         if not self.quantities:
-            raise contradiction("the join adds no quantity", "name one besides `time`", "columns")
+            raise Contradiction("the join adds no quantity", "name one besides `time`", "columns")
         if any(isinstance(entry, FileEntry) and (entry.set or entry.id or entry.keep) for entry in self.files):
-            raise contradiction("`set`, `id` and `keep` belong to `data.files`", "move them there", "files")
+            raise Contradiction("`set`, `id` and `keep` belong to `data.files`", "move them there", "files")
         return self

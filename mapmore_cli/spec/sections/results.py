@@ -9,25 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, Field, model_validator
 
+from mapmore_cli.domain.declared import Contradiction, Either
 from mapmore_cli.domain.page import FIGURES
 from mapmore_cli.domain.scores import Published
-from mapmore_cli.spec.fields import (
-    Keyed,
-    Metres,
-    Metric,
-    Name,
-    OfTarget,
-    Quantity,
-    RelativePath,
-    Section,
-    SettingsOf,
-    Share,
-    SpecPath,
-    Text,
-    by_shape,
-    contradiction,
-)
-from mapmore_cli.spec.sections.method import Summands
+from mapmore_cli.spec.fields import Metres, Metric, Name, OfTarget, Quantity, RelativePath, Section, SettingsOf, Share, SpecPath
+from mapmore_cli.spec.sections.model import Summands, refuse_mixed
 
 
 def _experiment() -> type[BaseModel]:
@@ -71,24 +57,25 @@ class Competitor(Section):
         if len([kind for kind in kinds if kind is not None]) != 1:
             remedy = "give one of the five, as `{model: sarosi}`"
             found = "a competitor is a `model`, a `run`, this spec with keys `set`, a `sum`, or `static` with `damping`"
-            raise contradiction(found, remedy, "model", "run", "set", "sum", "static")
+            raise Contradiction(found, remedy, "model", "run", "set", "sum", "static")
+        refuse_mixed(self.sum or ())
         if self.sum is not None and (self.as_ is None or self.sum[0].formula is None):
-            raise contradiction("a sum as competitor is of formulas, and has a name", "add it, as `as: pair`", "sum")
+            raise Contradiction("a sum as competitor is of formulas, and has a name", "add it, as `as: pair`", "sum")
         if self.set is not None and self.as_ is None:
-            raise contradiction("changed settings need a name", "add it, as `{set: {fit.max_terms: 1}, as: one_term}`", "set")
+            raise Contradiction("changed settings need a name", "add it, as `{set: {fit.max_terms: 1}, as: one_term}`", "set")
         if (self.static is None) != (self.damping is None):
             remedy = "add the other, as `{static: sarosi, damping: reynolds}`; `damping: none` adds nothing"
-            raise contradiction("a composite needs `static` and `damping`", remedy, "static", "damping")
+            raise Contradiction("a composite needs `static` and `damping`", remedy, "static", "damping")
         if (self.run is not None or self.set is not None) and self.method is not None:
-            raise contradiction("another run has a fit of its own", "remove `method`", "method")
+            raise Contradiction("another run has a fit of its own", "remove `method`", "method")
         if self.is_file and (self.as_ is None or self.method is not None):
             remedy = "write `{model: archive/NAME@TAG/model.h5, as: before}`"
-            raise contradiction("a frozen model needs a name for its scores, and is not fitted", remedy, "as", "method", "model")
+            raise Contradiction("a frozen model needs a name for its scores, and is not fitted", remedy, "as", "method", "model")
         if self.starts is not None and (self.model is None or self.method != "levenberg_marquardt"):
             remedy = "write `{model: sarosi, method: levenberg_marquardt, starts: published}`"
-            raise contradiction("`starts` goes with a `model` and `method: levenberg_marquardt`", remedy, "starts")
+            raise Contradiction("`starts` goes with a `model` and `method: levenberg_marquardt`", remedy, "starts")
         if self.errors_in is not None and (self.model is None or self.is_file):
-            raise contradiction("`errors_in` goes with a formula as `model`", "write `{model: sarosi, errors_in: strain}`", "errors_in")
+            raise Contradiction("`errors_in` goes with a formula as `model`", "write `{model: sarosi, errors_in: strain}`", "errors_in")
         return self
 
     @property
@@ -115,7 +102,7 @@ class Validate(Section):
     """
 
     as_: Quantity | None = Field(default=None, alias="as")
-    against: list[Annotated[Annotated[str, Text] | Annotated[Competitor, Keyed], by_shape]] = []
+    against: list[Annotated[str | Competitor, Either()]] = []
     normaliser: Literal["max", "range"] = "max"
     intervals: bool = False
     require: dict[str, Metric] = {}

@@ -9,7 +9,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.modelling import literature
-from mapmore_cli.spec.sections.method import AUTO
+from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.stages.drafting.draft import Draft
 from mapmore_cli.stages.inspection.evidence import HINGED, slack_foot
 

@@ -10,8 +10,8 @@ from typing import Any
 
 from mapmore_cli.domain.errors import DataError, MapmoreError
 from mapmore_cli.modelling.pieces.backbone_choice import FEW
+from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.spec.loader import load
-from mapmore_cli.spec.sections.method import AUTO
 from mapmore_cli.spec.yaml_core import dump
 from mapmore_cli.stages.drafting.draft import Draft
 from mapmore_cli.stages.drafting.trial import Trial, tried

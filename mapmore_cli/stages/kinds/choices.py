@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
 
 from mapmore_cli.domain.recording import Signal
+from mapmore_cli.modelling.pieces.recipe import Fuse, Segmented
+from mapmore_cli.modelling.selection import AUTO, Fit
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.data import STEP_OF, STEP_PRESSURE, Levels
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry, remembers
-from mapmore_cli.spec.sections.method import AUTO, CutByDirection, Cuts, Fit, Fuse, ModelChoice
+from mapmore_cli.spec.sections.model import ModelChoice
 
-SegmentSection = Mapping[str, Cuts | CutByDirection | Literal["none", "levels"]]
+SegmentSection = Mapping[str, Segmented]
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import Signal
+from mapmore_cli.modelling.pieces.recipe import CutByDirection
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.data import Direction, Rate
 from mapmore_cli.spec.sections.dictionary import Delays, DictionaryEntry, Lags, Polynomial, Products
-from mapmore_cli.spec.sections.method import CutByDirection
 from mapmore_cli.spec.units import convert, default_unit
 
 

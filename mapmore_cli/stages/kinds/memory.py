@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from mapmore_cli.domain.declared import taken
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import FitResult
@@ -36,20 +37,7 @@ def _fitted(part: FitChoices, dataset: Dataset, progress: Callable[[int, int], N
     step = time_step(curves)
     records = records_of(curves, step)
     clock = Clock(step, step * max(int(record.training.sum()) for record in records))
-    recipe = MemoryRecipe(
-        target=dataset.target,
-        dictionary=terms_of(part.dictionary, clock),
-        step=step,
-        scale=part.fit.scaling == "range",
-        margin=part.fit.margin,
-        ridge=part.fit.ridge,
-        max_terms=part.fit.most_terms,
-        forward=part.fit.forward,
-        tolerance=part.fit.tolerance,
-        stop=part.fit.stop,
-        criterion=part.fit.criterion,
-        select=part.fit.select,
-    )
+    recipe = taken(MemoryRecipe, part.fit, target=dataset.target, dictionary=terms_of(part.dictionary, clock), step=step)
     return FitResult(fit_with_memory(records, recipe, progress), backbone)
 
 

@@ -2,80 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
+from mapmore_cli.modelling.pieces.recipe import Cut, Fuse, Recipe
+from mapmore_cli.modelling.selection import AUTO, Fit
 from mapmore_cli.spec.sections.data import Levels
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry, remembers
-from mapmore_cli.spec.sections.method import AUTO, BelowAbove, CutByDirection, Cuts, Fit, Fuse
 from mapmore_cli.stages.kinds.choices import FitChoices, ModelChoices, SegmentSection, level_of
 from mapmore_cli.stages.kinds.dictionary import terms_of
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.fits import FormulaFit
-    from mapmore_cli.domain.models import Model, Side
+    from mapmore_cli.domain.models import Model
     from mapmore_cli.domain.recording import Curve, Dataset
     from mapmore_cli.domain.results import FitResult
-    from mapmore_cli.modelling.pieces.recipe import Cut, Recipe, Scale
     from mapmore_cli.stages.pipeline.stage import Workspace
 
 
 def cuts_of(segment: SegmentSection) -> dict[str, Cut]:
-    """The segmented variables; words (`none`, `levels`) are about the level quantity."""
-    return {name: _cut(cuts) for name, cuts in segment.items() if not isinstance(cuts, str)}
-
-
-def _cut(cuts: Cuts | CutByDirection) -> Cut:
-    from mapmore_cli.modelling.pieces.recipe import Breakpoints, Directions, Even, Gradient, Optimal
-
-    if isinstance(cuts, CutByDirection):
-        return Directions()
-    if cuts.method == "breakpoints":
-        return Breakpoints(tuple(cuts.at or ()), cuts.min_samples or 0)
-    assert cuts.count is not None
-    if cuts.method == "gradient":
-        return Gradient(cuts.count, cuts.window, cuts.separation)
-    if cuts.method == "optimal":
-        chosen = {"grid": cuts.grid, "min_samples": cuts.min_samples}
-        return Optimal(cuts.count, **{name: value for name, value in chosen.items() if value is not None})
-    return Even(cuts.count, cuts.min_samples or 0)
+    """Return the segmented variables; words (`none`, `levels`) are about the level quantity."""
+    return {name: cut for name, cut in segment.items() if not isinstance(cut, str)}
 
 
 def recipe_of(
     target: str, levels: Levels | None, segment: SegmentSection, dictionary: Sequence[DictionaryEntry], fit: Fit, fuse: Fuse
 ) -> Recipe:
-    """The whole recipe of a MAPMORE model; without candidate terms where one model with memory stands in place of the segments."""
-    from mapmore_cli.domain.models import Fusion
-    from mapmore_cli.modelling.pieces.recipe import Cutting, Fitting, Fusing, Recipe
-
-    candidates = () if remembers(dictionary) else terms_of(dictionary)
+    """Return the whole recipe; without candidate terms where one model with memory stands in place of the segments."""
     level = level_of(levels, segment)
     return Recipe(
         target=target,
-        cutting=Cutting(level, cuts_of(segment), None if levels is None or level is not None else levels.of),
-        fitting=Fitting(candidates, _scaling(fit), fit.most_terms, fit.tolerance, fit.stop),
-        fusing=Fusing(
-            joints=Fusion(fuse.transition, fuse.z_s, {}, levels=fuse.levels, hold=fuse.hold),
-            align=fuse.align,
-            limits=fuse.limits,
-            shrink=None if fuse.shrink == "auto" else fuse.shrink,
-            extrapolation=_sides(fuse),
-            beyond=fuse.extrapolation if isinstance(fuse.extrapolation, str) else None,
-        ),
+        dictionary=() if remembers(dictionary) else terms_of(dictionary),
+        cuts=cuts_of(segment),
+        level=level,
+        pooled=None if levels is None or level is not None else levels.of,
+        fit=fit,
+        fuse=fuse,
     )
-
-
-def _scaling(fit: Fit) -> Scale:
-    """The scaling of segments; `range` is that of states with memory, and leaves pieces none."""
-    return "none" if fit.scaling == "range" else fit.scaling
-
-
-def _sides(fuse: Fuse) -> dict[str, tuple[Side | None, Side | None]]:
-    if not isinstance(fuse.extrapolation, Mapping):
-        return {}
-    return {
-        name: (sides.below, sides.above) if isinstance(sides, BelowAbove) else (sides, sides) for name, sides in fuse.extrapolation.items()
-    }
 
 
 def fit(part: FitChoices, dataset: Dataset, workspace: Workspace) -> FitResult:
@@ -137,7 +100,7 @@ def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:
     result = workspace.files.fit()
     recipe = recipe_of(dataset.target, part.levels, part.segment, part.dictionary, part.fit, part.fuse)
     model = method.fuse(part.name, curves, segmentation, result, recipe, dataset.quantities)
-    if result.backbone is None or recipe.fusing.shrink is not None:
+    if result.backbone is None or recipe.fuse.shrink != AUTO:
         return model
     return with_trusted_residual(model, curves, recipe, dataset.quantities, lambda done, total: workspace.progress("folds", done, total))
 
@@ -152,6 +115,6 @@ def refit(part: ModelChoices, dataset: Dataset) -> Model:
     recipe = recipe_of(dataset.target, part.levels, part.segment, part.dictionary, part.fit, part.fuse)
     backbone, _ = _backbone(part, dataset, curves, recipe, lambda _done, _of: None)
     model = method.build(part.name, curves, recipe, dataset.quantities, backbone)
-    if backbone is None or recipe.fusing.shrink is not None:
+    if backbone is None or recipe.fuse.shrink != AUTO:
         return model
     return with_trusted_residual(model, curves, recipe, dataset.quantities)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeVar
 
 from mapmore_cli.domain.errors import FitError, MapmoreError
-from mapmore_cli.spec.sections.method import AUTO
+from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.stages.kinds.choices import FitChoices, ModelChoices
 from mapmore_cli.stages.kinds.dictionary import terms_of
 
@@ -31,7 +31,7 @@ class Size:
 
 def with_terms(part: P, terms: int) -> P:
     """The choices with so many terms at most; as they are for 0."""
-    return replace(part, fit=part.fit.model_copy(update={"max_terms": terms})) if terms else part
+    return replace(part, fit=replace(part.fit, max_terms=terms)) if terms else part
 
 
 def size_of(part: FitChoices, dataset: Dataset, progress: Callable[[int, int], None] = lambda _done, _total: None) -> Size:
@@ -77,7 +77,7 @@ def _trial(part: FitChoices, dataset: Dataset) -> ModelChoices:
 
     model = part.model
     if model.backbone == AUTO:
-        model = model.model_copy(update={"backbone": backbone_name(part, dataset)})
+        model = replace(model, backbone=backbone_name(part, dataset))
     return ModelChoices(part.levels, part.segment, part.dictionary, model, part.fit, part.lengths, None, "trial", part.joined, (), ())
 
 

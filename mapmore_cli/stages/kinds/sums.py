@@ -17,7 +17,7 @@ from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.modelling.sums.build import refuse_shared_names, sum_of
 from mapmore_cli.modelling.sums.joint import Summand, fit_jointly, split
 from mapmore_cli.modelling.terms import Name, parse
-from mapmore_cli.spec.sections import method
+from mapmore_cli.spec.sections import model as sections
 from mapmore_cli.stages.kinds.choices import FitChoices, ModelChoices
 from mapmore_cli.stages.pipeline.stage import Workspace
 from mapmore_cli.storage.run_folder import RunFiles
@@ -89,7 +89,7 @@ def _key(curve: Curve) -> float | str:
     return curve.id if curve.level is None else curve.level
 
 
-def summands_of(parts: Sequence[method.Summand]) -> list[Summand]:
+def summands_of(parts: Sequence[sections.Summand]) -> list[Summand]:
     """The parts that are formulas."""
     return [Summand(part.formula, float(part.sign), dict(part.inputs)) for part in parts if part.formula is not None]
 

@@ -11,6 +11,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from mapmore_cli.spec.experiment import ExperimentSpec
+from mapmore_cli.spec.tree import keys_at
 
 LONGEST_VALUE = 60
 """Characters of a value that a difference shows."""
@@ -53,7 +54,7 @@ def place_in_spec(key: str, stage: str) -> str:
     sections = {field.alias or name: field.annotation for name, field in ExperimentSpec.model_fields.items()}
     if key in sections:
         return key
-    homes = [name for name, section in sections.items() if isinstance(section, type) and key in getattr(section, "model_fields", {})]
+    homes = [name for name, section in sections.items() if isinstance(section, type) and key in keys_at(section, ())]
     return f"{homes[0] if homes else stage}.{key}"  # `levels` of fuse stands inside its own section, so the first home is the one
 
 

@@ -24,17 +24,8 @@ def memory_model(terms, theta, states, constant=0.0, limits=(-1.0, 1.0), output=
 
 def recipe_of(target, dictionary, step=STEP, *, max_terms, **changed):
     """Plain FROLS of so many terms, but for what is `changed`."""
-    plain = {
-        "scale": False,
-        "margin": 0.15,
-        "ridge": 0.0,
-        "forward": None,
-        "tolerance": 0.0,
-        "stop": "tolerance",
-        "criterion": "one_step",
-        "select": "one_step",
-    }
-    return MemoryRecipe(target, tuple(dictionary), step, max_terms=max_terms, **{**plain, **changed})
+    plain = {"scaling": "none", "tolerance": 0.0}
+    return MemoryRecipe(target=target, dictionary=tuple(dictionary), step=step, max_terms=max_terms, **{**plain, **changed})
 
 
 def record(training=True, **columns):

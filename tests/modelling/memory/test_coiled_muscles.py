@@ -23,7 +23,7 @@ STATES = (
     *operated("slow", operated("play", ["pressure"], [0.16, 0.32]), [0.3, 1]),
 )
 DICTIONARY = tuple(to_text(term) for term in products(STATES, 2, partners=["pressure"], constant=False))
-SETTING = recipe_of("displacement", DICTIONARY, STEP, scale=True, ridge=0.002, max_terms=12, forward=36)
+SETTING = recipe_of("displacement", DICTIONARY, STEP, scaling="range", ridge=0.002, max_terms=12, forward=36)
 STATIC = recipe_of("displacement", ("1", "pressure", "pressure^2", "pressure^3"), STEP, max_terms=4)
 PLAYS = recipe_of("displacement", ("1", *STATES[:1], *operated("play", ["pressure"], np.linspace(0.04, 0.46, 10))), STEP, max_terms=12)
 

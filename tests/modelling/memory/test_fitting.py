@@ -69,7 +69,7 @@ def hysteretic(n, seed):
 
 STATES = ("x", *operated("slow", ["x"], [0.05, 0.2, 1]), *operated("play", ["x"], [0.1, 0.2, 0.4]))
 OPERATED = recipe_of(
-    "y", tuple(to_text(t) for t in products(STATES, 2, partners=["x"], constant=False)), STEP, scale=True, ridge=1e-6, max_terms=4
+    "y", tuple(to_text(t) for t in products(STATES, 2, partners=["x"], constant=False)), STEP, scaling="range", ridge=1e-6, max_terms=4
 )
 
 
@@ -96,10 +96,10 @@ def test_pruned_terms_leave_their_traces():
     assert residual.mean() == pytest.approx(0.0, abs=1e-9)
 
 
-@pytest.mark.parametrize("scale", [True, False])
-def test_the_equation_is_the_model(scale):
+@pytest.mark.parametrize("scaling", ["range", "none"])
+def test_the_equation_is_the_model(scaling):
     x, y = hysteretic(500, 1)
-    fit = fit_with_memory([record(x=x, y=y)], replace(OPERATED, scale=scale))
+    fit = fit_with_memory([record(x=x, y=y)], replace(OPERATED, scaling=scaling))
     columns = {"x": x} | {f"slow(x, {tau:g})": slow(x, tau, STEP) for tau in (0.05, 0.2, 1)}
     columns |= {f"play(x, {width:g})": play(x, width * np.ptp(x)) for width in (0.1, 0.2, 0.4)}
     np.testing.assert_allclose(evaluate(memory_equation(fit.model, {}), columns), free_run(fit.model, {"x": x}).values, rtol=1e-8)

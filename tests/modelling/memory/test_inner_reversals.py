@@ -38,7 +38,7 @@ def test_operators_follow_inner_reversals_of_new_amplitudes(kind):
     widths = (0.01, 0.02, 0.05, *spread_widths(4))
     plays = operated("play", ["strain"], widths)
     powers = tuple(to_text(term) for term in products(["strain"], 5, constant=False))
-    recipe = recipe_of("force", powers, STEP, scale=True, ridge=1e-6, max_terms=12, forward=24)
+    recipe = recipe_of("force", powers, STEP, scaling="range", ridge=1e-6, max_terms=12, forward=24)
     dictionaries = {
         "static": powers,
         "prandtl_ishlinskii": ("strain", *plays),

@@ -73,7 +73,7 @@ def test_squares_that_overflow_or_vanish_change_nothing(n, M, seed, ridge, power
 def test_candidates_without_a_ridge_are_ranked_the_same_in_any_unit(power):
     """The square of `1e160*a` overflows."""
     P, y = problem(40, 3, 5)
-    recipe = MemoryRecipe("y", tuple("abc"), 1.0, False, 0.0, 0.0, 2, None, 0.0, "bic", "one_step", "one_step")
+    recipe = MemoryRecipe(target="y", dictionary=tuple("abc"), step=1.0, scaling="none", max_terms=2, tolerance=0.0, stop="bic")
     terms = tuple(parse(name) for name in "abc")
 
     def ranking(units):

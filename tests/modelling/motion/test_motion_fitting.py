@@ -10,8 +10,10 @@ from motion_samples import BOUNDARIES, ROWS, STEP, looped, made_by, published, r
 
 from mapmore_cli.domain.errors import DataError, FitError, SpecError
 from mapmore_cli.domain.motion import BUMPLESS
-from mapmore_cli.modelling.motion import Box, fit_motion, simulate
+from mapmore_cli.modelling.motion.fitting import fit_motion
 from mapmore_cli.modelling.motion.plane import stable
+from mapmore_cli.modelling.motion.recipe import Bounds
+from mapmore_cli.modelling.motion.simulation import simulate
 from mapmore_cli.modelling.motion.solvers import NAMES
 from mapmore_cli.modelling.motion.solvers.swarm import fly
 
@@ -201,7 +203,7 @@ def test_hostile_records(solver, records, settings, message):
 
 def test_a_swarm_that_may_only_be_unstable_says_so():
     with pytest.raises(FitError, match=r"no stable section with P1 in 0\.9\.\.1 and P2 in 0\.9\.\.2") as raised:
-        one([made_by(ROWS[0])], solver="swarm", box=Box((0.9, 1.0), (0.9, 2.0)))
+        one([made_by(ROWS[0])], solver="swarm", bounds=Bounds((0.9, 1.0), (0.9, 2.0)))
     assert "bounds" in str(raised.value.remedy)
 
 

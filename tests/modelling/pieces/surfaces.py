@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from functools import partial
+from dataclasses import fields
 
 import numpy as np
 
-from mapmore_cli.domain.models import Fusion
 from mapmore_cli.domain.recording import Curve, Quantity
-from mapmore_cli.modelling.pieces.recipe import Cutting, Even, Fitting, Fusing, Recipe
+from mapmore_cli.modelling.pieces.recipe import BelowAbove, Cuts, Fuse, Recipe
+from mapmore_cli.modelling.selection import Fit
 
 QUANTITIES = {
     "pressure": Quantity("pressure", "kPa"),
@@ -40,22 +40,13 @@ def curves(levels=(80.0, 150.0, 250.0, 350.0), held_out=(250.0,), n=120, noise=1
 
 def recipe(**changes):
     """M2's default configuration, with changes by the name of the setting."""
-    asked = {"target": "force", "level": "pressure", "cuts": {"strain": Even(4)}, "dictionary": POWERS} | changes
+    asked = {"target": "force", "level": "pressure", "cuts": {"strain": Cuts("even", 4)}, "dictionary": POWERS} | changes
 
-    def told(of, **default):
-        return of(**{name: asked.pop(name, value) for name, value in default.items()})
+    def told(of, **own):
+        return of(**{one.name: asked.pop(one.name) for one in fields(of) if one.name in asked}, **own)
 
-    made = Recipe(
-        target=asked.pop("target"),
-        cutting=told(Cutting, level=None, cuts={}),
-        fitting=told(Fitting, dictionary=(), scaling="unit_square", max_terms=1, tolerance=1e-4, stop="tolerance"),
-        fusing=Fusing(
-            joints=told(partial(Fusion, extrapolation={}), transition="linear", z_s=0.25, levels="linear", hold="samples"),
-            **{
-                name: asked.pop(name, value)
-                for name, value in {"align": "none", "limits": "curve", "shrink": None, "extrapolation": {}, "beyond": None}.items()
-            },
-        ),
-    )
+    if isinstance(sides := asked.get("extrapolation"), dict):
+        asked["extrapolation"] = {name: BelowAbove(*ends) for name, ends in sides.items()}
+    made = told(Recipe, fit=told(Fit), fuse=told(Fuse))
     assert not asked, f"unknown settings {list(asked)}"
     return made

@@ -15,7 +15,7 @@ from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces.bands import aligned, threshold
 from mapmore_cli.modelling.pieces.build import build
-from mapmore_cli.modelling.pieces.recipe import Even
+from mapmore_cli.modelling.pieces.recipe import Cuts
 
 STRAINS = (0.0, 0.05, 0.1, 0.15)
 
@@ -90,7 +90,7 @@ def test_a_curve_is_looked_up_at_its_own_places_at_its_level(own):
     np.testing.assert_allclose(aligned(x, np.tile(own[:, None], 50), own), x, rtol=1e-9, atol=1e-6)
 
 
-SLACK = {"level": "strain", "dictionary": ("1", "pressure", "pressure^2"), "cuts": {"pressure": Even(6)}, "max_terms": 3}
+SLACK = {"level": "strain", "dictionary": ("1", "pressure", "pressure^2"), "cuts": {"pressure": Cuts("even", 6)}, "max_terms": 3}
 
 
 @pytest.mark.parametrize("levels", ["linear", "pchip"])

@@ -12,10 +12,10 @@ from surfaces import QUANTITIES, curves, recipe
 
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.pieces.backbone_choice import FEW, MARGIN, Candidate, candidates, choose_backbone, simplest, thin
-from mapmore_cli.modelling.pieces.recipe import Even
+from mapmore_cli.modelling.pieces.recipe import Cuts
 
 LEVELS = (80.0, 150.0, 250.0, 350.0)
-SETTINGS = {"max_terms": 2, "cuts": {"strain": Even(2)}, "dictionary": ("1", "strain", "strain^2")}
+SETTINGS = {"max_terms": 2, "cuts": {"strain": Cuts("even", 2)}, "dictionary": ("1", "strain", "strain^2")}
 
 
 def of_formula(name, levels=LEVELS, noise=0.5, seed=0):

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapmore_cli.modelling.pieces.boundaries import gradient_boundaries, slope_change
-from mapmore_cli.modelling.pieces.recipe import Gradient
+from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.signals.rates import running_median
 
 SEEDS = 100
@@ -30,7 +30,7 @@ def found(count, corners, slopes, window=0.1, **how):
     """Number of seeds for which every corner has a boundary within one window."""
     hits = 0
     for seed in range(SEEDS):
-        boundaries = gradient_boundaries(*bent(seed, corners, slopes, **how), Gradient(count, window))
+        boundaries = gradient_boundaries(*bent(seed, corners, slopes, **how), Cuts("gradient", count, window=window))
         hits += all(len(boundaries) and np.abs(boundaries - corner).min() <= window for corner in corners)
     return hits
 
@@ -59,7 +59,7 @@ def test_a_moving_average_alone_would_follow_the_spikes():
 @settings(deadline=None, max_examples=40)
 @given(st.integers(0, 1000), st.integers(1, 8), st.floats(0.03, 0.3), st.floats(0.05, 0.4))
 def test_boundaries_keep_their_distance(seed, count, window, separation):
-    boundaries = gradient_boundaries(*bent(seed, [0.5], [2.0, 0.2]), Gradient(count, window, separation))
+    boundaries = gradient_boundaries(*bent(seed, [0.5], [2.0, 0.2]), Cuts("gradient", count, window=window, separation=separation))
     assert len(boundaries) <= count - 1
     assert (np.diff([0.0, *boundaries, 1.0]) >= separation - 0.02).all()  # the samples end a little inside of [0, 1]
     assert (np.diff(boundaries) >= separation).all()
@@ -69,10 +69,10 @@ def test_boundaries_keep_their_distance(seed, count, window, separation):
 @given(st.integers(0, 1000), st.floats(1e-3, 1e3), st.floats(1e-3, 1e3), st.floats(-1e3, 1e3))
 def test_units_and_the_order_of_rows_do_not_matter(seed, a, b, offset):
     x, y = bent(seed, [0.4], [2.0, 0.2])
-    plain = gradient_boundaries(x, y, Gradient(3))
+    plain = gradient_boundaries(x, y, Cuts("gradient", 3))
     order = np.random.default_rng(seed).permutation(len(x))
-    np.testing.assert_array_equal(gradient_boundaries(x[order], y[order], Gradient(3)), plain)
-    np.testing.assert_allclose(gradient_boundaries(a * x, b * y + offset, Gradient(3)), a * plain, rtol=1e-6)
+    np.testing.assert_array_equal(gradient_boundaries(x[order], y[order], Cuts("gradient", 3)), plain)
+    np.testing.assert_allclose(gradient_boundaries(a * x, b * y + offset, Cuts("gradient", 3)), a * plain, rtol=1e-6)
 
 
 def test_a_straight_line_changes_its_slope_nowhere():
@@ -91,7 +91,7 @@ def test_the_change_at_a_corner_is_that_of_the_slopes():
 def test_no_segment_of_its_own_for_a_gap():
     """Both rims of a gap look like corners; a boundary at each would leave a segment without samples."""
     x = np.concatenate([np.linspace(0, 0.3, 100), np.linspace(0.7, 1, 100)])
-    boundaries = gradient_boundaries(x, np.sin(6 * x), Gradient(5))
+    boundaries = gradient_boundaries(x, np.sin(6 * x), Cuts("gradient", 5))
     assert np.histogram(x, [0, *boundaries, 1])[0].min() >= 5
 
 

@@ -29,7 +29,7 @@ def constant(values, n):
 
 def shape_preserving(x, at, values, below="continue", above="continue", shrink=1.0):
     """Each row of values, (n, L), interpolated at its own level value, (n,)."""
-    edges, every = bands(at, (below, above), Fusion("linear", 0.25, {}, levels="pchip", shrink=shrink))
+    edges, every = bands(at, (below, above), Fusion(extrapolation={}, levels="pchip", shrink=shrink))
     numbers = np.searchsorted(edges, x, side="right")
     y = np.empty(len(x))
     for number in np.unique(numbers):

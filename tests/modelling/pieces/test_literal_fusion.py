@@ -12,10 +12,10 @@ from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.evaluation import weight_of
-from mapmore_cli.modelling.pieces.recipe import Breakpoints
+from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.terms import dictionary_matrix, parse
 
-UNEVEN = {"strain": Breakpoints((0.01, 0.07))}
+UNEVEN = {"strain": Cuts("breakpoints", at=(0.01, 0.07))}
 
 
 def model_of(samples=None, **changes):

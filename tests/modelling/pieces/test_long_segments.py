@@ -33,7 +33,7 @@ def test_blocks_of_the_dictionary_give_what_the_whole_gives(stop):
     segment, samples, made = long_segment(n, stop=stop)
     assert reads_once(n, len(TERMS), 5)
     ours = fit_segment(segment, samples, TERMS, made).selection
-    whole = frols(dictionary_matrix(TERMS, samples, n), samples["force"], 5, made.fitting.tolerance, stop=stop)
+    whole = frols(dictionary_matrix(TERMS, samples, n), samples["force"], 5, made.fit.tolerance, stop=stop)
     assert ours.chosen.tolist() == whole.chosen.tolist()
     assert ours.stop == whole.stop
     np.testing.assert_allclose(ours.theta, whole.theta, rtol=1e-9)

@@ -14,7 +14,7 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.kinds import outside_range, predict
 from mapmore_cli.modelling.pieces.build import build
-from mapmore_cli.modelling.pieces.recipe import Breakpoints, Even
+from mapmore_cli.modelling.pieces.recipe import Cuts
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -152,7 +152,7 @@ def test_several_terms_saturate_by_default_and_one_term_continues():
     several = built(max_terms=3)
     assert several.body.fusion.extrapolation["strain"] == ("saturate", "saturate")
     assert any("saturates" in note for note in several.notes)
-    asked = built(max_terms=3, beyond="continue")
+    asked = built(max_terms=3, extrapolation="continue")
     assert any("pressure=80" in note and "explode" in note for note in asked.notes)
 
 
@@ -166,7 +166,7 @@ def clustered(n=200):
 
 def test_a_narrow_segment_beside_a_wide_one_does_not_explode_in_the_zone():
     """M2 eq 11 carries the left function by a quarter of the right segment's width: many times its own."""
-    model = built(clustered(), cuts={"strain": Breakpoints((0.011,))}, max_terms=4, tolerance=0.0)
+    model = built(clustered(), cuts={"strain": Cuts("breakpoints", at=(0.011,))}, max_terms=4, tolerance=0.0)
     strain = np.linspace(0, 0.2, 500)
     assert np.abs(predict(model, at(150, strain)) - 500 * np.exp(-strain / 0.1)).max() < 60
     carried = without_limits(model)
@@ -180,7 +180,7 @@ def without_limits(model):
 
 
 def test_even_segments_full_of_samples_are_not_held():
-    model = built(curves(n=4000), max_terms=3, beyond="continue")
+    model = built(curves(n=4000), max_terms=3, extrapolation="continue")
     free = without_limits(model)
     x = at(*np.meshgrid(np.linspace(60, 400, 30), np.linspace(-0.02, 0.3, 400)))
     np.testing.assert_allclose(predict(model, x), predict(free, x), atol=0.02)
@@ -202,7 +202,7 @@ def test_two_segmented_variables_without_levels():
     model = build(
         "grid",
         samples,
-        recipe(level=None, cuts={"strain": Even(2)}, dictionary=("1", "strain", "pressure", "pressure*strain"), max_terms=4),
+        recipe(level=None, cuts={"strain": Cuts("even", 2)}, dictionary=("1", "strain", "pressure", "pressure*strain"), max_terms=4),
         QUANTITIES,
     )
     assert [c.curve for c in model.body.curves] == ["all"]

@@ -43,7 +43,7 @@ def imagined(rng, names, level, count, cuts, terms=3):
         curves.append(CurveFunction(f"curve {number}", at, boundaries, limits, tuple(segments), threshold))
     quantities = tuple(Quantity(name, "1") for name in names)
     sides = dict.fromkeys(names, ("continue", "continue"))
-    return Model("imagined", Quantity("force", "N"), quantities, Pieces(level, tuple(cuts), tuple(curves), Fusion("linear", 0.25, sides)))
+    return Model("imagined", Quantity("force", "N"), quantities, Pieces(level, tuple(cuts), tuple(curves), Fusion(extrapolation=sides)))
 
 
 def of_pieces(model, **changes):

@@ -14,7 +14,7 @@ from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling.kinds import equations as model_equations
 from mapmore_cli.modelling.kinds import outside_range, predict
 from mapmore_cli.modelling.pieces.build import build
-from mapmore_cli.modelling.pieces.recipe import Directions, Recipe
+from mapmore_cli.modelling.pieces.recipe import CutByDirection, Recipe
 from mapmore_cli.modelling.pieces.segmentation import trained_at
 from mapmore_cli.modelling.signals.plateau import damping_component
 from mapmore_cli.modelling.sums.build import sum_of
@@ -38,7 +38,8 @@ def curve(level: float, seed: int = 0, **columns: np.ndarray) -> Curve:
 
 
 def recipe(level: str | None, terms: tuple[str, ...]) -> Recipe:
-    return settings_of(target="damping", level=level, cuts={"direction": Directions()}, dictionary=terms, scaling="max_abs")
+    cuts = {"direction": CutByDirection("pressure", 1.0)}
+    return settings_of(target="damping", level=level, cuts=cuts, dictionary=terms, scaling="max_abs")
 
 
 def constant_pieces() -> Model:

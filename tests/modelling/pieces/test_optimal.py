@@ -15,7 +15,7 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.pieces.boundaries import optimal_partition
 from mapmore_cli.modelling.pieces.build import fit, segment
-from mapmore_cli.modelling.pieces.recipe import Breakpoints, Even, Optimal
+from mapmore_cli.modelling.pieces.recipe import Cuts
 
 
 def exhaustive(table, cells, count):
@@ -54,9 +54,9 @@ def test_real_fits_equal_exhaustive_search(max_terms, count):
     """Every set of boundaries on the grid tried as given breakpoints, through the fits that the model would have."""
     (sample,) = curves(levels=(150.0,), n=60)
     grid = np.linspace(0, sample.columns["strain"].max(), 9)
-    best = sse([sample], recipe(cuts={"strain": Optimal(count, grid=8, min_samples=4)}, max_terms=max_terms))
+    best = sse([sample], recipe(cuts={"strain": Cuts("optimal", count, grid=8, min_samples=4)}, max_terms=max_terms))
     every = [
-        sse([sample], recipe(cuts={"strain": Breakpoints(tuple(grid[list(inner)]))}, max_terms=max_terms))
+        sse([sample], recipe(cuts={"strain": Cuts("breakpoints", at=tuple(grid[list(inner)]))}, max_terms=max_terms))
         for inner in combinations(range(1, 8), count - 1)
     ]
     assert best == pytest.approx(min(every), rel=1e-9)
@@ -66,8 +66,8 @@ def test_real_fits_equal_exhaustive_search(max_terms, count):
 @pytest.mark.parametrize("count", [2, 4])
 def test_never_worse_than_even_segments_on_the_same_grid(count):
     samples = curves()
-    even = sse(samples, recipe(cuts={"strain": Even(count)}))
-    assert sse(samples, recipe(cuts={"strain": Optimal(count, grid=20)})) <= even * (1 + 1e-9)
+    even = sse(samples, recipe(cuts={"strain": Cuts("even", count)}))
+    assert sse(samples, recipe(cuts={"strain": Cuts("optimal", count, grid=20)})) <= even * (1 + 1e-9)
 
 
 def test_a_planted_corner_is_found_on_thousands_of_samples():
@@ -75,7 +75,7 @@ def test_a_planted_corner_is_found_on_thousands_of_samples():
     x = rng.uniform(0, 10, 5000)
     y = np.where(x < 6, x, 6 - 3 * (x - 6)) + rng.normal(0, 0.1, 5000)
     curve = Curve("a", None, {"strain": x, "force": y}, np.zeros(5000, bool), ())
-    (cut,) = segment([curve], recipe(level=None, cuts={"strain": Optimal(2, grid=10)}, dictionary=("1", "strain"), max_terms=2))
+    (cut,) = segment([curve], recipe(level=None, cuts={"strain": Cuts("optimal", 2, grid=10)}, dictionary=("1", "strain"), max_terms=2))
     assert cut.boundaries[0][1] == pytest.approx(6, abs=0.01)
 
 
@@ -88,7 +88,7 @@ def test_held_out_forces_and_the_order_of_rows_do_not_matter():
     plain = replace(sample, held_out=held)
     other = replace(sample, columns={**sample.columns, "force": spoilt}, held_out=held)
     shuffled = replace(other, columns={name: x[order] for name, x in other.columns.items()}, held_out=held[order])
-    made = recipe(cuts={"strain": Optimal(3, grid=8)}, max_terms=2)
+    made = recipe(cuts={"strain": Cuts("optimal", 3, grid=8)}, max_terms=2)
     expected = segment([plain], made)[0].boundaries[0]
     np.testing.assert_array_equal(segment([other], made)[0].boundaries[0], expected)
     np.testing.assert_array_equal(segment([shuffled], made)[0].boundaries[0], expected)
@@ -97,5 +97,5 @@ def test_held_out_forces_and_the_order_of_rows_do_not_matter():
 def test_too_few_samples_say_what_to_do():
     (sample,) = curves(levels=(150.0,), n=20)
     with pytest.raises(DataError, match="cannot be cut into 4 segments of at least 10 samples") as error:
-        segment([sample], recipe(cuts={"strain": Optimal(4)}))
+        segment([sample], recipe(cuts={"strain": Cuts("optimal", 4)}))
     assert "segment.strain.min_samples" in error.value.remedy

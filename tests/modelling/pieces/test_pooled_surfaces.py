@@ -18,7 +18,7 @@ from mapmore_cli.modelling.pieces import backbone_choice
 from mapmore_cli.modelling.pieces.backbone_choice import MARGIN, SAMPLES, candidates, choose_backbone, thin
 from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.cross_validation import inner_folds, leave_out, outer_folds
-from mapmore_cli.modelling.pieces.recipe import Even
+from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.pieces.segmentation import joined_cells, segment_curve
 from mapmore_cli.modelling.pieces.shrinkage import shrunken_share, with_trusted_residual
 
@@ -64,7 +64,7 @@ def test_directions_are_never_joined():
 def test_an_empty_corner_takes_the_function_of_its_neighbour():
     """At low pressure there is no large strain: that cell is empty, and an even cut of both alone is refused."""
     (curve,) = scattered(seed=3)
-    cut = {"pressure": Even(3, 8), "strain": Even(3, 8)}
+    cut = {"pressure": Cuts("even", 3, min_samples=8), "strain": Cuts("even", 3, min_samples=8)}
     segmented = segment_curve(curve, cut, "force", lambda _curve, _rows: 0.0)
     counts = {s.cell: len(s.rows) for s in segmented.segments}
     sides = [len(b) - 1 for b in segmented.boundaries]
@@ -92,7 +92,7 @@ def test_folds_are_the_inner_blocks_along_every_input():
 def test_curves_with_levels_are_left_out_whole_where_they_are_pooled():
     samples = curves(levels=(80.0, 150.0, 250.0, 350.0), held_out=(150.0,), n=20)
     made = recipe(**SETTINGS)
-    made = replace(made, cutting=replace(made.cutting, pooled="pressure"))
+    made = replace(made, pooled="pressure")
     by_level = [fold for fold in inner_folds(samples, made) if sum(out.any() for out in fold) == 1]
     assert [[out.sum() for out in fold] for fold in by_level] == [[0, 0, 20, 0]]
 

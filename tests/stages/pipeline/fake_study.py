@@ -11,9 +11,10 @@ from typing import Any
 
 import yaml
 
+from mapmore_cli.modelling.pieces.recipe import Fuse
+from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.data import Data
-from mapmore_cli.spec.sections.method import Fit, Fuse
 from mapmore_cli.spec.sections.results import Report
 from mapmore_cli.stages.pipeline.stage import Stage, Workspace
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mapmore_cli.spec.sections.method import Cuts, Fuse
+from mapmore_cli.modelling.pieces.recipe import Cuts, Fuse
 from mapmore_cli.spec.sections.results import Competitor
 from mapmore_cli.stages.pipeline.fingerprint import fingerprint, place_in_spec, plain, slice_differences
 
@@ -31,7 +31,7 @@ class Slice:
 def test_slices_become_json_under_the_names_of_the_file() -> None:
     part = Slice(Fuse(z_s=0.1), {"strain": Cuts(method="even", count=4)}, [Competitor(model="sarosi", as_="LM")])
     chosen = plain(part)
-    assert chosen["fuse"] == {**Fuse().model_dump(), "z_s": 0.1}
+    assert chosen["fuse"] == {**asdict(Fuse()), "z_s": 0.1}
     assert chosen["segment"]["strain"]["count"] == 4
     assert chosen["against"][0]["as"] == "LM"
 

@@ -10,7 +10,8 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import FitError, SpecError
 from mapmore_cli.modelling.motion.plane import stable
-from mapmore_cli.modelling.motion.problem import Box, Found, MotionRecipe, Problem
+from mapmore_cli.modelling.motion.problem import Found, Problem
+from mapmore_cli.modelling.motion.recipe import Bounds, MotionRecipe
 
 INERTIA, OWN, COMMON = 0.9, 2.0, 2.0
 """P's W, C1 and C2. They lie outside of the region in which a swarm settles: it needs `C1 + C2 < 24 (1 - W^2)/(7 - 5 W)`, here 1.8."""
@@ -58,7 +59,7 @@ WIDE = 4.0
 
 
 def solve(problem: Problem, recipe: MotionRecipe) -> Found:
-    """The best of `iterations` over the recipe's box; an unstable particle costs more than any stable one.
+    """The best of `iterations` over the recipe's bounds; an unstable particle costs more than any stable one.
 
     Raises
     ------
@@ -72,7 +73,7 @@ def solve(problem: Problem, recipe: MotionRecipe) -> Found:
             "`solver: swarm` looks for P1, P2 and P3 alone, which an offset, a load or bumpless switching are not",
             "use `swarm_projected`, `differential_evolution` or `least_squares`",
         )
-    walls = _walls(recipe.box, problem)
+    walls = _walls(recipe.bounds or Bounds(), problem)
     begin = None if recipe.begin is None else _walls(recipe.begin, problem)
     best = fly(lambda x: problem.rmse(x[0], x[1], x[2:]), walls, recipe.particles, recipe.iterations, problem.random, begin)
     p1, p2, p3 = best.place.tolist()
@@ -84,7 +85,7 @@ def solve(problem: Problem, recipe: MotionRecipe) -> Found:
     return Found(p1, p2, np.array([p3]), best.cost, problem.evaluations, np.array(best.history))
 
 
-def _walls(box: Box, problem: Problem) -> Array:
+def _walls(box: Bounds, problem: Problem) -> Array:
     """Return the lower and the upper end of P1, P2, P3, (2, 3)."""
     return np.transpose([box.p1, box.p2, box.p3 or _gains(problem)])
 

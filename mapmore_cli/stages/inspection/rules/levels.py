@@ -11,8 +11,9 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.modelling import literature
+from mapmore_cli.modelling.pieces.recipe import Cuts
+from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.spec.sections.dictionary import entries_of, texts_in
-from mapmore_cli.spec.sections.method import AUTO, Cuts
 from mapmore_cli.stages.inspection.subject import Issue, Subject
 from mapmore_cli.stages.kinds.choices import level_of
 

@@ -1,0 +1,149 @@
+"""A setting is declared once: a field of a frozen dataclass beside the mathematics that uses it.
+
+    z_s: Annotated[float, Interval(ge=0, le=0.5)] = 0.25
+
+Type and default are the field's own, bounds are `annotated_types`, a unit is an `InUnit`, the text stands in the docstring of the class.
+The spec validates these classes, and its JSON schema and `docs/spec.md` come from them. What pydantic asks of a type it asks by the names
+of methods, so that nothing of it is imported here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
+from typing import Annotated, Any, ClassVar, TypeVar, get_args, get_origin
+
+from annotated_types import Gt
+
+S = TypeVar("S")
+
+
+class Settings:
+    """Base of the dataclasses whose fields are keys of a section: the section is strict, and knows no other keys."""
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True, "allow_inf_nan": False}
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
+        """Take mappings too, although the values in them are strict."""
+        return {**handler(source), "strict": False}
+
+
+class Contradiction(ValueError):
+    """Settings that do not fit each other; shown at the first key of `near` that the section has, else at the section."""
+
+    def __init__(self, message: str, remedy: str, *near: str) -> None:
+        super().__init__(message)
+        self.message, self.remedy, self.near = message, remedy, near
+
+
+def taken(of: type[S], settings: Any, **own: Any) -> S:
+    """Return an `of` with the fields that it shares with `settings`, and with its `own`."""
+    shared = {field.name: getattr(settings, field.name) for field in fields(of) if hasattr(settings, field.name)}  # type: ignore[arg-type]
+    return of(**{**shared, **own})
+
+
+# Either of several forms --------------------------------------------------------------------------------------------------------------
+
+
+def shape(value: Any) -> str:
+    """Return what a value is in YAML's terms, in words for messages."""
+    match value:
+        case None:
+            return "<nothing>"
+        case str():
+            return "<text>"
+        case bool():
+            return "<true or false>"
+        case int() | float():
+            return "<a number>"
+        case list() | tuple():
+            return "<a list>"
+        case _:
+            return "<a mapping>"
+
+
+_SHAPES = ((str, "<text>"), (bool, "<true or false>"), ((int, float), "<a number>"), (Mapping, "<a mapping>"))
+
+
+def _shape_of(member: Any) -> str:
+    """Return the shape of the values that a type has."""
+    origin = get_origin(member)
+    if origin is Annotated:
+        return _shape_of(get_args(member)[0])
+    if str(origin) == "typing.Literal":
+        return shape(get_args(member)[0])
+    type_ = origin or member
+    known = next((name for types, name in _SHAPES if issubclass(type_, types)), None)
+    return known or ("<a mapping>" if _keys_of(type_) else "<a list>")
+
+
+def _keys_of(section: Any) -> Mapping[str, Any]:
+    """Return the fields of a section; none of another type."""
+    found: Mapping[str, Any] = getattr(section, "__dataclass_fields__", None) or getattr(section, "model_fields", {})
+    return found
+
+
+@dataclass(frozen=True)
+class Either:
+    """Marks a union whose member is told by the shape of the value, so that a mistake gives one message and not one for each member.
+
+    Of two mappings, the member with the key `key` is the one whose value has it. With `word`, that word alone is text: anything else is
+    told as the other member that it should be.
+    """
+
+    key: str | None = None
+    word: str | None = None
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        """Return the members by their tags, and what tells the tag of a value."""
+        choices = {self._tag(member): handler.generate_schema(member) for member in get_args(source)}
+        return {"type": "tagged-union", "choices": choices, "discriminator": self._told}
+
+    def _tag(self, member: Any) -> str:
+        keyed = self.key is not None and self.key in _keys_of(member)
+        return f"<a mapping with `{self.key}`>" if keyed else _shape_of(member)
+
+    def _told(self, value: Any) -> str:
+        if self.word is not None:
+            return "<text>" if value == self.word else "<a number>"
+        has = self.key is not None and (self.key in value if isinstance(value, Mapping) else hasattr(value, self.key))
+        return f"<a mapping with `{self.key}`>" if has and shape(value) == "<a mapping>" else shape(value)
+
+
+@dataclass(frozen=True)
+class ListToo:
+    """Marks a tuple that may be written as a list."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        """Return the tuple's schema; its values stay strict."""
+        return {**handler(source), "strict": False}
+
+
+Pair = Annotated[tuple[float, float], ListToo()]
+
+
+# Numbers with units -------------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class InUnit:
+    """Marks a number that may be written with a unit; `unit` says which one the loader converts it to, given `spec.fields.Surroundings`."""
+
+    unit: Callable[[Any], str | None]
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> Any:
+        """Return the schema of a number, or of text that starts with one (or with a variable)."""
+        return {"anyOf": [handler(schema), {"type": "string", "pattern": r"^\s*[-+]?[0-9.]|\$\{"}]}
+
+
+def of_sibling(name: str) -> InUnit:
+    """Mark a number in the unit of the quantity that another key of the section names."""
+    return InUnit(lambda around: around.unit_of(around.sibling(name)))
+
+
+Seconds = Annotated[float, Gt(0), InUnit(lambda _: "s")]
+OfKey = Annotated[float, InUnit(lambda around: around.unit_of(around.key))]
+"""In the unit of the quantity that the key above names."""
+OfHeld = Annotated[float, InUnit(lambda around: around.unit_of(around.level))]
+"""In the unit of the quantity that is constant within a curve."""

@@ -1,0 +1,74 @@
+"""How terms are chosen: the section `fit`, of segments and of models with memory alike."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from annotated_types import Interval
+
+from mapmore_cli.domain.declared import Contradiction, Either, InUnit, OfHeld, Settings
+
+AUTO = "auto"
+"""What left-out training data choose: a backbone, or a number of terms."""
+
+USUAL_TERMS = 3
+"""Terms at most where their number is not chosen yet: cuts that fits decide, and a backbone, are chosen with so many."""
+
+LEAST_RIDGE = 1e-9
+"""Below which rounding decides."""
+
+FORWARD = 3
+"""Terms chosen forward for each that is kept, where pruning follows and nothing else is said."""
+
+Stop = Literal["tolerance", "bic", "aicc", "press", "free_run"]
+"""When fewer terms than `max_terms` are enough."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fit(Settings):
+    """Term selection (M2 eq 2-7): how inputs are scaled, how many terms at most, and when to stop.
+
+    Default of `scaling`: `none` with memory, `max_abs` for damping, otherwise `unit_square`. `train_level` restricts
+    the pieces to one training level, as M2 does (`highest`); formulas are fitted to all of them.
+
+    `max_terms: auto` tries several numbers of terms on training data that are left out in turn, as `mapmore tune` does, and takes the least
+    number whose error is within one standard error of the best.
+
+    With memory: `scaling: range` brings every state to [0, 1] on the training samples and clips it `margin` beyond; a `ridge`, as a
+    fraction of a candidate's variance, or `auto`, selects `forward` terms (three times `max_terms`) and prunes them.
+
+    With delays of the output among the terms, a model may be judged in free run, as it is scored. `criterion: free_run` refines the
+    coefficients of the chosen terms by least squares on the simulation error. `stop: free_run` fits models of every size to the first three
+    quarters of each recording's training samples, keeps the terms of the one that runs best over the last quarter, and fits them to all.
+    `select: free_run` also tries the best few candidates of every step in free run, and carries the best three models of each size on.
+    """
+
+    scaling: Literal["unit_square", "max_abs", "none", "range"] = "unit_square"
+    margin: Annotated[float, Interval(ge=0), InUnit(lambda _: "1")] = 0.15
+    train_level: Annotated[Literal["all", "highest"] | OfHeld, Either()] = "all"
+    max_terms: Annotated[Literal["auto"] | Annotated[int, Interval(ge=1)], Either(word=AUTO)] = 1
+    tolerance: Annotated[float, Interval(ge=0, lt=1)] = 1e-4
+    stop: Stop = "tolerance"
+    criterion: Literal["one_step", "free_run"] = "one_step"
+    select: Literal["one_step", "free_run"] = "one_step"
+    ridge: Annotated[Literal["auto"] | Annotated[float, Interval(ge=0)], Either()] = 0.0
+    forward: Annotated[int, Interval(ge=1)] | None = None
+
+    @property
+    def most_terms(self) -> int:
+        """`max_terms`, or the usual number where left-out data have not chosen one yet."""
+        return USUAL_TERMS if self.max_terms == "auto" else self.max_terms
+
+    @property
+    def forward_terms(self) -> int:
+        """Terms that are chosen before pruning, where there is a ridge."""
+        return max(self.most_terms, FORWARD * self.most_terms if self.forward is None else self.forward)
+
+    def __post_init__(self) -> None:
+        """Refuse two choosers of the number of terms, and a ridge that is lost in rounding."""
+        if self.max_terms == AUTO and self.stop == "free_run":
+            remedy = "give `max_terms` a number, or take another `stop`"
+            raise Contradiction("`max_terms: auto` and `stop: free_run` both choose the number of terms", remedy, "max_terms", "stop")
+        if isinstance(self.ridge, float) and 0 < self.ridge < LEAST_RIDGE:
+            raise Contradiction(f"a ridge of {self.ridge:g} is lost in rounding", f"write {LEAST_RIDGE:g} or more, 0 or `auto`", "ridge")

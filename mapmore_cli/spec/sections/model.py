@@ -1,0 +1,105 @@
+"""The sections `needs` and `model`: the runs that a model builds on, and its kind."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
+from typing import Annotated, Literal
+
+from annotated_types import Len
+
+from mapmore_cli.domain.declared import Contradiction, Settings
+from mapmore_cli.modelling.motion.recipe import MotionSettings
+from mapmore_cli.spec.fields import Quantity, SpecPath
+
+
+@dataclass(frozen=True)
+class Needs(Settings):
+    """Specs of the runs that this one builds on: the `static` model is subtracted to obtain the damping force; `damping` is added to it."""
+
+    static: SpecPath | None = None
+    damping: SpecPath | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Summand(Settings):
+    """A part of a sum: the model of another run (the path of its spec), or a `formula`; `sign` is 1 or -1.
+
+    `inputs` says what the part's inputs are called in this study, as expressions: `{pressure: p1, strain: "-s"}`. An input that two parts
+    share by name must be renamed for both.
+    """
+
+    model: SpecPath | None = None
+    formula: str | None = None
+    sign: Literal[1, -1] = 1
+    inputs: dict[Quantity, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Refuse both, and neither."""
+        if (self.model is None) == (self.formula is None):
+            raise Contradiction("a part of a sum is a `model` or a `formula`", "give one, as `{model: flexor.yaml}`", "model", "formula")
+
+
+Summands = Annotated[Sequence[Summand], Len(2)]
+"""At least two parts: models of runs, or formulas that are fitted together."""
+
+
+def refuse_mixed(parts: Sequence[Summand]) -> None:
+    """Refuse parts of which some are fitted by runs of their own and others here."""
+    if len({part.formula is None for part in parts}) > 1:
+        raise Contradiction("a sum is of models or of formulas", "make a run of each formula, and name its spec as `model`", "sum")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelChoice(MotionSettings):
+    """What kind of model the run builds.
+
+    - `mapmore`: with a `backbone`, the pieces explain what that formula leaves. `backbone: auto` takes the static formula, or none, whose
+      fused model errs least on left-out inner levels of the training data (with three levels or fewer: `sarosi_hinged`), or on left-out
+      inner blocks where all samples are one surface.
+    - `literature` fits the formula `name` alone, by the `method`, from the `starts` and with the `errors_in` that a competitor may have.
+    - `sum` adds the static and the damping model that the spec needs; it is the default for the target `dynamic`. With `sum: [...]` it adds
+      these parts, with signs and renamed inputs.
+
+    `state_space` is P's model of motion: linear sections of second order along an `input`. `sections` are the boundaries between them, or
+    how many with equal shares of the samples; `direction` gives rise and fall sections of their own. With `switching: hard` every section
+    runs on the whole input and the active one's output is taken; with `carried` the state passes from section to section; with `bumpless`
+    they also meet at their boundaries, and the direction changes once the input has turned back by more than `dead_band`. A run begins at
+    `start`: at `rest` under its first input, or at `zero`. `mask` says whose direction tells training samples of rise and fall apart.
+    Sections may have an `offset`, and may depend on a `load`. `solver` is `least_squares`, `differential_evolution`, the `swarm` as
+    published (`particles`, `iterations`, `seed`, within `bounds`, its particles beginning within `begin`) or the same over frequency and
+    damping, `swarm_projected`; `polish` goes on by least squares. `slowest` is the longest time constant (a quarter of the longest piece of
+    a training record).
+    """
+
+    type: Literal["mapmore", "literature", "sum", "state_space"] = "mapmore"
+    backbone: str | None = None
+    name: str | None = None
+    method: Literal["variable_projection", "levenberg_marquardt", "simplex"] | None = None
+    starts: str | None = None
+    errors_in: str | None = None
+    sum: Summands | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse keys that the type lacks, or has no use for."""
+        if self.type == "state_space":
+            if self.input is None:
+                raise Contradiction("type `state_space` needs the `input`", "add it, as `input: pressure`", "type")
+            if self.backbone is not None:
+                raise Contradiction("type `state_space` has no `backbone`", "remove it", "backbone")
+        elif foreign := next((key.name for key in fields(MotionSettings) if getattr(self, key.name) != key.default), None):
+            raise Contradiction(f"type `{self.type}` has no `{foreign}`", "remove it, or use `type: state_space`", foreign)
+        if self.type == "literature" and self.name is None:
+            raise Contradiction("type `literature` needs the `name` of a formula", "add it, as `name: sarosi`", "type")
+        if self.type == "literature" and self.backbone is not None:
+            raise Contradiction("type `literature` has no `backbone`", "remove it, or use `type: mapmore`", "backbone")
+        if self.type != "literature" and self.name is not None:
+            raise Contradiction(f"type `{self.type}` has no `name`", "use `backbone`, or `type: literature`", "name")
+        if self.type != "literature" and (self.method or self.starts or self.errors_in):
+            found = f"type `{self.type}` has no `method`, no `starts` and no `errors_in`"
+            raise Contradiction(found, "use `type: literature`", "method", "starts", "errors_in")
+        if self.type != "sum" and self.sum is not None:
+            raise Contradiction(f"type `{self.type}` adds nothing up", "remove `type`, or `sum`", "sum")
+        if self.type == "sum" and self.backbone is not None:
+            raise Contradiction("type `sum` has no `backbone`", "remove it: both models have their own", "backbone")
+        refuse_mixed(self.sum or ())
