@@ -75,6 +75,8 @@ test-lowest: .venv/development .venv-lowest/program  # the oldest libraries that
 
 audit: .venv-audit/program  # known weaknesses of the tested versions; asks an advisory service over the network
 	.venv-audit/bin/pip-audit --strict --no-deps --disable-pip -r constraints.txt
+	mkdir -p build
+	.venv-audit/bin/pip-audit --strict --no-deps --disable-pip -r constraints.txt --format cyclonedx-json --output build/mapmore.cdx.json
 
 clean:
 	rm -rf .venv .venv-lowest .venv-audit runs build *.egg-info
