@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import atexit
-import gc
 import os
 import sys
-
-OBJECTS = 100_000
-"""New objects after which Python looks for garbage: imports make many, and hardly any garbage."""
 
 
 def main() -> None:
@@ -18,8 +13,6 @@ def main() -> None:
         from mapmore_cli.domain.processors import THREADS
 
         os.environ |= dict.fromkeys(THREADS, "1")  # as in a stage; a process with threads cannot be copied
-        gc.set_threshold(OBJECTS, 50, 50)
-        atexit.register(gc.freeze)  # nor at the end, when the memory is given back whole: a tenth of a small study's time
 
         from mapmore_cli.cli.app import main as run
 
@@ -29,9 +22,6 @@ def main() -> None:
             raise
         print("interrupted", file=sys.stderr)  # also where Ctrl-C came within a function in C
         sys.exit(130)
-    finally:
-        # Python forgets that Ctrl-C came while it executed a text, as dataclasses do; else it would end by killing itself.
-        exec("")
 
 
 def _hold_standard_streams() -> None:
