@@ -9,17 +9,17 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from tempfile import mkdtemp
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.storage.atomic import TEMPORARY, UNFINISHED, refusals_told, remove, sync_folder, sync_tree
-from mapmore_cli.storage.recent import recent
 from mapmore_cli.storage.run_record import CAMPAIGN_RECORD, RUN_RECORD
 
 if TYPE_CHECKING:
@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from mapmore_cli.domain.scores import ScoreTable, Validation
 
 
+T = TypeVar("T")
+
 DATASET, SEGMENTATION, FIT, MODEL, VALIDATION = "ingest.h5", "segment.h5", "fit.h5", "model.h5", "validate.h5"
 SCORES = "scores.json"
 RESULTS: Mapping[str, str] = MappingProxyType(
@@ -38,12 +40,29 @@ RESULTS: Mapping[str, str] = MappingProxyType(
 """The file that shows what a stage found; `report` has a page instead."""
 
 
+KEPT_BYTES = 30_000_000
+"""Larger files are read each time that they are needed."""
+
+
+@lru_cache(maxsize=6)
+def _remembered(read: Callable[[Path], Any], path: Path, _inode: int, _time: int, _size: int) -> Any:
+    return read(path)
+
+
+def _read(read: Callable[[Path], T], path: Path) -> T:
+    """Return what `read` makes of a file, again only where it is another file than before, or large."""
+    state = path.stat() if path.is_file() else None
+    if state is None or state.st_size > KEPT_BYTES:
+        return read(path)
+    found: T = _remembered(read, path, state.st_ino, state.st_mtime_ns, state.st_size)
+    return found
+
+
 @dataclass(frozen=True)
 class RunFiles:
     """The results in the folder of a run, read when they are asked for; raises as `artefacts.read_*`.
 
-    A file that several stages or variations read, or that this process wrote, stays in memory for a while (see `storage.recent`). Its
-    arrays are read-only.
+    The latest results stay in memory as long as their files are the same; their arrays are read-only.
     """
 
     folder: Path
@@ -52,31 +71,31 @@ class RunFiles:
         """What `ingest` handed on."""
         from mapmore_cli.storage.artefacts import read_dataset
 
-        return recent(read_dataset, self.folder / DATASET)
+        return _read(read_dataset, self.folder / DATASET)
 
     def segmentation(self) -> tuple[SegmentedCurve, ...]:
         """Where the training curves are cut."""
         from mapmore_cli.storage.artefacts import read_segmentation
 
-        return recent(read_segmentation, self.folder / SEGMENTATION)
+        return _read(read_segmentation, self.folder / SEGMENTATION)
 
     def fit(self) -> FitResult:
         """What was fitted."""
         from mapmore_cli.storage.artefacts import read_fit
 
-        return recent(read_fit, self.folder / FIT)
+        return _read(read_fit, self.folder / FIT)
 
     def model(self) -> Model:
         """The model that stands alone."""
         from mapmore_cli.storage.artefacts import read_model
 
-        return recent(read_model, self.folder / MODEL)
+        return _read(read_model, self.folder / MODEL)
 
     def validation(self) -> Validation:
         """Predictions and scores."""
         from mapmore_cli.storage.artefacts import read_validation
 
-        return recent(read_validation, self.folder / VALIDATION)
+        return _read(read_validation, self.folder / VALIDATION)
 
     def scores(self) -> ScoreTable:
         """The scores alone, without the predictions behind them."""

@@ -3,7 +3,7 @@
 Every `write_*` makes a whole file or none (WriteError), with bytes that depend on the arguments only. Every `read_*` raises DataError,
 naming the file, for one that is missing, damaged, of another kind or of a newer format, that holds what the format does not know or values
 that cannot be, or whose values are not those that were written; `unverified` accepts the last, and `warn` is told of it, and of files
-without a checksum. h5py is imported at the first use. What is written and short is at hand for `RunFiles` (see `storage.recent`).
+without a checksum. h5py is imported at the first use.
 
 `units` of `write_segmentation` and `write_fit` are those of `units_of(dataset)`: the types written there do not know them.
 """
@@ -29,7 +29,6 @@ from mapmore_cli.storage.artefacts.files import (
     silent,
 )
 from mapmore_cli.storage.artefacts.layout import SegmentationFile
-from mapmore_cli.storage.recent import keep
 
 __all__ = [
     "kind_of",
@@ -58,7 +57,7 @@ def units_of(dataset: Dataset) -> dict[str, str]:
 
 def write_dataset(path: Path, dataset: Dataset) -> None:
     """Write what `ingest` hands on."""
-    keep(read_dataset, DATASET_FILE.write(path, dataset, _NO_UNITS), lambda: DATASET_FILE.as_read(dataset))
+    DATASET_FILE.write(path, dataset, _NO_UNITS)
 
 
 def read_dataset(path: Path, warn: Warn = silent, unverified: bool = False) -> Dataset:
@@ -69,8 +68,7 @@ def read_dataset(path: Path, warn: Warn = silent, unverified: bool = False) -> D
 
 def write_segmentation(path: Path, curves: tuple[SegmentedCurve, ...], units: Mapping[str, str] = _NO_UNITS) -> None:
     """Write where the training curves are cut: boundaries and row numbers, no samples."""
-    content = SegmentationFile(tuple(curves))
-    keep(read_segmentation, SEGMENTATION_FILE.write(path, content, units), lambda: SEGMENTATION_FILE.as_read(content).curves)
+    SEGMENTATION_FILE.write(path, SegmentationFile(tuple(curves)), units)
 
 
 def read_segmentation(path: Path, warn: Warn = silent, unverified: bool = False) -> tuple[SegmentedCurve, ...]:
@@ -81,7 +79,7 @@ def read_segmentation(path: Path, warn: Warn = silent, unverified: bool = False)
 
 def write_fit(path: Path, result: FitResult, units: Mapping[str, str] = _NO_UNITS) -> None:
     """Write segment functions with every intermediate result of their selection."""
-    keep(read_fit, FIT_FILE.write(path, result, units), lambda: FIT_FILE.as_read(result))
+    FIT_FILE.write(path, result, units)
 
 
 def read_fit(path: Path, warn: Warn = silent, unverified: bool = False) -> FitResult:
@@ -92,7 +90,7 @@ def read_fit(path: Path, warn: Warn = silent, unverified: bool = False) -> FitRe
 
 def write_model(path: Path, model: Model, provenance: Mapping[str, str] = _NO_UNITS) -> None:
     """Write a model that stands alone; `provenance` may hold texts of any length, as the resolved spec."""
-    keep(read_model, MODEL_FILE.write(path, model, _NO_UNITS, provenance), lambda: MODEL_FILE.as_read(model))
+    MODEL_FILE.write(path, model, _NO_UNITS, provenance)
 
 
 def read_model(path: Path, warn: Warn = silent, unverified: bool = False) -> Model:
@@ -103,7 +101,7 @@ def read_model(path: Path, warn: Warn = silent, unverified: bool = False) -> Mod
 
 def write_validation(path: Path, validation: Validation) -> None:
     """Write predictions, fitted competitors and scores."""
-    keep(read_validation, VALIDATION_FILE.write(path, validation, _NO_UNITS), lambda: VALIDATION_FILE.as_read(validation))
+    VALIDATION_FILE.write(path, validation, _NO_UNITS)
 
 
 def read_validation(path: Path, warn: Warn = silent, unverified: bool = False) -> Validation:

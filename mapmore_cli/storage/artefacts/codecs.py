@@ -15,9 +15,10 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from weakref import WeakValueDictionary
 
+import h5py
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,11 +26,6 @@ from mapmore_cli.domain.blocks import give_back, in_blocks, row_blocks
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.artefacts.integrity import MOST_KEYS, Digest, Invalid, is_unicode, stored_at, texts_of, valid_text
 from mapmore_cli.storage.artefacts.label import Label
-from mapmore_cli.storage.artefacts.placing import put_array, put_attribute
-from mapmore_cli.storage.recent import Unkept
-
-if TYPE_CHECKING:
-    import h5py
 
 LONG, HUGE = 4096, 1 << 20
 """Elements from which on an array is compressed, and from which on it is so no more. Shorter ones stay contiguous, so that any reader finds
@@ -55,8 +51,6 @@ class Codec:
         Of a group and a name in it; `read` raises Invalid for what is not of the form.
     feed
         Adds a value to a checksum, under the path that it stands at.
-    as_read
-        A value as `read` gives it once it is written: a copy. Raises Unkept for one that only reading may judge, or that is long.
     check
         Raises Invalid for a value that is of the form and yet cannot be.
     column
@@ -67,7 +61,6 @@ class Codec:
     write: Callable[[h5py.Group, str, Any, Label], None]
     read: Callable[[h5py.Group, str], Any]
     feed: Callable[[Digest, str, Any], None]
-    as_read: Callable[[Any], Any]
     check: Callable[[Any, str, Sizes], None] = _anything
     column: Codec | None = None
 
@@ -79,8 +72,6 @@ def place_of(group: h5py.Group, name: str) -> str:
 
 def stored(group: h5py.Group, name: str, kind: str) -> Any:
     """What stands under a name: the `kind` is `Group` or `Dataset`."""
-    import h5py
-
     with stored_at(place_of(group, name)):
         found = group.get(name)
     if found is None:
@@ -117,15 +108,15 @@ def numbers(
 
     def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
         array = value if isinstance(value, np.ndarray) else np.asarray(value, dtype=dtype)
-        if array.size < LONG:
-            label.put_on(put_array(group.id, name, array, dtype))
-            return
-        filters: dict[str, Any] = {"compression": "gzip", "shuffle": True} if array.size < HUGE else {}
-        dataset = group.create_dataset(name, array.shape, dtype, track_times=False, **filters)
-        for rows in row_blocks(len(array), None if array.size >= HUGE else HUGE):
-            dataset[rows] = np.asarray(array[rows], dtype=dtype)
-            give_back(array)
-        label.put_on(dataset.id)
+        if array.size < HUGE:
+            filters: dict[str, Any] = {"compression": "gzip", "shuffle": True} if array.size >= LONG else {}
+            dataset = group.create_dataset(name, data=np.asarray(array, dtype=dtype), track_times=False, **filters)
+        else:
+            dataset = group.create_dataset(name, array.shape, dtype, track_times=False)
+            for rows in row_blocks(len(array)):
+                dataset[rows] = np.asarray(array[rows], dtype=dtype)
+                give_back(array)
+        label.put_on(dataset)
 
     def read(group: h5py.Group, name: str) -> Any:
         dataset, where = stored(group, name, "Dataset"), place_of(group, name)
@@ -135,13 +126,9 @@ def numbers(
             raise Invalid(where, f"is a {len(shape)}-D array of {found}, not a {form}")
         with stored_at(where):
             values = mapped(dataset) if dataset.size >= HUGE and dataset.chunks is None else dataset[()]
-            return values.astype(loaded, copy=False)
-
-    def as_read(value: Any) -> Any:
-        array = np.array(value, dtype=dtype, order="C")
-        if array.ndim != ndim or array.size >= LONG:
-            raise Unkept
-        return array.astype(loaded, copy=False)
+            found = values.astype(loaded, copy=False)
+        found.setflags(write=False)  # several stages may be given the same
+        return found
 
     def check(value: Any, where: str, _sizes: Sizes) -> None:
         array = np.asarray(value)
@@ -156,7 +143,7 @@ def numbers(
     def feed(digest: Digest, where: str, value: Any) -> None:
         digest.add(where, value, dtype)
 
-    return Codec(form, write, read, feed, as_read, check)
+    return Codec(form, write, read, feed, check)
 
 
 _mappings: WeakValueDictionary[tuple[int, ...], mmap.mmap] = WeakValueDictionary()
@@ -177,7 +164,8 @@ def texts() -> Codec:
     """A tuple of texts, as a 1-D dataset of UTF-8 strings of variable length."""
 
     def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
-        label.without_unit().put_on(put_array(group.id, name, list(map(checked_text, value)), None))
+        data = list(map(checked_text, value))
+        label.without_unit().put_on(group.create_dataset(name, data=data, dtype=h5py.string_dtype(), track_times=False))
 
     def read(group: h5py.Group, name: str) -> tuple[str, ...]:
         return texts_of(stored(group, name, "Dataset"), place_of(group, name))
@@ -185,10 +173,7 @@ def texts() -> Codec:
     def feed(digest: Digest, where: str, value: Any) -> None:
         digest.add(where, list(value), None)
 
-    def as_read(value: Any) -> tuple[str, ...]:
-        return tuple(map(str, value))
-
-    return Codec("string dataset, 1-D", write, read, feed, as_read)
+    return Codec("string dataset, 1-D", write, read, feed)
 
 
 def number(kind: type[float] | type[int], *, may_be_nan: bool = False, least: float | None = None, most: float | None = None) -> Codec:
@@ -197,7 +182,7 @@ def number(kind: type[float] | type[int], *, may_be_nan: bool = False, least: fl
 
     def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
         del label  # attributes cannot carry attributes; the documentation has unit and description
-        put_attribute(group.id, name, value, dtype)
+        group.attrs.create(name, value, dtype=dtype)
 
     def read(group: h5py.Group, name: str) -> Any:
         value = np.asarray(_attribute(group, name))
@@ -215,10 +200,7 @@ def number(kind: type[float] | type[int], *, may_be_nan: bool = False, least: fl
     def feed(digest: Digest, where: str, value: Any) -> None:
         digest.add(where, value, dtype)
 
-    def as_read(value: Any) -> Any:
-        return kind(np.asarray(value, dtype))
-
-    return Codec(f"{np.dtype(dtype).name} attribute", write, read, feed, as_read, check, numbers(dtype))
+    return Codec(f"{np.dtype(dtype).name} attribute", write, read, feed, check, numbers(dtype))
 
 
 def text(pattern: str | None = None, words: tuple[str, ...] = ()) -> Codec:
@@ -226,7 +208,7 @@ def text(pattern: str | None = None, words: tuple[str, ...] = ()) -> Codec:
 
     def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
         del label
-        put_attribute(group.id, name, checked_text(value), None)
+        group.attrs[name] = checked_text(value)
 
     def read(group: h5py.Group, name: str) -> str:
         value = _attribute(group, name)
@@ -243,7 +225,7 @@ def text(pattern: str | None = None, words: tuple[str, ...] = ()) -> Codec:
     def feed(digest: Digest, where: str, value: Any) -> None:
         digest.add(where, value, None)
 
-    return Codec("string attribute", write, read, feed, str, check, texts())
+    return Codec("string attribute", write, read, feed, check, texts())
 
 
 def optional(codec: Codec) -> Codec:
@@ -264,10 +246,7 @@ def optional(codec: Codec) -> Codec:
     def read(group: h5py.Group, name: str) -> Any:
         return codec.read(group, name) if _present(group, name) else None
 
-    def as_read(value: Any) -> Any:
-        return None if value is None else codec.as_read(value)
-
-    return Codec(f"{codec.form} (MAY be absent)", write, read, feed, as_read, check)
+    return Codec(f"{codec.form} (MAY be absent)", write, read, feed, check)
 
 
 def added(codec: Codec, default: Any) -> Codec:
@@ -298,7 +277,6 @@ def adapted(
         write=lambda group, name, value, label: codec.write(group, name, store(value), label),
         read=lambda group, name: load(codec.read(group, name)),
         feed=lambda digest, where, value: codec.feed(digest, where, store(value)),
-        as_read=lambda value: load(codec.as_read(store(value))),
         check=checked,
         column=None,
     )
@@ -325,10 +303,7 @@ def numbered(codec: Codec) -> Codec:
         for place, part in enumerate(value):
             codec.check(part, f"{where}/{place:03d}", dict(sizes))
 
-    def as_read(value: Any) -> tuple[Any, ...]:
-        return tuple(map(codec.as_read, value))
-
-    return Codec(f"numbered group of: {codec.form}", write, read, feed, as_read, check)
+    return Codec(f"numbered group of: {codec.form}", write, read, feed, check)
 
 
 def named(codec: Codec) -> Codec:
@@ -336,7 +311,7 @@ def named(codec: Codec) -> Codec:
 
     def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
         parts = group.create_group(name)
-        put_attribute(parts.id, "order", list(map(checked_text, value)), None)
+        parts.attrs.create("order", list(map(checked_text, value)), dtype=h5py.string_dtype())
         for key, part in value.items():
             codec.write(parts, escaped(key), part, label.of_part(key))
 
@@ -360,12 +335,7 @@ def named(codec: Codec) -> Codec:
         for key, part in value.items():
             codec.check(part, f"{where}/{escaped(key)}", dict(sizes))
 
-    def as_read(value: Mapping[str, Any]) -> dict[str, Any]:
-        if len(value) > MOST_KEYS:
-            raise Unkept
-        return {str(key): codec.as_read(part) for key, part in value.items()}
-
-    return Codec(f"named group of: {codec.form}", write, read, feed, as_read, check)
+    return Codec(f"named group of: {codec.form}", write, read, feed, check)
 
 
 def pairs(codec: Codec) -> Codec:
@@ -390,10 +360,7 @@ def pairs(codec: Codec) -> Codec:
     def check(value: Mapping[str, Any], where: str, sizes: Sizes) -> None:
         codec.check(list(value.values()), f"{where}/values", sizes)
 
-    def as_read(value: Mapping[str, Any]) -> dict[str, Any]:
-        return dict(zip(map(str, value), plain(codec.as_read(list(value.values()))), strict=True))
-
-    return Codec(f"`names` and `values`; values: {codec.form}", write, read, feed, as_read, check)
+    return Codec(f"`names` and `values`; values: {codec.form}", write, read, feed, check)
 
 
 def plain(values: Any) -> Any:

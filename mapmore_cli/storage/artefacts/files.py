@@ -11,13 +11,14 @@ Format versions are read like semantic versions: a new major is refused by older
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from io import RawIOBase
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import h5py
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.artefacts.codecs import checked_text
@@ -27,11 +28,7 @@ from mapmore_cli.storage.artefacts.layout import DATASET, FIT_RESULT, MODEL, SEG
 from mapmore_cli.storage.artefacts.layout.legacy import FIT_RESULT_1, MODEL_1
 from mapmore_cli.storage.artefacts.schema import Schema
 from mapmore_cli.storage.atomic import replacing
-from mapmore_cli.storage.recent import Unkept
 from mapmore_cli.storage.run_record import refuse_newer
-
-if TYPE_CHECKING:
-    import h5py
 
 FORMAT_VERSION = "2.1"
 
@@ -57,13 +54,11 @@ class FileKind:
     schema: Schema
     before_2: Schema | None = None
 
-    def write(self, path: Path, record: Any, units: Mapping[str, str], provenance: Mapping[str, str] | None = None) -> os.stat_result:
-        """Write `record`; `units` are those that it does not know itself. The bytes depend on the arguments only. Returns the file's state.
+    def write(self, path: Path, record: Any, units: Mapping[str, str], provenance: Mapping[str, str] | None = None) -> None:
+        """Write `record`; `units` are those that it does not know itself. The bytes depend on the arguments only.
 
         Raises WriteError where the disk is full.
         """
-        import h5py
-
         with replacing(path) as place:
             steady = SteadyFile(place.raw)
             try:
@@ -80,16 +75,6 @@ class FileKind:
                         _write_provenance(file, provenance)
             finally:
                 steady.tell_fault()
-            return os.fstat(place.fileno())
-
-    def as_read(self, record: Any) -> Any:
-        """A record as `read` gives it once it is written: a copy. Raises Unkept for one that `read` would refuse, or that is long."""
-        found = self.schema.as_read(record)
-        try:
-            self.schema.check(found, "", {})
-        except Invalid as fault:
-            raise Unkept from fault
-        return found
 
     def read(self, path: Path, warn: Warn = silent, unverified: bool = False) -> Any:
         """The record in a file, checked against its declaration; `warn` is told where nothing says that it is as it was written.
@@ -151,12 +136,10 @@ def kind_of(path: Path) -> str:
 
 def _write_provenance(file: h5py.File, provenance: Mapping[str, str]) -> None:
     """One string dataset for every entry: attributes could not hold more than 64 kB."""
-    import h5py
-
     group = file.create_group("provenance")
     for name, text in provenance.items():
         dataset = group.create_dataset(name, data=checked_text(text), dtype=h5py.string_dtype(), track_times=False)
-        Label("where the file comes from").without_unit().put_on(dataset.id)
+        Label("where the file comes from").without_unit().put_on(dataset)
 
 
 def _kind_and_version(path: Path, file: h5py.File) -> tuple[str, str]:
@@ -178,8 +161,6 @@ def _as_numbers(version: str) -> tuple[int, ...]:
 @contextmanager
 def _opened(path: Path) -> Iterator[h5py.File]:
     """The file, open for reading; DataError where HDF5 cannot open it. What goes wrong in the block is not this one's to explain."""
-    import h5py
-
     if not path.exists():
         raise DataError(f"{path}: no such file", "`mapmore run CONFIG` makes it")
     if not path.is_file():

@@ -7,8 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from mapmore_cli.storage.artefacts.placing import put_attribute
-
 if TYPE_CHECKING:
     import h5py
 
@@ -45,10 +43,10 @@ class Label:
         """The label of something that has no unit."""
         return replace(self, unit=NO_UNIT)
 
-    def put_on(self, dataset: h5py.h5d.DatasetID) -> None:
+    def put_on(self, dataset: h5py.Dataset) -> None:
         """Write the two attributes."""
-        put_attribute(dataset, "unit", _resolved(self.unit, self.scope), None)
-        put_attribute(dataset, "description", self.description, None)
+        dataset.attrs["unit"] = _resolved(self.unit, self.scope)
+        dataset.attrs["description"] = self.description
 
 
 def _resolved(unit: str, scope: Mapping[str, str]) -> str:

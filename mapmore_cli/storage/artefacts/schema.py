@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
+import h5py
 import numpy as np
 
 from mapmore_cli.storage.artefacts.codecs import Codec, Sizes, place_of, plain, shown, stored
 from mapmore_cli.storage.artefacts.integrity import Digest, Invalid, stored_at
 from mapmore_cli.storage.artefacts.label import Label
-from mapmore_cli.storage.artefacts.placing import put_attribute
-from mapmore_cli.storage.recent import Unkept
-
-if TYPE_CHECKING:
-    import h5py
 
 _DIMENSIONS = re.compile(r"\((\w+(?: or 0)?(?:, \w+)*)\) ")
 
@@ -94,10 +90,6 @@ class Schema:
         """The record that `write_into` stored; Invalid where it is of another form."""
         return self.type(**{field.name: field.codec.read(group, field.name) for field in self.fields if not field.derived})
 
-    def as_read(self, record: Any) -> Any:
-        """A record as `read_from` gives it; raises as the codecs do."""
-        return self.type(**{field.name: field.codec.as_read(getattr(record, field.name)) for field in self.fields if not field.derived})
-
     def check(self, record: Any, where: str, sizes: Sizes) -> None:
         """Raise Invalid for a record that cannot be, although each of its values has the right form."""
         own = [field for field in self.fields if not field.derived]
@@ -119,7 +111,7 @@ def _link(schema_type: type) -> str:
 
 def record(schema: Schema) -> Codec:
     """One object, as a group of its own."""
-    return replace(nested(schema.type, lambda: schema), as_read=schema.as_read)
+    return nested(schema.type, lambda: schema)
 
 
 def nested(type_: type, schema: Callable[[], Schema]) -> Codec:
@@ -137,10 +129,7 @@ def nested(type_: type, schema: Callable[[], Schema]) -> Codec:
     def check(value: Any, where: str, sizes: Sizes) -> None:
         schema().check(value, where, sizes)
 
-    def as_read(_value: Any) -> Any:
-        raise Unkept
-
-    return Codec(_link(type_), write, read, feed, as_read, check)
+    return Codec(_link(type_), write, read, feed, check)
 
 
 def variant(bodies: Mapping[str, Schema]) -> Codec:
@@ -152,7 +141,7 @@ def variant(bodies: Mapping[str, Schema]) -> Codec:
     def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
         word, schema = of(value)
         body = group.create_group(name)
-        put_attribute(body.id, "kind", word, None)
+        body.attrs["kind"] = word
         schema.write_into(body, value, label)
 
     def read(group: h5py.Group, name: str) -> Any:
@@ -171,11 +160,8 @@ def variant(bodies: Mapping[str, Schema]) -> Codec:
     def check(value: Any, where: str, sizes: Sizes) -> None:
         of(value)[1].check(value, where, sizes)
 
-    def as_read(value: Any) -> Any:
-        return of(value)[1].as_read(value)
-
     form = ", ".join(f"`{word}`: {_link(schema.type)}" for word, schema in bodies.items())
-    return Codec(f"group with the attribute `kind`; {form}", write, read, feed, as_read, check)
+    return Codec(f"group with the attribute `kind`; {form}", write, read, feed, check)
 
 
 def rows(schema: Schema) -> Codec:
@@ -203,10 +189,6 @@ def rows(schema: Schema) -> Codec:
             raise Invalid(where, f"has columns of {min(lengths)} and of {max(lengths)} rows")
         return made_of(cells)
 
-    def as_read(value: Any) -> tuple[Any, ...]:
-        known = {field: column for field, column in columns.items() if column is not None}
-        return made_of({field.name: plain(column.as_read([field.value_of(row) for row in value])) for field, column in known.items()})
-
     def made_of(cells: Mapping[str, Any]) -> tuple[Any, ...]:
         return tuple(schema.type(**dict(zip(cells, row, strict=True))) for row in zip(*cells.values(), strict=True))
 
@@ -224,7 +206,7 @@ def rows(schema: Schema) -> Codec:
         for place, row in enumerate(value):
             schema.check(row, f"{where}/{place}", dict(sizes))
 
-    return Codec(f"table of {_link(schema.type)}, a dataset for every column", write, read, feed, as_read, check)
+    return Codec(f"table of {_link(schema.type)}, a dataset for every column", write, read, feed, check)
 
 
 def same(value: Any, default: Any) -> bool:
