@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import h5py
@@ -40,19 +39,3 @@ def test_the_other_files_of_old_fit_together(archive: Path) -> None:
     assert {fit.id for fit in result.segments} == segments
     assert result.backbone is not None
     assert result.backbone.name == "polynomial_2"
-
-
-def test_what_format_1_0_did_not_hold_is_not_known() -> None:
-    for curve in artefacts.read_dataset(ARCHIVES[0] / "ingest.h5").curves:
-        assert curve.origin is None
-        assert curve.at_rest is None
-
-
-def test_a_sum_of_format_1_1_predicts_as_it_did() -> None:
-    archive = ARCHIVES[1]
-    model = artefacts.read_model(archive / "dynamic.h5")
-    then = json.loads((archive / "dynamic.json").read_text())
-    assert len(model.body.parts) == 2
-    assert [signal.name for signal in model.signals] == ["strain_rate", "pressure_rate", "direction"]
-    inputs = {name: np.array(values) for name, values in then["inputs"].items()}
-    np.testing.assert_allclose(predict(model, inputs), then["predicted"], rtol=1e-12)

@@ -331,7 +331,7 @@ def _set_version(path: Path, version: str) -> None:
         file.attrs["format_version"] = version
 
 
-@pytest.mark.parametrize(("version", "readable"), [("2.9", True), ("3.0", False), ("10.0", False), ("one", False)])
+@pytest.mark.parametrize(("version", "readable"), [("2.9", True), ("1.2", False), ("3.0", False), ("10.0", False), ("one", False)])
 def test_format_versions(version: str, readable: bool, written: dict[str, Path]) -> None:
     _set_version(written["model"], version)
     if readable:

@@ -2,10 +2,7 @@
 
 Format versions are read like semantic versions: a new major is refused by older programs, a new minor only adds fields.
 
-1.0  first version.
-1.1  curves with samples at rest and the recording of each sample; models with signals and summands.
-1.2  fits and models with memory; scores with the root relative squared error.
-2.0  fits and models have a body of one kind; sums have signs and renamed inputs. Files of 1.x stay readable (`layout.legacy`).
+2.0  first released version: fits and models have a body of one kind; sums have signs and renamed inputs.
 2.1  models with left-out residuals, from which intervals are made.
 """
 
@@ -25,7 +22,6 @@ from mapmore_cli.storage.artefacts.codecs import checked_text
 from mapmore_cli.storage.artefacts.integrity import CHECKSUM, Digest, Invalid, look_over, stored_at
 from mapmore_cli.storage.artefacts.label import Label
 from mapmore_cli.storage.artefacts.layout import DATASET, FIT_RESULT, MODEL, SEGMENTATION, VALIDATION
-from mapmore_cli.storage.artefacts.layout.legacy import FIT_RESULT_1, MODEL_1
 from mapmore_cli.storage.artefacts.schema import Schema
 from mapmore_cli.storage.atomic import replacing
 from mapmore_cli.storage.run_record import refuse_newer
@@ -44,15 +40,11 @@ def silent(_message: str) -> None:
 
 @dataclass(frozen=True)
 class FileKind:
-    """A kind of file: its name in the attribute `kind`, the stage that makes it, and what its root holds.
-
-    `before_2` is what its root held in formats 1.x, where that was something else; its records have a method `upgraded`.
-    """
+    """A kind of file: its name in the attribute `kind`, the stage that makes it, and what its root holds."""
 
     name: str
     stage: str
     schema: Schema
-    before_2: Schema | None = None
 
     def write(self, path: Path, record: Any, units: Mapping[str, str], provenance: Mapping[str, str] | None = None) -> None:
         """Write `record`; `units` are those that it does not know itself. The bytes depend on the arguments only.
@@ -91,10 +83,7 @@ class FileKind:
                 raise DataError(f"{path}: is a {found} file, not a {self.name} file", f"give a file that `mapmore {self.stage}` wrote")
             try:
                 look_over(file, path.stat().st_size)
-                if self.before_2 is not None and _as_numbers(version) < (2,):
-                    record = self.before_2.read_from(file).upgraded()
-                else:
-                    record = self.schema.read_from(file)
+                record = self.schema.read_from(file)
                 self.schema.check(record, "", {})
                 doubt = self._doubt(file, version, record)
             except Invalid as fault:
@@ -121,8 +110,8 @@ class FileKind:
 KINDS = (
     FileKind("dataset", "ingest", DATASET),
     FileKind("segmentation", "segment", SEGMENTATION),
-    FileKind("fit", "fit", FIT_RESULT, FIT_RESULT_1),
-    FileKind("model", "fuse", MODEL, MODEL_1),
+    FileKind("fit", "fit", FIT_RESULT),
+    FileKind("model", "fuse", MODEL),
     FileKind("validation", "validate", VALIDATION),
 )
 DATASET_FILE, SEGMENTATION_FILE, FIT_FILE, MODEL_FILE, VALIDATION_FILE = KINDS
@@ -151,6 +140,8 @@ def _kind_and_version(path: Path, file: h5py.File) -> tuple[str, str]:
     if not isinstance(kind, str) or kind not in {known.name for known in KINDS} or not isinstance(version, str):
         raise DataError(f"{path}: is an HDF5 file, but not one of mapmore's", "give a file out of a run folder, as runs/NAME/model.h5")
     refuse_newer(path, version, FORMAT_VERSION)
+    if _as_numbers(version) < (2,):
+        raise DataError(f"{path}: is of the format {version}, from before the first release", _GET_ANOTHER)
     return kind, version
 
 
