@@ -22,7 +22,6 @@ from mapmore_cli.storage.tables.lines import (
     Lines,
     guess_encoding,
     last_lines,
-    lines_of_text,
     open_lines,
     open_quote,
     quote_left_open,
@@ -38,7 +37,6 @@ from mapmore_cli.storage.tables.text import (
     separator_hint,
     values_of_lines,
     values_of_records,
-    values_of_text,
 )
 from mapmore_cli.storage.text_streams import lines_of
 
@@ -158,20 +156,7 @@ def _parts(
     """Line numbers (n,) and values (n, columns) of the data, piece by piece; `leading` are records that have been taken already."""
     if leading:
         yield _numbered(leading, layout, request)
-    while block := lines.take_block():
-        values, end = values_of_text(block, layout, request), lines.taken
-        if values is not None:
-            yield np.arange(end - len(values) + 1, end + 1), values
-        else:
-            lines.put_back(list(lines_of_text(block)))
-            yield from _parts_of_lines(end, lines, records, layout, request)
-
-
-def _parts_of_lines(
-    end: int, lines: Lines, records: Iterator[Numbered], layout: Layout, request: TableRequest
-) -> Iterator[tuple[IntArray, Array]]:
-    """The same up to line `end`, where not all that is there is plain numbers."""
-    while block := lines.take(min(CHUNK, max(0, end - lines.taken))):
+    while block := lines.take(CHUNK):
         values, last = values_of_lines(block, layout, request), lines.taken
         if values is not None:
             yield np.arange(last - len(values) + 1, last + 1), values

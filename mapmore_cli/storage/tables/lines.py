@@ -26,18 +26,11 @@ UNDEFINED = bytes((0x81, 0x8D, 0x8F, 0x90, 0x9D))  # in cp1252
 class Lines:
     """An iterator over the lines of an open file, with their ends; `taken` counts them, so it is the number of the last one, from 1."""
 
-    def __init__(self, blocks: Iterator[Block], raw: IO[bytes]) -> None:
+    def __init__(self, lines: Iterator[str], raw: IO[bytes]) -> None:
         self.taken = 0
-        self._blocks = blocks
-        self._begun: Iterator[str] = iter(())  # what is left of the block that has been begun
-        self._lines = self._each()
+        self._lines = lines
         self._raw = raw
         self._back: list[str] = []  # the next one last
-
-    def _each(self) -> Iterator[str]:
-        for text, _ in self._blocks:
-            self._begun = lines_of_text(text)
-            yield from self._begun
 
     def __iter__(self) -> Lines:
         return self
@@ -64,14 +57,6 @@ class Lines:
         lines += islice(self._lines, count - len(lines))
         self.taken += len(lines)
         return lines
-
-    def take_block(self) -> str:
-        """The next lines in one piece: the rest of a block that has been begun, or a whole one; empty at the end."""
-        left = [*reversed(self._back), *self._begun]
-        self._back = []
-        text, count = ("".join(left), len(left)) if left else next(self._blocks, ("", 0))
-        self.taken += count
-        return text
 
     def put_back(self, lines: list[str]) -> None:
         """Have these, the last ones that were taken, taken again."""
@@ -124,12 +109,8 @@ BLOCK = 1 << 17
 """Characters that are read at once: what is computed of them stays in the processor's cache."""
 
 
-Block = tuple[str, int]
-"""Some whole lines in one piece, and how many they are."""
-
-
-def bounded_blocks(text: TextIO, label: str, packed: int | None = None) -> Iterator[Block]:
-    """A text in blocks of whole lines, which end in LF, CR LF or CR; `packed` is the size of the file where it is a packed one.
+def bounded_lines(text: TextIO, label: str, packed: int | None = None) -> Iterator[str]:
+    """Yield the lines of a text with their ends, LF, CR LF or CR; `packed` is the size of the file where it is a packed one.
 
     Raises DataError for a line that is too long for a table, and for text that is hundreds of times larger than its file.
     """
@@ -142,31 +123,19 @@ def bounded_blocks(text: TextIO, label: str, packed: int | None = None) -> Itera
         if not end:
             rest += chunk
         else:
-            block, rest = rest + chunk[:end], chunk[end:]
-            count = count_lines(block)
-            number += count
-            yield block, count
+            lines = lines_of_text(rest + chunk[:end])
+            rest = chunk[end:]
+            for line in lines:
+                number += 1
+                yield line
         if len(rest) > LONGEST:
             raise DataError(f"{label}:row {number + 1}: is longer than {LONGEST // 10**6} million characters", "give a table")
-    if rest:
-        yield rest, count_lines(rest)
-
-
-def bounded_lines(text: TextIO, label: str) -> Iterator[str]:
-    """The lines of a text, with their ends; DataError for one that is too long for a table."""
-    for block, _ in bounded_blocks(text, label):
-        yield from lines_of_text(block)
+    yield from lines_of_text(rest)
 
 
 def lines_of_text(text: str) -> Iterator[str]:
     """The lines of a text in memory, with their ends."""
     return io.StringIO(text, newline="")
-
-
-def count_lines(text: str) -> int:
-    """How many lines a text has; the last one may lack its end."""
-    ends = text.count("\n") + (text.count("\r") - text.count("\r\n") if "\r" in text else 0)
-    return ends + (text[-1:] not in ("\n", "\r", ""))
 
 
 def quote_left_open(lines: Sequence[str], cells: Sequence[str], delimiter: str) -> bool:
@@ -209,4 +178,4 @@ def open_lines(path: Path, encoding: str, label: str) -> Iterator[Lines]:
         raw.seek(0)
         binary = cast(IO[bytes], gzip.GzipFile(fileobj=raw)) if zipped else raw
         with io.TextIOWrapper(binary, encoding=encoding, newline="") as text:
-            yield Lines(bounded_blocks(text, label, os.fstat(raw.fileno()).st_size if zipped else None), raw)
+            yield Lines(bounded_lines(text, label, os.fstat(raw.fileno()).st_size if zipped else None), raw)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import READERS, RawTable, TableRequest
-from mapmore_cli.storage.tables.text import Layout, values_of_lines, values_of_records, values_of_text
+from mapmore_cli.storage.tables.text import Layout, values_of_lines, values_of_records
 
 PLAIN = [
     "0",
@@ -100,62 +99,9 @@ def test_blocks_give_what_records_give(
         patch.setattr("mapmore_cli.storage.readers.csv.CHUNK", chunk)
         patch.setattr("mapmore_cli.storage.tables.lines.BLOCK", block)
         at_once = outcome(tmp_path / "a", content, **request)
-        patch.setattr("mapmore_cli.storage.readers.csv.values_of_text", lambda *_: None)
-        by_lines = outcome(tmp_path / "a", content, **request)
         patch.setattr("mapmore_cli.storage.readers.csv.values_of_lines", lambda *_: None)
         one_by_one = outcome(tmp_path / "a", content, **request)
-    assert at_once == by_lines == one_by_one
-
-
-DIGITS = st.sampled_from(["", "0", "7", "42", "905", "1000000", "99999999"])
-SHORT = st.tuples(st.sampled_from(["", "-"]), DIGITS, st.sampled_from(["", "."]), DIGITS).map("".join)
-"""Nearly all of them numbers."""
-NEARLY = st.one_of(st.text("0123456789.-+e ", max_size=18), st.floats(-1e8, 1e8).map(lambda x: f"{x:.6f}"))
-
-
-@given(
-    records=st.lists(st.tuples(SHORT, st.one_of(SHORT, NEARLY), st.one_of(SHORT, st.text(max_size=4))), min_size=1, max_size=6),
-    end=st.sampled_from(["\n", "\r\n"]),
-    closed=st.booleans(),
-)
-def test_a_text_of_short_numbers_is_what_python_reads(records: list[tuple[str, str, str]], end: str, closed: bool) -> None:
-    """To the last bit, minus zero included; where not all of a wanted column are such numbers, it says so."""
-    text = end.join(map(",".join, records)) + end * closed
-    values = values_of_text(text, Layout(3, (1, 0), ("b", "a")), TableRequest("a.csv", ("b", "a")))
-    short = re.compile(r"-?(?=.*[0-9])[0-9]{0,7}(\.[0-9]{0,8})?")
-    if all(short.fullmatch(a) and short.fullmatch(b) and beside.isascii() and set(beside).isdisjoint(',"\r\n') for a, b, beside in records):
-        assert values is not None
-    if values is not None:
-        told = [[float(second), float(first)] for first, second, _ in records]
-        np.testing.assert_array_equal(values.view(np.int64), np.array(told).view(np.int64))
-
-
-@pytest.mark.parametrize(
-    "cell", ["9007199254740993", "90071992.54740993", "123456789", "1e3", "+1", " 1", "1.2.3", "--1", "1-2", "-", ".", "-.", "", "1:2", "١"]
-)
-def test_what_is_no_short_number_is_left_to_others(cell: str) -> None:
-    assert values_of_text(f"{cell},1\n", Layout(2, (0, 1), ("a", "b")), TableRequest("a.csv", ("a", "b"))) is None
-
-
-@pytest.mark.parametrize("text", ["1,2\n3\n", "1,2\n\n3,4\n", "1,2,3\n4\n", "1,2\r3,4\n"])
-def test_lines_of_another_width_are_left_to_others(text: str) -> None:
-    assert values_of_text(text, Layout(2, (0, 1), ("a", "b")), TableRequest("a.csv", ("a", "b"))) is None
-
-
-def test_a_plain_log_is_read_by_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Else nobody would notice that every long log took three times as long."""
-    monkeypatch.setattr("mapmore_cli.storage.readers.csv.values_of_lines", None)
-    monkeypatch.setattr("mapmore_cli.storage.tables.lines.BLOCK", 50)
-    table = read(
-        tmp_path / "a",
-        b"a;b\n" + b"".join(f"{i},25;-{i}\r\n".encode() for i in range(30)),
-        columns=("b", "a"),
-        delimiter=";",
-        decimal=",",
-    )
-    assert table.rows.tolist() == list(range(2, 32))
-    assert table.columns["a"].tolist() == [i + 0.25 for i in range(30)]
-    assert table.columns["b"].tolist() == [-i for i in range(30)]
+    assert at_once == one_by_one
 
 
 @pytest.mark.parametrize(

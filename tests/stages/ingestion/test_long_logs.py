@@ -183,6 +183,7 @@ def test_a_long_log_takes_the_memory_of_its_blocks(tmp_path: Path, spooled: Path
     monkeypatch.setattr(spool, "LONG", 8 * rows)
     monkeypatch.setattr(codecs, "HUGE", rows)
     monkeypatch.setattr(lines, "BLOCK", 4 * rows)
+    monkeypatch.setattr("mapmore_cli.storage.readers.csv.CHUNK", rows // 4)
     write_dataset(tmp_path / "ingest.h5", build_dataset(part, tmp_path))  # what is imported, and kept for the next time
     tracemalloc.start()
     try:
