@@ -7,14 +7,11 @@ from itertools import combinations
 import numpy as np
 import pytest
 from matplotlib.backend_bases import RendererBase
-from matplotlib.figure import Figure
 
 from mapmore_cli.domain.page import FIGURES
 from mapmore_cli.reporting.figures.catalogue import drawings
-from mapmore_cli.reporting.figures.drawing import alone, compose
-from mapmore_cli.reporting.figures.layout import PAD, POINTS, arrange
+from mapmore_cli.reporting.figures.drawing import POINTS, compose
 from mapmore_cli.reporting.figures.style import figure_style
-from mapmore_cli.reporting.inputs import FigureStyle
 
 NAMES = [name for name in FIGURES if name not in ("loops", "motion", "convergence")]  # of models with memory
 
@@ -49,23 +46,3 @@ def test_panels_are_of_one_size_and_their_labels_in_line(inputs):
         labels = [ax.yaxis.label.get_window_extent(RendererBase()).x0 for ax in figure.axes if ax.get_ylabel()]
         assert len(labels) >= 2
         assert np.ptp(labels) < 0.1
-
-
-def test_a_label_wider_than_the_page_leaves_a_panel(inputs):
-    with figure_style():
-        drawing = drawings("nrmse", inputs)[0]
-        (ax,) = alone(drawing, drawing.panels[0], FigureStyle(width=0.4)).axes
-        assert ax.get_window_extent().width > PAD
-
-
-def test_a_factor_above_the_axis_lifts_the_title():
-    with figure_style():
-        figure = Figure(figsize=(3, 2), dpi=POINTS)
-        ax = figure.subplots()
-        ax.plot([0, 1], [0, 3e9])
-        ax.set_title("curve")
-        arrange(figure, {(0, 0): ax}, [1.0])
-        (_, _, _, high) = ax.get_tightbbox(RendererBase()).extents
-        factor, title = ax.yaxis.get_offset_text().get_window_extent(RendererBase()), ax._left_title.get_window_extent(RendererBase())
-        assert factor.y1 <= title.y0 + 0.5
-        assert high <= 2 * POINTS

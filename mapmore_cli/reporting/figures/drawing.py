@@ -11,9 +11,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from mapmore_cli.reporting.figures.layout import POINTS, arrange
-from mapmore_cli.reporting.figures.style import small
+from mapmore_cli.reporting.figures.style import fonts_may_lack_glyphs, small
 from mapmore_cli.reporting.inputs import SINGLE, FigureStyle
+
+POINTS = 72
+"""Points an inch. Figures have as many dots an inch, so that what is measured are points."""
 
 LEGEND_ROOM, TITLE_ROOM = 0.45, 0.2
 """Inches above the panels, with a legend and without one."""
@@ -114,7 +116,7 @@ def _composed(drawing: Drawing, panels: Sequence[Panel], columns: int, width: fl
     grid, stack = drawing.grid, len(drawing.grid.stack)
     rows = math.ceil(len(panels) / columns)
     room = LEGEND_ROOM if drawing.legend else TITLE_ROOM
-    figure = Figure(figsize=(width, room + rows * grid.height), dpi=POINTS)
+    figure = Figure(figsize=(width, room + rows * grid.height), dpi=POINTS, layout="constrained")
     shared: Any = {"none": False, "row": "row", "all": True}[grid.common_y]
     every = figure.subplots(stack * rows, columns, height_ratios=[*grid.stack] * rows, sharex=grid.common_x, sharey=shared, squeeze=False)
     places = [list(every[row * stack : (row + 1) * stack, column]) for row in range(rows) for column in range(columns)]
@@ -127,9 +129,11 @@ def _composed(drawing: Drawing, panels: Sequence[Panel], columns: int, width: fl
     _hold(panels, places, columns if grid.common_y == "row" else len(panels) if grid.common_y == "all" else 1)
     if drawing.legend:
         labels = [str(handle.get_label()) for handle in drawing.legend]
-        figure.legend(handles=list(drawing.legend), loc="upper left", ncols=_legend_columns(labels, width))
-    placed = {(row, column): ax for row, line in enumerate(every) for column, ax in enumerate(line) if ax.figure is figure}
-    arrange(figure, placed, [*grid.stack] * rows)
+        figure.legend(handles=list(drawing.legend), loc="outside upper left", ncols=_legend_columns(labels, width))
+    figure.align_ylabels()
+    with fonts_may_lack_glyphs():
+        figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # the places are found once, and the same for every format
     return figure
 
 
