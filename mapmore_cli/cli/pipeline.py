@@ -155,7 +155,12 @@ def _bring_up_to_date(loaded: LoadedSpec, command: str, options: Options) -> Non
         found = RunFiles(outcome.run_dir).scores() if command in ("validate", "run") else None
         for message in () if found is None else found.warnings:
             reporter.warn(message)
-    head = {"name": outcome.name, "run_dir": str(outcome.run_dir), "stages": outcome.stages}
+    head: dict[str, Any] = {"name": outcome.name, "run_dir": str(outcome.run_dir), "stages": outcome.stages}
+    if "search" in outcome.stages:
+        from mapmore_cli.cli.views.searched import document_of
+        from mapmore_cli.stages.searching import SEARCH, read_search
+
+        head["search"] = document_of(read_search(outcome.run_dir / SEARCH))
     if found is None:
         print_view(of_stage(command, outcome.run_dir).under(head), options.as_json)
         return

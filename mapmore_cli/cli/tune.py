@@ -1,4 +1,4 @@
-"""`mapmore tune`: which of some settings, by training data that were left out."""
+"""`mapmore tune`: which of some settings, or which structure at all, by training data that were left out."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from mapmore_cli.domain.errors import UsageError
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.tuning import Tuning
+    from mapmore_cli.reporting.table import Table
 
 FIGURES, TABLES = ("svg", "pdf", "png", "pgf"), ("csv", "tex")
 
@@ -20,9 +21,12 @@ FIGURES, TABLES = ("svg", "pdf", "png", "pgf"), ("csv", "tex")
 def tune(
     config: Config,
     over: Annotated[
-        list[str],
+        list[str] | None,
         typer.Option("--over", metavar="KEY=V1,V2,...", help="A setting with the values to try, as fit.max_terms=2,4,8. Repeatable."),
-    ],
+    ] = None,
+    budget: Annotated[
+        str | None, typer.Option("--budget", metavar="TIME", help="Time of a search, which is without --over; 60s.", show_default=False)
+    ] = None,
     output: Annotated[
         list[Path] | None,
         typer.Option(
@@ -34,7 +38,7 @@ def tune(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Try settings on left-out training data, and name the best.
+    """Try settings on left-out training data, and name the best; without --over, search the structure of the model.
 
     Every combination is fitted without a level (or a block) of the training data and judged on it; held-out data are not used.
     The one that is named is the simplest that is as good as the best.
@@ -45,13 +49,40 @@ def tune(
     from mapmore_cli.spec.loader import load
     from mapmore_cli.stages import tuning
 
-    wanted = values_of(over)
     _refuse_unknown(output or [])
+    if not over:
+        _search(config, output or [], runs, overrides, budget, as_json, quiet)
+        return
+    if budget is not None:
+        raise UsageError("--budget is the time of a search, and --over tries what it names", "give one of both")
+    wanted = values_of(over)
     with Reporter(quiet) as reporter:
         found = tuning.tune(load(config, overrides), wanted, runs, progress=reporter.progress, warn=reporter.warn, on_stage=reporter.stage)
     for path in output or []:
         _write(path, found)
     print_view(of_tuning(found), as_json)
+
+
+def _search(
+    config: Path, output: Sequence[Path], runs: Path, overrides: Sequence[str], budget: str | None, as_json: bool, quiet: bool
+) -> None:
+    """Search the structure, and print what was tried."""
+    from mapmore_cli.cli.console import print_view
+    from mapmore_cli.cli.progress import Reporter
+    from mapmore_cli.cli.views.searched import of_search
+    from mapmore_cli.reporting.search_table import search_table
+    from mapmore_cli.spec.loader import load
+    from mapmore_cli.stages.searching import searched
+
+    if wrong := next((path for path in output if path.suffix.removeprefix(".") not in TABLES), None):
+        raise UsageError(f"{wrong}: a search has no figure", f"choose .{' or .'.join(TABLES)}")
+    with Reporter(quiet) as reporter:
+        found, spec = searched(
+            load(config, overrides), runs, budget, progress=reporter.progress, warn=reporter.warn, on_stage=reporter.stage
+        )
+    for path in output:
+        _write_table(path, search_table(found))
+    print_view(of_search(found, str(spec)), as_json)
 
 
 def values_of(over: Sequence[str]) -> dict[str, list[Any]]:
@@ -92,12 +123,11 @@ def _refuse_unknown(paths: Sequence[Path]) -> None:
 
 def _write(path: Path, found: Tuning) -> None:
     from mapmore_cli.cli.views.tuned import tuning_table
-    from mapmore_cli.reporting.table import to_csv, to_latex
-    from mapmore_cli.storage.atomic import write_bytes, write_text
+    from mapmore_cli.storage.atomic import write_bytes
 
     suffix = path.suffix.removeprefix(".")
     if suffix in TABLES:
-        write_text(path, (to_csv if suffix == "csv" else to_latex)(tuning_table(found)))
+        _write_table(path, tuning_table(found))
         return
     from mapmore_cli.reporting.figures.drawing import compose
     from mapmore_cli.reporting.figures.saving import WRITERS
@@ -107,3 +137,10 @@ def _write(path: Path, found: Tuning) -> None:
     drawing = tuning_drawing(found)
     with figure_style():
         write_bytes(path, WRITERS[suffix](compose(drawing), drawing.name, drawing.alt))
+
+
+def _write_table(path: Path, table: Table) -> None:
+    from mapmore_cli.reporting.table import to_csv, to_latex
+    from mapmore_cli.storage.atomic import write_text
+
+    write_text(path, (to_csv if path.suffix == ".csv" else to_latex)(table))

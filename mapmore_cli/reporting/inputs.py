@@ -15,6 +15,7 @@ from mapmore_cli.domain.motion import MotionFit
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.domain.scores import Published, Validation, deciding
+from mapmore_cli.domain.search import Search
 from mapmore_cli.reporting.table import Table
 
 INTERVAL = 0.95
@@ -87,6 +88,8 @@ class ReportInputs:
         Tables of a publication, as they were transcribed.
     asked
         Ids of the curves and recordings that alone are to be drawn; empty for some that stand for all.
+    search
+        The structures that were tried, where the spec left the structure to a search.
     """
 
     name: str
@@ -107,6 +110,7 @@ class ReportInputs:
     style: FigureStyle = field(default_factory=FigureStyle)
     published_tables: tuple[Table, ...] = ()
     asked: frozenset[str] = frozenset()
+    search: Search | None = None
 
     def axis_label(self, quantity: Quantity, prefix: str = "") -> str:
         """What stands at an axis."""

@@ -21,6 +21,7 @@ from mapmore_cli.reporting.model_tables import (
 )
 from mapmore_cli.reporting.motion_tables import sections_table, waveforms_table
 from mapmore_cli.reporting.score_tables import curve_scores_table, score_table
+from mapmore_cli.reporting.search_table import search_table
 from mapmore_cli.reporting.table import Cell, Column, Table
 
 
@@ -39,6 +40,7 @@ def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
         coefficients_table(inputs),
         equations_table(inputs.equations, inputs.other_equations),
         formulas_table(inputs),
+        *((search_table(inputs.search),) if inputs.search is not None else ()),
         folds_table(inputs.model.pieces.cross_validation if inputs.model.pieces else (), inputs.target.unit),
         *((sections_table(inputs.motions, inputs.target.unit), waveforms_table(inputs)) if inputs.motions else ()),
         *inputs.published_tables,

@@ -99,6 +99,8 @@ class ExperimentSpec(Section):
         model = given.get("model")
         if isinstance(model, dict) and model.get("sum") is not None:
             given = {**given, "model": {"type": "sum", **model}}
+        if given.get("dictionary") is None and given.get("model") is None and given.get("target") != "dynamic":
+            given = {**given, "model": {"type": "auto"}}
         section, defaults = _DEFAULTS_OF_TARGET.get(str(given.get("target")), ("", {}))
         if _given_memory(given.get("dictionary")):
             section, defaults = "fit", {"scaling": "none"}  # numbers of steps and widths in physical units stay readable
@@ -127,6 +129,16 @@ class ExperimentSpec(Section):
     def runs_over_time(self) -> bool:
         """Whether the run's own model runs along recordings."""
         return self.has_memory or self.model.type == "state_space"
+
+    @model_validator(mode="after")
+    def _searched(self, info: ValidationInfo) -> ExperimentSpec:
+        """A search finds these sections itself."""
+        given = [name for name, empty in (("segment", {}), ("fit", Fit())) if getattr(self, name) != empty]
+        given += ["dictionary"] if self.dictionary else []
+        if self.model.type == "auto" and given and info.context is not PARTIAL:
+            remedy = "remove it, or say the whole structure, as `dictionary: [{polynomial: {of: [strain], order: 4}}]`"
+            raise Contradiction(f"`{given[0]}` is part of the structure that `model: {{type: auto}}` searches", remedy, *given)
+        return self
 
     @model_validator(mode="after")
     def _needs_terms(self, info: ValidationInfo) -> ExperimentSpec:

@@ -50,9 +50,14 @@ class Loaded(Generic[M]):
         """YAML with the defaults filled in and `extends`, variables and units resolved; it loads to an equal spec."""
         return resolved(self.spec)
 
-    def resolved_in(self, folder: Path) -> str:
-        """The resolved spec for a file in another folder: relative paths start there, so that it runs again where it lies."""
-        return resolved(self.spec, self.folder, folder)
+    def resolved_in(self, folder: Path, given_only: bool = False) -> str:
+        """The resolved spec for a file in another folder: relative paths start there, so that it runs again where it lies.
+
+        With `given_only`, without the defaults.
+        """
+        if not given_only:
+            return resolved(self.spec, self.folder, folder)
+        return dump(escaped(moved(plain(self._root), [Kind(type(self.spec))], self.folder.resolve(), folder.resolve())))
 
     def where(self, *loc: str | int) -> str:
         """`file:line:column` of a key or list item, or of the nearest section around it that the files hold."""

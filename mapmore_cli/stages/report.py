@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from mapmore_cli.domain.models import Equation, Model
+    from mapmore_cli.domain.search import Search
     from mapmore_cli.reporting.inputs import FigureStyle, ReportInputs
     from mapmore_cli.reporting.table import Table
 
@@ -49,10 +50,19 @@ def run(part: Slice, workspace: Workspace) -> None:
     from mapmore_cli.reporting.report import write_report
 
     tables = [published_table(workspace.spec_dir / path) for path in _published(part.report)]
-    inputs = replace(collected(part, workspace.run_dir, workspace.spec_text), published_tables=tuple(tables))
+    inputs = replace(collected(part, workspace.run_dir, workspace.spec_text), published_tables=tuple(tables), search=_search(workspace))
     for warning in faults_of(inputs.style):
         workspace.warn(warning)
     write_report(inputs, workspace.out / "report", part.report.figures, part.report.formats)
+
+
+def _search(workspace: Workspace) -> Search | None:
+    """What was tried, where the structure was searched."""
+    if not workspace.searched:
+        return None
+    from mapmore_cli.stages.searching import SEARCH, read_search
+
+    return read_search(workspace.run_dir / SEARCH)
 
 
 def _published(report: Report) -> list[str]:

@@ -38,10 +38,10 @@ class Bench:
 
 def training_only(dataset: Dataset) -> Dataset:
     """The dataset without its held-out samples; curves that have no others are left out."""
-    return replace(dataset, curves=tuple(_kept(curve, ~curve.held_out) for curve in dataset.curves if curve.training.any()))
+    return replace(dataset, curves=tuple(kept(curve, ~curve.held_out) for curve in dataset.curves if curve.training.any()))
 
 
-def _kept(curve: Curve, rows: BoolArray) -> Curve:
+def kept(curve: Curve, rows: BoolArray) -> Curve:
     """Some rows of a curve; of its recordings, those that still have any."""
     origin, recordings = None, curve.recordings
     if curve.origin is not None:

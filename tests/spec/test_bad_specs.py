@@ -172,6 +172,9 @@ OTHER_SLIPS = [
     (FORMULA, "target: static", "target: ▸hysteresis", ["`hysteresis` needs load cycles", "add `cycles"]),
     (FORMULA, "static\nmodel: {type: literature, name: sarosi}", "static\n▸dictionary: []", ["no candidate terms", "`[{polynomial: "]),
     (FORMULA, "model: {type: literature, name: sarosi}", "▸model: {backbone: sarosi}", ["no candidate terms"]),
+    (FORMULA, "type: literature, name: sarosi", "type: auto, ▸backbone: sarosi", ["type `auto` finds the `backbone` itself"]),
+    (FORMULA, "type: literature, name: sarosi}", "type: auto}\n▸fit: {max_terms: 2}", ["`fit` is part of the structure"]),
+    (FORMULA, "name: sarosi", "name: sarosi, ▸budget: 10 s", ["type `literature` has no `budget`"]),
     (FORMULA, "type: literature, name: sarosi", "▸type: literature", ["needs the `name` of a formula"]),
     (FORMULA, "name: sarosi", "name: sarosi, ▸backbone: sarosi", ["has no `backbone`"]),
     (FORMULA, "type: literature, name: sarosi", "▸name: sarosi", ["type `mapmore` has no `name`"]),
@@ -203,7 +206,7 @@ def test_one_slip_gives_one_message_with_its_place(tmp_path: Path, base: str, ol
     ("text", "words"),
     [
         (STATIC.replace("target: static\n", ""), ["1:1", "lacks the key `target`", "add `target: ...`"]),
-        (FORMULA.replace("model: {type: literature, name: sarosi}", ""), ["1:1", "no candidate terms", "add a `dictionary`"]),
+        (FORMULA.replace("type: literature, name: sarosi", "type: mapmore"), ["no candidate terms", "add a `dictionary`"]),
         (FORMULA.replace("strain: {column: 2}, ", ""), ["4:33", "`sarosi` needs the quantity `strain`", "leave `sarosi` out"]),
         ("{}", ["1:1", "lacks the key `name`"]),
     ],

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Len
 
-from mapmore_cli.domain.declared import Contradiction, Settings
+from mapmore_cli.domain.declared import Contradiction, Seconds, Settings
 from mapmore_cli.modelling.motion.recipe import MotionSettings
 from mapmore_cli.spec.fields import Quantity, SpecPath
 
@@ -58,6 +58,9 @@ class ModelChoice(MotionSettings):
       fused model errs least on left-out inner levels of the training data (with three levels or fewer: `sarosi_hinged`), or on left-out
       inner blocks where all samples are one surface.
     - `literature` fits the formula `name` alone, by the `method`, from the `starts` and with the `errors_in` that a competitor may have.
+    - `auto` searches the structure on training data alone. It is the default where there is neither a `dictionary` nor a `model`. All
+      quantities that vary are `inputs` unless these are named. The `budget` is computing time of each process; where it ends, the rest of
+      the list is not tried. What was found is in the run folder as a spec, `found.yaml`.
     - `sum` adds the static and the damping model that the spec needs; it is the default for the target `dynamic`. With `sum: [...]` it adds
       these parts, with signs and renamed inputs.
 
@@ -72,7 +75,9 @@ class ModelChoice(MotionSettings):
     a training record).
     """
 
-    type: Literal["mapmore", "literature", "sum", "state_space"] = "mapmore"
+    type: Literal["mapmore", "literature", "sum", "state_space", "auto"] = "mapmore"
+    budget: Seconds = 60.0
+    inputs: Annotated[Sequence[Quantity], Len(1)] | None = None
     backbone: str | None = None
     name: str | None = None
     method: Literal["variable_projection", "levenberg_marquardt", "simplex"] | None = None
@@ -82,6 +87,11 @@ class ModelChoice(MotionSettings):
 
     def __post_init__(self) -> None:
         """Refuse keys that the type lacks, or has no use for."""
+        for name in ("budget", "inputs"):
+            if self.type != "auto" and getattr(self, name) != type(self).__dataclass_fields__[name].default:
+                raise Contradiction(f"type `{self.type}` has no `{name}`", "remove it, or use `type: auto`", name)
+        if self.type == "auto" and self.backbone is not None:
+            raise Contradiction("type `auto` finds the `backbone` itself", "remove it, or use `type: mapmore`", "backbone")
         if self.type == "state_space":
             if self.input is None:
                 raise Contradiction("type `state_space` needs the `input`", "add it, as `input: pressure`", "type")

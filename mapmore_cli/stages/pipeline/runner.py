@@ -15,9 +15,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.errors import MapmoreError, RunWarning, WriteError
+from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.stages.pipeline.needs import MODEL_STAGE, Needed, needed_runs, runs_built_on
 from mapmore_cli.stages.pipeline.stage import Progress, Stage, Warn
-from mapmore_cli.stages.pipeline.staleness import Plan, plan_stages
+from mapmore_cli.stages.pipeline.staleness import Plan, as_found, plan_stages
 from mapmore_cli.storage.atomic import write_text
 from mapmore_cli.storage.run_folder import is_tidy, open_run_folder, recover, run_lock
 from mapmore_cli.storage.run_record import (
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
     from mapmore_cli.spec.loader import LoadedSpec
 
 RESOLVED_SPEC = "experiment.yaml"
+FOUND = "found.yaml"
+"""The spec with its defaults filled in; and where its structure was searched, an ordinary spec with what was found."""
 
 OnStage = Callable[[str, str | None], None]
 """`on_stage(stage, reason)`: called before a stage runs, or with None where it is up to date."""
@@ -67,8 +70,33 @@ def explain(
     """Every stage up to `until` with the reason why it would run, None where it is up to date. Nothing is written."""
     run_dir = runs / loaded.spec.name
     records = load_records(run_dir, warn)
+    first: list[tuple[str, str | None]] = []
+    if searches(loaded, until):
+        first = [
+            (plan.stage.name, plan.reason) for plan in plan_stages(search_stages(), SEARCH_STAGE, loaded, run_dir, records, rehash, force)
+        ]
+        if any(reason is not None for _, reason in first):
+            later = [stage.name for stage in stages or pipeline()][1:]
+            return [*first, *((name, f"follows from {SEARCH_STAGE}") for name in later[: later.index(until) + 1])]
+        loaded = as_found(loaded, run_dir)
     plans = plan_stages(stages or pipeline(), until, loaded, run_dir, records, rehash, force)
-    return [(plan.stage.name, plan.reason) for plan in plans]
+    return [*first, *((plan.stage.name, plan.reason) for plan in plans if plan.stage.name not in dict(first))]
+
+
+SEARCH_STAGE = "search"
+"""The stage that finds the structure of a model; a spec that asks for none has no such stage."""
+
+
+def searches(loaded: LoadedSpec, until: str) -> bool:
+    """Whether the structure has to be found before the stage `until`."""
+    return loaded.spec.model.type == AUTO and until not in ("ingest", SEARCH_STAGE)
+
+
+def search_stages() -> tuple[Stage, ...]:
+    """What comes before the structure is known."""
+    from mapmore_cli.stages import ingest, searching
+
+    return ingest.STAGE, searching.STAGE
 
 
 def bring_up_to_date(
@@ -103,27 +131,60 @@ def bring_up_to_date(
     """
     every = stages or pipeline()
     run_dir = runs / loaded.spec.name
+    before: RunOutcome | None = None
+    if searches(loaded, until):
+        before = bring_up_to_date(
+            loaded,
+            runs,
+            SEARCH_STAGE,
+            force=force,
+            rehash=rehash,
+            progress=progress,
+            warn=warn,
+            on_stage=on_stage,
+            stages=search_stages(),
+            heirs=heirs,
+            campaign=campaign,
+            patient=patient,
+            like=like,
+        )
+        loaded = as_found(loaded, run_dir)
+        on_stage = _after_search(on_stage)
     open_run_folder(run_dir)
     run = _Run(loaded, run_dir, _origin(loaded, run_dir, campaign), every, progress, warn, on_stage, None if force else like)
+    if before is not None:
+        run = replace(run, found=True, renewed=SEARCH_STAGE in before.reasons)
     others = runs_built_on(loaded, heirs) if until == every[-1].name else ()
     plans = run.settled(until, rehash, heirs, others) if not force else None
     if plans is None:
         with run_lock(run_dir, patient):
             plans = run.settle(until, force, rehash, heirs, others)
     reasons = {plan.stage.name: plan.reason for plan in plans if plan.reason is not None}
-    return RunOutcome(
-        name=loaded.spec.name,
-        run_dir=run_dir,
-        stages={plan.stage.name: "done" if plan.stage.name in reasons else "up-to-date" for plan in plans},
-        reasons=reasons,
-    )
+    done = {plan.stage.name: "done" if plan.stage.name in reasons else "up-to-date" for plan in plans}
+    if before is not None:
+        done, reasons = {**before.stages, **_without_first(done)}, {**before.reasons, **_without_first(reasons)}
+    return RunOutcome(loaded.spec.name, run_dir, done, reasons)
+
+
+def _after_search(on_stage: OnStage) -> OnStage:
+    """Tell of the stages but ingest, which was told of before the search."""
+    return lambda stage, reason: None if stage == "ingest" else on_stage(stage, reason)
+
+
+def _without_first(of_stages: Mapping[str, str]) -> dict[str, str]:
+    """Without ingest, which was brought up to date before the search."""
+    return {name: told for name, told in of_stages.items() if name != "ingest"}
 
 
 def _origin(loaded: LoadedSpec, run_dir: Path, campaign: Path | None) -> Origin:
     """Where the run comes from now; WriteError where its folder holds a run of the same name from elsewhere, which still exists."""
     here = Origin(_from(run_dir, loaded.path), _from(run_dir, campaign) if campaign else "", tuple(loaded.overrides) if campaign else ())
     before = load_origin(run_dir)
-    if before is not None and loaded.path.name == RESOLVED_SPEC and loaded.path.resolve().parent.parent == run_dir.resolve().parent:
+    if (
+        before is not None
+        and loaded.path.name in (RESOLVED_SPEC, FOUND)
+        and loaded.path.resolve().parent.parent == run_dir.resolve().parent
+    ):
         return before  # the resolved spec of a run of this folder is that run's own
     rival = here.rival_of(before, run_dir) if before is not None else None
     if rival is not None:
@@ -169,6 +230,8 @@ class _Run:
     warn: Warn
     on_stage: OnStage
     like: Path | None = None
+    found: bool = False
+    renewed: bool = False  # whether its structure was searched just now
 
     def settled(self, until: str, rehash: bool, heirs: tuple[Path, ...], others: Sequence[Needed]) -> list[Plan] | None:
         """The plans where nothing is to be done, seen without the lock of the run; None where something may be.
@@ -176,7 +239,7 @@ class _Run:
         Results are moved in whole and committed last, so what looks whole is. Where another process is at work, the lock decides.
         """
         records = load_records(self.run_dir, lambda _message: None)
-        plans = list(plan_stages(self.every, until, self.loaded, self.run_dir, records, rehash, False, heirs))
+        plans = self._told_of_search(plan_stages(self.every, until, self.loaded, self.run_dir, records, rehash, False, heirs))
         whole = (
             all(plan.reason is None for plan in plans)
             and _refreshed(records, plans) == records
@@ -198,20 +261,26 @@ class _Run:
 
         recover(self.run_dir, _outputs(self.every))
         records = load_records(self.run_dir, self.warn)
-        plans = list(plan_stages(self.every, until, self.loaded, self.run_dir, records, rehash, force, heirs))
+        plans = self._told_of_search(plan_stages(self.every, until, self.loaded, self.run_dir, records, rehash, force, heirs))
         kept = _refreshed(records, plans)
         if kept != records or load_origin(self.run_dir) != self.origin:  # a new run as well: from now on the folder is known as a run's
             save_records(self.run_dir, self.loaded.spec.name, self.origin, kept)
         for other in others:
             self.bring(other)
         self.tell_outdated(plans)
-        maker = StageMaker(self.loaded, self.run_dir, self.origin, self.progress, self.warn, self.like)
+        maker = StageMaker(self.loaded, self.run_dir, self.origin, self.progress, self.warn, self.like, self.found)
         for plan in plans:
             self.on_stage(plan.stage.name, plan.reason)
             if plan.reason is not None:
                 kept = maker.make(plan, plan.reason, self.needed(plan), kept)
         self.write_spec()
         return plans
+
+    def _told_of_search(self, plans: Iterator[Plan]) -> list[Plan]:
+        """The plans; the page shows what was tried, so that it is made anew where that was."""
+        last = self.every[-1].name
+        stale = f"follows from {SEARCH_STAGE}"
+        return [replace(plan, reason=stale) if self.renewed and plan.stage.name == last and plan.reason is None else plan for plan in plans]
 
     def needed(self, plan: Plan) -> dict[str, Path]:
         """See to the models that a stage needs; the folders of their runs by path or name in the spec."""
@@ -263,21 +332,26 @@ class _Run:
     def _is_current(self, other: Needed, until: str) -> bool:
         run_dir = self.run_dir.parent / other.loaded.spec.name
         records = load_records(run_dir, lambda _message: None)
-        plans = plan_stages(self.every, until, other.loaded, run_dir, records, False, False, other.heirs)
+        plans = plan_stages(self.every, until, as_found(other.loaded, run_dir), run_dir, records, False, False, other.heirs)
         return all(plan.reason is None for plan in plans)
 
     def write_spec(self) -> None:
         """Write `experiment.yaml`, which runs again where it lies, unless it is there already."""
         if not self._has_spec():
-            write_text(self.run_dir / RESOLVED_SPEC, self._spec_text)
+            for name, text in self._texts.items():
+                write_text(self.run_dir / name, text)
 
     def _has_spec(self) -> bool:
-        path = self.run_dir / RESOLVED_SPEC
-        return path.is_file() and path.read_bytes() == self._spec_text.encode()
+        paths = {self.run_dir / name: text for name, text in self._texts.items()}
+        return all(path.is_file() and path.read_bytes() == text.encode() for path, text in paths.items())
 
     @cached_property
-    def _spec_text(self) -> str:
-        return self.loaded.resolved_in(self.run_dir)
+    def _texts(self) -> dict[str, str]:
+        """The specs that belong to the run; none where its structure is not known yet."""
+        if self.every[-1].name == SEARCH_STAGE:
+            return {}
+        found = {FOUND: self.loaded.resolved_in(self.run_dir, given_only=True)} if self.found else {}
+        return {RESOLVED_SPEC: self.loaded.resolved_in(self.run_dir), **found}
 
 
 def _refreshed(records: Mapping[str, StageRecord], plans: Sequence[Plan]) -> dict[str, StageRecord]:

@@ -37,7 +37,7 @@ class Workspace:
     `run_dir` holds the committed outputs of the stages before; a stage writes its own into `out` under their final names, and the
     runner swaps them in whole. `spec_dir` is the folder of the spec, from which the recordings are found. `needed` has the run folders of
     the runs that the stage needs, by their path in the spec, or the name of a variation. `spec_text` is the spec with its defaults filled
-    in, as the report shows it.
+    in, as the report shows it; `searched` where the structure in it was found by a search.
     """
 
     run_dir: Path
@@ -47,6 +47,7 @@ class Workspace:
     warn: Callable[[str], None]
     needed: Mapping[str, Path] = field(default_factory=dict)
     spec_text: str = ""
+    searched: bool = False
 
     @property
     def files(self) -> RunFiles:

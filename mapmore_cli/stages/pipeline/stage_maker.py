@@ -35,6 +35,7 @@ class StageMaker:
     progress: Progress
     warn: Warn
     like: Path | None
+    searched: bool = False
 
     def make(self, plan: Plan, why: str, needed: Mapping[str, Path], records: Mapping[str, StageRecord]) -> dict[str, StageRecord]:
         """Run one stage and commit it; the records with its entry. `needed` are the folders of the runs whose models it needs."""
@@ -75,7 +76,7 @@ class StageMaker:
         return True
 
     def _workspace(self, out: Path, needed: Mapping[str, Path]) -> Workspace:
-        return Workspace(self.run_dir, out, self.loaded.folder, self.progress, self.warn, needed, self.loaded.resolved)
+        return Workspace(self.run_dir, out, self.loaded.folder, self.progress, self.warn, needed, self.loaded.resolved, self.searched)
 
 
 def _check_outputs(stage: Stage, out: Path) -> None:

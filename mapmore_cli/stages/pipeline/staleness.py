@@ -78,13 +78,22 @@ def plan_stages(
             return
 
 
+def as_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
+    """The spec with the structure that the search of its run has found; as it is where it asks for none, or nothing was found yet."""
+    if loaded.spec.model.type != "auto":
+        return loaded
+    from mapmore_cli.stages.searching import as_found
+
+    return as_found(loaded, run_dir)
+
+
 def _mark_of(run: Needed, stages: Sequence[Stage], runs: Path, rehash: bool) -> str:
     """Fingerprint of the model of another run, whether it exists yet or not; of a compared run, of the model that it has."""
     run_dir = runs / run.loaded.spec.name
     records = load_records(run_dir, lambda _message: None)
     if run.role == "compared" and MODEL_STAGE in records:
         return records[MODEL_STAGE].fingerprint[:SHORT_MARK]
-    *_, last = plan_stages(stages, MODEL_STAGE, run.loaded, run_dir, records, rehash, False, run.heirs)
+    *_, last = plan_stages(stages, MODEL_STAGE, as_found(run.loaded, run_dir), run_dir, records, rehash, False, run.heirs)
     return last.fingerprint[:SHORT_MARK]
 
 

@@ -1,0 +1,26 @@
+"""Families of candidates, one small file each with a `FAMILY`; who adds one adds its file, and its turn in `ORDER`."""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+from mapmore_cli.modelling.search.candidate import Family
+
+ORDER = (
+    "surface",
+    "lags",
+    "slow_and_play",
+    "friction",
+    "autoregression",
+    "rich",
+    "loops",
+    "rise_and_fall",
+    "steep",
+    "on_formula",
+    "formula",
+    "levels",
+    "sections",
+)
+"""Names of the files in the order in which they are tried: where time is short, the last ones are left out."""
+
+FAMILIES: dict[str, Family] = {name: import_module(f"{__name__}.{name}").FAMILY for name in ORDER}

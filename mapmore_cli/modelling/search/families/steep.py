@@ -1,0 +1,39 @@
+"""A surface with steep functions at the ends of an input, or anywhere along it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from mapmore_cli.modelling.search.candidate import Candidate, Family, surface
+from mapmore_cli.modelling.search.families.surface import polynomial
+from mapmore_cli.modelling.search.situation import Situation
+
+WIDTHS = (0.03, 0.1, 0.3)
+"""Of an exponential, as parts of the range of its input."""
+
+PLACES, SLOPES = (0, 0.25, 0.5, 0.75, 1), (0.05, 0.15, 0.4)
+"""Of a smooth step, as parts of the range of its input."""
+
+MOST_INPUTS = 3
+
+
+def candidates(of: Situation) -> Iterator[Candidate]:
+    """Exponentials and smooth steps of each input, times every input."""
+    at_ends = [text for name in of.inputs for w in WIDTHS for text in (f"exp(-{name}/{w})", f"exp(({name}-1)/{w})")]
+    anywhere = [f"tanh(({name}-{place})/{slope})" for name in of.inputs for place in PLACES for slope in SLOPES]
+    for order, terms in ((2, 8), (3, 12)):
+        dictionary: list[Any] = [*polynomial(of, order), {"terms": times_inputs(of, at_ends, 2)}]
+        yield surface(f"surface of order {order} with exponentials, {terms} terms", of, dictionary, terms)
+    for terms in (12, 20):
+        dictionary = [*polynomial(of, 3), {"terms": times_inputs(of, anywhere)}]
+        yield surface(f"surface of order 3 with smooth steps, {terms} terms", of, dictionary, terms)
+
+
+def times_inputs(of: Situation, functions: list[str], powers: int = 1) -> list[str]:
+    """Functions, and each of them times powers of every input."""
+    factors = [name if power == 1 else f"{name}^{power}" for power in range(1, powers + 1) for name in of.inputs]
+    return [text for function in functions for text in (function, *(f"{factor}*{function}" for factor in factors))]
+
+
+FAMILY = Family(lambda of: 0 < len(of.inputs) <= MOST_INPUTS, candidates)

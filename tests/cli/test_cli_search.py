@@ -1,0 +1,107 @@
+"""`model: {type: auto}`: the structure is searched on training data alone, kept, and told."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+SPEC = """\
+schema_version: 1
+name: bare
+data:
+  files: [bare.csv]
+  columns: {pressure: {column: P, unit: kPa}, strain: {column: eps}, force: {column: F, unit: N}}
+  levels: {of: pressure, at: [100, 200, 300, 400, 500]}
+  split: {validate: {pressure: [300]}}
+target: static
+report: {figures: [], formats: [csv, html]}
+"""
+
+
+def write_bare(folder: Path, permuted: bool = False) -> Path:
+    """Sixty points of a cubic surface with a little noise; the held-out forces may be in another order."""
+    rng = np.random.default_rng(3)
+    rows = []
+    for level in (100, 200, 300, 400, 500):
+        strain = np.linspace(0.0, 0.2, 12)
+        force = level * (1 - 4 * strain) + 900 * strain**3 * level / 10 - 30 * strain + rng.normal(0, 0.05, 12)
+        if permuted and level == 300:
+            force = force[::-1]
+        rows += [f"{level},{e:.5f},{f:.4f}" for e, f in zip(strain, force, strict=True)]
+    folder.mkdir(exist_ok=True)
+    (folder / "bare.csv").write_text("\n".join(["P,eps,F", *rows]) + "\n")
+    (folder / "bare.yaml").write_text(SPEC)
+    return folder / "bare.yaml"
+
+
+@pytest.fixture(autouse=True)
+def fewer_families(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The list without the families that take long; their candidates are made in `test_search_families`."""
+    from mapmore_cli.stages import searching
+
+    few = {name: family for name, family in searching.FAMILIES.items() if name in ("surface", "formula", "levels")}
+    monkeypatch.setattr(searching, "FAMILIES", few)
+
+
+def test_a_minimal_spec_is_a_study_and_what_it_found_repeats_without_a_search(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    spec = write_bare(tmp_path)
+    found = json.loads(mapmore("run", spec, "--runs", tmp_path / "runs", "--json", "-q").stdout)
+    assert found["stages"]["search"] == "done"
+    assert found["search"]["found"] in {one["structure"] for one in found["search"]["tried"]}
+    held_out = next(row for row in found["scores"] if (row["split"], row["curve"]) == ("validate", "all"))
+    assert held_out["nrmse"] < 0.005
+    page = (tmp_path / "runs/bare/report/index.html").read_text()
+    assert "Structures that were tried on training data" in page
+    assert found["search"]["found"] in page
+
+    again = json.loads(mapmore("run", tmp_path / "runs/bare/found.yaml", "--runs", tmp_path / "other", "--json", "-q").stdout)
+    assert "search" not in again["stages"]
+    assert (tmp_path / "runs/bare/scores.json").read_bytes() == (tmp_path / "other/bare/scores.json").read_bytes()
+
+    kept = json.loads(mapmore("run", spec, "--runs", tmp_path / "runs", "--json", "-q").stdout)
+    assert set(kept["stages"].values()) == {"up-to-date"}
+    reasons = json.loads(mapmore("run", spec, "--runs", tmp_path / "runs", "--explain", "--json", "-q").stdout)["stages"]
+    assert list(reasons) == ["ingest", "search", "segment", "fit", "fuse", "validate", "report"]
+    assert set(reasons.values()) == {None}
+
+
+def test_held_out_values_influence_nothing(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    made = []
+    for name, permuted in (("one", False), ("two", True)):
+        spec = write_bare(tmp_path / name, permuted)
+        assert mapmore("fuse", spec, "--runs", tmp_path / name / "runs", "-q").exit_code == 0
+        run = tmp_path / name / "runs/bare"
+        tried = json.loads((run / "search.json").read_text())
+        tried["tried"] = [{**one, "seconds": None} for one in tried["tried"]]
+        made.append((tried, (run / "found.yaml").read_bytes(), (run / "model.h5").read_bytes()))
+    assert made[0] == made[1]
+
+
+def test_tune_without_over_is_the_same_search(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    spec = write_bare(tmp_path)
+    run = json.loads(mapmore("run", spec, "--runs", tmp_path / "runs", "--json", "-q").stdout)
+    told = json.loads(mapmore("tune", spec, "--runs", tmp_path / "runs", "--json", "-q").stdout)
+    assert told["found"] == run["search"]["found"]
+    by_hand = tmp_path / "hand.yaml"
+    by_hand.write_text(
+        SPEC.replace("name: bare", "name: hand") + "dictionary: [{polynomial: {of: [strain], order: 1}}]\nfit: {max_terms: 2}\n"
+    )
+    assert json.loads(mapmore("tune", by_hand, "--runs", tmp_path / "runs", "--json", "-q").stdout)["found"] == told["found"]
+
+
+def test_a_budget_that_cut_the_list_is_told(tmp_path: Path, mapmore: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    from mapmore_cli.stages import searching
+
+    monkeypatch.setattr(searching.Clock, "over", property(lambda _self: next(times)))
+    monkeypatch.setattr(searching, "shared_out", lambda work, items, *_: [work(item) for item in items])
+    times = iter([False] * 3 + [True] * 1000)
+    result = mapmore("tune", write_bare(tmp_path), "--budget", "5 s", "--runs", tmp_path / "runs")
+    assert "the budget of 5 s ended before" in result.stderr
+    assert "3 structures" not in result.stdout
+    repeated = mapmore("run", tmp_path / "runs/bare/found.yaml", "--runs", tmp_path / "other", "-q")
+    assert repeated.exit_code == 0

@@ -1,0 +1,63 @@
+"""Families of candidates: what they offer is made of what is there, and can be fitted."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mapmore_cli.domain.recording import Curve, Dataset, Quantity
+from mapmore_cli.modelling.pieces.recipe import Fuse
+from mapmore_cli.modelling.search.choice import chosen_of
+from mapmore_cli.modelling.search.families import FAMILIES
+from mapmore_cli.modelling.search.situation import Situation, situation_of
+from mapmore_cli.spec.sections.model import ModelChoice
+from mapmore_cli.stages.searching import Slice, choices_of
+
+SITUATIONS = {
+    "map": Situation("force", ("strain", "pressure"), "pressure", frozenset({"strain", "pressure", "force"}), 60, 5),
+    "record": Situation("y", ("u",), None, frozenset({"u", "y", "time"}), 800, 1, 0.01, 8.0, {"u": 1.0}),
+    "pair": Situation("torque", ("p1", "p2", "x", "v"), None, frozenset({"time"}), 900, 1, 0.01, 9.0, {"x": 1.0, "v": 2.0}),
+    "many": Situation("y", tuple("abcdefgh"), None, frozenset("abcdefgh"), 500, 1, 0.1, 50.0),
+}
+
+
+@pytest.mark.parametrize("name", SITUATIONS)
+def test_every_candidate_is_a_valid_structure_of_the_inputs(name: str) -> None:
+    of = SITUATIONS[name]
+    part = Slice(None, ModelChoice(type="auto"), Fuse(), {}, None, (), False)
+    words = []
+    for family in FAMILIES.values():
+        for candidate in family.candidates(of) if family.applies(of) else ():
+            choices_of(candidate.sections, part)  # validates, or raises
+            words.append(candidate.words)
+    assert len(words) == len(set(words)) > 2
+
+
+def dataset(columns: dict[str, np.ndarray], held_out: np.ndarray | None = None) -> Dataset:
+    n = len(next(iter(columns.values())))
+    curve = Curve("a", None, columns, np.zeros(n, dtype=bool) if held_out is None else held_out, ("a",))
+    return Dataset("y", None, {name: Quantity(name, "1") for name in columns}, (), (curve,))
+
+
+def test_constants_copies_and_the_clock_are_no_inputs() -> None:
+    time = np.arange(100) * 0.01
+    u, y = np.sin(time), np.cos(time)
+    found = situation_of(dataset({"time": time, "u": u, "twice": 2 * u + 1, "still": np.ones(100), "y": y}))
+    assert found.inputs == ("twice",)
+    assert found.step == pytest.approx(0.01)
+    assert situation_of(dataset({"time": time**2, "u": u, "y": y})).step is None
+
+
+def test_what_is_held_out_is_not_looked_at() -> None:
+    time, u = np.arange(100) * 0.01, np.r_[np.linspace(0, 1, 80), np.full(20, 9.0)]
+    held_out = np.arange(100) >= 80
+    other = np.where(held_out, -50.0, u)
+    assert situation_of(dataset({"time": time, "u": u, "y": u}, held_out)) == situation_of(
+        dataset({"time": time, "u": other, "y": u}, held_out)
+    )
+
+
+def test_the_simplest_within_one_standard_error_is_taken() -> None:
+    blocks = np.array([[1.0, 1.2, 1.1], [1.0, 1.1, 1.15], [3.0, 3.1, 2.9]])
+    ranked = chosen_of([4, 9, 1], blocks, np.zeros((3, 0)))
+    assert (ranked.best, ranked.chosen) == (1, 0)
