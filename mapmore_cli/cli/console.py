@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from mapmore_cli.domain.errors import printable
+from mapmore_cli.domain.foreign import printable
 
 if TYPE_CHECKING:
     from mapmore_cli.cli.views.view import View

@@ -11,7 +11,8 @@ import sys
 import traceback
 
 from mapmore_cli.cli.console import print_document
-from mapmore_cli.domain.errors import LimitMissed, MapmoreError, Stopped, WriteError, explained, printable, told
+from mapmore_cli.domain.errors import LimitMissed, MapmoreError, Stopped, WriteError, explained, told
+from mapmore_cli.domain.foreign import printable
 
 INTERNAL_FAULT = 1
 INTERRUPTED = 130  # 128 + SIGINT, as shells report it

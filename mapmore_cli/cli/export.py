@@ -31,13 +31,14 @@ def export(
         str | None,
         typer.Option("--grid", metavar="AXES", help="Points of the table: pressure=0:600:25,strain=0:0.25:0.01.", show_default=False),
     ] = None,
+    no_verify: Annotated[bool, typer.Option("--no-verify", help="Do not compare the code with `predict` on 100 points.")] = False,
     quiet: Quiet = False,
 ) -> None:
     """Write a model in another language.
 
     The files are called after the model. C needs nothing but math.h: no allocation, no global state. A small program to try it
     is beside it. An FMU is for co-simulation by FMI 2.0: it holds that source, and its binary for this machine where a C compiler
-    is found.
+    is found. C, FMUs and modules are compiled or imported and compared with `predict` on 100 points before they are written.
     """
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.stages.exports import exported
@@ -51,7 +52,9 @@ def export(
             "--grid goes with --to csv, and the other way round", "as in: --to csv --grid pressure=0:600:25,strain=0:0.25:0.01"
         )
     with Reporter(quiet) as reporter:
-        files = exported(read_model(model_file, reporter.warn), to.value, single=single, grid=grid, warn=reporter.warn)
+        files = exported(
+            read_model(model_file, reporter.warn), to.value, single=single, grid=grid, verify=not no_verify, warn=reporter.warn
+        )
         with refusals_told(output):
             output.mkdir(parents=True, exist_ok=True)
         for name, data in files.items():

@@ -9,7 +9,8 @@ from contextlib import ExitStack
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-from mapmore_cli.domain.errors import RunWarning, UsageError, printable
+from mapmore_cli.domain.errors import RunWarning, UsageError
+from mapmore_cli.domain.foreign import printable
 
 if TYPE_CHECKING:
     from rich.progress import Progress

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import count
 
+from mapmore_cli.domain.foreign import c_comment
 from mapmore_cli.exporting.dialect import Dialect, Expressions
 from mapmore_cli.modelling.program.pruning import names_in
 from mapmore_cli.modelling.program.statements import (
@@ -45,7 +46,7 @@ class CBlocks:
         results = [expressions.text(result) for result in function.body.results]
         ends = [f"results[{i}] = {text};" for i, text in enumerate(results)] if several else [f"return {results[0]};"]
         head = f"static {'void' if several else self.real} {function.name}({', '.join(parameters)})"
-        note = [f"/* {comment(function.note)} */"] if function.note else []
+        note = c_comment(function.note) if function.note else []
         return [*note, head, "{", *indented([*ignored, *lines, *ends]), "}", ""]
 
     def body(self) -> tuple[list[str], Expressions]:
@@ -119,8 +120,3 @@ class CBlocks:
 def indented(lines: Sequence[str]) -> list[str]:
     """Lines one step to the right."""
     return [f"{INDENT}{line}" if line else line for line in lines]
-
-
-def comment(text: str) -> str:
-    """Text that does not end a comment."""
-    return text.replace("*/", "* /").replace("/*", "/ *")

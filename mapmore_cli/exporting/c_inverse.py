@@ -8,6 +8,7 @@ from importlib.resources import files
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.domain.foreign import c_comment
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.exporting.c_source import Source
 from mapmore_cli.modelling.inverse import BISECTIONS, FLAT, NONE, ONE, REACHED, SAME, SEVERAL, SPLITS, STEEP, knots, parts_between
@@ -55,21 +56,21 @@ class InverseSource:
 
     def _invert(self, quantity: Quantity) -> str:
         real, count = self.slopes.real, f"{self.slopes.prefix}_INPUTS"
-        return f"int {self.slopes.name}_invert_{quantity.name}(const {real} in[{count}], {real} wanted, {real} *found)"
+        return f"int {self.slopes.name}_invert_{self.slopes.names[quantity.name]}(const {real} in[{count}], {real} wanted, {real} *found)"
 
     def _header(self) -> str:
         name, prefix, output = self.slopes.name, self.slopes.prefix, self.slopes.model.output.name
-        lines = [f"/* Derivatives of {name}, and its inputs for a wanted {output}.", " *"]
-        lines += [f" * {name}_derivatives writes the {output} to *out and its derivative for every input to slopes; it returns what"]
-        lines += [f" * {name}_eval returns. At a boundary the derivative is that of the piece that holds there."]
+        lines = [f"Derivatives of {name}, and its inputs for a wanted {output}.", ""]
+        lines += [f"{name}_derivatives writes the {output} to out and its derivative for every input to slopes; it returns what"]
+        lines += [f"{name}_eval returns. At a boundary the derivative is that of the piece that holds there."]
         if self.knots:
             lines += [
-                " *",
-                f" * {name}_invert_... writes the value of an input for the wanted {output}, at the other inputs, to *found; NAN for none.",
+                "",
+                f"{name}_invert_... writes the value of an input for the wanted {output}, at the other inputs, to found; NAN for none.",
+                "Of several solutions within the training range it is the one that is nearest to what that input is in the inputs, or",
+                "the lowest where that is NAN. A flat solution fills a range: its low end counts. It returns one of these:",
             ]
-            lines += [" * Of several solutions within the training range it is the one that is nearest to what that input is in `in`, or"]
-            lines += [" * the lowest where that is NAN. A flat solution fills a range: its low end counts. It returns:"]
-        lines += [" */", f"#ifndef {prefix}_INVERSE_H", f"#define {prefix}_INVERSE_H", "", f'#include "{name}.h"', ""]
+        lines = [*c_comment(*lines), f"#ifndef {prefix}_INVERSE_H", f"#define {prefix}_INVERSE_H", "", f'#include "{name}.h"', ""]
         if self.knots:
             lines += [f"#define {prefix}_{status.upper()} {number}" for number, status in enumerate(STATUS)] + [""]
         lines += [f"{self._differentiate};", *(f"{self._invert(quantity)};" for quantity in self.knots)]

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.domain.foreign import c_comment
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity, Signal
-from mapmore_cli.exporting.c_blocks import CBlocks, comment, indented
+from mapmore_cli.exporting.c_blocks import CBlocks, indented
 from mapmore_cli.exporting.dialect import DOUBLE, SINGLE, Dialect, Expressions
-from mapmore_cli.exporting.names import identifier
+from mapmore_cli.exporting.names import identifier, names_of_inputs, renamed
 from mapmore_cli.modelling.kinds import program_of
 from mapmore_cli.modelling.program.statements import Limit, Program
 from mapmore_cli.modelling.program.values import INPUT
@@ -90,6 +91,11 @@ class Source:
         return self.name.upper()
 
     @property
+    def names(self) -> dict[str, str]:
+        """What each input is called in macros and functions."""
+        return names_of_inputs(self.model.inputs)
+
+    @property
     def with_memory(self) -> bool:
         """Whether it goes on from sample to sample."""
         return self.code.step is not None
@@ -102,10 +108,9 @@ class Source:
 
     def header(self) -> str:
         """The declarations, with names and units."""
-        lines = [f"/* {comment(line)}".rstrip() if i == 0 else f" * {comment(line)}".rstrip() for i, line in enumerate(self._about())]
-        lines += [" */", f"#ifndef {self.prefix}_H", f"#define {self.prefix}_H", ""]
+        lines = [*c_comment(*self._about()), f"#ifndef {self.prefix}_H", f"#define {self.prefix}_H", ""]
         lines += [f"#define {self.prefix}_INPUTS {len(self.model.inputs)}"]
-        lines += [f"#define {self.prefix}_IN_{q.name.upper()} {i} /* {comment(_unit(q))} */" for i, q in enumerate(self.model.inputs)]
+        lines += [f"#define {self.place(q)} {i} {c_comment(_unit(q))[0]}" for i, q in enumerate(self.model.inputs)]
         if self.with_memory:
             lines += [f"#define {self.prefix}_NO_VALUE {1 << len(self.model.inputs)} /* bit: no history yet, or the run has diverged */"]
             lines += [f"#define {self.prefix}_SECONDS {self.code.step!r} /* between samples */", "", *self._state(), ""]
@@ -119,18 +124,19 @@ class Source:
         yield f"{model.name}: {_unit(model.output)} from {', '.join(map(_unit, model.inputs)) or 'nothing'}."
         yield ""
         if not self.with_memory:
-            yield f"{self.name}_eval writes the {model.output.name} to *out."
+            yield f"{self.name}_eval writes the {model.output.name} to out."
         else:
-            yield f"{self.name}_reset once, then {self.name}_step every {self.code.step!r} s: it writes the {model.output.name} to *out."
+            yield f"{self.name}_reset once, then {self.name}_step every {self.code.step!r} s: it writes the {model.output.name} to out."
         yield "It returns 0, or bit i for every input i outside of its training range; there the value is extrapolated."
-        yield "Where an input is not finite, its bit is set and *out is NAN" + (", and memory starts anew." if self.with_memory else ".")
+        yield "Where an input is not finite, its bit is set and out is NAN" + (", and memory starts anew." if self.with_memory else ".")
         if self.with_memory:
-            yield f"Before there is history, and once a run has diverged, bit {self.prefix}_NO_VALUE is set and *out is NAN."
+            yield f"Before there is history, and once a run has diverged, bit {self.prefix}_NO_VALUE is set and out is NAN."
         for output in self.code.kept.fed_back:
             yield f"The model goes on from its own {output}. As long as {self.prefix}_NO_VALUE is returned after a reset, tell it the"
             yield f"measured {output} of the same sample by {self.name}_measured; later this may be done to correct it."
         for signal in model.signals:
             yield _of_signal(signal)
+        yield from renamed(self.names)
         yield "No allocation, no global state; needs math.h alone."
 
     def _state(self) -> list[str]:
@@ -239,12 +245,14 @@ class Source:
             ),
             "}",
         ]
-        head = f"/* Reads {columns} from each line of stdin; prints {self.model.output.name} and the bits of inputs out of range. */"
-        return "\n".join([head, f'#include "{self.name}.h"', "", "#include <stdio.h>", "", "int main(void)", "{", *indented(body), "}", ""])
+        head = c_comment(f"Reads {columns} from each line of stdin; prints {self.model.output.name} and the bits of inputs out of range.")
+        return "\n".join(
+            [*head, f'#include "{self.name}.h"', "", "#include <stdio.h>", "", "int main(void)", "{", *indented(body), "}", ""]
+        )
 
     def place(self, quantity: Quantity) -> str:
         """The macro for the place of an input."""
-        return f"{self.prefix}_IN_{quantity.name.upper()}"
+        return f"{self.prefix}_IN_{self.names[quantity.name].upper()}"
 
     def _number(self, value: float) -> str:
         return self.dialect.number(value)

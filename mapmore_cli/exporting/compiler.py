@@ -25,6 +25,10 @@ class CompilerMissing(Exception):
     """There is no compiler, or it failed; the message says which."""
 
 
+class CompilerFailed(CompilerMissing):
+    """The compiler refuses the files."""
+
+
 def library_place(name: str) -> str:
     """Where the shared library of this machine lies in a unit of FMI 2.0.
 
@@ -45,18 +49,29 @@ def shared_library(files: Mapping[str, str], compiled: Sequence[str]) -> bytes:
     Raises
     ------
     CompilerMissing
-        Where there is no compiler, or it refuses the files.
+        Where there is no compiler.
+    CompilerFailed
+        Where it refuses the files.
     """
     wanted = (os.environ["CC"],) if os.environ.get("CC") else COMPILERS
     found = next((path for path in map(shutil.which, wanted) if path), None)
     if found is None:
         raise CompilerMissing(f"there is no C compiler here ({', '.join(wanted)})")
+    try:
+        return _compiled(found, files, compiled)
+    except (OSError, subprocess.CalledProcessError) as fault:
+        said = (getattr(fault, "stderr", "") or str(fault)).strip().splitlines()
+        why = f"the C compiler {found} failed: {said[0] if said else fault}"
+    try:
+        _compiled(found, {"empty.c": "int nothing;\n"}, ["empty.c"])
+    except (OSError, subprocess.CalledProcessError) as fault:
+        raise CompilerMissing(why) from fault  # it compiles nothing at all
+    raise CompilerFailed(why)
+
+
+def _compiled(compiler: str, files: Mapping[str, str], compiled: Sequence[str]) -> bytes:
     with tempfile.TemporaryDirectory() as folder:
         for name, text in files.items():
             (Path(folder) / name).write_text(text, encoding="utf-8")
-        try:
-            subprocess.run([found, *FLAGS, *compiled, "-o", "library", "-lm"], cwd=folder, check=True, capture_output=True, text=True)
-        except (OSError, subprocess.CalledProcessError) as fault:
-            said = (getattr(fault, "stderr", "") or str(fault)).strip().splitlines()
-            raise CompilerMissing(f"the C compiler {found} failed: {said[0] if said else fault}") from fault
+        subprocess.run([compiler, *FLAGS, *compiled, "-o", "library", "-lm"], cwd=folder, check=True, capture_output=True, text=True)
         return (Path(folder) / "library").read_bytes()

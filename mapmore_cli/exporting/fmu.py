@@ -10,6 +10,7 @@ from importlib.resources import files
 from uuid import UUID
 from xml.sax.saxutils import quoteattr
 
+from mapmore_cli.domain.foreign import identifiers, xml_text
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import BaseUnits, Quantity
 from mapmore_cli.exporting.c_source import Source, source_of
@@ -180,7 +181,10 @@ class _Unit:
             (BITS, "output", "discrete", self._about_bits(), "<Integer/>"),
         ]
         yield "<ModelVariables>"
-        for place, (name, causality, variability, text, kind) in enumerate([*inputs, *outputs]):
+        variables = [*inputs, *outputs]
+        names = [*identifiers([name for name, *_ in variables[:-1]], [BITS]), BITS]
+        for place, (name, (known, causality, variability, what, kind)) in enumerate(zip(names, variables, strict=True)):
+            text = what if name == known else f"{known}. {what}"
             about = _attributes(name=name, valueReference=str(place), description=text, causality=causality, variability=variability)
             yield from (f"  <ScalarVariable{about}>", f"    {kind}", "  </ScalarVariable>")
         yield "</ModelVariables>"
@@ -209,7 +213,7 @@ class _Unit:
 
 def _attributes(**texts: str) -> str:
     """Attributes of an XML element, with a space before each."""
-    return "".join(f" {name}={quoteattr(text)}" for name, text in texts.items())
+    return "".join(f" {name}={quoteattr(xml_text(text))}" for name, text in texts.items())
 
 
 def _real(quantity: Quantity, **more: str) -> str:

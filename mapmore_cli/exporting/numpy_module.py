@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import count
 
 from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.foreign import docstring
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.exporting.c_blocks import indented
 from mapmore_cli.exporting.dialect import NUMPY, Expressions
-from mapmore_cli.exporting.names import identifier
+from mapmore_cli.exporting.names import identifier, names_of_inputs, renamed
 from mapmore_cli.modelling.kinds import program_of
 from mapmore_cli.modelling.program.statements import (
     Block,
@@ -48,7 +50,8 @@ def numpy_module(model: Model) -> tuple[str, str]:
         Where a part of the model is no closed expression.
     """
     name = identifier(model.name)
-    return f"{name}.py", _Module(model, program_of(model)).text()
+    stem = f"model_{name}" if name in sys.stdlib_module_names else name  # NumPy would import it for Python's own
+    return f"{stem}.py", _Module(model, program_of(model)).text()
 
 
 @dataclass
@@ -57,6 +60,11 @@ class _Module:
     code: Program
     numbers: Iterator[int] = field(default_factory=lambda: count(1))
 
+    @property
+    def names(self) -> dict[str, str]:
+        """What each input is called as a parameter."""
+        return names_of_inputs(self.model.inputs, [function.name for function in self.code.functions])
+
     def text(self) -> str:
         parts = [self._head(), *(self._function(function) for function in self.code.functions)]
         parts += [self._state(), self._step()] if self.code.step is not None else [self._evaluate()]
@@ -64,9 +72,10 @@ class _Module:
 
     def _head(self) -> str:
         model = self.model
-        about = f'"""{model.name}: {_unit(model.output)} from {", ".join(map(_unit, model.inputs)) or "nothing"}. It needs NumPy alone."""'
-        names = ", ".join(f'"{quantity.name}"' for quantity in model.inputs)
-        return f'{about}\n\nimport numpy as np\n\nINPUTS = ({names},)\nOUTPUT = "{model.output.name}"\n'
+        given = ", ".join(map(_unit, model.inputs)) or "nothing"
+        about = docstring(f"{model.name}: {_unit(model.output)} from {given}. It needs NumPy alone.", *renamed(self.names))
+        names = ", ".join(f'"{name}"' for name in self.names.values())
+        return "\n".join([*about, "", "import numpy as np", "", f"INPUTS = ({names},)", f'OUTPUT = "{model.output.name}"', ""])
 
     def _expressions(self, kept: bool = False) -> Expressions:
         named: Callable[[str], str] = lambda name: f"s.{name}" if kept and name in self.code.kept.numbers else name  # noqa: E731 - short
@@ -74,7 +83,7 @@ class _Module:
 
     def _function(self, function: Function) -> str:
         lines, results = self._block(function.body, self._expressions())
-        note = [f'"""{function.note[:1].upper()}{function.note[1:]}."""'] if function.note else []
+        note = docstring(f"{function.note[:1].upper()}{function.note[1:]}.") if function.note else []
         return "\n".join(
             [f"def {function.name}({', '.join(function.parameters)}):", *indented([*note, *lines, f"return {', '.join(results)}"]), ""]
         )
@@ -117,17 +126,23 @@ class _Module:
             expressions.lines.append(f"{name} = {text}")
 
     def _given(self) -> list[str]:
-        names = [quantity.name for quantity in self.model.inputs]
-        arrays = [f"{INPUT}{name} = np.asarray({name}, dtype=float)" for name in names]
-        finite = " & ".join(f"np.isfinite({INPUT}{name})" for name in names) or "np.True_"
-        return [*arrays, f"finite = {finite}"]
+        finite = " & ".join(f"np.isfinite({INPUT}{name})" for name in self.names) or "np.True_"
+        return [*self._arrays(), f"finite = {finite}"]
+
+    def _arrays(self) -> list[str]:
+        return [f"{INPUT}{name} = np.asarray({parameter}, dtype=float)" for name, parameter in self.names.items()]
 
     def _evaluate(self) -> str:
-        names = ", ".join(quantity.name for quantity in self.model.inputs)
+        names = ", ".join(self.names.values())
         lines, results = self._block(self.code.body, self._expressions())
-        about = f'"""{_unit(self.model.output)} at any number of samples; NaN where an input is not finite."""'
-        body = [*self._given(), 'with np.errstate(all="ignore"):', *indented([*lines, f"return np.where(finite, {results[0]}, np.nan)"])]
-        return "\n".join([f"def evaluate({names}):", *indented([about, *body]), ""])
+        about = docstring(f"{_unit(self.model.output)} at any number of samples; NaN where an input is not finite.")
+        body = [
+            *about,
+            *self._given(),
+            'with np.errstate(all="ignore"):',
+            *indented([*lines, f"return np.where(finite, {results[0]}, np.nan)"]),
+        ]
+        return "\n".join([f"def evaluate({names}):", *indented(body), ""])
 
     def _state(self) -> str:
         numbers = [f"self.{name} = {value!r}" for name, value in self.code.kept.numbers.items()]
@@ -139,7 +154,9 @@ class _Module:
             for line in (
                 "",
                 "def measured(self, value):",
-                *indented([f'"""Tell the measured {output} of the last sample."""', *(f"self.{queue}[-1] = value" for queue in queues)]),
+                *indented(
+                    [*docstring(f"Tell the measured {output} of the last sample."), *(f"self.{queue}[-1] = value" for queue in queues)]
+                ),
             )
         ]
         begin = ["def __init__(self):", *indented(["self.reset()"]), ""]
@@ -147,24 +164,22 @@ class _Module:
         return "\n".join(["class State:", *indented([about, "", *begin, *reset, *measured]), ""])
 
     def _step(self) -> str:
-        names = ", ".join(quantity.name for quantity in self.model.inputs)
+        names = ", ".join(self.names.values())
         lines, results = self._block(self.code.body, self._expressions(kept=True))
-        about = f'"""{_unit(self.model.output)} at the next sample; NaN before there is history, and once a run has diverged."""'
+        about = docstring(f"{_unit(self.model.output)} at the next sample; NaN before there is history, and once a run has diverged.")
         anew = ["if not finite:", *indented(["s.reset()", "return np.nan"])]
         body = [*self._given(), *anew, 'with np.errstate(all="ignore"):', *indented([*lines, f"return float({results[0]})"])]
-        return "\n".join([f"def step(s, {names}):", *indented([about, *body]), ""])
+        return "\n".join([f"def step(s, {names}):", *indented([*about, *body]), ""])
 
     def _outside(self) -> str:
         """A function of the inputs; limits are of inputs, or of expressions of them."""
-        names = [quantity.name for quantity in self.model.inputs]
         expressions = self._expressions()
         statements = [one for one in self.code.body.statements if isinstance(one, Let) and one.name.startswith("input_")]
         self._statements(statements, expressions)
         checks = [f"_beyond({self._limit(limit, expressions)})" for limit in self.code.limits]
-        arrays = [f"{INPUT}{name} = np.asarray({name}, dtype=float)" for name in names]
         about = '"""Whether an input lies beyond its training range."""'
-        body = [about, *arrays, *expressions.lines, "return " + (" | ".join(checks) or "np.False_")]
-        return "\n".join([f"def outside_range({', '.join(names)}):", *indented(body), ""])
+        body = [about, *self._arrays(), *expressions.lines, "return " + (" | ".join(checks) or "np.False_")]
+        return "\n".join([f"def outside_range({', '.join(self.names.values())}):", *indented(body), ""])
 
     def _limit(self, limit: Limit, expressions: Expressions) -> str:
         value = expressions.text(limit.value)

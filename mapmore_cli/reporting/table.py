@@ -5,13 +5,12 @@ from __future__ import annotations
 import csv
 import io
 import math
-import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import Literal
 
-from mapmore_cli.domain.errors import csv_cell
+from mapmore_cli.domain.foreign import csv_cell, tex_comment, tex_text
 
 Cell = str | int | float | None
 """What stands in a table; None (and NaN) is a number that there is not."""
@@ -21,47 +20,6 @@ LONG_TEXT = 24
 EQUATION = r"{{\raggedright\strut ${}$\strut\par}}"
 EQUATIONS = 0.75
 """What of a page's width LaTeX gives to equations."""
-
-
-def _greek(letter: str) -> str:
-    """The command of a Greek letter in a formula, by its name."""
-    name = unicodedata.name(letter).rpartition(" ")[2].replace("LAMDA", "LAMBDA")
-    return rf"\ensuremath{{\{name.capitalize() if letter.isupper() else name.lower()}}}"
-
-
-_LATEX = str.maketrans(
-    {
-        "\\": r"\textbackslash{}",
-        "^": r"\textasciicircum{}",
-        "~": r"\textasciitilde{}",
-        "<": r"\textless{}",
-        ">": r"\textgreater{}",
-        "|": r"\textbar{}",
-        "–": "--",
-        "−": r"\ensuremath{-}",
-        "²": r"\textsuperscript{2}",
-        "³": r"\textsuperscript{3}",
-        "±": r"\ensuremath{\pm}",
-        "×": r"\ensuremath{\times}",
-        "·": r"\ensuremath{\cdot}",
-        "⋅": r"\ensuremath{\cdot}",
-        "°": r"\ensuremath{^\circ}",
-        "µ": r"\ensuremath{\mu}",
-        "≤": r"\ensuremath{\leq}",
-        "≥": r"\ensuremath{\geq}",
-        "≈": r"\ensuremath{\approx}",
-        "√": r"\ensuremath{\surd}",
-        "∞": r"\ensuremath{\infty}",
-    }
-    | {letter: _greek(letter) for letter in "αβγδεζηθικλμνξπρςστυφχψωΓΔΘΛΞΠΣΥΦΨΩ"}
-    | {c: f"\\{c}" for c in "&%$#_{}"}
-    | {c: f"{{{c}}}" for c in "[]*"}  # else an argument of the line break before a row
-)
-
-
-def latex_text(text: str) -> str:
-    """The text as LaTeX source that prints it and does nothing else, on one line."""
-    return " ".join("".join(c if c.isprintable() else " " for c in text).split()).translate(_LATEX)
 
 
 @dataclass(frozen=True)
@@ -132,7 +90,7 @@ def to_csv(table: Table) -> str:
     """Comma-separated, units in the header, 12 significant digits, an empty field where there is no number."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(table.headings)
+    writer.writerow(map(csv_cell, table.headings))
     writer.writerows([number_text(cell) for cell in row] for row in table.rows)
     return text.getvalue()
 
@@ -173,10 +131,9 @@ def to_latex(table: Table) -> str:
     equation = rf"p{{{EQUATIONS / max(sources, 1):.3g}\linewidth}}"
     align = "".join(equation if column.form == "source" else "r" if table.numeric[j] else "l" for j, column in kept)
     head = [column.heading.replace("latex", "equation") if column.form == "source" else column.heading for _, column in kept]
-    rows = [[EQUATION.format(line[j]) if column.form == "source" else latex_text(line[j]) for j, column in kept] for line in table.shown]
-    lines = [" & ".join(line) + r" \\" for line in (map(latex_text, head), *rows)]
-    words = [f"% {latex_text(text)}" for text in (table.title, *table.notes)]
-    frame = [*words, rf"\begin{{tabular}}{{{align}}}", r"\toprule", lines[0], r"\midrule"]
+    rows = [[EQUATION.format(line[j]) if column.form == "source" else tex_text(line[j]) for j, column in kept] for line in table.shown]
+    lines = [" & ".join(line) + r" \\" for line in (map(tex_text, head), *rows)]
+    frame = [*tex_comment(table.title, *table.notes), rf"\begin{{tabular}}{{{align}}}", r"\toprule", lines[0], r"\midrule"]
     return "\n".join([*frame, *lines[1:], r"\bottomrule", r"\end{tabular}"]) + "\n"
 
 

@@ -15,6 +15,7 @@ from mapmore_cli.exporting.fmu import fmu_sources
 from mapmore_cli.exporting.names import identifier
 from mapmore_cli.exporting.numpy_module import numpy_module
 from mapmore_cli.exporting.tex import tex_equations
+from mapmore_cli.exporting.verifying import verify_c, verify_module, verify_unit
 from mapmore_cli.modelling.kinds import runs_over_time
 from mapmore_cli.spec.units import base_units
 from mapmore_cli.stages.prediction.grid import grid_lines
@@ -26,10 +27,19 @@ OLDEST = (1980, 1, 1, 0, 0, 0)
 """The date of every file in an archive, so that the same model gives the same bytes."""
 
 
-def exported(model: Model, to: str, *, single: bool = False, grid: str | None = None, warn: Warn = lambda _text: None) -> dict[str, bytes]:
-    """The files of a model as `c` (in `single` precision or not), `fmu`, `tex`, `py`, or as `csv` at the points of a `grid`.
+def exported(
+    model: Model,
+    to: str,
+    *,
+    single: bool = False,
+    grid: str | None = None,
+    verify: bool = True,
+    warn: Warn = lambda _text: None,
+) -> dict[str, bytes]:
+    """Return the files of a model as `c` (in `single` precision or not), `fmu`, `tex`, `py`, or as `csv` at the points of a `grid`.
 
-    `warn` is told where a unit has no binary for this machine.
+    C, units and modules are compared with `predict` where `verify` is set. `warn` is told where a unit has no binary for this machine,
+    and where nothing could be compared for want of a compiler.
 
     Raises
     ------
@@ -37,31 +47,43 @@ def exported(model: Model, to: str, *, single: bool = False, grid: str | None = 
         For a grid that is malformed or goes beyond the training range, and for a name that has no letter.
     DataError
         Where a part of the model is no closed expression.
+    MapmoreError
+        Where the code that was written has other numbers than `predict`.
     """
     match to:
         case "c":
-            texts = c_source(model, single).files
+            source = c_source(model, single)
+            texts = source.files
+            if verify:
+                try:
+                    verify_c(model, source.name, texts, single)
+                except CompilerMissing as reason:
+                    warn(f"{reason}: the source was not compared with `mapmore predict`")
         case "fmu":
-            return {f"{identifier(model.name)}.fmu": _unit(model, warn)}
+            return {f"{identifier(model.name)}.fmu": _unit(model, verify, warn)}
         case "tex":
             texts = dict([tex_equations(model)])
         case "py":
             texts = dict([numpy_module(model)])
+            if verify:
+                verify_module(model, *texts.values())
         case _:
             assert grid is not None
             texts = {f"{identifier(model.name)}.csv": _table(model, grid)}
     return {name: text.encode() for name, text in texts.items()}
 
 
-def _unit(model: Model, warn: Warn) -> bytes:
-    """A functional mock-up unit: its sources, and the binary of this machine where there is a compiler."""
+def _unit(model: Model, verify: bool, warn: Warn) -> bytes:
+    """Return a functional mock-up unit: its sources, and the binary of this machine where there is a compiler."""
     units = dict.fromkeys(quantity.unit for quantity in (*model.inputs, model.output))
     known = {unit: base for unit in units if (base := base_units(unit)) is not None}
     unit = fmu_sources(model, known, f"mapmore {__version__}")
     files = {name: text.encode() for name, text in unit.files.items()}
     try:
-        place = library_place(unit.name)
         sources = {name.removeprefix("sources/"): text for name, text in unit.files.items() if name.startswith("sources/")}
+        if verify:
+            verify_unit(model, sources, unit.compiled)
+        place = library_place(unit.name)
         files[place] = shared_library(sources, unit.compiled)
     except CompilerMissing as reason:
         warn(f"{reason}: the unit has sources and no binary, so that the tool that imports it has to compile them")

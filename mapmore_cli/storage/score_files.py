@@ -11,7 +11,8 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from mapmore_cli.domain.errors import DataError, csv_cell
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.foreign import csv_cell
 from mapmore_cli.domain.scores import Score, ScoreTable
 from mapmore_cli.storage.atomic import write_text
 

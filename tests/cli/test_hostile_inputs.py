@@ -15,7 +15,8 @@ import pytest
 from cli_samples import write_study
 
 import mapmore_cli
-from mapmore_cli.domain.errors import DataError, WriteError, csv_cell, printable
+from mapmore_cli.domain.errors import DataError, WriteError
+from mapmore_cli.domain.foreign import csv_cell, printable
 from mapmore_cli.storage.atomic import write_text
 from mapmore_cli.storage.globs import expand
 from mapmore_cli.storage.readers import READERS, TableRequest

@@ -31,7 +31,8 @@ from test_artefacts import KINDS, examples
 
 from mapmore_cli.cli.console import print_view
 from mapmore_cli.cli.views.files import of_file
-from mapmore_cli.domain.errors import DataError, MapmoreError, printable
+from mapmore_cli.domain.errors import DataError, MapmoreError
+from mapmore_cli.domain.foreign import printable
 from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling.kinds import equations
 from mapmore_cli.stages.exports import exported

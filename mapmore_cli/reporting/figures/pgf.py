@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import io
-import re
 
 from matplotlib.backends.backend_pgf import RendererPgf
 from matplotlib.figure import Figure
 
-from mapmore_cli.reporting.table import latex_text
-
-_MATHS = re.compile(r"(\$[^$]*\$)")
+from mapmore_cli.domain.foreign import tex_label, tex_text
 
 
 class _Renderer(RendererPgf):
@@ -20,14 +17,7 @@ class _Renderer(RendererPgf):
         return super(RendererPgf, self).get_text_width_height_descent(s, prop, ismath)
 
     def draw_text(self, gc, x, y, s, prop, angle, ismath=False, mtext=None):  # type: ignore[no-untyped-def]
-        super().draw_text(gc, x, y, _tex(s, bool(ismath)), prop, angle, ismath, mtext)  # type: ignore[no-untyped-call]
-
-
-def _tex(text: str, maths: bool) -> str:
-    """Text for TeX, in which formulas between dollars are left as they are where the text may have some."""
-    if not maths:
-        return latex_text(text)
-    return "".join(part if place % 2 else latex_text(part) for place, part in enumerate(_MATHS.split(text)))
+        super().draw_text(gc, x, y, tex_label(s) if ismath else tex_text(s), prop, angle, ismath, mtext)  # type: ignore[no-untyped-call]
 
 
 def to_pgf(figure: Figure) -> str:

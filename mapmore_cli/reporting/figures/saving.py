@@ -10,6 +10,7 @@ from html import escape
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
+from mapmore_cli.domain.foreign import xml_text
 from mapmore_cli.reporting.figures.style import fonts_may_lack_glyphs
 
 SVG_PROLOGUE = '<?xml version="1.0" encoding="utf-8"?>\n'
@@ -28,8 +29,8 @@ def to_svg(figure: Figure, name: str, alt: str) -> str:
     text = io.StringIO()
     with rc_context({"svg.hashsalt": name}), fonts_may_lack_glyphs():
         figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
-    svg = _GROUP_ID.sub("<g", _PROLOGUE.sub("", text.getvalue()))
-    return svg.replace("<svg ", f'<svg role="img" aria-label="{escape(alt)}" ', 1)
+    svg = _GROUP_ID.sub("<g", _PROLOGUE.sub("", xml_text(text.getvalue(), "\n")))
+    return svg.replace("<svg ", f'<svg role="img" aria-label="{escape(xml_text(alt))}" ', 1)
 
 
 def _svg_file(figure: Figure, name: str, alt: str) -> bytes:

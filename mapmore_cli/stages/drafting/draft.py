@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from mapmore_cli.domain.errors import printable
+from mapmore_cli.domain.foreign import printable
 from mapmore_cli.spec.yaml_core import escaped, tag_of
 
 TAIL = "# report: {formats: [html, pdf, tex]}  # for a paper: panels as PDF, tables for LaTeX"
