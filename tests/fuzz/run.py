@@ -18,6 +18,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 import documents
 import drafts
+import exports
 import expressions
 import readers
 import specs
@@ -31,6 +32,8 @@ TARGETS = (
     (specs.TARGET, 20),
     (structures.TARGET, 20),
     (drafts.TARGET, 100),
+    (exports.EXPORTS, 100),
+    (exports.FREE_TEXTS, 10),
     (specs.RUNS, 400),
 )
 """What is tried, and one in how many of COUNT: a spec takes fifty times as long as an expression, a run a thousand times."""

@@ -11,6 +11,7 @@ from pathlib import Path
 import documents
 import drafts
 import driver
+import exports
 import expressions
 import pytest
 import readers
@@ -27,7 +28,7 @@ pytestmark = pytest.mark.filterwarnings("ignore")
 
 @pytest.mark.parametrize(
     ("target", "count"),
-    [(expressions.TARGET, 400), (specs.TARGET, 25), (readers.TARGET, 60), (drafts.TARGET, 6)],
+    [(expressions.TARGET, 400), (specs.TARGET, 25), (readers.TARGET, 60), (drafts.TARGET, 6), (exports.FREE_TEXTS, 25), (exports.EXPORTS, 8)],
     ids=lambda x: getattr(x, "name", x),
 )
 def test_what_strangers_may_write_is_read_or_refused(target: Target, count: int, tmp_path: Path) -> None:

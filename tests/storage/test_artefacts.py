@@ -342,9 +342,9 @@ def test_format_versions(version: str, readable: bool, written: dict[str, Path])
         assert caught.value.remedy
 
 
-@pytest.mark.parametrize("name", ["a\0b", "mess\udce9"])
+@pytest.mark.parametrize("name", ["a\0b", "mess\udce9", "a\nb", "a\x1b[2J", "a\u2028b"])
 def test_names_that_are_no_text_are_refused(name: str, tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="not valid text"):
+    with pytest.raises(DataError, match="not one line of valid text"):
         artefacts.write_dataset(tmp_path / "x.h5", replace(examples()["dataset"], notes=(name,)))
     assert not list(tmp_path.iterdir())
 

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from mapmore_cli.domain.blocks import give_back, in_blocks, row_blocks
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.foreign import is_one_line
 from mapmore_cli.storage.artefacts.integrity import MOST_KEYS, Digest, Invalid, is_unicode, stored_at, texts_of, valid_text
 from mapmore_cli.storage.artefacts.label import Label
 
@@ -374,9 +375,9 @@ def shown(value: str, most: int = 60) -> str:
 
 
 def checked_text(value: str) -> str:
-    """The text, if HDF5 can hold it; DataError for NUL characters and undecodable bytes (as in odd file names)."""
-    if "\0" in value or not is_unicode(value):
-        raise DataError(f"the name {value!r} cannot be stored: it is not valid text", "rename the file or column that it comes from")
+    """Return the text, if it is one that `valid_text` reads again; DataError for control characters and undecodable bytes."""
+    if not is_unicode(value) or not is_one_line(value):
+        raise DataError(f"the name {value!r} cannot be stored: it is not one line of valid text", "rename the file or column that it is of")
     return value
 
 

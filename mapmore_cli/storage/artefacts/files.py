@@ -18,7 +18,6 @@ from typing import Any
 import h5py
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.artefacts.codecs import checked_text
 from mapmore_cli.storage.artefacts.integrity import CHECKSUM, Digest, Invalid, look_over, stored_at
 from mapmore_cli.storage.artefacts.label import Label
 from mapmore_cli.storage.artefacts.layout import DATASET, FIT_RESULT, MODEL, SEGMENTATION, VALIDATION
@@ -127,7 +126,7 @@ def _write_provenance(file: h5py.File, provenance: Mapping[str, str]) -> None:
     """One string dataset for every entry: attributes could not hold more than 64 kB."""
     group = file.create_group("provenance")
     for name, text in provenance.items():
-        dataset = group.create_dataset(name, data=checked_text(text), dtype=h5py.string_dtype(), track_times=False)
+        dataset = group.create_dataset(name, data=text.replace("\0", ""), dtype=h5py.string_dtype(), track_times=False)
         Label("where the file comes from").without_unit().put_on(dataset)
 
 

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mapmore_cli.domain.blocks import in_blocks
+from mapmore_cli.domain.foreign import is_one_line
 
 if TYPE_CHECKING:
     import h5py
@@ -139,9 +140,11 @@ def texts_of(dataset: h5py.Dataset, where: str) -> tuple[str, ...]:
 
 
 def valid_text(text: str, where: str) -> str:
-    """The text; Invalid where its bytes are no UTF-8, which h5py passes on as lone surrogates."""
+    """Return the text; Invalid where it is no line of UTF-8, whose bad bytes h5py passes on as lone surrogates."""
     if not is_unicode(text):
         raise Invalid(where, "is no text in UTF-8")
+    if not is_one_line(text):
+        raise Invalid(where, f"has control characters or line breaks: {text[:60]!r}")
     return text
 
 

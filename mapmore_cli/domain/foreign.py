@@ -1,0 +1,173 @@
+"""Text of a stranger within another language: terminals, CSV, C, Python, TeX and XML. Every writer of files takes it from here.
+
+The rule is an alphabet, not a list of dangerous words: what is outside of a small alphabet is escaped, and the alphabet has no character
+that could end a comment, a string or a line.
+"""
+
+from __future__ import annotations
+
+import re
+import string
+import unicodedata
+from collections.abc import Collection, Iterable
+from itertools import count
+
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
+"""What a terminal obeys instead of showing it, all but tabs and line feeds; and marks that turn the order of letters."""
+
+_BROKEN = re.compile(rf"{_CONTROL.pattern}|[\t\n]")
+
+_FORMULA = ("=", "+", "-", "@")
+"""How cells begin that a spreadsheet computes."""
+
+PLAIN = frozenset(string.ascii_letters + string.digits + " .,:;=+-_()[]<>/^|%'")
+"""What stands in comments as it is: no double quotes, backslashes, asterisks, question marks, number signs, dollars or line ends."""
+
+C_WORDS = (
+    "auto break case char const continue default do double else enum extern float for goto if inline int long "
+    "register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while main"
+)
+PYTHON_WORDS = (
+    "False None True and as assert async await break class continue def del elif else except finally for from global if import in is "
+    "lambda nonlocal not or pass raise return try while with yield __debug__"
+)
+WORDS = frozenset(f"{C_WORDS} {PYTHON_WORDS}".split())
+"""Words that C or Python keep for themselves."""
+
+
+def printable(text: str) -> str:
+    """Return the text with its control characters as escapes: `\\x1b` for the one that begins commands to a terminal."""
+    return _CONTROL.sub(lambda match: match[0].encode("unicode_escape").decode("ascii"), text)
+
+
+def is_one_line(text: str) -> bool:
+    """Return whether the text is one line without control characters."""
+    return not _BROKEN.search(text)
+
+
+def csv_cell(text: str) -> str:
+    """Return the text as a cell of a CSV table, on one line; one that a spreadsheet would compute begins with an apostrophe."""
+    text = _BROKEN.sub(" ", text)
+    return f"'{text}" if text.lstrip().startswith(_FORMULA) else text
+
+
+def plain(text: str) -> str:
+    """Return the text in the alphabet `PLAIN`, on one line; any other character is its number in braces, as `{2A}`."""
+    return "".join(char if char in PLAIN else f"{{{ord(char):X}}}" for char in text)
+
+
+def c_comment(*lines: str) -> list[str]:
+    """Return a comment in C; without an asterisk within, nothing ends it early, and without a backslash no line goes on."""
+    if len(lines) == 1:
+        return [f"/* {plain(lines[0])} */"]
+    return [*(f"{' *' if i else '/*'} {plain(line)}".rstrip() for i, line in enumerate(lines)), " */"]
+
+
+def docstring(*lines: str) -> list[str]:
+    """Return a docstring in Python; without quotes and backslashes within, nothing ends it early."""
+    return ['"""' + plain(lines[0]) + '"""'] if len(lines) == 1 else ['"""' + plain(lines[0]), *map(plain, lines[1:]), '"""']
+
+
+def tex_comment(*lines: str) -> list[str]:
+    """Return comments in TeX, one a line."""
+    return [f"% {plain(line)}" for line in lines]
+
+
+def xml_text(text: str, kept: str = "") -> str:
+    """Return the text without what XML cannot hold, not even escaped: only printable characters stay, and those `kept`."""
+    return text.translate({ord(char): f"{{{ord(char):X}}}" for char in set(text) if not char.isprintable() and char not in kept})
+
+
+def identifiers(names: Iterable[str], taken: Collection[str] = ()) -> list[str]:
+    """Return an identifier for every name, for C and Python: each another one, even without regard to case, and none that is `taken`.
+
+    A name stays as it is where it can; else it gets a number behind it. Other characters than ASCII letters and digits become `_`.
+    """
+    wanted = [re.sub(r"[^A-Za-z0-9_]", "_", name) or "_" for name in names]
+    wanted = [f"_{name}" if name[0].isdigit() else name for name in wanted]
+    used = {word.lower() for word in (*WORDS, *taken)}
+    kept = {name.lower() for name in wanted}
+    found: list[str] = []
+    for name in wanted:
+        free = name
+        if name.lower() in used:
+            free = next(f"{name}_{n}" for n in count(2) if f"{name}_{n}".lower() not in used | kept)
+        used.add(free.lower())
+        found.append(free)
+    return found
+
+
+def _greek(letter: str) -> str:
+    """The command of a Greek letter in a formula, by its name."""
+    name = unicodedata.name(letter).rpartition(" ")[2].replace("LAMDA", "LAMBDA")
+    return rf"\ensuremath{{\{name.capitalize() if letter.isupper() else name.lower()}}}"
+
+
+_TEX = str.maketrans(
+    {
+        "\\": r"\textbackslash{}",
+        "^": r"\textasciicircum{}",
+        "~": r"\textasciitilde{}",
+        "<": r"\textless{}",
+        ">": r"\textgreater{}",
+        "|": r"\textbar{}",
+        "–": "--",
+        "−": r"\ensuremath{-}",
+        "²": r"\textsuperscript{2}",
+        "³": r"\textsuperscript{3}",
+        "±": r"\ensuremath{\pm}",
+        "×": r"\ensuremath{\times}",
+        "·": r"\ensuremath{\cdot}",
+        "⋅": r"\ensuremath{\cdot}",
+        "°": r"\ensuremath{^\circ}",
+        "µ": r"\ensuremath{\mu}",
+        "≤": r"\ensuremath{\leq}",
+        "≥": r"\ensuremath{\geq}",
+        "≈": r"\ensuremath{\approx}",
+        "√": r"\ensuremath{\surd}",
+        "∞": r"\ensuremath{\infty}",
+    }
+    | {letter: _greek(letter) for letter in "αβγδεζηθικλμνξπρςστυφχψωΓΔΘΛΞΠΣΥΦΨΩ"}
+    | {c: f"\\{c}" for c in "&%$#_{}"}
+    | {c: f"{{{c}}}" for c in "[]*"}  # else an argument of the line break before a row
+)
+
+
+def tex_text(text: str) -> str:
+    """Return LaTeX source that prints the text and does nothing else, on one line."""
+    return _printed(text).translate(_TEX)
+
+
+def _printed(text: str) -> str:
+    """Return the printable characters on one line."""
+    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
+
+
+_FORMULA_COMMANDS = (
+    "alpha beta gamma delta epsilon varepsilon zeta eta theta vartheta iota kappa lambda mu nu xi pi rho sigma tau upsilon phi varphi chi "
+    "psi omega Gamma Delta Theta Lambda Xi Pi Sigma Upsilon Phi Psi Omega mathrm mathit mathbf mathsf frac sqrt dot ddot hat bar tilde vec "
+    "overline cdot times circ pm leq geq approx infty partial nabla sum int left right degree prime langle rangle quad"
+)
+_LETTERS = r"[A-Za-z0-9 .,:;=+\-()\[\]<>/|'!*]"
+_IN_FORMULA = re.compile(rf"(?:{_LETTERS}|[{{}}_]|\^(?!\^)|\\[,;: ]|\\(?:{_FORMULA_COMMANDS.replace(' ', '|')})(?![A-Za-z]))*")
+_FORMULAS = re.compile(r"(?<!\\)\$((?:[^$\\]|\\.)*)\$")
+
+
+def tex_label(text: str) -> str:
+    """Return LaTeX source for a label with formulas between dollars, of symbols and a few commands; any other is printed as it stands."""
+    text, found, end = _printed(text), "", 0
+    for match in _FORMULAS.finditer(text):
+        if _IN_FORMULA.fullmatch(match[1]) and _is_balanced(match[1]):
+            found += f"{text[end : match.start()].translate(_TEX)}${match[1]}$"
+            end = match.end()
+    return found + text[end:].translate(_TEX)
+
+
+def _is_balanced(formula: str) -> bool:
+    """Return whether every brace that opens is closed, in this order."""
+    depth = 0
+    for char in formula:
+        depth += (char == "{") - (char == "}")
+        if depth < 0:
+            return False
+    return depth == 0

@@ -1,0 +1,158 @@
+"""Exported code is run beside `predict` before it is written: on random points within and beyond the training range."""
+
+from __future__ import annotations
+
+import ast
+import ctypes
+import tempfile
+from collections.abc import Mapping, Sequence
+from importlib.resources import files as resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.domain.errors import MapmoreError
+from mapmore_cli.domain.models import Model
+from mapmore_cli.exporting.compiler import CompilerFailed, shared_library
+from mapmore_cli.modelling.kinds import assignments, fed_back, outside_range, simulate
+
+POINTS = 100
+CLOSE, CLOSE_SINGLE = 1e-6, 1e-2
+"""How far code may lie from `predict`, relative to the value or to a tenth of the median; a wrong input or term is farther by far."""
+
+DRIVER = """\
+#include "{name}.h"
+
+#if defined _WIN32
+__declspec(dllexport)
+#else
+__attribute__((visibility("default")))
+#endif
+void verify(const double *rows, int n, double *out, int *bits)
+{{
+    {start}
+    for (int i = 0; i < n; i++) {{
+        {real} in[{columns} + 1], found;
+        for (int j = 0; j < {columns}; j++) in[j] = ({real})rows[i * {columns} + j];
+        bits[i] = {name}_{call}in, &found);
+        out[i] = found;
+        {tell}
+    }}
+}}
+"""
+"""A function around the C of a model that works along the rows of a table."""
+
+
+def verify_c(model: Model, name: str, texts: Mapping[str, str], single: bool) -> None:
+    """Compile the C of a model and compare it.
+
+    Raises
+    ------
+    CompilerMissing
+        Where there is no compiler.
+    MapmoreError
+        Where the compiler refuses the code, or its numbers are others.
+    """
+    memory, measured, prefix = assignments(model).step is not None, bool(fed_back(model)), name.upper()
+    driver = DRIVER.format(
+        name=name,
+        start=f"{name}_state s; {name}_reset(&s);" * memory,
+        real="float" if single else "double",
+        columns=len(model.inputs) + measured,
+        call="step(&s, " if memory else "eval(",
+        tell=f"if (bits[i] & {prefix}_NO_VALUE) {name}_measured(&s, in[{prefix}_INPUTS]);" * measured,
+    )
+    _verify_library(model, {**texts, "verify.c": driver}, [f"{name}.c", "verify.c"], CLOSE_SINGLE if single else CLOSE)
+
+
+def verify_unit(model: Model, texts: Mapping[str, str], compiled: Sequence[str]) -> None:
+    """Compile the sources of a functional mock-up unit and compare what it answers to a tool; raises as `verify_c`."""
+    driver = resources(__package__).joinpath("sources", "verify-unit.c").read_text(encoding="utf-8")
+    _verify_library(model, {**texts, "verify-unit.c": driver}, [*compiled, "verify-unit.c"], CLOSE)
+
+
+def verify_module(model: Model, text: str) -> None:
+    """Import a module and compare it; MapmoreError where it holds what no module of ours does, or its numbers are others."""
+    columns = points(model)
+    if not _is_ours(ast.parse(text)):
+        raise _unequal(model, "the module holds statements that are not its own")
+    module: dict[str, Any] = {"__name__": "model"}
+    exec(compile(text, "model", "exec"), module)
+    given = [columns[quantity.name] for quantity in model.inputs]
+    with np.errstate(all="ignore"):
+        if assignments(model).step is None:
+            found = np.broadcast_to(module["evaluate"](*given), POINTS)
+        else:
+            found, state = np.empty(POINTS), module["State"]()
+            for row in range(POINTS):
+                found[row] = module["step"](state, *(x[row] for x in given))
+                if np.isnan(found[row]):
+                    for output in fed_back(model):
+                        state.measured(columns[output][row])
+        outside = np.broadcast_to(module["outside_range"](*given), POINTS)
+    _compare(model, columns, found, outside, CLOSE)
+
+
+def points(model: Model) -> Columns:
+    """Return random points around the training range, a fifth of it beyond; for a model with memory a recording, with its output."""
+    rng, code = np.random.default_rng(1), assignments(model)
+    columns = {"time": (code.step or 1.0) * np.arange(float(POINTS))}
+    for quantity in model.inputs:
+        known = [limit for limit in code.limits if limit.inputs == {quantity.name}]
+        low = min((float(limit.low.min()) for limit in known), default=-1.0)
+        high = max((float(limit.high.max()) for limit in known), default=1.0)
+        columns[quantity.name] = low + (high - low) * rng.uniform(-0.2, 1.2, POINTS)
+    for memory in model.memories:
+        columns.setdefault(memory.output, rng.uniform(*memory.limits, POINTS))
+    return columns
+
+
+def _verify_library(model: Model, texts: Mapping[str, str], compiled: Sequence[str], close: float) -> None:
+    columns = points(model)
+    names = [*(quantity.name for quantity in model.inputs), *fed_back(model)]
+    rows = np.column_stack([columns[name] for name in names]) if names else np.empty((POINTS, 0))
+    out, bits = np.empty(POINTS), np.empty(POINTS, dtype=np.intc)
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        place = Path(folder) / "verify"
+        try:
+            place.write_bytes(shared_library(texts, compiled))
+        except CompilerFailed as fault:
+            raise _unequal(model, str(fault)) from fault
+        ctypes.CDLL(str(place)).verify(np.ascontiguousarray(rows).ctypes, POINTS, out.ctypes, bits.ctypes)
+    _compare(model, columns, out, (bits & ((1 << len(model.inputs)) - 1)) != 0, close)
+
+
+def _compare(model: Model, columns: Columns, found: Array, outside: Array, close: float) -> None:
+    with np.errstate(all="ignore"):
+        expected = simulate(model, columns).values
+        size = np.abs(expected[np.isfinite(expected)])
+        room = close * np.maximum(np.abs(expected), 0.1 * (np.median(size) if size.size else 0.0))
+        equal = (np.abs(found - expected) <= room) | (found == expected) | (np.isnan(found) & np.isnan(expected))
+    for row in np.flatnonzero(~equal | (outside != outside_range(model, columns)))[:1]:
+        where = ", ".join(f"{quantity.name} = {columns[quantity.name][row]:.6g}" for quantity in model.inputs)
+        raise _unequal(model, f"it is {found[row]:.9g} where `predict` has {expected[row]:.9g}, at {where}")
+
+
+def _unequal(model: Model, what: str) -> MapmoreError:
+    return MapmoreError(
+        f"the exported code of {model.name} is not the model, and is not written: {what}",
+        "please report it; --no-verify writes it all the same",
+    )
+
+
+def _is_ours(tree: ast.Module) -> bool:
+    """Return whether a module imports NumPy alone, and calls nothing but that and its own functions."""
+    known = {"float", *(node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.ClassDef))}
+    for node in ast.walk(tree):
+        match node:
+            case ast.Import([ast.alias("numpy", "np")]):
+                continue
+            case ast.Import() | ast.ImportFrom():
+                return False
+            case ast.Call(ast.Name(name)) if name not in known:
+                return False
+            case ast.Call(ast.Attribute(ast.Name(name))) if name not in ("np", "s", "self"):
+                return False
+    return True
