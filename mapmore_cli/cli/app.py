@@ -50,16 +50,19 @@ class _Lazily(Mapping[str, Any]):
 
 
 class Commands(TyperGroup):
-    """The group of subcommands: turns errors into exit codes, and takes `--debug` anywhere on the line."""
+    """The group of subcommands: turns errors into exit codes, and takes `--debug` and `--env NAME` anywhere on the line."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**{**settings, "commands": _Lazily()})
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Move `--debug` to the front, so that it can be added at the end of a line that failed."""
+        """Move `--debug` and `--env NAME` to the front, so that they can be added at the end of a line that failed."""
         ctx.meta[AS_JSON] = "--json" in args
         if "--debug" in args:
             args = ["--debug", *(arg for arg in args if arg != "--debug")]
+        while "--env" in args[1:]:
+            at = args.index("--env", 1)
+            args = ["--env", *args[at + 1 : at + 2], *args[:at], *args[at + 2 :]]
         return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
@@ -86,10 +89,25 @@ def _print_version(wanted: bool) -> None:
         raise typer.Exit
 
 
+def _allow(names: list[str]) -> list[str]:
+    """Let specs read further environment variables, in this process and those that it starts."""
+    if names:
+        import os
+
+        from mapmore_cli.spec.yaml_core import MORE
+
+        os.environ[MORE] = ",".join([*names, os.environ.get(MORE, "")])
+    return names
+
+
 @app.callback()
 def _common(
     version: Annotated[bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")] = False,
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error (anywhere on the line).")] = False,
+    env: Annotated[
+        list[str],
+        typer.Option("--env", metavar="NAME", callback=_allow, help="Let specs read this environment variable too (anywhere on the line)."),
+    ] = [],  # noqa: B006 - Typer makes a new list of what the user gives
 ) -> None:
     """Models of soft fluidic muscles from measured curves: one spec, one command, a validated model and a page to look at."""
 

@@ -13,7 +13,7 @@ from mapmore_cli.domain.errors import SpecError, UsageError
 from mapmore_cli.spec.diagnostics import Mistake, fail
 from mapmore_cli.spec.fields import possible_path
 from mapmore_cli.spec.tree import Node, SourceText, merged, with_child, without
-from mapmore_cli.spec.yaml_core import escaped
+from mapmore_cli.spec.yaml_core import escaped, expand
 from mapmore_cli.spec.yaml_loader import parse, read_source
 
 DEEPEST = 20
@@ -61,7 +61,7 @@ def _base(reference: Node, path: Path, problems: list[Mistake], heirs: tuple[Pat
     if len(heirs) >= DEEPEST:
         fail(reference.at, f"more than {DEEPEST} files extend each other", "extend the file at their beginning itself")
     try:
-        base = Path(os.path.normpath(path.parent / possible_path(reference.value)))
+        base = Path(os.path.normpath(path.parent / possible_path(expand(reference.value))))
     except ValueError as error:
         fail(reference.at, str(error), "write `extends: other.yaml`")
     chain = (*heirs, path.resolve())

@@ -17,6 +17,7 @@ from mapmore_cli.spec.diagnostics import Mistake
 from mapmore_cli.spec.fields import RelativePath, SettingsOf, Surroundings
 from mapmore_cli.spec.tree import Kind, Node, below, is_free, plain
 from mapmore_cli.spec.units import default_unit, is_quantity, parse_quantity, split_quantity
+from mapmore_cli.spec.yaml_core import VARIABLES, expand, unescaped
 
 
 def resolve(root: Node, model: type[BaseModel], problems: list[Mistake]) -> Node:
@@ -59,14 +60,26 @@ class _Resolver:
                 return replace(node, value={key: self._moved(child, _under(kinds, key)) for key, child in children.items()})
             case list() as items:
                 return replace(node, value=[self._moved(item, _under(kinds, place)) for place, item in enumerate(items)])
-            case str() as text if marks := _marks_of_path(kinds):
-                return replace(node, value=_from_folder(text, marks, node.at.source.folder, self.folder))
+            case str() as text:
+                return replace(node, value=self._expanded(node, text, _marks_of_path(kinds)))
             case _:
                 return node
 
+    def _expanded(self, node: Node, text: str, marks_of_path: Sequence[Any]) -> str:
+        """Return a path with its variables expanded, from the root's folder; any other text as it is."""
+        try:
+            if not marks_of_path:
+                return unescaped(text)
+            return _from_folder(expand(text), marks_of_path, node.at.source.folder, self.folder)
+        except ValueError as error:
+            self.problems.append(Mistake(node.at, str(error), VARIABLES))
+            return text
+
     def _text(self, node: Node, text: str, marks: Sequence[Any], around: Surroundings) -> str | float:
-        if any(isinstance(mark, RelativePath) for mark in marks):
-            return _from_folder(text, marks, node.at.source.folder, self.folder)
+        path = [mark for mark in marks if isinstance(mark, RelativePath)]
+        text = self._expanded(node, text, path)
+        if path:
+            return text
         rule = next((mark for mark in marks if isinstance(mark, InUnit)), None)
         if rule is None or not is_quantity(text):
             return text

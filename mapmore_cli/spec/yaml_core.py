@@ -113,6 +113,15 @@ def dump(value: Any) -> str:
     return text
 
 
+READABLE = "MAPMORE_"
+"""How the environment variables begin that any spec may read: a spec from a stranger shall see no key or password."""
+
+MORE = "MAPMORE_ENV"
+"""The variable that lists further ones, with commas between them; `--env` adds to it, so that worker processes know them too."""
+
+VARIABLES = "set it, give a default as `${NAME:-default}`, or write `$${` for a plain `${`"
+"""What to do about a variable that cannot be expanded."""
+
 _REFERENCE = re.compile(r"\$\$\{|\$\{([^{}]*)(\}?)")
 _BODY = re.compile(r"([A-Za-z_][A-Za-z0-9_]*)(:-(.*))?", re.DOTALL)
 
@@ -125,9 +134,16 @@ def expand(text: str) -> str:
     Raises
     ------
     ValueError
-        A variable that is not set and has no default, or something after `${` that is no variable.
+        A variable that is not set and has no default, one that no spec may read, or something after `${` that is no variable.
     """
     return _REFERENCE.sub(_value, text) if "${" in text else text
+
+
+def unescaped(text: str) -> str:
+    """Return a text that is no path, with `${` for each `$${`; ValueError where it holds a variable."""
+    if found := next((match for match in _REFERENCE.finditer(text) if match[0] != "$${"), None):
+        raise ValueError(f"`{found[0]}` stands in a text that is no path: variables are expanded in paths alone")
+    return text.replace("$${", "${")
 
 
 def escaped(value: Any) -> Any:
@@ -147,6 +163,8 @@ def _value(reference: re.Match[str]) -> str:
     if body is None or not closed:
         raise ValueError(f"`{reference[0]}` is not `${{NAME}}` or `${{NAME:-default}}`")
     name, has_default, default = body.groups()
+    if not name.startswith(READABLE) and name not in os.environ.get(MORE, "").split(","):
+        raise ValueError(f"environment variable {name} is not read: it is no {READABLE}*, and no `--env {name}` allows it")
     value = os.environ.get(name)
     if has_default and not value:
         return default or ""

@@ -12,7 +12,7 @@ import yaml
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.spec.diagnostics import Mistake, fail
 from mapmore_cli.spec.tree import Node, Position, SourceText
-from mapmore_cli.spec.yaml_core import DEEPEST, CoreLoader, TooDeep, expand, scalar, tag_of
+from mapmore_cli.spec.yaml_core import DEEPEST, CoreLoader, TooDeep, scalar
 
 LARGEST = 1_000_000  # bytes of a file
 _MOST_VALUES = 50_000  # after aliases are followed: nine levels of nine aliases would be 4e8
@@ -56,7 +56,7 @@ def read_source(path: Path, shown: str | None = None) -> SourceText:
 
 
 def parse(source: SourceText, problems: list[Mistake]) -> Node:
-    """The tree of a YAML text, with `${VAR}` expanded; a duplicate key or an unset variable is added to `problems`.
+    """Return the tree of a YAML text; a duplicate key is added to `problems`.
 
     Raises
     ------
@@ -119,12 +119,10 @@ class _Builder:
         return None
 
     def _scalar(self, node: yaml.ScalarNode, at: Position) -> str | int | float | bool | None:
-        """A plain scalar is typed after its variables are expanded, so that `${N:-3}` is a number; a quoted one stays text."""
         try:
-            text = _encodable(expand(node.value))
-            return scalar(tag_of(text) if text != node.value and node.style is None else node.tag, text)
+            return scalar(node.tag, _encodable(node.value))
         except ValueError as error:
-            self.problems.append(Mistake(at, str(error), _scalar_remedy(node.value)))
+            self.problems.append(Mistake(at, str(error), "write a plain value"))
             return str(node.value)
 
     def _position(self, mark: yaml.Mark) -> Position:
@@ -144,10 +142,6 @@ def _refuse_escape(source: SourceText) -> NoReturn:
     before = source.text[: found.start() if found else 0]
     at = Position(source, before.count("\n") + 1, len(before) - before.rfind("\n"))
     fail(at, f"{found[0] if found else 'an escape'} is no character", "write the character itself")
-
-
-def _scalar_remedy(text: str) -> str:
-    return "set it, give a default as `${NAME:-default}`, or write `$${` for a plain `${`" if "${" in text else "write a plain value"
 
 
 def _refuse(error: Exception, source: SourceText) -> NoReturn:

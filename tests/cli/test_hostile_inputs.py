@@ -242,7 +242,7 @@ def test_commands_to_a_terminal_in_names_are_shown_and_not_obeyed() -> None:
     assert printable("a\x1b[2J\x9b31m\u202eb\r\tc\nd") == "a\\x1b[2J\\x9b31m\\u202eb\\r\tc\nd"
 
 
-@pytest.mark.parametrize(("text", "cell"), [("=1+1", "'=1+1"), ("@x", "'@x"), ("+x", "'+x"), ("-3*strain", "-3*strain"), ("", "")])
+@pytest.mark.parametrize(("text", "cell"), [("=1+1", "'=1+1"), ("@x", "'@x"), ("+x", "'+x"), ("-3*strain", "'-3*strain"), ("", "")])
 def test_no_cell_of_a_table_is_a_formula(text: str, cell: str) -> None:
     assert csv_cell(text) == cell
 

@@ -28,7 +28,14 @@ pytestmark = pytest.mark.filterwarnings("ignore")
 
 @pytest.mark.parametrize(
     ("target", "count"),
-    [(expressions.TARGET, 400), (specs.TARGET, 25), (readers.TARGET, 60), (drafts.TARGET, 6), (exports.FREE_TEXTS, 25), (exports.EXPORTS, 8)],
+    [
+        (expressions.TARGET, 400),
+        (specs.TARGET, 25),
+        (readers.TARGET, 60),
+        (drafts.TARGET, 6),
+        (exports.FREE_TEXTS, 25),
+        (exports.EXPORTS, 8),
+    ],
     ids=lambda x: getattr(x, "name", x),
 )
 def test_what_strangers_may_write_is_read_or_refused(target: Target, count: int, tmp_path: Path) -> None:
@@ -113,7 +120,7 @@ def rows_below(heading: str) -> list[list[str]]:
 def test_what_the_page_says_was_tried_adds_up() -> None:
     """Every command is one that `run.py` takes, and the inputs of all of them are as many as were tried."""
     modules = (expressions, readers, documents, specs, structures, drafts)
-    names = {specs.RUNS.name, *(module.TARGET.name for module in modules)}
+    names = {specs.RUNS.name, exports.EXPORTS.name, exports.FREE_TEXTS.name, *(module.TARGET.name for module in modules)}
     rows = rows_below("What strangers may write")
     assert len(rows) == len(names)
     for _, commands, tried, *_ in rows:

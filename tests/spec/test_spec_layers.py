@@ -19,11 +19,14 @@ from mapmore_cli.spec.yaml_core import escaped, expand
 
 
 def test_variables_are_expanded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("LAB", "lab7")
-    monkeypatch.setenv("EMPTY", "")
-    monkeypatch.delenv("UNSET", raising=False)
-    assert expand("${LAB}/${UNSET:-a b}/${LAB:-x}${EMPTY:-y}${EMPTY}${UNSET:-}") == "lab7/a b/lab7y"
-    assert expand("$LAB $ {LAB} $${LAB} }") == "$LAB $ {LAB} ${LAB} }"
+    monkeypatch.setenv("MAPMORE_LAB", "lab7")
+    monkeypatch.setenv("MAPMORE_EMPTY", "")
+    monkeypatch.delenv("MAPMORE_UNSET", raising=False)
+    assert (
+        expand("${MAPMORE_LAB}/${MAPMORE_UNSET:-a b}/${MAPMORE_LAB:-x}${MAPMORE_EMPTY:-y}${MAPMORE_EMPTY}${MAPMORE_UNSET:-}")
+        == "lab7/a b/lab7y"
+    )
+    assert expand("$LAB $ {LAB} $${MAPMORE_LAB} }") == "$LAB $ {LAB} ${MAPMORE_LAB} }"
 
 
 @settings(deadline=None)
@@ -38,28 +41,42 @@ def test_what_is_no_variable_is_refused(text: str) -> None:
         expand(text)
 
 
-def test_a_plain_scalar_is_typed_after_expansion_and_a_quoted_one_stays_text(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("TERMS", "3")
-    monkeypatch.setenv("SIZE", "88 mm")
-    text = FORMULA + "fit:\n  max_terms: ${TERMS}\n  stop: ${STOP:-bic}\nmuscle:\n  length: ${SIZE}\n  kind: '${TERMS}'\n"
-    spec = load_text(tmp_path, text).spec
-    assert (spec.fit.max_terms, spec.fit.stop, spec.muscle.length, spec.muscle.kind) == (3, "bic", 0.088, "3")
+@pytest.mark.parametrize(
+    "text", ["fit:\n  max_terms: ${MAPMORE_TERMS}", "muscle: {name: 'a ${MAPMORE_KEY} b'}", "muscle: {length: '${MAPMORE_TERMS} mm'}"]
+)
+def test_variables_stand_in_paths_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str) -> None:
+    monkeypatch.setenv("MAPMORE_TERMS", "3")
+    monkeypatch.setenv("MAPMORE_KEY", "secret")
+    message = refusal(tmp_path, FORMULA + text)
+    assert "in a text that is no path: variables are expanded in paths alone" in message
+    assert "secret" not in message
+
+
+def test_only_variables_of_ours_are_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "secret")
+    text = FORMULA.replace("[a.csv]", '["${AWS_SECRET_ACCESS_KEY:-x}/a.csv"]')
+    message = refusal(tmp_path, text)
+    assert "spec.yaml:2:16: environment variable AWS_SECRET_ACCESS_KEY is not read" in message
+    assert "secret" not in message
+    monkeypatch.setenv("MAPMORE_ENV", "LAB,AWS_SECRET_ACCESS_KEY")
+    assert load_text(tmp_path, text).spec.data.files == ["secret/a.csv"]
 
 
 def test_an_unset_variable_is_an_error_at_its_place_and_hides_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("NOWHERE", raising=False)
-    text = FORMULA.replace("[a.csv]", '["${NOWHERE}/a.csv"]') + "fit:\n  max_terms: ${NOWHERE}\n  stpo: bic\n"
+    monkeypatch.delenv("MAPMORE_NOWHERE", raising=False)
+    text = FORMULA.replace("[a.csv]", '["${MAPMORE_NOWHERE}/a.csv"]') + "fit:\n  stpo: bic\n"
     message = refusal(tmp_path, text)
-    assert "spec.yaml:2:16: environment variable NOWHERE is not set" in message
+    assert "spec.yaml:2:16: environment variable MAPMORE_NOWHERE is not set" in message
     assert "${NAME:-default}" in message
-    assert "spec.yaml:7:3: unknown key `stpo`" in message
-    assert message.count("spec.yaml:") == 3
+    assert "spec.yaml:6:3: unknown key `stpo`" in message
+    assert message.count("spec.yaml:") == 2
 
 
 def test_a_variable_in_the_value_of_a_variable_is_not_expanded_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("ODD", "${HOME}")
-    loaded = load_text(tmp_path, FORMULA + "muscle: {name: '${ODD}'}\n")
-    assert loaded.spec.muscle.name == "${HOME}"
+    monkeypatch.setenv("MAPMORE_ODD", "${MAPMORE_HOME}")
+    loaded = load_text(tmp_path, FORMULA.replace("[a.csv]", '["${MAPMORE_ODD}/a.csv"]') + "muscle: {name: '$${ODD}'}\n")
+    assert loaded.spec.data.files == ["${MAPMORE_HOME}/a.csv"]
+    assert loaded.spec.muscle.name == "${ODD}"
     assert load_text(tmp_path, loaded.resolved).spec == loaded.spec
 
 
@@ -193,7 +210,7 @@ def test_the_last_override_of_a_key_counts_and_null_restores_a_default(tmp_path:
         ("data.levels.of=presure", ["--set data.levels.of=presure: there is no quantity `presure`"]),
         ("fit.max_terms=[1", ["--set fit.max_terms=[1: not valid YAML"]),
         ("extends=other.yaml", ["--set extends=other.yaml: unknown key `extends`"]),
-        ("name=${NO_SUCH_VARIABLE}", ["--set name=${NO_SUCH_VARIABLE}: environment variable NO_SUCH_VARIABLE is not set"]),
+        ("data.files.0=${MAPMORE_NO}", ["--set data.files.0=${MAPMORE_NO}: environment variable MAPMORE_NO is not set"]),
     ],
 )
 def test_a_wrong_override_is_placed_at_itself(tmp_path: Path, override: str, words: list[str]) -> None:
