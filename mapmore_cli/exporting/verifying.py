@@ -16,7 +16,7 @@ from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.exporting.compiler import CompilerFailed, shared_library
-from mapmore_cli.modelling.kinds import assignments, fed_back, outside_range, simulate
+from mapmore_cli.modelling.kinds import fed_back, outside_range, program_of, simulate
 
 POINTS = 100
 CLOSE, CLOSE_SINGLE = 1e-6, 1e-2
@@ -55,7 +55,7 @@ def verify_c(model: Model, name: str, texts: Mapping[str, str], single: bool) ->
     MapmoreError
         Where the compiler refuses the code, or its numbers are others.
     """
-    memory, measured, prefix = assignments(model).step is not None, bool(fed_back(model)), name.upper()
+    memory, measured, prefix = program_of(model).step is not None, bool(fed_back(model)), name.upper()
     driver = DRIVER.format(
         name=name,
         start=f"{name}_state s; {name}_reset(&s);" * memory,
@@ -82,7 +82,7 @@ def verify_module(model: Model, text: str) -> None:
     exec(compile(text, "model", "exec"), module)
     given = [columns[quantity.name] for quantity in model.inputs]
     with np.errstate(all="ignore"):
-        if assignments(model).step is None:
+        if program_of(model).step is None:
             found = np.broadcast_to(module["evaluate"](*given), POINTS)
         else:
             found, state = np.empty(POINTS), module["State"]()
@@ -97,7 +97,7 @@ def verify_module(model: Model, text: str) -> None:
 
 def points(model: Model) -> Columns:
     """Return random points around the training range, a fifth of it beyond; for a model with memory a recording, with its output."""
-    rng, code = np.random.default_rng(1), assignments(model)
+    rng, code = np.random.default_rng(1), program_of(model)
     columns = {"time": (code.step or 1.0) * np.arange(float(POINTS))}
     for quantity in model.inputs:
         known = [limit for limit in code.limits if limit.inputs == {quantity.name}]
