@@ -1,4 +1,7 @@
-"""The processors of this machine: the threads that libraries start, and work that is shared out to copies of this process."""
+"""The processors of this machine: the threads that libraries start, and work that is shared out to copies of this process.
+
+Only what tries many settings is shared out (`tune`), where two processors take about half the time. A run has one process.
+"""
 
 from __future__ import annotations
 

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.page import FIGURES
-from mapmore_cli.domain.processors import shared_out
 from mapmore_cli.reporting.comparison_tables import verdict
 from mapmore_cli.reporting.figures.catalogue import RenderedFigure
 from mapmore_cli.reporting.inputs import ReportInputs
@@ -71,9 +70,6 @@ PAPER = frozenset({"pdf", "png", "pgf"})
 
 LONGEST_STEM = 80
 
-AT_ONCE = 64
-"""Panels whose files are held in memory before they are written."""
-
 
 def write_report(inputs: ReportInputs, out: Path, figures: Sequence[str], formats: Sequence[str]) -> None:
     """Write the report into the folder `out`, byte for byte the same for the same inputs.
@@ -102,7 +98,7 @@ def write_report(inputs: ReportInputs, out: Path, figures: Sequence[str], format
 
     drawn = [(name, drawing) for name in FIGURES if name in figures for drawing in drawings(name, inputs)]
     if {"html", "svg"} & set(formats):
-        on_page = shared_out(lambda one: (one[0], rendered(one[1], inputs.style)), drawn)
+        on_page = [(name, rendered(drawing, inputs.style)) for name, drawing in drawn]
         if "svg" in formats:
             for _, figure in on_page:
                 _write(out / f"{figure.name}.svg", SVG_PROLOGUE + figure.svg)
@@ -116,11 +112,9 @@ def write_panels(drawn: Sequence[Drawing], folder: Path, formats: Sequence[str],
     """Every panel as a file of its own in every format of figures that is asked for, and the numbers behind it."""
     folder.mkdir(exist_ok=True)
     panels = [(drawing, panel) for drawing in drawn for panel in drawing.panels]
-    named = list(zip(_stems(panels), panels, strict=True))
-    for start in range(0, len(named), AT_ONCE):
-        for files in shared_out(lambda one: _panel_files(one[0], *one[1], formats, inputs.style), named[start : start + AT_ONCE]):
-            for name, content in files.items():
-                (folder / name).write_bytes(content)
+    for stem, (drawing, panel) in zip(_stems(panels), panels, strict=True):
+        for name, content in _panel_files(stem, drawing, panel, formats, inputs.style).items():
+            (folder / name).write_bytes(content)
 
 
 def _panel_files(stem: str, drawing: Drawing, panel: Panel, formats: Sequence[str], style: FigureStyle) -> dict[str, bytes]:

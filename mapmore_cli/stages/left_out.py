@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +12,6 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.errors import DataError, FitError, SpecError
 from mapmore_cli.domain.models import LeftOut, LeftOutKind, Model
-from mapmore_cli.domain.processors import shared_out
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.scores import OWN
 from mapmore_cli.modelling.forecast import forecast
@@ -55,7 +53,10 @@ def left_out(
         said, warnings = compare(replace(contest, dataset=fold, model=model, refit=refit_run))
         return {OWN: _own(model, fold), **said}, warnings
 
-    found = shared_out(without, levels, partial(progress, "levels left out"))
+    found = []
+    for level in levels:
+        found.append(without(level))
+        progress("levels left out", len(found), len(levels))
     whole = replace(dataset, curves=tuple(replace(c, held_out=np.ones(c.size, dtype=np.bool_)) for c in dataset.curves))
     folds = [levels.index(curve.level) for curve in dataset.curves]
     names = [name for name in found[0][0] if all(name in said for said, _ in found)]
@@ -99,9 +100,11 @@ def residuals(choices: ModelChoices, dataset: Dataset, needed: Mapping[str, Path
         every = [(curve, out, forecast(model, curve)) for curve, out in zip(dataset.curves, outs, strict=True) if out.any()]
         return [(curve.columns[dataset.target] - said.values)[out & said.ready] for curve, out, said in every]
 
-    return summary(
-        kind, count, dict(zip(folds, shared_out(missed, list(folds.items()), partial(progress, f"{kind} left out")), strict=True))
-    )
+    errors: dict[str, list[Array]] = {}
+    for part in folds.items():
+        errors[part[0]] = missed(part)
+        progress(f"{kind} left out", len(errors), len(folds))
+    return summary(kind, count, errors)
 
 
 def parts_of(dataset: Dataset, choices: ModelChoices) -> tuple[LeftOutKind, int, dict[str, tuple[BoolArray, ...]]]:

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.domain.processors import shared_out
 from mapmore_cli.domain.scores import OWN, Limit, deciding
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.layers import as_overrides
@@ -116,7 +114,10 @@ def scored_as(name: str, dataset: Dataset, model: Model) -> Dataset:
 
 def _rivals(contest: Contest, part: Slice, workspace: Workspace) -> list[Rival]:
     """Every competitor, fitted to the training samples of the contest."""
-    rivals = shared_out(contest.rival, part.against, partial(workspace.progress, "competitors"))
+    rivals = []
+    for competitor in part.against:
+        rivals.append(contest.rival(competitor))
+        workspace.progress("competitors", len(rivals), len(part.against))
     for one in rivals:
         if one.failed:
             reasons = "; ".join(note for fit in one.formulas.values() for note in fit.notes)

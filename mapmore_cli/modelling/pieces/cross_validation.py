@@ -9,7 +9,6 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.errors import FitError
-from mapmore_cli.domain.processors import shared_out
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature.backbone import fit_ahead, fit_formula, pooled
@@ -56,7 +55,11 @@ def leave_out(
     """
     folds = inner_folds(curves, recipe) if folds is None else folds
     fit_backbones(curves, folds, recipe, backbone)
-    return together(shared_out(lambda left_out: of_fold(curves, left_out, recipe, quantities, backbone), folds, progress))
+    found = []
+    for left_out in folds:
+        found.append(of_fold(curves, left_out, recipe, quantities, backbone))
+        progress(len(found), len(folds))
+    return together(found)
 
 
 def of_fold(

@@ -149,24 +149,6 @@ done.set()
     assert python(script) == f"{PROCESSORS} True 1"
 
 
-def test_a_page_and_its_panels_are_the_same_from_one_process_and_from_three(tmp_path):
-    script = """
-from pathlib import Path
-from report_builder import build
-from mapmore_cli.domain import processors
-from mapmore_cli.reporting.report import write_report
-for count in (1, 3):
-    processors.free_processors = lambda: count
-    write_report(build(), Path(sys.argv[1]) / str(count), ("fit", "nrmse"), ("html", "svg", "pdf"))
-"""
-    python(script, tmp_path)
-    one, three = (
-        {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*.*")} for folder in (tmp_path / "1", tmp_path / "3")
-    )
-    assert len(one) > 8
-    assert one == three
-
-
 def test_the_command_line_has_one_thread_whatever_the_environment_says():
     script = """
 import mapmore_cli.cli.app as app
