@@ -1,7 +1,7 @@
 """Units, at the spec's boundary only: inside, every array is in the model's unit and carries that unit's name.
 
-The units that loggers write every day are converted by a table of exact factors, which a test compares with pint. pint knows all others. It is
-imported for these alone: it takes 0.4 s of processor time to load, where a run that is up to date takes 0.6 s.
+The units that loggers write every day are converted by a table of exact factors, which a test compares with pint. pint knows all others. It
+is imported for these alone: it takes 0.4 s of processor time to load, where a run that is up to date takes 0.6 s.
 """
 
 from __future__ import annotations

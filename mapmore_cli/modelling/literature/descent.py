@@ -1,7 +1,7 @@
 """Least squares within bounds: Levenberg and Marquardt's method from several starts at once, and for several problems at once.
 
-Over the few rows of a table, fifty descents side by side cost little more than one: the 108 descents of the run of a table of 60 points take
-0.13 s, and 1.8 s one by one in `scipy.optimize.least_squares`, which ends in the same minima (to 1e-6) and would add half to that run.
+Over the few rows of a table, fifty descents side by side cost little more than one: the 108 descents of the run of a table of 60 points
+take 0.13 s, and 1.8 s one by one in `scipy.optimize.least_squares`, which ends in the same minima (to 1e-6) and would add half to that run.
 A step solves
 
     (J'J + mu D) dx = -J'r,   D = diag(J'J), the largest so far,
