@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
-from mapmore_cli.domain.blocks import in_blocks, is_one_block
-from mapmore_cli.modelling.signals.order import middle
+from mapmore_cli.domain.blocks import in_blocks
 
 
 def average_repeated(time: Array, columns: Columns) -> tuple[Array, dict[str, Array]]:
@@ -65,19 +64,16 @@ def find_gaps(time: Array, longer_than: float) -> Gaps:
     return Gaps(after, lengths, missing)
 
 
+PARTS, PART = 8, 1 << 17
+"""A longer record is asked for its step in so many parts, evenly spread, of so many samples each."""
+
+
 def typical_step(time: Array) -> float:
-    """Return the median of the steps that are not zero; zero where there is none."""
-    if is_one_block(len(time)):
-        found = list(_positive_steps(time))
-        return float(np.median(found[0])) if found and len(found[0]) else 0.0
-    count = sum(map(len, _positive_steps(time)))
-    return middle(lambda: _positive_steps(time), count) if count else 0.0
-
-
-def _positive_steps(time: Array) -> Iterator[Array]:
-    for block in in_blocks(time, overlap=1):
-        steps = np.diff(block)
-        yield steps[steps > 0]
+    """Return the median of the steps that are not zero, over at most a million samples; zero where there is none."""
+    starts = np.linspace(0, len(time) - PART, PARTS).astype(int) if len(time) > PARTS * PART else [0]
+    steps = np.concatenate([np.diff(time[start : start + PART] if len(starts) > 1 else time) for start in starts])
+    positive = steps[steps > 0]
+    return float(np.median(positive)) if len(positive) else 0.0
 
 
 def find_resets(time: Array) -> IntArray:

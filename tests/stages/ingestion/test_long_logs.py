@@ -17,7 +17,6 @@ from ingest_samples import COLUMNS, csv_text, spec_of
 
 from mapmore_cli.domain import blocks
 from mapmore_cli.domain.errors import MapmoreError
-from mapmore_cli.modelling.signals.order import middle, ranked
 from mapmore_cli.modelling.signals.sampling import find_gaps, find_resets, typical_step
 from mapmore_cli.stages.ingestion.dataset import build_dataset
 from mapmore_cli.stages.ingestion.files import slice_of
@@ -184,6 +183,7 @@ def test_a_long_log_takes_the_memory_of_its_blocks(tmp_path: Path, spooled: Path
     monkeypatch.setattr(codecs, "HUGE", rows)
     monkeypatch.setattr(lines, "BLOCK", 4 * rows)
     monkeypatch.setattr("mapmore_cli.storage.readers.csv.CHUNK", rows // 4)
+    monkeypatch.setattr("mapmore_cli.modelling.signals.sampling.PART", rows // 8)
     write_dataset(tmp_path / "ingest.h5", build_dataset(part, tmp_path))  # what is imported, and kept for the next time
     tracemalloc.start()
     try:
@@ -231,22 +231,6 @@ def test_more_columns_than_files_may_be_open_stay_in_memory(spooled: Path, monke
     assert not spool.counted(lambda rows: rows, 10).flags.writeable
 
 
-FINITE = st.floats(allow_nan=False, allow_infinity=False, width=32).map(lambda value: value + 0.0)
-
-
-@given(values=st.lists(st.one_of(FINITE, st.sampled_from([0.0, 1.0, 1.0 + 2**-52, -1.0])), min_size=1, max_size=40), rows=st.integers(1, 9))
-def test_the_middle_of_blocks_is_that_of_the_whole(values: list[float], rows: int) -> None:
-    column = np.array(values)
-
-    def parts() -> Iterator[Any]:
-        return blocks.in_blocks(column, rows=rows)
-
-    assert middle(parts, len(values)) == np.median(column)
-    assert [ranked(parts, rank) for rank in {0, len(values) // 3, len(values) - 1}] == [
-        np.sort(column)[rank] for rank in {0, len(values) // 3, len(values) - 1}
-    ]
-
-
 @given(steps=st.lists(st.sampled_from([0.0, 0.1, 0.1, 0.25, 3.0, -2.0]), max_size=30), rows=st.integers(1, 9))
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_what_is_between_blocks_is_seen(steps: list[float], rows: int) -> None:
@@ -259,3 +243,10 @@ def test_what_is_between_blocks_is_seen(steps: list[float], rows: int) -> None:
     assert found[1].after.tolist() == np.flatnonzero(differences > 1.0 + 1e-6).tolist()
     positive = differences[differences > 0]
     assert found[2] == (np.median(positive) if len(positive) else 0.0)
+
+
+def test_the_step_of_a_long_record_is_that_of_its_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("mapmore_cli.modelling.signals.sampling.PART", 50)
+    time = np.cumsum(np.random.default_rng(0).uniform(0.9, 1.1, 5000))
+    assert typical_step(time) == pytest.approx(np.median(np.diff(time)), rel=0.02)
+    assert typical_step(np.arange(5000) / 7) == pytest.approx(1 / 7, rel=1e-9)
