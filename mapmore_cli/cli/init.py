@@ -26,6 +26,16 @@ def init(
         str | None,
         typer.Option("--length", metavar="LENGTH", help="Of the muscle, as 88mm: makes a strain of a displacement.", show_default=False),
     ] = None,
+    columns: Annotated[
+        str | None,
+        typer.Option("--columns", metavar="LIST", help='What the columns are, as "time:ms,_,pressure:bar,force:N".', show_default=False),
+    ] = None,
+    target: Annotated[str | None, typer.Option("--target", metavar="NAME", help="The quantity to predict.", show_default=False)] = None,
+    hold: Annotated[str | None, typer.Option("--hold", metavar="NAME", help="What was held, or none.", show_default=False)] = None,
+    group: Annotated[
+        str | None,
+        typer.Option("--group", metavar="NAME", help="What tells files apart; none pools them.", show_default=False),
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace specs that exist.")] = False,
     quiet: Quiet = False,
 ) -> None:
@@ -35,13 +45,15 @@ def init(
     spec for each; with -o, one for the largest.
     """
     from mapmore_cli.cli.progress import Reporter
+    from mapmore_cli.stages.drafting.answers import Answers, read_columns
     from mapmore_cli.stages.drafting.start import start
 
     if name is not None:
         _check_name(name)
+    answers = Answers({} if columns is None else read_columns(columns), target, hold, group, None if length is None else _metres(length))
     folder = Path() if output is None or output == STDOUT else output.parent
     with Reporter(quiet) as reporter:
-        found = start(path, folder, name, single=output is not None, length=None if length is None else _metres(length))
+        found = start(path, folder, name, output is not None, answers)
         for remark in found.remarks:
             reporter.say(f"left out: {remark}")
     if output == STDOUT:

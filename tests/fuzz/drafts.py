@@ -17,6 +17,7 @@ from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.spec.loader import load
 from mapmore_cli.spec.units import convert
 from mapmore_cli.stages.drafting import proof
+from mapmore_cli.stages.drafting.answers import Answers
 from mapmore_cli.stages.drafting.start import start
 
 TITLES = (
@@ -56,7 +57,7 @@ def attempt(chance: random.Random, number: int, folder: Path) -> str:
             (place / f"{name}.{chance.choice(['csv', 'txt'])}").write_bytes(readers.text(chance))
     try:
         with nullcontext() if number % 5 == 0 else patch.object(proof, "tried", lambda _loaded, _dataset: None):
-            drafts = start(place, folder, length=chance.choice([None, None, 0.088])).drafts
+            drafts = start(place, folder, answers=Answers(length=chance.choice([None, None, 0.088]))).drafts
     except MapmoreError as error:
         return refused(error)
     else:

@@ -7,10 +7,13 @@ import re
 import textwrap
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mapmore_cli.domain.foreign import printable
 from mapmore_cli.spec.yaml_core import escaped, tag_of
+
+if TYPE_CHECKING:
+    from mapmore_cli.stages.drafting.columns import Guess
 
 TAIL = "# report: {formats: [html, pdf, tex]}  # for a paper: panels as PDF, tables for LaTeX"
 HEAD = ("Started by `mapmore init`. Every guess says why: look first at those marked CHECK, then run `mapmore check` on this file.",)
@@ -18,10 +21,14 @@ HEAD = ("Started by `mapmore init`. Every guess says why: look first at those ma
 
 @dataclass(frozen=True)
 class Draft:
-    """Sections as the YAML will hold them, with numbers in the model's units, and why they were chosen."""
+    """Sections as the YAML will hold them, with numbers in the model's units, and why they were chosen.
+
+    `rivals` are the columns that come next for each quantity.
+    """
 
     spec: dict[str, Any]
     notes: dict[Loc, Note] = field(default_factory=dict)
+    rivals: Mapping[str, tuple[Guess, ...]] = field(default_factory=dict)
 
     @property
     def name(self) -> str:

@@ -35,15 +35,17 @@ class Held:
     swept: str
 
 
-def find_held(recordings: Sequence[Recording], names: tuple[str, str]) -> Held | None:
+def find_held(recordings: Sequence[Recording], names: tuple[str, str], hold: str | None = None) -> Held | None:
     """Find which of two quantities was held while the other moved: the one that travels less than half as far, relative to its range.
 
-    None where both move, or where what is held has a single level.
+    Or the one that a person says was held (`hold`). None where both move, where nothing was held (`none`), or at a single level.
     """
+    if hold == "none":
+        return None
     travels = {name: _travel(recordings, name) for name in names}
-    of, swept = sorted(names, key=travels.__getitem__)
+    of, swept = sorted(names, key=lambda name: (name != hold, travels[name]))
     values = np.concatenate([recording.columns[of] for recording in recordings])
-    if not np.ptp(values) or travels[of] > LESS * travels[swept]:
+    if not np.ptp(values) or (hold is None and travels[of] > LESS * travels[swept]):
         return None
     levels = find_levels(values)
     own = _one_each(recordings, of)
@@ -132,9 +134,8 @@ BAND = (0.4, 0.55)  # of the range, held out where there are no levels
 FEW_LEVELS, MANY_LEVELS = 3, 6  # from which an inner one, and every third, can be spared
 
 
-def with_experiment(draft: Draft, recordings: Sequence[Recording], position: str | None) -> Draft:
-    """The draft with cycles or settled samples, levels and split; `position` is the strain or what stands for it."""
-    held = find_held(recordings, ("pressure", position)) if position is not None else None
+def with_experiment(draft: Draft, recordings: Sequence[Recording], held: Held | None) -> Draft:
+    """The draft with cycles or settled samples, levels and split, given what was `held`."""
     if held is not None:
         draft = _with_levels(_with_static_samples(draft, recordings, held), recordings, held)
     return _with_split(draft, recordings, held)

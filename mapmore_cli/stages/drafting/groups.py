@@ -18,7 +18,7 @@ from mapmore_cli.storage.text_streams import lines_of
 _REPEAT = re.compile(r"(?:test|run|rep|repeat|trial|take|try|no|nr|cycle)?\d{1,2}", re.IGNORECASE)
 _REPEAT_WORD = re.compile(r"test|run|rep|repeat|trial|take|try|no|nr", re.IGNORECASE)
 _SIZE = re.compile(r"\d+(?:[.,]\d+)?(?:mm|cm|m|in)", re.IGNORECASE)
-_NUMBER = re.compile(r"(\d+(?:[.,]\d+)?)(?:\s*)(kpa|pa|mpa|bar|mbar|psi|pct|percent|%)?(?![a-z0-9])", re.IGNORECASE)
+_NUMBER = re.compile(r"(\d+(?:[.,]\d+)?)\s*(?:(kpa|pa|mpa|bar|mbar|psi|pct|percent|%|mm|cm)(?![a-z])|(?![a-z0-9]))", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -66,12 +66,12 @@ def read_names(names: Sequence[str]) -> list[NameParts]:
 
 
 def number_in(word: str) -> tuple[float, str | None] | None:
-    """The number at the end of a word with its unit of pressure or `%`: (25, None) of `kinked25`, (200, "kPa") of `200kPa`."""
+    """The number of a word with its unit of pressure or length, or `%`: (25, None) of `kinked25`, (19, "mm") of `kinked19mm2`."""
     found = _NUMBER.search(word)
     if found is None:
         return None
-    units = {"kpa": "kPa", "pa": "Pa", "mpa": "MPa", "bar": "bar", "mbar": "mbar", "psi": "psi", "pct": "%", "percent": "%", "%": "%"}
-    return float(found[1].replace(",", ".")), units[found[2].casefold()] if found[2] else None
+    units = {"kpa": "kPa", "pa": "Pa", "mpa": "MPa", "pct": "%", "percent": "%"}
+    return float(found[1].replace(",", ".")), units.get(found[2].casefold(), found[2].casefold()) if found[2] else None
 
 
 def _kind(column: Sequence[str], before: Sequence[str]) -> str:

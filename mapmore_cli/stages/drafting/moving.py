@@ -12,9 +12,9 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.spec.units import is_canonical
-from mapmore_cli.stages.drafting.columns import Guess, Raw, is_clock, is_state, range_of
+from mapmore_cli.stages.drafting.columns import Guess, Raw, at_rest_like_air, is_clock, is_state, range_of, twins_of
 from mapmore_cli.stages.drafting.draft import Draft
-from mapmore_cli.stages.inspection.evidence import Remembered, remembered, settling, two_digits
+from mapmore_cli.stages.inspection.evidence import Remembered, remembered, settling, two_digits, untold
 from mapmore_cli.stages.inspection.labels import read_label
 
 FEWEST = 200  # samples of a record that is worth a model with memory
@@ -124,26 +124,80 @@ def _outside(recordings: Sequence[Recording], names: Sequence[str], held: Sequen
 def guess_others(titles: Mapping[str | int, str], raw: Raw, known: Mapping[str, Guess]) -> tuple[dict[str, Guess], list[str], str] | None:
     """Guess what drives and what follows where names say too little; None where not two columns move.
 
-    Returns the columns by names made of their titles, the inputs, and the target: the pressure or what is named as an input first, then the
-    first column, drive; the last one follows. A force follows the position.
+    Returns the columns by names made of their titles, the inputs, and the target. A force follows the position. Pressures drive, all of
+    them; without another column they follow the commands. What is left is ranked by how well the drives tell it.
     """
     position = next((one for one in ("strain", "displacement", "length") if one in known and _varies(raw[known[one].column])), None)
-    if "force" in known and position is not None and _varies(raw[known["force"].column]):
+    if "force" in known and position is not None and _varies(raw[known["force"].column]) and "pressure" not in known:
         why = f"{known[position].why}; no pressure was found: name its column, `set` it beside the files, or `join` its log"
         guesses = {name: known[name] for name in ("time", position, "force") if name in known}
         return {**guesses, position: replace(known[position], why=why, sure=False)}, [position], "force"
     time = known.get("time") or next((_clock(column, raw) for column in raw if all(map(is_clock, raw[column]))), None)
-    columns = [column for column, values in raw.items() if (time is None or column != time.column) and _varies(values)]
-    if len(columns) < 2:
+    moving = {column: values for column, values in raw.items() if _varies(values) and not all(map(is_clock, values))}
+    twins = twins_of(moving, known["pressure"].column if "pressure" in known else None)
+    columns = [column for column in moving if column not in twins]
+    commands = [column for column in columns if (label := read_label(titles.get(column, ""))) is not None and label.quantity == "input"]
+    pressures = [one.column for one in pressures_of(titles, {column: moving[column] for column in columns}, known)]
+    drives = pressures if [column for column in columns if column not in (*pressures, *commands)] else []
+    commands = commands if len(commands) < len(columns) else commands[:1]  # `u_V` and `y_V`: both are volts
+    drives = drives or commands or pressures or columns[:1]
+    left = [column for column in columns if column not in drives and column not in commands]
+    if not drives or not left:
         return None
-    drives = [column for column in columns if (label := read_label(titles.get(column, ""))) is not None and label.quantity == "input"]
-    drives = drives or [known["pressure"].column] if "pressure" in known and known["pressure"].column in columns else drives or columns[:1]
-    follows = next(column for column in reversed(columns) if column not in drives[:1])
-    names = names_of([drives[0], follows], titles)
+    errors = {column: untold([raw[one] for one in drives], raw[column]) for column in left}
+    first = min(errors.values())
+    near = [column for column in reversed(left) if errors[column] <= first + CLOSE]
+    ranked = [*near, *sorted((column for column in left if column not in near), key=errors.__getitem__)]
+    if left[-1] != ranked[0] and titles and errors[left[-1]] < TOLD:
+        ranked = [left[-1], *(column for column in ranked if column != left[-1])]  # who names columns puts what matters last
+    made = [*drives, ranked[0]]
+    of_pressures = [*_of_pressures(len(drives)), *names_of([ranked[0]], titles, ["response"])]
+    names = of_pressures if drives == pressures else names_of(made, titles)
     guesses = {} if time is None else {"time": time}
-    for name, column, what in zip(names, (drives[0], follows), ("drives", "follows"), strict=True):
-        guesses[name] = Guess(column, "1", f"taken as what {what}, without a unit; {range_of(raw[column], '1')}", False)
-    return guesses, names[:1], names[1]
+    for name, column in zip(names, made, strict=True):
+        is_pressure = column in pressures and drives == pressures
+        unit = next((one.unit for one in pressures_of(titles, raw, known) if one.column == column), "1") if is_pressure else "1"
+        what = "drives" if column in drives else f"follows: all but {errors[column]:.0%} of it is told by what drives"
+        why = f"taken as what {what}{'' if is_pressure else ', without a unit'}; {range_of(raw[column], unit)}"
+        guesses[name] = Guess(column, unit, why, False)
+    rivals = tuple(
+        Guess(column, "1", f"all but {errors[column]:.0%} of it is told by what drives; {range_of(raw[column], '1')}", False)
+        for column in ranked[1:]
+    )
+    guesses[names[-1]] = replace(guesses[names[-1]], rivals=rivals)
+    return guesses, names[:-1], names[-1]
+
+
+TOLD = 0.5  # of the spread of a named column, that what drives leaves at most where the last one is taken
+CLOSE = 0.05  # of the spread, that errors differ where the later column is taken
+STANDS_STILL = 0.05  # of the range of another pressure
+
+
+def pressures_of(titles: Mapping[str | int, str], raw: Raw, known: Mapping[str, Guess]) -> list[Guess]:
+    """All pressures that move: the known one, others by their titles, and those that rest at an atmosphere as it does.
+
+    Of two that rise and fall together the one that comes later was measured, and the other is its command.
+    """
+    first = known.get("pressure")
+    if first is None or first.column not in raw:
+        return []
+    found = [first]
+    air = at_rest_like_air(raw[first.column])
+    for column, values in raw.items():
+        label = read_label(titles.get(column, ""))
+        by_title = label is not None and label.quantity == "pressure"
+        by_value = not titles and air is not None and at_rest_like_air(values) == air
+        if column == first.column or not (by_title or by_value):
+            continue
+        if np.ptp(np.concatenate(values)) > STANDS_STILL * np.ptp(np.concatenate(raw[first.column])):
+            unit = label.unit if label is not None and label.unit else first.unit
+            found.append(Guess(column, unit, f"a pressure as well; {range_of(values, unit)}", False))
+    return found
+
+
+def _of_pressures(count: int) -> list[str]:
+    """Names of so many pressures."""
+    return ["pressure", *(f"pressure_{number}" for number in range(2, count + 1))]
 
 
 def _clock(column: str | int, raw: Raw) -> Guess:
@@ -155,9 +209,10 @@ def _varies(values: Sequence[Array]) -> bool:
     return bool(np.ptp(pooled) > 0) and not is_state(values)
 
 
-def names_of(columns: Sequence[str | int], titles: Mapping[str | int, str]) -> list[str]:
-    """Names of quantities for columns, each its own."""
-    usual = ("drive", "response")
+def names_of(columns: Sequence[str | int], titles: Mapping[str | int, str], usual: Sequence[str] = ()) -> list[str]:
+    """Names of quantities for columns, each its own; without titles `drive`, `drive_2` ... and `response`, or the `usual` ones."""
+    count = len(columns) - 1
+    plain = list(usual) or [*(f"drive_{number}" if number > 1 else "drive" for number in range(1, count + 1)), "response"]
     made = [re.sub(r"\W+", "_", titles.get(column, ""), flags=re.ASCII).strip("_")[:40] for column in columns]
     possible = all(re.fullmatch(r"[A-Za-z]\w*", name, re.ASCII) and not is_canonical(name) for name in made)
-    return made if possible and len(set(made)) == len(made) else list(usual)
+    return made if possible and len(set(made)) == len(made) else plain

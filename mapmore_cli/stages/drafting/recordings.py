@@ -15,7 +15,7 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.spec.sections.data import Data
-from mapmore_cli.spec.units import convert, default_unit
+from mapmore_cli.spec.units import convert, default_unit, is_canonical
 from mapmore_cli.stages.drafting.columns import LARGEST_FRACTION, Guess
 from mapmore_cli.stages.drafting.draft import Draft
 from mapmore_cli.stages.drafting.groups import Group, number_in, patterns
@@ -40,6 +40,11 @@ def dataset_of(data: Mapping[str, Any], folder: Path, measured: str, units: Mapp
         return build_dataset(IngestSlice(data=model, measured=measured, component="static", units={**known, **(units or {})}), folder)
     except SpecError as fault:
         raise DataError(fault.message, fault.remedy) from fault
+
+
+def read_draft(draft: Draft, folder: Path, measured: str) -> Dataset:
+    """The dataset of a draft, in the units that it says; DataError where it cannot be made."""
+    return dataset_of(draft.data, folder, measured, draft.spec.get("units"))
 
 
 def raw_columns(group: Group, folder: Path) -> dict[str | int, list[Array]]:
@@ -122,11 +127,11 @@ class Told:
     why: str
 
 
-def constants_of(group: Group, quantity: str) -> list[Told] | None:
-    """The held quantity by the names of the files; None where they say nothing.
+def constants_of(group: Group, quantity: str, length: float | None = None) -> tuple[str, list[Told]] | None:
+    """The held quantity by the names of the files, and its values; None where they say nothing.
 
     Strains above 1.5 are per cent, whether of the length or of the largest strain, and those of 100 are none; a name without a number
-    stands for zero.
+    stands for zero. Millimetres are a contraction: a strain of the muscle's `length` in m, and a `displacement` where that is not known.
     """
     words = [part.condition for part in group.names]
     if any(word is None for word in words) or len(set(words)) < 2:
@@ -135,23 +140,43 @@ def constants_of(group: Group, quantity: str) -> list[Told] | None:
     numbered = [number for number in numbers if number is not None]
     if not numbered or any(unit is not None and _kind_of(unit) != quantity for _, unit in numbered):
         return None
+    if any(unit in LENGTHS for _, unit in numbered):
+        return _shortened(words, numbers, length)
     largest = max(value for value, _ in numbered)
     if quantity == "strain" and largest >= IMPOSSIBLE:
         return None
     model_unit = default_unit(quantity)
     usual = "%" if quantity == "strain" and largest > LARGEST_FRACTION else model_unit
-    return [_told(word, number, quantity, usual, model_unit) for word, number in zip(words, numbers, strict=True)]
+    return quantity, [_told(word, number, quantity, usual, model_unit) for word, number in zip(words, numbers, strict=True)]
+
+
+def _shortened(
+    words: Sequence[str | None], numbers: Sequence[tuple[float, str | None] | None], length: float | None
+) -> tuple[str, list[Told]]:
+    """The contraction that names tell in mm: a strain where the length of the muscle is known, else a displacement in m."""
+    told = []
+    for word, number in zip(words, numbers, strict=True):
+        by = 0.0 if number is None else convert(number[0], number[1] if number[1] in LENGTHS else "mm", "m")
+        why = f"'{word}' " + (f"taken as shortened by {1000 * by:g} mm" if number else "has no number: taken as not shortened")
+        if length is None:
+            told.append(Told(float(f"{by:.6g}"), f"{why}; say --length to make a strain of it, or the strain itself"))
+        else:
+            told.append(Told(float(f"{by / length:.6g}"), f"{why} of {1000 * length:g} mm"))
+    return ("displacement" if length is None else "strain"), told
+
+
+LENGTHS = ("mm", "cm")
 
 
 def _kind_of(unit: str) -> str:
     """What a unit in a name is of."""
-    return "strain" if unit == "%" else "pressure"
+    return "strain" if unit in ("%", *LENGTHS) else "pressure"
 
 
 def pressures_told(group: Group) -> list[float]:
     """The pressures in bar that the names of the files which `raw_columns` reads tell with a unit; empty where not all of them do."""
     numbers = [number_in(part.condition or "") for part in _some(group.names)]
-    told = [(value, unit) for value, unit in (number for number in numbers if number is not None) if unit not in (None, "%")]
+    told = [(value, unit) for value, unit in (number for number in numbers if number is not None) if unit not in (None, "%", *LENGTHS)]
     return [convert(value, str(unit), "bar") for value, unit in told] if len(told) == len(numbers) else []
 
 
@@ -222,16 +247,28 @@ def _of_each_sheet(entries: Sequence[Any], layout: Preview) -> list[Any]:
     return [{**entry, "sheet": sheet} for entry in plain for sheet in layout.sheets]
 
 
-def with_columns(draft: Draft, guesses: Mapping[str, Guess], titles: Sequence[str]) -> Draft:
-    """The draft with its columns; those that are not used are named."""
+def with_columns(draft: Draft, guesses: Mapping[str, Guess], titles: Mapping[str | int, str]) -> Draft:
+    """The draft with its columns, their units where the names are no canonical quantities, and a word on those that are not used."""
     used = {guess.column for guess in guesses.values()}
-    left = ", ".join(title for title in titles if title not in used)
+    left = ", ".join(title for column, title in titles.items() if column not in used)
     draft = draft.with_data("columns", {one: guess.as_spec() for one, guess in guesses.items()}, f"left out: {left}" if left else None)
+    own = {one: model_unit(guess.unit) for one, guess in guesses.items() if not is_canonical(one) and guess.unit != "1"}
+    if own:
+        draft = draft.with_section("units", own)
     if "time" in guesses:
         draft = draft.without_data("sample_time")
     for quantity, guess in guesses.items():
-        draft = draft.noted(("data", "columns", quantity), guess.why, guess.sure)
+        draft = replace(draft.noted(("data", "columns", quantity), guess.why, guess.sure), rivals={**draft.rivals, quantity: guess.rivals})
     return draft
+
+
+def model_unit(unit: str) -> str:
+    """The model's unit of a quantity of no canonical name: kPa of all pressures, else what it was measured in."""
+    try:
+        convert(1.0, unit, "kPa")
+    except SpecError:
+        return unit
+    return "kPa"
 
 
 def cleaned(draft: Draft, folder: Path, target: str) -> tuple[Draft, Dataset]:
@@ -241,7 +278,7 @@ def cleaned(draft: Draft, folder: Path, target: str) -> tuple[Draft, Dataset]:
     """
     draft = draft.with_data("missing", "drop").with_data("repeated_time", "average")
     try:
-        dataset, words = tolerant(lambda words: dataset_of({**draft.data, "missing": missing(words)}, folder, target))
+        dataset, words = tolerant(lambda words: read_draft(draft.with_data("missing", missing(words)), folder, target))
     except DataError as fault:
         if "time" not in draft.data["columns"]:
             raise
@@ -253,7 +290,7 @@ def cleaned(draft: Draft, folder: Path, target: str) -> tuple[Draft, Dataset]:
         else:
             columns = {name: column for name, column in draft.data["columns"].items() if name != "time"}
             draft = draft.with_data("columns", columns, f"time is left out: {fault.message}", False)
-            found = tolerant(lambda words: dataset_of({**draft.data, "missing": missing(words)}, folder, target))
+            found = tolerant(lambda words: read_draft(draft.with_data("missing", missing(words)), folder, target))
         dataset, words = found
     return _told_losses(draft, dataset, target, words), dataset
 
@@ -265,7 +302,9 @@ FEW_RESETS = 3  # pieces of a file, beyond which its clock is no clock
 def _split_at_resets(draft: Draft, folder: Path, target: str) -> tuple[Dataset, tuple[str, ...]] | None:
     """The recordings, split where the clock is set back, and words for missing numbers; None where it is no clock at all."""
     try:
-        dataset, words = tolerant(lambda words: dataset_of({**draft.data, "missing": missing(words), "gaps": GAPS}, folder, target))
+        dataset, words = tolerant(
+            lambda words: read_draft(draft.with_data("missing", missing(words)).with_data("gaps", GAPS), folder, target)
+        )
     except DataError:
         return None
     files = len({one.source for one in dataset.recordings})

@@ -10,7 +10,8 @@ import numpy as np
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.spec.units import convert
-from mapmore_cli.stages.drafting.columns import Guess, guess_columns, range_of
+from mapmore_cli.stages.drafting.answers import Answers
+from mapmore_cli.stages.drafting.columns import Guess, guess_columns, range_of, told_guesses
 from mapmore_cli.stages.drafting.draft import Draft
 from mapmore_cli.stages.drafting.groups import Group, patterns, words_of
 from mapmore_cli.stages.drafting.moving import names_of
@@ -46,12 +47,15 @@ def _named(group: Group) -> set[str]:
     return {label.quantity for label in labels if label is not None}
 
 
-def with_second_log(draft: Draft, second: Group, folder: Path, clock: Guess, starts: tuple[float, float]) -> Draft:
+def with_second_log(
+    draft: Draft, second: Group, folder: Path, clock: Guess, starts: tuple[float, float], answers: Answers | None = None
+) -> Draft:
     """The draft with the pressure of a second log; `clock` is the time column of the first, which runs from and to `starts` there."""
     titles = dict(zip(second.layout.columns, second.layout.titles or (), strict=False))
     below = dict(zip(second.layout.columns, second.layout.below, strict=False))
     raw = raw_columns(second, folder)
     guesses = guess_columns(titles, raw, below)
+    guesses |= told_guesses(answers, titles, raw) if answers is not None else {}
     if not {"time", "pressure"} <= guesses.keys():
         raise DataError(f"{second.files[0].name}: its time and its pressure are no numbers", "write `join` by hand")
     time = convert(raw[guesses["time"].column][0], guesses["time"].unit, "s")
@@ -83,7 +87,7 @@ def with_column_beside(draft: Draft, first: Group, other: Group, folder: Path) -
     drive, response = names_of([0, 1], {0: "_".join(words_of(first.files[0].name)), 1: "_".join(words_of(other.files[0].name))})
     ((column, values),) = raw_columns(first, folder).items()
     why = f"taken as what drives, as its file comes first; without a unit; {range_of(values, '1')}"
-    draft = with_columns(draft, {drive: Guess(column, "1", why, False)}, ())
+    draft = with_columns(draft, {drive: Guess(column, "1", why, False)}, {})
     entry: dict[str, Any] = {
         "files": patterns(other.files, folder),
         "reader": other.layout.reader,

@@ -184,6 +184,27 @@ def remembered(records: Sequence[tuple[Array, Array]]) -> Remembered | None:
     return Remembered(*errors)
 
 
+def untold(drives: Sequence[Sequence[Array]], response: Sequence[Array]) -> float:
+    """The RMSE, relative to its spread, of a response by several inputs now and before; the arrays `(n,)` are those of each record.
+
+    Least squares on the inputs, their squares, delayed and slowly followed copies; it learns from every second tenth of each record.
+    1 where the lengths of columns differ.
+    """
+    every = -(-sum(map(len, response)) // MOST_SHOWN)
+    columns = []
+    if any([len(one) for one in drive] != [len(one) for one in response] for drive in drives):
+        return 1.0  # one of them lacks values
+    for drive in drives:
+        pooled = np.concatenate(drive)
+        scaled = [(values[::every] - pooled.min()) / (float(np.ptp(pooled)) or 1.0) for values in drive]
+        columns.append(np.concatenate([np.column_stack([one, one**2, _earlier(one)]) for one in scaled]))
+    y = np.concatenate([values[::every] for values in response])
+    learn = np.concatenate([np.arange(len(one[::every])) * TENTHS // len(one[::every]) % 2 == 0 for one in response])
+    if learn.all() or not learn.any():
+        return 1.0
+    return _tried(np.column_stack([np.ones(len(y)), *columns]), y, learn) / (float(np.std(y[~learn])) or 1.0)
+
+
 def _earlier(u: Array) -> Array:
     """The input delayed and followed slowly, and the square of the latter, `(n, 8)`."""
     delayed = [np.concatenate([np.full(min(k, len(u)), u[0]), u[:-k]])[: len(u)] for k in DELAYS]
@@ -196,6 +217,47 @@ def _tried(columns: Array, y: Array, learn: BoolArray) -> float:
     gram = columns[learn].T @ columns[learn]
     weights = np.linalg.solve(gram + RIDGE * np.trace(gram) / len(gram) * np.eye(len(gram)), columns[learn].T @ y[learn])
     return float(np.sqrt(np.mean((y[~learn] - columns[~learn] @ weights) ** 2)))
+
+
+# One signal in two units ------------------------------------------------------------------------------------------------------
+
+SAME = 0.9999  # correlation, from which two columns are one signal
+FEWEST_SAME = 30  # samples, below which a straight line may be chance
+
+
+def same_signals(columns: Sequence[Array]) -> list[list[int]]:
+    """The places of columns `(n,)` that are one another times a constant, plus one, a list for each signal that is there more than once.
+
+    Columns of different lengths, as where one lacks values, are not compared.
+    """
+    families: list[list[int]] = []
+    for place, column in enumerate(columns):
+        if len(column) < FEWEST_SAME or not np.ptp(column):
+            continue
+        family = next((one for one in families if _one_signal(columns[one[0]], column)), None)
+        families.append([place]) if family is None else family.append(place)
+    return [family for family in families if len(family) > 1]
+
+
+def _one_signal(first: Array, second: Array) -> bool:
+    if len(first) != len(second):
+        return False
+    every = -(-len(first) // MOST_SHOWN)
+    return abs(float(np.corrcoef(first[::every], second[::every])[0, 1])) >= SAME
+
+
+TOGETHER, FARTHEST = 0.9, 30  # correlation of a command with what it commands, and samples that this may lag behind
+
+
+def leads(first: Array, second: Array) -> bool:
+    """True where the second column `(n,)` repeats the first one later: a command, and what was measured of it."""
+    n = len(first)
+    if n != len(second) or n < 4 * FARTHEST or not np.ptp(first) or not np.ptp(second):
+        return False
+    inner = first[FARTHEST : n - FARTHEST]
+    later = [second[FARTHEST + lag : n - FARTHEST + lag] for lag in range(-FARTHEST, FARTHEST + 1)]
+    alike = [np.corrcoef(inner, one)[0, 1] if np.ptp(inner) and np.ptp(one) else 0.0 for one in later]
+    return bool(np.max(alike) > TOGETHER and int(np.argmax(alike)) > FARTHEST)
 
 
 # What was set ----------------------------------------------------------------------------------------------------------------

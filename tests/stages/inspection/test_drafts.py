@@ -14,6 +14,7 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.spec.experiment import TargetColumn
 from mapmore_cli.spec.loader import LoadedSpec, load
+from mapmore_cli.stages.drafting.answers import Answers
 from mapmore_cli.stages.drafting.draft import Draft, Note, to_yaml
 from mapmore_cli.stages.drafting.groups import patterns
 from mapmore_cli.stages.drafting.model import segment_count
@@ -242,7 +243,7 @@ def test_a_position_under_pressure_is_a_model_with_memory(tmp_path: Path) -> Non
     assert spec.has_memory
     assert spec.data.split.hold_out is not None
     assert spec.data.split.hold_out.last == 0.5
-    (strained,) = start(tmp_path, tmp_path, length=0.08).drafts
+    (strained,) = start(tmp_path, tmp_path, answers=Answers(length=0.08)).drafts
     assert "-displacement/0.08" in strained.text()
     assert written(strained, tmp_path).spec.target == TargetColumn(column="strain")
 

@@ -14,6 +14,7 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.scores import Score
 from mapmore_cli.stages.drafting import start as drafting
+from mapmore_cli.stages.drafting.answers import Answers
 from mapmore_cli.stages.drafting.columns import guess_columns
 from mapmore_cli.stages.drafting.draft import Draft
 from mapmore_cli.stages.drafting.proof import proven
@@ -223,7 +224,7 @@ def test_a_response_to_a_step_is_not_static(untried: Any) -> None:
 def test_a_known_length_makes_a_strain(untried: Any, tmp_path: Path, title: str, values: Array, rule: str) -> None:
     pressure = np.repeat([100.0, 200.0, 300.0], 200)
     untried(pull={"P_kPa": pressure, title: values, "F_N": pressure - 0.1 * values})
-    (draft,) = drafting.start(tmp_path, tmp_path, length=0.088).drafts
+    (draft,) = drafting.start(tmp_path, tmp_path, answers=Answers(length=0.088)).drafts
     assert draft.data["derive"] == {"strain": rule}
     assert draft.spec["muscle"]["length"] == 0.088
 

@@ -198,7 +198,7 @@ def test_columns_without_names_are_told_by_their_values() -> None:
     rng = np.random.default_rng(0)
     t = np.arange(3000) * 0.01
     pressure = 300 * (1 - np.cos(t))
-    raw = {0: [0.7 * pressure - 9 + rng.normal(0, 1, t.size)], 1: [pressure], 2: [t], 3: [np.where(t < 15, 1.0, 2.0)], 4: [1.7e9 + t]}
+    raw = {0: [0.7 * pressure - 9 + rng.normal(0, 6, t.size)], 1: [pressure], 2: [t], 3: [np.where(t < 15, 1.0, 2.0)], 4: [1.7e9 + t]}
     guesses = guess_columns({}, raw)
     assert {name: guess.column for name, guess in guesses.items()} == {"force": 0, "pressure": 1, "time": 2}
     assert not any(guess.sure for guess in guesses.values())

@@ -17,6 +17,7 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.loader import load
+from mapmore_cli.stages.drafting.answers import Answers
 from mapmore_cli.stages.drafting.start import start
 from mapmore_cli.stages.inspection.lint import inspect
 from mapmore_cli.stages.pipeline.runner import bring_up_to_date
@@ -44,7 +45,7 @@ def test_no_proposal_fails_its_own_check_or_run(tmp_path_factory: pytest.TempPat
 def hold_true(place: Path, length: float | None) -> None:
     """Every draft of a folder passes its check and its run, and holds out what is there; a folder without any says why of every file."""
     try:
-        drafts = start(place, place, length=length).drafts
+        drafts = start(place, place, answers=Answers(length=length)).drafts
     except DataError as refusal:
         assert any(words in str(refusal) for words in UNUSABLE), refusal  # noqa: PT017 - a word on every file
         return

@@ -17,6 +17,7 @@ OF_RECORDINGS: tuple[Rule, ...] = (
     units.unit_in_the_name,
     units.unit_line,
     samples.constant,
+    samples.same_signal,
     samples.clipped,
     samples.cycles_of_noise,
     samples.force_never_pulls,

@@ -33,6 +33,16 @@ def constant(subject: Subject) -> Iterator[Issue]:
             yield Issue("error" if target else "warning", "constant", subject.source(name), message, remedy, "data")
 
 
+def same_signal(subject: Subject) -> Iterator[Issue]:
+    """A sensor's volts and what is computed of them are one signal: neither tells anything of the other."""
+    names = [name for name in subject.spec.data.measured if name != "time" and subject.has(name)]
+    for family in evidence.same_signals([subject.pooled(name) for name in names]):
+        told = " and ".join(names[place] for place in family)
+        remedy = "keep the one of them that was measured; another sensor has to tell the other quantity"
+        message = f"{told} are one signal: each is the other times a constant, plus one (correlation {evidence.SAME} or more)"
+        yield Issue("error", "same-signal", subject.source(names[family[-1]]), message, remedy)
+
+
 def clipped(subject: Subject) -> Iterator[Issue]:
     """A sensor at its end reads one number for a long time, where it otherwise hardly reads any number twice."""
     levels = subject.spec.data.levels
