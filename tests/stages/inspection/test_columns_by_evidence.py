@@ -59,7 +59,7 @@ def test_counts_are_no_pressure_and_are_told() -> None:
 
 def test_both_chambers_at_an_atmosphere_drive_in_mbar() -> None:
     rng = np.random.default_rng(1)
-    one, two = (1012 + 600 * np.clip(np.sin(TIME + shift), 0, None) for shift in (0.0, 3.2))
+    one, two = (1012 + 600 * np.clip(np.sin(3 * TIME + shift), 0, None) for shift in (0.0, 3.2))
     angle = 0.05 * (one - two) + rng.normal(0, 0.3, TIME.size)
     still = [1011 + rng.normal(0, 0.05, TIME.size), 64 + rng.normal(0, 0.1, TIME.size), np.round(7 * rng.random(TIME.size))]
     raw = dict(enumerate([[column] for column in (TIME, one, still[0], two, still[1], angle, still[2])]))
