@@ -140,7 +140,7 @@ def tanks_terms(runs: Path) -> Table:
     return Table("tanks_terms", "Cascaded tanks: terms of states that are scaled to [0, 1]", columns, rows)
 
 
-SHORT = ("data.split.validate.last=0.95", "name=bouc_wen_short")
+SHORT = ("data.split.validate={last: 0.95}", "name=bouc_wen_short")
 """The Bouc-Wen study trained on the first 2048 samples, which is quick enough for the tests."""
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, IntArray
+from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.fits import Scaling, SegmentFit, Selection
 
 PIECE = "memory"
@@ -81,6 +81,33 @@ class MemoryModel:
 
 
 @dataclass(frozen=True)
+class Identified:
+    """Numbers of operators that training found.
+
+    Attributes
+    ----------
+    names
+        (m) as `p of wen(force[k-1])`.
+    numbers, errors
+        (m,) values and standard errors; NaN at a bound.
+    held
+        (m,) whether the search ended at a bound: the data do not say what the number is.
+    """
+
+    names: tuple[str, ...]
+    numbers: Array
+    errors: Array
+    held: BoolArray
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """One for each number at a bound."""
+        told = "lies at a bound of its search: the training data ask for more, or do not tell it"
+        ends = zip(self.names, self.numbers.tolist(), self.held.tolist(), strict=True)
+        return tuple(f"{name} = {number:.4g} {told}" for name, number, held in ends if held)
+
+
+@dataclass(frozen=True)
 class MemoryFit:
     """A model with memory, and how its terms were found.
 
@@ -100,6 +127,8 @@ class MemoryFit:
     held_out
         Where free runs decided on the number of terms: RMSE of the models of 1, 2, ... terms over the last training samples, which they
         were not fitted to; infinite where a run diverged.
+    identified
+        The numbers of operators that the dictionary left open; None where it left none.
     """
 
     model: MemoryModel
@@ -110,6 +139,7 @@ class MemoryFit:
     substitutes: IntArray
     shares: Array
     held_out: Array | None = None
+    identified: Identified | None = None
 
     @property
     def piece(self) -> SegmentFit:

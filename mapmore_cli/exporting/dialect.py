@@ -32,7 +32,7 @@ class Dialect:
 
 
 C_FUNCTIONS = {
-    **{name: name for name in ("exp", "log", "sqrt", "sin", "cos", "tan", "atan", "sinh", "cosh", "tanh", "pow")},
+    **{name: name for name in ("exp", "log", "sqrt", "sin", "cos", "tan", "atan", "sinh", "cosh", "tanh", "expm1", "log1p", "pow")},
     "abs": "fabs",
     "sign": "sign_of",
 }

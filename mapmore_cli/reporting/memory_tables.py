@@ -23,6 +23,17 @@ def states_table(states: StateSet) -> Table:
     return Table("states", "States with memory", columns, tuple(rows), notes)
 
 
+def identified_table(fit: MemoryFit) -> Table:
+    """The numbers of operators that training found; no rows where the dictionary left none open."""
+    columns = (Column("number"), Column("value", "", "#.6g"), Column("standard error", "", ".3g"), Column("at a bound"))
+    found, rows = fit.identified, list[tuple[Cell, ...]]()
+    if found is not None:
+        cells = zip(found.names, found.numbers.tolist(), found.errors.tolist(), found.held.tolist(), strict=True)
+        rows += [(name, value, error if math.isfinite(error) else None, "yes" if held else "no") for name, value, error, held in cells]
+    notes = ("Found with the coefficients in free run. A number at a bound of its search is not told by the data.",)
+    return Table("identified", "Numbers of operators that training found", columns, tuple(rows), notes)
+
+
 def substitutes_table(fit: MemoryFit) -> Table:
     """For every term the candidate that would serve best in its place, beside the other terms; no rows without a ridge."""
     columns = (Column("term"), Column("best substitute"), Column("its gain over the term's own", "%", ".1f"))

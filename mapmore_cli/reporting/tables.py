@@ -10,7 +10,7 @@ from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.modelling.scores.metrics import Band, bands
 from mapmore_cli.modelling.scores.repeatability import floors
 from mapmore_cli.reporting.inputs import ReportInputs
-from mapmore_cli.reporting.memory_tables import sizes_table, states_table, substitutes_table
+from mapmore_cli.reporting.memory_tables import identified_table, sizes_table, states_table, substitutes_table
 from mapmore_cli.reporting.model_tables import (
     coefficients_table,
     equations_table,
@@ -44,7 +44,11 @@ def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
         folds_table(inputs.model.pieces.cross_validation if inputs.model.pieces else (), inputs.target.unit),
         *((sections_table(inputs.motions, inputs.target.unit), waveforms_table(inputs)) if inputs.motions else ()),
         *inputs.published_tables,
-        *((states_table(memory.model.states), substitutes_table(memory), sizes_table(memory)) if memory is not None else ()),
+        *(
+            (states_table(memory.model.states), substitutes_table(memory), sizes_table(memory), identified_table(memory))
+            if memory is not None
+            else ()
+        ),
     )
 
 

@@ -199,6 +199,9 @@ OPERATORS = (
     "slow(play(pressure, 0.1), 0.05)[k-2]",
     "play(pressure[k-2], 0.15)",
     "stop(slow(pressure, 0.05), 0.2)",
+    "wen(pressure, 2, 9)",
+    "wen_stiffening(strain, -1.4, 0)",
+    "dahl(pressure[k-2], 30)",
 )
 FED_BACK = ("force[k-1]", "force[k-3]", "pressure", "pressure[k-2]")
 WITH_MEMORY = {
@@ -209,6 +212,11 @@ WITH_MEMORY = {
     "operators of the output": memory(
         ("slow(force[k-1], 0.1)", "play(force[k-2], 0.1)[k-1]", "stop(force[k-1], 0.05)", "pressure", "pressure[k-6]"),
         ("slow(force[k-1], 0.1)", "play(force[k-2], 0.1)[k-1]*pressure", "stop(force[k-1], 0.05)", "pressure[k-6]", "pressure"),
+        gain=90.0,
+    ),
+    "hysteresis of the output": memory(
+        ("wen(force[k-1], 0, 7)", "dahl(force[k-1], 3)", "force[k-1]", "pressure"),
+        ("wen(force[k-1], 0, 7)", "dahl(force[k-1], 3)*pressure", "force[k-1]", "pressure"),
         gain=90.0,
     ),
     "diverging": memory(FED_BACK, ("force[k-1]", "pressure"), scaled=False, theta=(1.03, 0.01)),

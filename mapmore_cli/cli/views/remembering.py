@@ -25,17 +25,19 @@ def fit_document(fit: MemoryFit | None) -> dict[str, Any] | None:
         "substitutes": [fit.candidates[place] if place >= 0 else None for place in fit.substitutes],
         "shares": fit.shares,
         "held_out": fit.held_out,
+        "identified": None if fit.identified is None else asdict(fit.identified),
     }
     return {**asdict(fit.model), **found}
 
 
 def fit_tables(fit: MemoryFit) -> tuple[Table, ...]:
     """What else would have served, where a ridge tells; then the tables of the model."""
-    from mapmore_cli.reporting.memory_tables import sizes_table, substitutes_table
+    from mapmore_cli.reporting.memory_tables import identified_table, sizes_table, substitutes_table
 
     others = (substitutes_table(fit),) if len(fit.substitutes) else ()
     sizes = (sizes_table(fit),) if fit.held_out is not None else ()
-    return (*others, *sizes, *model_tables(fit.model))
+    found = (identified_table(fit),) if fit.identified is not None else ()
+    return (*found, *others, *sizes, *model_tables(fit.model))
 
 
 def model_tables(memory: MemoryModel) -> tuple[Table, ...]:

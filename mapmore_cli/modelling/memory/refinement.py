@@ -7,7 +7,8 @@ tame as one step ahead; each horizon starts from the coefficients of the one bef
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -23,6 +24,9 @@ LEAST_GROWTH = 1.2
 
 DAMPING, MOST_DAMPING = 1e-3, 1e8
 """Levenberg-Marquardt's factor at the start, and where a step is given up."""
+
+NUDGE = 1e-5
+"""Way, in the search, over which a number of an operator is moved for its difference quotient."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +47,8 @@ class Coefficients:
 
     Attributes
     ----------
+    numbers
+        (m,) the operators' numbers that are searched as well, as `Unknown.searched` says.
     sse
         Sum of squared simulation errors over the counted samples.
     penalty
@@ -56,6 +62,7 @@ class Coefficients:
     sse: float = np.inf
     penalty: float = 0.0
     runs: tuple[Trajectory, ...] = ()
+    numbers: Array = field(default_factory=lambda: np.empty(0))
 
     @property
     def error(self) -> float:
@@ -77,6 +84,10 @@ class Problem:
         (k,) penalty of each squared coefficient.
     free_constant
         Whether the model has a constant of its own.
+    moved
+        The pieces with other numbers of operators, (m,).
+    between
+        (m, 2) least and greatest of these numbers.
     """
 
     courses: tuple[Course, ...]
@@ -84,6 +95,8 @@ class Problem:
     bounds: tuple[float, float]
     ridge: Array
     free_constant: bool
+    moved: Callable[[Array], tuple[Course, ...]] | None = None
+    between: Array = field(default_factory=lambda: np.empty((0, 2)))
 
     @property
     def longest(self) -> int:
@@ -99,25 +112,60 @@ class Problem:
         """The point with its runs and its error; `near` is one whose runs are known to be alike."""
         runs: list[Trajectory] = []
         sse = 0.0
-        for place, (course, rows) in enumerate(zip(self.courses, self.counted, strict=True)):
+        for place, (course, rows) in enumerate(zip(self.courses_at(point), self.counted, strict=True)):
             guess = None if near is None or not near.runs else near.runs[place].output
             run = run_at_once(course, point.theta, point.constant, self.bounds, horizon, guess)
             runs.append(run or course.run(point.theta, point.constant, self.bounds, horizon))
             if len(runs[-1].output) < course.size:
-                return Coefficients(point.theta, point.constant)
+                return Coefficients(point.theta, point.constant, numbers=point.numbers)
             sse += float(np.sum((course.measured[course.start :] - runs[-1].output)[rows] ** 2))
-        return Coefficients(point.theta, point.constant, sse, float(self.ridge @ point.theta**2), tuple(runs))
+        return replace(point, sse=sse, penalty=float(self.ridge @ point.theta**2), runs=tuple(runs))
 
-    def normal(self, point: Coefficients) -> tuple[Array, Array]:
-        """Half the curvature `J'J + ridge` and half the downhill gradient of the error along a point's runs, by theta and the constant."""
-        size = len(point.theta) + 1
+    def courses_at(self, point: Coefficients) -> tuple[Course, ...]:
+        """The pieces with the operators' numbers of a point."""
+        return self.courses if self.moved is None else self.moved(point.numbers)
+
+    def normal(self, point: Coefficients, horizon: int | None = None) -> tuple[Array, Array]:
+        """Half the curvature `J'J + ridge` and half the downhill gradient of the error along a point's runs.
+
+        By theta, the constant, and the numbers of operators; the latter by central differences of the run.
+        """
+        size = len(point.theta) + 1 + len(point.numbers)
         curvature, downhill = np.zeros((size, size)), np.zeros(size)
-        for course, rows, run in zip(self.courses, self.counted, point.runs, strict=True):
-            jacobian = Linearised(course, run, point.theta).sensitivities()[rows]
+        by_numbers = [self._by_number(point, place, horizon) for place in range(len(point.numbers))]
+        for place, (course, rows, run) in enumerate(zip(self.courses_at(point), self.counted, point.runs, strict=True)):
+            own = Linearised(course, run, point.theta).sensitivities()[rows]
+            jacobian = np.column_stack([own, *(slopes[place][rows] for slopes in by_numbers)])
             curvature += jacobian.T @ jacobian
             downhill += jacobian.T @ (course.measured[course.start :] - run.output)[rows]
-        ridge = np.append(self.ridge, 0.0)
-        return curvature + np.diag(ridge), downhill - ridge * np.append(point.theta, 0.0)
+        ridge, theta = np.zeros(size), np.zeros(size)
+        ridge[: len(point.theta)], theta[: len(point.theta)] = self.ridge, point.theta
+        return curvature + np.diag(ridge), downhill - ridge * theta
+
+    def _by_number(self, point: Coefficients, place: int, horizon: int | None) -> list[Array]:
+        """Derivatives of all runs by one number of an operator; one-sided at a bound, and where a run to the other side diverges."""
+        ends = []
+        for way in (NUDGE, -NUDGE):
+            numbers = point.numbers.copy()
+            numbers[place] = np.clip(numbers[place] + way, *self.between[place])
+            found = self.at(replace(point, numbers=numbers), horizon, point)
+            ends.append((numbers[place] - point.numbers[place], found.runs) if np.isfinite(found.error) else (0.0, point.runs))
+        (up, above), (down, below) = ends
+        apart = up - down or np.inf
+        return [(one.output - other.output) / apart for one, other in zip(above, below, strict=True)]
+
+    def free(self, point: Coefficients, downhill: Array) -> BoolArray:
+        """(k + 1 + m,) what may move: not a number at a bound that the search wants to leave."""
+        numbers = downhill[len(point.theta) + 1 :]
+        low, high = self.between.T
+        held = ((point.numbers <= low) & (numbers < 0)) | ((point.numbers >= high) & (numbers > 0))
+        return np.concatenate([np.ones(len(point.theta), dtype=np.bool_), [self.free_constant], ~held])
+
+    def step(self, point: Coefficients, move: Array) -> Coefficients:
+        """The point moved, numbers within their bounds."""
+        k = len(point.theta)
+        numbers = np.clip(point.numbers + move[k + 1 :], *self.between.T) if len(point.numbers) else point.numbers
+        return Coefficients(point.theta + move[:k], point.constant + float(move[k]), numbers=numbers)
 
 
 def refine(problem: Problem, start: Coefficients, effort: Effort) -> Coefficients:
@@ -144,7 +192,7 @@ def minimise(problem: Problem, start: Coefficients, horizon: int | None, effort:
     for _ in range(effort.iterations):
         if not np.isfinite(point.error):
             return point
-        curvature, downhill = problem.normal(point)
+        curvature, downhill = problem.normal(point, horizon)
         if not (np.isfinite(curvature).all() and np.isfinite(downhill).all()):
             return point
         better, damping = _step(problem, point, horizon, (curvature, downhill), damping)
@@ -162,24 +210,31 @@ def _step(
 ) -> tuple[Coefficients | None, float]:
     """The next point, None where there is no better one; and the damping to go on with."""
     curvature, downhill = normal
-    free = slice(None) if problem.free_constant else slice(-1)
-    diagonal = np.diag(np.maximum(np.diag(curvature), np.finfo(np.float64).tiny))
+    free = problem.free(point, downhill)
+    size = np.sqrt(np.maximum(np.diag(curvature)[free], np.finfo(np.float64).tiny))
+    alike = curvature[np.ix_(free, free)] / size / size[:, None]  # of unit diagonal: coefficients differ by orders of magnitude
     while damping <= MOST_DAMPING:
         move = np.zeros(len(downhill))
-        move[free] = np.linalg.lstsq((curvature + damping * diagonal)[free, free], downhill[free], rcond=None)[0]
-        found = problem.at(Coefficients(point.theta + move[:-1], point.constant + float(move[-1])), horizon, point)
+        move[free] = np.linalg.lstsq(alike + damping * np.eye(len(size)), downhill[free] / size, rcond=None)[0] / size
+        found = problem.at(problem.step(point, move), horizon, point)
         if found.error < point.error:
             return found, damping / 10
         damping *= 10
     return None, damping
 
 
-def standard_errors(problem: Problem, point: Coefficients) -> Array:
-    """(k,) standard errors of theta from the curvature of the simulation error; NaN without a degree of freedom or a finite curvature."""
-    free = slice(None) if problem.free_constant else slice(-1)
-    curvature = problem.normal(problem.at(point))[0][free, free]
-    freedom = problem.samples - len(curvature)
-    if freedom <= 0 or not np.isfinite(curvature).all():
-        return np.full(len(point.theta), np.nan)
-    spread = np.sqrt(np.maximum(np.diag(np.linalg.pinv(curvature, hermitian=True)), 0.0))
-    return np.asarray(spread[: len(point.theta)] * np.sqrt(point.sse / freedom))
+def standard_errors(problem: Problem, point: Coefficients) -> tuple[Array, Array]:
+    """Standard errors of theta (k,) and of the operators' numbers (m,), from the curvature of the simulation error.
+
+    NaN without a degree of freedom or a finite curvature, and for a number at its bound.
+    """
+    point = problem.at(point)
+    curvature, downhill = problem.normal(point)
+    free = problem.free(point, downhill)
+    errors = np.full(len(free), np.nan)
+    freedom = problem.samples - int(free.sum())
+    if freedom > 0 and np.isfinite(curvature).all():
+        size = np.sqrt(np.maximum(np.diag(curvature)[free], np.finfo(np.float64).tiny))
+        spread = np.diag(np.linalg.pinv(curvature[np.ix_(free, free)] / size / size[:, None], hermitian=True)) / size**2
+        errors[free] = np.sqrt(np.maximum(spread, 0.0) * point.sse / freedom)
+    return errors[: len(point.theta)], errors[len(point.theta) + 1 :]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +17,16 @@ from mapmore_cli.modelling.terms.operators import OPERATORS
 from mapmore_cli.modelling.terms.states import Measured, Operated, State, state
 
 
-def resolve(names: Sequence[str], records: Sequence[Record], target: str, step: float, *, scale: bool, margin: float) -> StateSet:
+def resolve(
+    names: Sequence[str],
+    records: Sequence[Record],
+    target: str,
+    step: float,
+    *,
+    scale: bool,
+    margin: float,
+    resonances: Mapping[str, tuple[float, float]] | None = None,
+) -> StateSet:
     """The states of these names, with every number that they need.
 
     Parameters
@@ -30,13 +39,15 @@ def resolve(names: Sequence[str], records: Sequence[Record], target: str, step: 
         Time between samples, s.
     scale
         Whether states are scaled to [0, 1] on the training samples and clipped `margin` beyond.
+    resonances
+        Those that were found already.
 
     Raises
     ------
     DataError
         Where a quantity is missing, or no training sample has a value of every state.
     """
-    states = StateSet(tuple(names), step, {}, {}, np.empty(0), np.empty(0), margin)
+    states = StateSet(tuple(names), step, {}, dict(resonances or {}), np.empty(0), np.empty(0), margin)
     known: list[Known] = [{} for _ in records]
     for found in dict.fromkeys(part for name in names for part in _parts(state(name))):
         if isinstance(found, Operated):

@@ -37,6 +37,8 @@ SLOPES: Mapping[str, Callable[[Expression], Expression]] = MappingProxyType(
         "sinh": lambda x: call("cosh", x),
         "cosh": lambda x: call("sinh", x),
         "tanh": lambda x: power(call("cosh", x), -2),
+        "expm1": lambda x: call("exp", x),
+        "log1p": lambda x: power(add(ONE, x), -1),
     }
 )
 """Derivative of every function with respect to its argument (zero at the kinks of `abs` and `sign`)."""

@@ -31,5 +31,7 @@ FUNCTIONS: Mapping[str, Function] = MappingProxyType(
         "sinh": Function(np.sinh, r"\sinh\left(#\right)"),
         "cosh": Function(np.cosh, r"\cosh\left(#\right)"),
         "tanh": Function(np.tanh, r"\tanh\left(#\right)"),
+        "expm1": Function(np.expm1, r"\left(\exp\left(#\right) - 1\right)"),
+        "log1p": Function(np.log1p, r"\ln\left(1 + #\right)"),
     }
 )

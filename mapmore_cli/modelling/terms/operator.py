@@ -26,14 +26,18 @@ class Parameter:
         The unit that a name's number is in; `1` for a ratio.
     example
         A value as a spec's author would write it.
-    below
-        What it has to be smaller than; every number is positive.
+    above, below
+        What it has to be larger and smaller than.
+    between
+        Least and greatest value that training tries, of the time between samples and the longest piece's duration, both s.
     """
 
     key: str
     unit: Literal["s", "Hz", "1"]
     example: str
     below: float = math.inf
+    above: float = 0.0
+    between: Callable[[float, float], tuple[float, float]] | None = None
 
 
 @dataclass(frozen=True)
@@ -133,6 +137,8 @@ class Operator:
     needs
         What training has to find of the source: its `range`, which widths are fractions of; or the `oscillator` that it drives, where the
         name has no numbers.
+    starts
+        Where training can find its numbers: sets of them to begin from, of the time between samples and the longest piece's duration, s.
     spread
         Numbers where a spec gives a `count` of them: of that count, the time between samples and the longest piece's duration, both s.
     family
@@ -146,6 +152,7 @@ class Operator:
     recursion: Callable[[Setting], Recursion]
     parameters: tuple[Parameter, ...] = ()
     needs: Literal["range", "oscillator"] | None = None
+    starts: Callable[[float, float], tuple[tuple[float, ...], ...]] | None = None
     spread: Callable[[int, float, float], tuple[float, ...]] | None = None
     family: str = ""
     along: Callable[[Array, Setting], Array] | None = None
@@ -153,7 +160,12 @@ class Operator:
     @property
     def counts(self) -> tuple[int, ...]:
         """How many numbers may stand in a name: none as well, where training finds them."""
-        return (0, len(self.parameters)) if self.needs == "oscillator" else (len(self.parameters),)
+        return (0, len(self.parameters)) if self.found else (len(self.parameters),)
+
+    @property
+    def found(self) -> bool:
+        """Whether training finds numbers that a name leaves out."""
+        return self.needs == "oscillator" or self.starts is not None
 
     @property
     def latex(self) -> str:

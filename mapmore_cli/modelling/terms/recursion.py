@@ -19,7 +19,7 @@ class _Floats:
         return chosen() if callable(chosen) else chosen
 
     def clip(self, x: Any, low: Any, high: Any) -> Any:
-        return low if x < low else high if x > high else x
+        return low if low is not None and x < low else high if high is not None and x > high else x
 
     def call(self, function: str, x: Any) -> Any:
         return float(FUNCTIONS[function].compute(x))

@@ -19,7 +19,7 @@ MAX_NESTING = 8
 MAX_STEPS = 1_000_000
 _SPACE = re.compile(r"\s*", re.ASCII)
 _IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*", re.ASCII)
-_NUMBER = re.compile(r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?", re.ASCII)
+_NUMBER = re.compile(r"-?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?", re.ASCII)
 _LAG = re.compile(r"\[\s*k\s*-\s*([0-9]{1,7})\s*\]", re.ASCII)
 
 
@@ -129,8 +129,8 @@ def _operated(text: str, name: str, end: int, depth: int) -> tuple[State, int]:
     numbers: list[float] = []
     while (comma := _past(text, end, ",")) is not None:
         digits = _NUMBER.match(text, comma)
-        if digits is None or not 0 < float(digits[0]) < math.inf:
-            raise ExpressionError(f"expected a positive number for `{name}`", comma)
+        if digits is None or not math.isfinite(float(digits[0])):
+            raise ExpressionError(f"expected a number for `{name}`", comma)
         numbers.append(float(digits[0]))
         end = digits.end()
     closing = _past(text, end, ")")
@@ -141,8 +141,9 @@ def _operated(text: str, name: str, end: int, depth: int) -> tuple[State, int]:
         wanted = " or ".join(map(str, operator.counts))
         raise ExpressionError(f"`{name}` takes {wanted} number(s) after its source, not {len(numbers)}", closing - 1)
     for number, parameter in zip(numbers, operator.parameters, strict=False):
-        if number >= parameter.below:
-            raise ExpressionError(f"`{parameter.key}` of `{name}` lies between 0 and {parameter.below:g}, not {number:g}", closing - 1)
+        if not parameter.above < number < parameter.below:
+            limits = f"lies between {parameter.above:g} and {parameter.below:g}"
+            raise ExpressionError(f"`{parameter.key}` of `{name}` {limits}, not {number:g}", closing - 1)
     return Operated(name, source, tuple(numbers)), closing
 
 

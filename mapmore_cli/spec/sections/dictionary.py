@@ -33,16 +33,17 @@ class OperatorFamily(Section):
         """The numbers of each state; `step` is the time between samples, `longest` the duration of the longest piece, s."""
         keys = [parameter.key for parameter in self.operator.parameters]
         if len(keys) == 1:
-            given = getattr(self, keys[0])
-            if given is None and self.operator.spread is not None:
-                given = self.operator.spread(getattr(self, "count", 1), step, longest)
-            return [(number,) for number in given]
+            given, count = getattr(self, keys[0]), getattr(self, "count", None)
+            if count is not None and self.operator.spread is not None:
+                given = self.operator.spread(count, step, longest)
+            return [(number,) for number in given or ()]
         return [tuple(number for key in keys if (number := getattr(self, key)) is not None)]
 
     @model_validator(mode="after")
     def _complete(self) -> OperatorFamily:
         name, parameters = self.operator.name, self.operator.parameters
-        if self.operator.spread is not None and (getattr(self, parameters[0].key) is None) == (getattr(self, "count", None) is None):
+        given = [getattr(self, key, None) is not None for key in (*(one.key for one in parameters[:1]), "count")]
+        if self.operator.spread is not None and (all(given) or not (any(given) or self.operator.found)):
             key, example = parameters[0].key, parameters[0].example
             raise Contradiction(f"`{name}` takes either `{key}` or `count`", f"give one of both, as `{key}: [{example}]`", "count", "of")
         missing = [parameter.key for parameter in parameters if getattr(self, parameter.key) is None]
@@ -53,18 +54,18 @@ class OperatorFamily(Section):
 
 
 def _number(parameter: Parameter) -> Any:
-    bounds = Field(gt=0) if parameter.below == float("inf") else Field(gt=0, lt=parameter.below)
+    bounds = Field(gt=parameter.above) if parameter.below == float("inf") else Field(gt=parameter.above, lt=parameter.below)
     return Annotated[float, bounds, InUnit(lambda _, unit=parameter.unit: unit)]  # type: ignore[misc]
 
 
 def _fields(operator: Operator) -> dict[str, Any]:
     parameters = operator.parameters
     if len(parameters) != 1:
-        default = None if operator.needs == "oscillator" else ...
+        default = None if operator.found else ...
         return {one.key: (_number(one) | None if default is None else _number(one), default) for one in parameters}
     many = Annotated[list[_number(parameters[0])], Field(min_length=1)]  # type: ignore[misc, valid-type]
     if operator.spread is None:
-        return {parameters[0].key: (many, ...)}
+        return {parameters[0].key: (many | None, None) if operator.found else (many, ...)}
     return {parameters[0].key: (many | None, None), "count": (Count | None, None)}
 
 

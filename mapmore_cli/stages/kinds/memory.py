@@ -38,7 +38,8 @@ def _fitted(part: FitChoices, dataset: Dataset, progress: Callable[[int, int], N
     records = records_of(curves, step)
     clock = Clock(step, step * max(int(record.training.sum()) for record in records))
     recipe = taken(MemoryRecipe, part.fit, target=dataset.target, dictionary=terms_of(part.dictionary, clock), step=step)
-    return FitResult(fit_with_memory(records, recipe, progress), backbone)
+    found = fit_with_memory(records, recipe, progress)
+    return FitResult(found, backbone, () if found.identified is None else found.identified.notes)
 
 
 def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:

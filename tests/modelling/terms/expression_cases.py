@@ -20,7 +20,7 @@ _NUMBERS = st.one_of(
     st.floats(1e-3, 1e3).map(repr),
     st.sampled_from(["0.0", "1.0", "1e-05", "2.5e+16", ".5", "3."]),
 )
-_ANALYTIC = ("exp", "log", "sqrt", "sin", "cos", "tan", "atan", "sinh", "cosh", "tanh")
+_ANALYTIC = ("exp", "log", "sqrt", "sin", "cos", "tan", "atan", "sinh", "cosh", "tanh", "expm1", "log1p")
 _OPERATIONS = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -57,7 +57,8 @@ def by_python(text: str, values: Mapping[str, complex], nudge: float = 0.0) -> c
 
     `nudge` changes every number and name a little, each occurrence differently, to tell where rounding decides.
     """
-    functions = {name: getattr(cmath, name) for name in _ANALYTIC}
+    functions = {name: getattr(cmath, name) for name in _ANALYTIC if hasattr(cmath, name)}
+    functions |= {"expm1": lambda z: complex(np.expm1(complex(z))), "log1p": lambda z: complex(np.log1p(complex(z)))}
     functions |= {"abs": lambda z: complex(abs(z.real)), "sign": lambda z: complex((z.real > 0) - (z.real < 0))}
     return _walk(_body(text), values, functions, lambda value, place: complex(value) * (1 + nudge * math.sin(place + 1)))
 

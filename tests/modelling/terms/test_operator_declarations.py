@@ -22,7 +22,7 @@ from mapmore_cli.modelling.terms.recursion import FLOATS, along, followed
 sys.path.append(str(Path(__file__).parents[2] / "exporting"))
 
 PATHS = arrays(float, st.integers(1, 40), elements=st.floats(-10, 10, width=16))
-NUMBERS = {"tau": (0.05,), "widths": (0.11,), "frequency": (4.0, 0.2)}
+NUMBERS = {"tau": (0.05,), "widths": (0.11,), "frequency": (4.0, 0.2), "p": (1.5, 7.0), "rate": (3.0,)}
 
 
 def setting_of(name):

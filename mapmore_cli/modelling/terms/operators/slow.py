@@ -11,6 +11,12 @@ from mapmore_cli.modelling.terms.operator import Operator, Parameter, Recursion,
 QUICKEST, SLOWEST = 10, 0.25
 """Spread time constants lie between so many samples and this fraction of the longest piece."""
 
+BEYOND = 100.0
+"""Times the longest piece: what is slower than that is a drift at a constant rate."""
+
+STARTING = 6
+"""Time constants that a search begins from."""
+
 
 def recursion(setting: Setting) -> Recursion:
     """Return `s[k] = a s[k-1] + (1 - a) x[k]`, `a = exp(-step/tau)`."""
@@ -29,9 +35,10 @@ OPERATORS = (
     Operator(
         name="slow",
         summary="First-order lags of the quantities `of`, with time constants `tau`, or a `count` of them spread over what the recordings "
-        "can show.",
+        "can show; training finds one that is given by neither.",
         recursion=recursion,
-        parameters=(Parameter("tau", "s", "50 ms"),),
+        parameters=(Parameter("tau", "s", "50 ms", between=lambda step, longest: (0.5 * step, BEYOND * longest)),),
+        starts=lambda step, longest: tuple((tau,) for tau in spread_times(STARTING, step, 4 * longest)),
         spread=spread_times,
     ),
 )

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mapmore_cli.domain.memory import MemoryFit, MemoryModel, StateSet
+from mapmore_cli.domain.memory import Identified, MemoryFit, MemoryModel, StateSet
 from mapmore_cli.modelling.terms import ExpressionError, state
 from mapmore_cli.storage.artefacts.codecs import named, number, numbers, optional, shown
 from mapmore_cli.storage.artefacts.label import NO_UNIT
 from mapmore_cli.storage.artefacts.layout.cells import (
     ANY_REALS,
+    FLAGS,
     INDICES,
     LIMITS,
     NAME,
@@ -83,6 +84,18 @@ def _memory_fit_faults(fit: MemoryFit) -> Iterator[Fault]:
             yield field, f"names candidate {indices.max()} of {len(fit.candidates)}"
 
 
+IDENTIFIED = Schema(
+    Identified,
+    "Numbers of operators that training found.",
+    (
+        Field("names", TEXTS, "(m) as `p of wen(force[k-1])`", NO_UNIT),
+        Field("numbers", REALS, "(m) the numbers", "s, Hz or 1"),
+        Field("errors", ANY_REALS, "(m) standard errors; NaN at a bound", "those of the numbers"),
+        Field("held", FLAGS, "(m) 1 where the search ended at a bound", NO_UNIT),
+    ),
+)
+
+
 MEMORY_FIT = Schema(
     MemoryFit,
     "A model with memory, and how its k terms were chosen of M candidates.",
@@ -104,6 +117,12 @@ MEMORY_FIT = Schema(
             optional(ANY_REALS),
             "free-run RMSE of the models of 1, 2, ... terms over the last training samples, fitted to the others; inf where diverged",
             "[target]",
+        ),
+        Field(
+            "identified",
+            optional(record(IDENTIFIED)),
+            "the numbers of operators that the dictionary left open, where it left any",
+            NO_UNIT,
         ),
     ),
     rule=_memory_fit_faults,

@@ -1,0 +1,98 @@
+"""Numbers of operators that training finds: against records that were made with known ones, and against an integrator of their equation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from memory_samples import STEP, recipe_of, record, wandering
+from scipy.integrate import solve_ivp
+
+from mapmore_cli.modelling.memory import fit_with_memory, free_run
+from mapmore_cli.modelling.memory.identification import unknown
+from mapmore_cli.modelling.terms import state
+from mapmore_cli.modelling.terms.operator import Setting
+from mapmore_cli.modelling.terms.operators import OPERATORS
+from mapmore_cli.modelling.terms.recursion import FLOATS, along
+
+
+@pytest.mark.parametrize("rates", [(2.0, 8.0), (0.0, 3.0), (5.0, 0.0), (-1.4, 9.0), (30.0, 30.0)])
+def test_wen_solves_its_differential_equation(rates):
+    """The oracle integrates dz/du sample by sample with tight tolerances, whatever the branches."""
+    x = wandering(120, seed=3)
+    limits = (float(x.min()), float(x.max()))
+    z, expected = 0.0, [0.0]
+    for d in np.diff(x) / (limits[1] - limits[0]):
+        grows = np.sign(d)
+        rate = lambda _u, w, s=grows: s * (1 - (rates[0] if s * w[0] >= 0 else -rates[1]) * abs(w[0]))  # noqa: E731
+        z = float(solve_ivp(rate, (0, abs(d)), [z], rtol=1e-10, atol=1e-13, max_step=max(abs(d) / 20, 1e-12)).y[0, -1])
+        expected.append(z)
+    found = along(OPERATORS["wen_stiffening"], x, Setting(rates, STEP, limits))
+    np.testing.assert_allclose(found, expected, atol=1e-5 * np.abs(expected).max())
+    if rates[0] > 0:
+        assert np.abs(found).max() <= 1 / rates[0] + 1e-12
+
+
+def oscillator(operator, numbers, u, theta=(1.8, -0.9, 0.02, -0.05)):
+    """`y[k]` of two delays, the input and a hysteretic state of `y[k-1]`, whose range is found by running it twice."""
+    limits = (0.0, 1.0)
+    for _ in range(60):
+        rule = OPERATORS[operator].recursion(Setting(numbers, STEP, limits))
+        y, z = [0.0, 0.0], 0.0
+        for k in range(2, len(u)):
+            z = rule.next(FLOATS, z, y[-1], y[-2])
+            y.append(theta[0] * y[-1] + theta[1] * y[-2] + theta[2] * u[k] + theta[3] * z * (limits[1] - limits[0]))
+        reached = (min(y[:-1]), max(y[:-1]))
+        if np.allclose(reached, limits, rtol=1e-12):
+            break
+        limits = reached
+    return np.array(y)
+
+
+@pytest.mark.parametrize(("operator", "numbers"), [("wen", (3.0, 12.0)), ("dahl", (25.0,))])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_hysteretic_oscillator_is_found_again(operator, numbers, seed):
+    u = wandering(900, seed) + np.random.default_rng(seed).normal(0, 1, 900)
+    y = oscillator(operator, numbers, u)
+    fit = fit_with_memory(
+        [record(u=u, y=y)],
+        recipe_of("y", ["y[k-1]", "y[k-2]", "u", f"{operator}(y[k-1])"], max_terms=4, criterion="free_run"),
+    )
+    np.testing.assert_allclose(fit.identified.numbers, numbers, rtol=0.01)
+    assert not fit.identified.held.any()
+    assert np.abs(free_run(fit.model, {"u": u, "y": y}).values[2:] - y[2:]).max() < 1e-3 * np.ptp(y)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_slow_state_and_a_play_are_found_again(seed):
+    x = wandering(1500, seed)
+    truth = along(OPERATORS["slow"], x, Setting((0.37,), STEP))
+    y = 2 * truth + along(OPERATORS["play"], x, Setting((0.1,), STEP, (x.min(), x.max())))
+    fit = fit_with_memory([record(x=x, y=y)], recipe_of("y", ["x", "slow(x)", "play(x, 0.1)"], max_terms=2))
+    assert fit.identified.names == ("tau of slow(x)",)
+    assert fit.identified.numbers == pytest.approx([0.37], rel=1e-4)
+
+
+def test_open_numbers_follow_terms_whatever_order_they_are_chosen_in():
+    x = wandering(1500, 5)
+    y = along(OPERATORS["slow"], x, Setting((0.2,), STEP)) ** 2 + 0.5 * along(OPERATORS["slow"], x, Setting((0.2,), STEP)) * x
+    dictionary = ["x", "x*slow(x)", "slow(x)", "slow(x)^2", "x^2"]
+    fit = fit_with_memory([record(x=x, y=y)], recipe_of("y", dictionary, max_terms=5, scaling="range", margin=0.5, ridge=1e-9))
+    assert fit.identified.numbers == pytest.approx([0.2], rel=1e-3)
+    assert set(fit.model.states.names) == {"x", f"slow(x, {float(fit.identified.numbers[0])!r})"}
+
+
+def test_a_number_at_its_bound_is_told():
+    u = wandering(900, 4) + np.random.default_rng(4).normal(0, 1, 900)
+    y = oscillator("wen_stiffening", (-1.5, 6.0), u)
+    recipe = recipe_of("y", ["y[k-1]", "y[k-2]", "u", "wen(y[k-1])"], max_terms=4, criterion="free_run")
+    fit = fit_with_memory([record(u=u, y=y)], recipe)
+    assert fit.identified.held.tolist() == [True, False]
+    assert np.isnan(fit.identified.errors[0])
+    assert "p of wen(y[k-1]) = 0 lies at a bound" in fit.identified.notes[0]
+
+
+def test_what_is_left_open_is_inside_other_states_too():
+    found = unknown(["x*slow(wen(y[k-1]))[k-1]", "play(x, 0.1)", "slow(wen(y[k-1]))"], STEP, 10.0)
+    assert [one.name for one in found.states] == ["wen(y[k-1])", "slow(wen(y[k-1]))"]
+    (text,) = found.filled(["x*slow(wen(y[k-1]))[k-1]"], (1.0, 2.0, 0.5))
+    assert state("slow(wen(y[k-1], 1, 2), 0.5)[k-1]").name in text
