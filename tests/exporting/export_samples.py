@@ -118,7 +118,7 @@ def memory(
     theta: tuple[float, ...] = (),
 ) -> Model:
     rng = np.random.default_rng(3)
-    ranges = dict.fromkeys(("pressure", "pressure[k-2]", "slow(pressure, 0.05)", "force[k-1]", "force[k-2]"), (0.0, 500.0)) | {
+    ranges = dict.fromkeys(("pressure", "pressure[k-2]", "slow(pressure, 0.05)", "force[k-1]", "force[k-2]", "rate(strain)"), (0.0, 500.0)) | {
         "strain": (0.0, 0.2)
     }
     low = np.array([0.0 if "velocity" not in name else -300.0 for name in states])
@@ -202,6 +202,10 @@ OPERATORS = (
     "wen(pressure, 2, 9)",
     "wen_stiffening(strain, -1.4, 0)",
     "dahl(pressure[k-2], 30)",
+    "creep(pressure, 4, 0.05)",
+    "coulomb(rate(strain), 0.1)",
+    "stribeck(rate(strain), 0.02, 0.2)",
+    "direction(play(pressure, 0.2))",
 )
 FED_BACK = ("force[k-1]", "force[k-3]", "pressure", "pressure[k-2]")
 WITH_MEMORY = {

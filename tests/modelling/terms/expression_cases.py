@@ -58,7 +58,8 @@ def by_python(text: str, values: Mapping[str, complex], nudge: float = 0.0) -> c
     `nudge` changes every number and name a little, each occurrence differently, to tell where rounding decides.
     """
     functions = {name: getattr(cmath, name) for name in _ANALYTIC if hasattr(cmath, name)}
-    functions |= {"expm1": lambda z: complex(np.expm1(complex(z))), "log1p": lambda z: complex(np.log1p(complex(z)))}
+    functions |= {"expm1": lambda z: complex(np.expm1(complex(z))) if abs(z) < 1 else cmath.exp(z) - 1}
+    functions |= {"log1p": lambda z: complex(np.log1p(complex(z))) if abs(z) < 0.5 else cmath.log(1 + z)}
     functions |= {"abs": lambda z: complex(abs(z.real)), "sign": lambda z: complex((z.real > 0) - (z.real < 0))}
     return _walk(_body(text), values, functions, lambda value, place: complex(value) * (1 + nudge * math.sin(place + 1)))
 

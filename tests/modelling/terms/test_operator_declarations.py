@@ -22,12 +22,12 @@ from mapmore_cli.modelling.terms.recursion import FLOATS, along, followed
 sys.path.append(str(Path(__file__).parents[2] / "exporting"))
 
 PATHS = arrays(float, st.integers(1, 40), elements=st.floats(-10, 10, width=16))
-NUMBERS = {"tau": (0.05,), "widths": (0.11,), "frequency": (4.0, 0.2), "p": (1.5, 7.0), "rate": (3.0,)}
+NUMBERS = {"tau": (0.05, 0.1), "widths": (0.11,), "frequency": (4.0, 0.2), "p": (1.5, 7.0), "rate": (3.0,), "v": (0.05, 0.2)}
 
 
 def setting_of(name):
     parameters = OPERATORS[name].parameters
-    return Setting(NUMBERS[parameters[0].key] if parameters else (), 0.01, (-3.0, 4.0))
+    return Setting(NUMBERS[parameters[0].key][: len(parameters)] if parameters else (), 0.01, (-3.0, 4.0))
 
 
 def sample_by_sample(operator, setting, x):
