@@ -118,9 +118,8 @@ def memory(
     theta: tuple[float, ...] = (),
 ) -> Model:
     rng = np.random.default_rng(3)
-    ranges = dict.fromkeys(("pressure", "pressure[k-2]", "slow(pressure, 0.05)", "force[k-1]", "force[k-2]", "rate(strain)"), (0.0, 500.0)) | {
-        "strain": (0.0, 0.2)
-    }
+    sources = ("pressure", "pressure[k-2]", "slow(pressure, 0.05)", "force[k-1]", "force[k-2]", "rate(strain)")
+    ranges = dict.fromkeys(sources, (0.0, 500.0)) | {"strain": (0.0, 0.2)}
     low = np.array([0.0 if "velocity" not in name else -300.0 for name in states])
     high = np.array([0.2 if "strain" in name else 400.0 for name in states])
     empty = np.empty(0)

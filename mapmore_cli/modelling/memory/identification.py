@@ -46,7 +46,7 @@ class Unknown:
     Attributes
     ----------
     states
-        Operators without their numbers, the innermost first, each once.
+        Operators without their numbers, the innermost first, each once; those of fewer terms keep their order.
     step, longest
         Time between samples and duration of the longest piece, s.
     """
@@ -110,8 +110,9 @@ class Unknown:
 
 def unknown(texts: Sequence[str], step: float, longest: float) -> Unknown:
     """What the terms leave open."""
-    states = (part for text in texts for name in sorted(parse(text).names) for part in _parts(state(name)))
-    return Unknown(tuple(dict.fromkeys(part for part in states if isinstance(part, Operated) and is_open(part))), step, longest)
+    states = {part for text in texts for name in parse(text).names for part in _parts(state(name))}
+    found = sorted((part for part in states if isinstance(part, Operated) and is_open(part)), key=lambda one: (len(one.name), one.name))
+    return Unknown(tuple(found), step, longest)
 
 
 Error = Callable[[tuple[float, ...]], float]

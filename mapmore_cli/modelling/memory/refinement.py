@@ -170,7 +170,8 @@ class Problem:
 
 def refine(problem: Problem, start: Coefficients, effort: Effort) -> Coefficients:
     """The coefficients of least error in free run, searched from `start`; of infinite error where no run along the way stays finite."""
-    point, last, horizon = start, 0, FIRST
+    fed_back = any(course.feedback.owns for course in problem.courses)
+    point, last, horizon = start, 0, FIRST if fed_back else problem.longest
     while True:
         whole = horizon >= problem.longest
         reached = minimise(problem, point, None if whole else horizon, effort if whole else QUICK)
