@@ -15,9 +15,8 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
 from mapmore_cli.domain.errors import UsageError
-from mapmore_cli.domain.models import CurveRange, Formula, Model, Pieces, Sum
-from mapmore_cli.modelling.kinds import predict, program_of
-from mapmore_cli.modelling.pieces.weights import zones
+from mapmore_cli.domain.models import Model
+from mapmore_cli.modelling.kinds import program_of
 from mapmore_cli.modelling.program.slopes import with_slopes
 from mapmore_cli.modelling.program.values import evaluator
 
@@ -76,9 +75,9 @@ def invert(model: Model, wanted: Array, given: Columns, name: str, rule: str = L
     """
     if rule not in (LOWEST, NEAREST):
         raise UsageError(f"there is no rule '{rule}'", f"take {LOWEST} or {NEAREST}")
-    slopes, ends = _slopes(model, name), knots(model, name)
+    evaluated, ends = _evaluated(model, name), knots(model, name)
     found = []
-    for start, line in _lines(model, slopes, wanted, given, name):
+    for start, line in _lines(model, evaluated, wanted, given, name):
         values, rows, flat = line.solutions(line.with_turning_points(ends))
         found.append((values, rows + start, flat))
     values, rows, flat = (np.concatenate(parts) for parts in zip(*found, strict=True))
@@ -105,13 +104,13 @@ def solve_for_input(model: Model, columns: Columns, name: str) -> SolvedInput:
     UsageError, DataError
         As `invert`.
     """
-    slopes = _slopes(model, name)
+    evaluated = _evaluated(model, name)
     needed = [model.output.name, *(quantity.name for quantity in model.inputs if quantity.name != name)]
     known = np.flatnonzero(np.logical_and.reduce([np.isfinite(columns[one]) for one in needed]))
     given = {one: np.asarray(columns[one], dtype=np.float64)[known] for one in needed}
     wanted, ends = given.pop(model.output.name), knots(model, name)
     values, solved = np.full(len(columns[needed[0]]), np.nan), np.zeros(len(columns[needed[0]]), dtype=np.bool_)
-    for start, line in _lines(model, slopes, wanted, given, name):
+    for start, line in _lines(model, evaluated, wanted, given, name):
         edges = line.with_turning_points(ends)
         solutions, rows, _ = line.solutions(edges)
         order = np.lexsort([solutions, rows])
@@ -121,33 +120,39 @@ def solve_for_input(model: Model, columns: Columns, name: str) -> SolvedInput:
     return SolvedInput(values, solved)
 
 
-def _slopes(model: Model, name: str) -> Callable[[Columns], list[Array]]:
+Evaluated = tuple[Callable[[Columns], list[Array]], Callable[[Columns], list[Array]]]
+"""The model ready for many rows: its output alone, and its output with its derivatives."""
+
+
+def _evaluated(model: Model, name: str) -> Evaluated:
     names = [quantity.name for quantity in model.inputs]
     if name not in names:
         raise UsageError(f"the model has no input '{name}'", f"it has {', '.join(names)}")
-    return evaluator(with_slopes(program_of(model)))
+    program = program_of(model)
+    slopes = evaluator(with_slopes(program))
+    return evaluator(program), slopes
 
 
-def _lines(model: Model, slopes: Callable[[Columns], list[Array]], wanted: Array, given: Columns, name: str) -> Iterator[tuple[int, _Line]]:
-    """The model along an input at some rows at a time, with the number of the first."""
+def _lines(model: Model, evaluated: Evaluated, wanted: Array, given: Columns, name: str) -> Iterator[tuple[int, _Line]]:
+    """Yield the model along an input at some rows at a time, with the number of the first."""
     names = [quantity.name for quantity in model.inputs]
     for start in range(0, len(wanted), CHUNK):
         part = slice(start, start + CHUNK)
-        yield start, _Line(model, slopes, name, names, wanted[part], {one: np.asarray(x)[part] for one, x in given.items()})
+        yield start, _Line(*evaluated, name, names, wanted[part], {one: np.asarray(x)[part] for one, x in given.items()})
 
 
 def knots(model: Model, name: str) -> Array:
-    """Ascending values of an input between which the model is smooth along it, and the ends of its training range.
+    """Return ascending values of an input between which the model is smooth along it, and the ends of its training range.
 
     Raises
     ------
     UsageError
         Where the range is not known, as of an input that a sum renames.
     """
-    found = sorted({edge for edge in _knots(model, name) if np.isfinite(edge)})
+    found = np.unique([place for place in program_of(model).knots.get(name, ()) if np.isfinite(place)])
     if len(found) < 2:
         raise UsageError(f"the training range of '{name}' is not known", "invert for an input that was varied in training")
-    return np.array(found)
+    return found
 
 
 def parts_between(knots: Array) -> int:
@@ -155,46 +160,11 @@ def parts_between(knots: Array) -> int:
     return max(SCAN, -(-PARTS // (len(knots) - 1)))
 
 
-def _knots(model: Model, name: str) -> list[float]:
-    match model.body:
-        case Pieces(level, variables, curves):
-            ends = [float(end) for curve in curves for v, b in zip(variables, curve.boundaries, strict=True) if v == name for end in b]
-            inner = [
-                float(edge)
-                for curve in curves
-                for v, b in zip(variables, curve.boundaries, strict=True)
-                if v == name
-                for side in zones(b, model.body.fusion.z_s)
-                for edge in side
-            ]
-            places = ends + inner + _range(model.body.ranges, level, name)
-            held = _held(model.body, name) if model.body.fusion.hold == "samples" else []
-            return places + [place for place in held if min(places) < place < max(places)]
-        case Formula(_, level, ranges):
-            return _range(ranges, level, name)
-        case Sum(parts):
-            return [edge for part in parts if name not in part.inputs for edge in _knots(part.model, name)]
-    return []
-
-
-def _held(body: Pieces, name: str) -> list[float]:
-    """Places from which a segment function is held beyond its samples, at a corner of the map."""
-    limits = [segment.limits[name] for segment in body.segments if name in segment.limits]
-    reaches = [body.fusion.z_s * (high - low) for low, high in limits]
-    return [place for (low, high), reach in zip(limits, reaches, strict=True) for place in (low - reach, high + reach)]
-
-
-def _range(ranges: tuple[CurveRange, ...], level: str | None, name: str) -> list[float]:
-    if name == level:
-        return [one.level for one in ranges if one.level is not None]
-    return [end for one in ranges if name in one.limits for end in one.limits[name]]
-
-
 @dataclass(frozen=True)
 class _Line:
     """The model along one input at each of n rows."""
 
-    model: Model
+    value: Callable[[Columns], list[Array]]
     slopes: Callable[[Columns], list[Array]]
     name: str
     names: list[str]
@@ -203,7 +173,7 @@ class _Line:
 
     def missing(self, x: Array, rows: IntArray) -> Array:
         """What is missing to the wanted output, (m,), at values of the input in some of the rows."""
-        return predict(self.model, self._columns(x, rows)) - self.wanted[rows]
+        return self.value(self._columns(x, rows))[0] - self.wanted[rows]
 
     def slope(self, x: Array, rows: IntArray) -> Array:
         """Derivative along the input there, (m,)."""

@@ -164,8 +164,7 @@ def slopes(model: Model, columns: Columns) -> dict[str, Array]:
     from mapmore_cli.modelling.program.values import evaluator
 
     _, *found = evaluator(with_slopes(program_of(model)))(columns)
-    finite = np.logical_and.reduce([np.isfinite(columns[quantity.name]) for quantity in model.inputs])
-    return {quantity.name: np.where(finite, slope, np.nan) for quantity, slope in zip(model.inputs, found, strict=True)}
+    return {quantity.name: slope for quantity, slope in zip(model.inputs, found, strict=True)}
 
 
 @cache

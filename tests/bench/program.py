@@ -11,9 +11,8 @@ import numpy as np
 from timing import median_seconds, medians_in_turn
 
 from mapmore_cli.modelling.kinds import predict
-from mapmore_cli.modelling.pieces.evaluation import level_values
-from mapmore_cli.modelling.pieces.scaling import prepared
-from mapmore_cli.modelling.pieces.weights import cell_weights, level_weights
+from mapmore_cli.modelling.pieces.definition import level_values, weight_of
+from mapmore_cli.modelling.terms import evaluate, parse
 from mapmore_cli.storage.artefacts import read_model
 
 STUDY = Path(__file__).parents[2] / "configs" / "m2" / "dmsp-20-88-static.yaml"
@@ -56,10 +55,9 @@ def small_table(folder):
 
 
 def evaluation(runs_folder):
-    """The fused model of that run at a million points, and the segment functions that are active there, each evaluated once.
+    """The fused model of that run at a million points, and the terms of the segments that count there, evaluated on rows in order.
 
-    The latter twice: on rows that lie in order, which is the floor, and on rows as they come, from which they are gathered and to which
-    the values are added.
+    The latter is the least that any evaluation has to do.
     """
     model = read_model(next(Path(runs_folder).rglob("model.h5")))
     rng = np.random.default_rng(0)
@@ -69,19 +67,12 @@ def evaluation(runs_folder):
         "pressure": rng.uniform(levels[0], levels[-1], POINTS),
         "strain": rng.uniform(0, max(curve.limits["strain"][1] for curve in body.curves), POINTS),
     }
-    parts = active_parts(body, columns)
-    ordered = [(segment, {name: x[rows] for name, x in columns.items()}) for segment, rows in parts]
-
-    def in_place():
-        y = np.zeros(POINTS)
-        for segment, rows in parts:
-            y[rows] += prepared(segment)({name: columns[name][rows] for name in segment.scaling.variables})
-
+    parts = [(segment, np.flatnonzero(weight_of(body, {segment.id}, columns))) for segment in body.segments]
+    ordered = [([parse(term) for term in segment.terms], {name: x[rows] for name, x in columns.items()}) for segment, rows in parts]
     took = medians_in_turn(
         {
             "fused_model": lambda: predict(model, columns),
-            "active_terms": lambda: [prepared(segment)(at) for segment, at in ordered],
-            "active_terms_in_place": in_place,
+            "active_terms": lambda: [evaluate(term, at) for terms, at in ordered for term in terms],
         },
         RUNS,
     )
@@ -91,15 +82,3 @@ def evaluation(runs_folder):
         **took,
         "evaluations_per_second": POINTS / took["fused_model"],
     }
-
-
-def active_parts(body, columns):
-    """Segment functions with the rows where their weight is not zero."""
-    weights = level_weights(columns["pressure"], level_values(body))
-    parts = []
-    for number, curve in enumerate(body.curves):
-        rows = np.flatnonzero(weights[:, number])
-        strain = np.clip(columns["strain"][rows], *curve.limits["strain"])
-        cells = cell_weights(strain, curve.boundaries[0], body.fusion.transition, body.fusion.z_s)
-        parts += [(segment, rows[np.flatnonzero(cells[:, segment.cell[0] - 1])]) for segment in curve.segments]
-    return parts

@@ -15,7 +15,7 @@ from export_samples import FORMULAS, STATIC, WITH_MEMORY
 from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.modelling.inverse import invert, knots
 from mapmore_cli.modelling.kinds import predict, slopes
-from mapmore_cli.modelling.pieces.weights import zones
+from mapmore_cli.modelling.pieces.definition import zones
 
 INVERTED = [("smooth levels", "pressure"), ("smooth levels", "strain"), ("backbone, shrunken", "pressure")]
 

@@ -13,7 +13,7 @@ from mapmore_cli.domain.models import CurveFunction, Equation, Fusion, Model, Pi
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
 from mapmore_cli.domain.results import FitResult, PiecesFit
 from mapmore_cli.domain.scores import Published, Score, Validation
-from mapmore_cli.modelling.pieces.weights import cell_weights, level_weights
+from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.reporting.inputs import ReportInputs
 
 QUANTITIES = {q.name: q for q in (Quantity("time", "s"), Quantity("pressure", "kPa"), Quantity("strain", "1"), Quantity("force", "N"))}
@@ -51,7 +51,7 @@ def build(
     segmentation = tuple(_segmented(c, segments) for c in trained)
     fit = FitResult(PiecesFit(tuple(_segment_fit(c, s) for c, cut in zip(trained, segmentation, strict=True) for s in cut.segments)))
     model = _model(name, segmentation, fit)
-    predictions = {"mapmore": tuple(_predict(model, c) for c in curves)}
+    predictions = {"mapmore": tuple(predict(model, c.columns) for c in curves)}
     predictions |= {key: tuple(f(c.columns["pressure"], c.columns["strain"]) for c in curves) for key, f in competitors.items()}
     formulas = {key: _formula(key, failed=all(np.isnan(y).all() for y in predictions[key])) for key in competitors}
     scored = {key: y for key, y in predictions.items() if key not in formulas or not formulas[key].failed}
@@ -157,19 +157,6 @@ def _model(name: str, segmentation: Sequence[SegmentedCurve], fit: FitResult) ->
     )
     fusion = Fusion(transition="quadratic", extrapolation={"strain": ("continue", "continue"), "pressure": ("continue", "continue_linear")})
     return Model(name, QUANTITIES["force"], (QUANTITIES["pressure"], QUANTITIES["strain"]), Pieces("pressure", ("strain",), curves, fusion))
-
-
-def _predict(model: Model, curve: Curve) -> np.ndarray:
-    pressure, strain = curve.columns["pressure"], curve.columns["strain"]
-    total = np.zeros(len(strain))
-    weights = level_weights(pressure, np.array([c.level for c in model.body.curves]))
-    for number, function in enumerate(model.body.curves):
-        cells = cell_weights(strain, function.boundaries[0], model.body.fusion.transition, model.body.fusion.z_s)
-        for place, piece in enumerate(function.segments):
-            z = piece.scaling.slope[0] * strain + piece.scaling.intercept[0]
-            power = CANDIDATES.index(piece.terms[0])
-            total += weights[:, number] * cells[:, place] * (piece.scaling.y_slope * piece.theta[0] * z**power + piece.scaling.y_intercept)
-    return total
 
 
 def _formula(name: str, failed: bool) -> FormulaFit:

@@ -127,7 +127,7 @@ def _weights(pieces: Pieces) -> dict[str, Any]:
 
 def _curve_weights(pieces: Pieces, curve: CurveFunction) -> dict[str, Any]:
     """Boundaries of the segments, and start and end of the transition zone at each inner one (M2 eq 10-11)."""
-    from mapmore_cli.modelling.pieces.weights import zones
+    from mapmore_cli.modelling.pieces.definition import zones
 
     boundaries = dict(zip(pieces.variables, curve.boundaries, strict=True))
     at = {name: [list(zone) for zone in zip(*zones(ends, pieces.fusion.z_s), strict=True)] for name, ends in boundaries.items()}

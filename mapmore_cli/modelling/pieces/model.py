@@ -10,19 +10,20 @@ from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.models import Equation, Model, Pieces, SegmentFunction
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.literature.model import backbone_values, by_blocks, formula_equations, printed
-from mapmore_cli.modelling.pieces.evaluation import FusedPieces
+from mapmore_cli.modelling.pieces.definition import pieces_program
+from mapmore_cli.modelling.program.values import evaluator
 from mapmore_cli.modelling.ranges import outside
 from mapmore_cli.modelling.terms import Expression, Name, Number, add, affine, exponents, multiply, parse, substitute
 
 
 def simulate(model: Model, columns: Columns) -> Run:
-    """`backbone(inputs) + sum_i f_i(E(x)) prod_j w_ij(x_j)` at every row, (n,) (M1 eq 5, M2 eq 9); NaN where an input is."""
+    """Return `backbone(inputs) + sum_i f_i(E(x)) prod_j w_ij(x_j)` at every row, (n,) (M1 eq 5, M2 eq 9); NaN where an input is."""
     body = _body(model)
-    fused = FusedPieces(body, [quantity.name for quantity in model.inputs]) if body.segments else None
+    pieces = evaluator(pieces_program(body, [quantity.name for quantity in model.inputs])) if body.segments else None
 
     def value(inputs: dict[str, Array], n: int) -> Array:
         base = backbone_values(body.backbone, inputs, n)
-        return base if fused is None else base + fused.values(inputs)
+        return base if pieces is None else base + pieces(inputs)[0]
 
     return Run(by_blocks(model.inputs, columns, value))
 

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.literature.cells import Region
+from mapmore_cli.modelling.literature import cells
 from mapmore_cli.modelling.literature.formula import Formula
 from mapmore_cli.modelling.literature.hysteresis_loss import HysteresisLoss
 from mapmore_cli.modelling.literature.piecewise import PiecewiseFormula
-from mapmore_cli.modelling.program.statements import Block
-from mapmore_cli.modelling.program.writing import Lines, times, total
+from mapmore_cli.modelling.program.writing import Writer, times, total
 from mapmore_cli.modelling.terms import Expression, Name, Number
 from mapmore_cli.modelling.terms.syntax import Call, Condition, Power, Product, Sum
 
 
-def formula_value(lines: Lines, fit: FormulaFit | None, inputs: Mapping[str, Expression]) -> Expression:
+def formula_value(m: Writer, fit: FormulaFit | None, inputs: Mapping[str, Expression]) -> Expression:
     """A fitted formula; zero where there is none.
 
     Raises
@@ -32,9 +31,9 @@ def formula_value(lines: Lines, fit: FormulaFit | None, inputs: Mapping[str, Exp
     model = literature.get(fit.name)
     match model:
         case PiecewiseFormula():
-            return _by_region(lines, model, fit, inputs)
+            return _by_region(m, model, fit, inputs)
         case Formula():
-            return lines.let("formula", with_numbers(model.expression, fit.parameters, inputs))
+            return m.let("formula", with_numbers(model.expression, fit.parameters, inputs))
         case HysteresisLoss():
             raise DataError(
                 f"{fit.name} searches for the free strain at every sample, which is no closed expression: it cannot be exported",
@@ -59,27 +58,19 @@ def with_numbers(expression: Expression, numbers: Mapping[str, float], names: Ma
     return expression
 
 
-def _by_region(lines: Lines, model: PiecewiseFormula, fit: FormulaFit, inputs: Mapping[str, Expression]) -> Expression:
-    """The local formula of the region that the sample lies in; zero in none."""
+def _by_region(m: Writer, model: PiecewiseFormula, fit: FormulaFit, inputs: Mapping[str, Expression]) -> Expression:
+    """Write the local formula of the region that the sample lies in; zero in none."""
     value: Expression = Number(0.0)
     for region in reversed(model.regions):
         own = {name: fit.parameters[region.parameter(name)] for name in model.local.parameters}
-        inside = Lines(lines.names)
-        local = inside.let("local", with_numbers(model.local.expression, own, inputs))
-        value = _where(lines, region, inputs, inside.block(local), value)
+        value = _where(m, region.conditions, inputs, with_numbers(model.local.expression, own, inputs), value)
     return value
 
 
-def _where(lines: Lines, region: Region, inputs: Mapping[str, Expression], inside: Block, outside: Expression) -> Expression:
-    """The block where all conditions of a region hold."""
-    block: Block = inside
-    for condition in reversed(region.conditions[1:]):
-        nested = Lines(lines.names)
-        found = nested.choose("region", [(_condition(condition.quantity, condition.comparison, condition.value, inputs), block)], outside)
-        block = nested.block(found)
-    first = region.conditions[0]
-    return lines.choose("region", [(_condition(first.quantity, first.comparison, first.value, inputs), block)], outside)
-
-
-def _condition(quantity: str, comparison: str, value: float, inputs: Mapping[str, Expression]) -> Condition:
-    return Condition(inputs[quantity], comparison, Number(value))
+def _where(
+    m: Writer, conditions: Sequence[cells.Condition], inputs: Mapping[str, Expression], inside: Expression, outside: Expression
+) -> Expression:
+    """Write `inside` where all conditions hold, else `outside`."""
+    first, *rest = conditions
+    holds = Condition(inputs[first.quantity], first.comparison, Number(first.value))
+    return m.choose("region", [(holds, lambda: _where(m, rest, inputs, inside, outside) if rest else m.let("local", inside))], outside)

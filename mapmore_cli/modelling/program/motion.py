@@ -2,102 +2,93 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 
 from mapmore_cli.domain.motion import BUMPLESS, HARD, REST, Motion, MotionSection
-from mapmore_cli.modelling.program.statements import Block, Keep, Kept
-from mapmore_cli.modelling.program.writing import Lines, kept_number, less, renamed_all, times, total
-from mapmore_cli.modelling.terms import Expression, Number, add, parse, power
-from mapmore_cli.modelling.terms.syntax import ONE, ZERO, Condition
+from mapmore_cli.modelling.program.writing import Side, Writer, renamed_all, total
+from mapmore_cli.modelling.terms import Expression, Number, parse
+from mapmore_cli.modelling.terms.syntax import ZERO, Condition
 
 
-def motion_value(lines: Lines, motion: Motion, inputs: Mapping[str, Expression], kept: Kept) -> Expression:
-    """The model's output at a sample; it begins at rest under the first one's input, or at zero."""
-    seen = kept_number(kept, lines, "seen")
+def motion_value(m: Writer, motion: Motion, inputs: Mapping[str, Expression]) -> Expression:
+    """Write the model's output at a sample; it begins at rest under the first one's input, or at zero."""
+    seen = m.number("seen")
     first = Condition(seen, "==", ZERO)
-    drives = [lines.let("drive", one) for one in renamed_all(map(parse, motion.drives), inputs)]
-    section = _section(lines, motion, inputs[motion.input], kept, first)
-    write = _separate if motion.switching == HARD else _shared
-    value = write(lines, motion, section, drives, kept, first)
-    lines.statements.append(Keep(seen.name, ONE))
+    drives = [m.let("drive", one) for one in renamed_all(map(parse, motion.drives), inputs)]
+    section = _section(m, motion, inputs[motion.input], first)
+    value = (_separate if motion.switching == HARD else _shared)(m, motion, section, drives, first)
+    m.keep(seen, 1)
     return value
 
 
-def _section(lines: Lines, motion: Motion, u: Expression, kept: Kept, first: Condition) -> Expression:
-    """Number of the section that holds, from 0, as `regimes.active` has it."""
-    places = [(Condition(u, "<", Number(boundary)), Number(float(place))) for place, boundary in enumerate(motion.boundaries)]
-    place = lines.choose("place", places, Number(float(len(motion.boundaries))))
+def _section(m: Writer, motion: Motion, u: Expression, first: Condition) -> Expression:
+    """Write the number of the section that holds, from 0, as `regimes.active` has it."""
+    place = m.choose("place", [(u < boundary, place) for place, boundary in enumerate(motion.boundaries)], len(motion.boundaries))
     if not motion.directed:
         return place
-    falls = _falls(lines, u, kept, first) if motion.switching != BUMPLESS else _falls_latched(lines, motion, u, kept, first)
-    return lines.let("section", total([times(Number(2.0), place), falls]))
+    return m.let("section", 2 * place + (_falls if motion.switching != BUMPLESS else _falls_latched)(m, motion, u, first))
 
 
-def _falls(lines: Lines, u: Expression, kept: Kept, first: Condition) -> Expression:
-    """1 unless the input is above the one before (P eq 16)."""
-    before = kept_number(kept, lines, "input")
-    falls = lines.choose("falls", [(first, ONE), (Condition(u, ">", before), ZERO)], ONE)
-    lines.statements.append(Keep(before.name, u))
+def _falls(m: Writer, _motion: Motion, u: Expression, first: Condition) -> Expression:
+    """Write 1 unless the input is above the one before (P eq 16)."""
+    before = m.number("input")
+    falls = m.choose("falls", [(first, 1), (u > before, 0)], 1)
+    m.keep(before, u)
     return falls
 
 
-def _falls_latched(lines: Lines, motion: Motion, u: Expression, kept: Kept, first: Condition) -> Expression:
-    """1 once the input has turned down by more than the dead band, up to when it has turned up as far."""
-    play, falling = kept_number(kept, lines, "play"), kept_number(kept, lines, "falling")
-    half = Number(0.5 * motion.dead_band)
-    low, high = lines.let("low", less(u, half)), lines.let("high", add(u, half))
-    up, down = Condition(low, ">", play), Condition(high, "<", play)
-    moved = lines.choose("play", [(first, u), (up, low), (down, high)], play)
-    falls = lines.choose("falls", [(first, ZERO), (up, ZERO), (down, ONE)], falling)
-    lines.statements += [Keep(play.name, moved), Keep(falling.name, falls)]
+def _falls_latched(m: Writer, motion: Motion, u: Expression, first: Condition) -> Expression:
+    """Write 1 once the input has turned down by more than the dead band, up to when it has turned up as far."""
+    play, falling, half = m.number("play"), m.number("falling"), 0.5 * motion.dead_band
+    low, high = m.let("low", u - half), m.let("high", u + half)
+    moved = m.choose("play", [(first, u), (low > play, low), (high < play, high)], play)
+    falls = m.choose("falls", [(first, 0), (low > play, 0), (high < play, 1)], falling)
+    m.keep(play, moved)
+    m.keep(falling, falls)
     return falls
 
 
-def _separate(lines: Lines, motion: Motion, section: Expression, drives: list[Expression], kept: Kept, first: Condition) -> Expression:
-    """Every section runs on the whole input; the output is that of the section that holds."""
+def _separate(m: Writer, motion: Motion, section: Expression, drives: list[Expression], first: Condition) -> Expression:
+    """Write the output of the section that holds; every section runs on the whole input."""
     outputs = []
     for one in motion.sections:
-        origin, now, later = (kept_number(kept, lines, stem) for stem in ("origin", "now", "later"))
-        drive = lines.let("driven", _driven(one, drives))
-        began = lines.choose("began", [(first, drive)], origin) if motion.start == REST else ZERO
-        x1, z = (lines.choose(stem, [(first, ZERO)], name) for stem, name in (("moved", now), ("ahead", later)))
-        rest = lines.let("rest", times(began, power(Number(1.0 - one.p1 - one.p2), -1)))
-        outputs.append(lines.let("output", add(x1, rest)))
-        following = lines.let("following", total([z, times(Number(one.p2), x1)]))
-        ahead = lines.let("coming", total([lines.let("way", less(drive, began)), times(Number(one.p1), x1)]))
-        lines.statements += [Keep(origin.name, began), Keep(now.name, following), Keep(later.name, ahead)]
-    return _of_section(lines, "motion", section, outputs)
+        origin, now, later = (m.number(stem) for stem in ("origin", "now", "later"))
+        drive = m.let("driven", _driven(one, drives))
+        began = m.choose("began", [(first, drive)], origin) if motion.start == REST else ZERO
+        x1, z = (m.choose(stem, [(first, ZERO)], name) for stem, name in (("moved", now), ("ahead", later)))
+        outputs.append(m.let("output", x1 + began / (1.0 - one.p1 - one.p2)))
+        following, ahead = m.let("following", z + one.p2 * x1), m.let("coming", (drive - began) + one.p1 * x1)
+        for name, value in ((origin, began), (now, following), (later, ahead)):
+            m.keep(name, value)
+    return _of_section(m, "motion", section, outputs)
 
 
-def _shared(lines: Lines, motion: Motion, section: Expression, drives: list[Expression], kept: Kept, first: Condition) -> Expression:
-    """The section that holds drives one state on."""
-    now, later = kept_number(kept, lines, "now"), kept_number(kept, lines, "later")
-
-    def of_each(result: Callable[[Lines, MotionSection], Expression]) -> list[Expression | Block]:
-        blocks: list[Expression | Block] = []
-        for one in motion.sections:
-            own = Lines(lines.names)
-            blocks.append(own.block(result(own, one)))
-        return blocks
-
-    resting = of_each(lambda own, one: times(own.let("driven", _driven(one, drives)), power(Number(1.0 - one.p1 - one.p2), -1)))
-    rest = _of_section(lines, "rest", section, resting) if motion.start == REST else ZERO
-    x1, x2 = (lines.choose(stem, [(first, rest)], name) for stem, name in (("output", now), ("ahead", later)))
-
-    def following(own: Lines, one: MotionSection) -> Expression:
-        past = own.let("past", total([times(Number(one.p2), x2), times(Number(one.p1), x1)]))
-        return total([own.let("driven", _driven(one, drives)), past])
-
-    after = _of_section(lines, "following", section, of_each(following))
-    lines.statements += [Keep(now.name, x2), Keep(later.name, after)]
+def _shared(m: Writer, motion: Motion, section: Expression, drives: list[Expression], first: Condition) -> Expression:
+    """Write the output where the section that holds drives one state on."""
+    now, later = m.number("now"), m.number("later")
+    resting = [partial(_resting, one, drives) for one in motion.sections]
+    rest = _of_section(m, "rest", section, resting) if motion.start == REST else ZERO
+    x1, x2 = (m.choose(stem, [(first, rest)], name) for stem, name in (("output", now), ("ahead", later)))
+    after = _of_section(m, "following", section, [partial(_following, one, drives, x1, x2) for one in motion.sections])
+    m.keep(now, x2)
+    m.keep(later, after)
     return x1
 
 
+def _resting(section: MotionSection, drives: list[Expression]) -> Expression:
+    return _driven(section, drives) / (1.0 - section.p1 - section.p2)
+
+
+def _following(section: MotionSection, drives: list[Expression], x1: Expression, x2: Expression) -> Expression:
+    """Write `x1[k+2] = P2 x1[k+1] + P1 x1[k] + d[k]` (P eq 10)."""
+    return total([_driven(section, drives), total([section.p2 * x2, section.p1 * x1])])
+
+
 def _driven(section: MotionSection, drives: list[Expression]) -> Expression:
-    return total([times(Number(weight), drive) for weight, drive in zip(section.weights.tolist(), drives, strict=True)])
+    return total([weight * drive for weight, drive in zip(section.weights.tolist(), drives, strict=True)])
 
 
-def _of_section(lines: Lines, stem: str, section: Expression, values: Sequence[Expression | Block]) -> Expression:
-    """The value of the section that holds."""
-    cases = [(Condition(section, "==", Number(float(number))), value) for number, value in enumerate(values[:-1])]
-    return lines.choose(stem, cases, values[-1])
+def _of_section(m: Writer, stem: str, section: Expression, values: Sequence[Side]) -> Expression:
+    """Write the value of the section that holds."""
+    return m.choose(stem, [(Condition(section, "==", Number(float(i))), value) for i, value in enumerate(values[:-1])], values[-1])

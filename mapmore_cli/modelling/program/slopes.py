@@ -1,6 +1,6 @@
 """Differentiate programs: every name is followed by its derivatives, by the chain rule on the syntax trees.
 
-At a boundary the slope is that of the case that holds there.
+At a boundary the slope is that of the case that holds there; a case that holds at one point alone (`==`) has none, and is left out.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.program.pruning import pruned
 from mapmore_cli.modelling.program.statements import Block, Choose, Function, Let, Program, Statement, Use
 from mapmore_cli.modelling.program.values import INPUT, block_values
-from mapmore_cli.modelling.program.writing import Lines, Names
+from mapmore_cli.modelling.program.writing import Writer
 from mapmore_cli.modelling.terms import Expression, Name, add, derivative, multiply
 from mapmore_cli.modelling.terms.operator import Recursion
 from mapmore_cli.modelling.terms.syntax import ONE, ZERO
@@ -47,8 +47,8 @@ def recursion_slopes(rule: Recursion, arguments: Sequence[Array]) -> list[Value]
     if rule.weights is not None:
         return [np.float64(weight) for weight in rule.weights]
     names = [f"argument_{place}" for place in range(len(arguments))]
-    lines = Lines(Names())
-    block = _block(lines.side(lambda: rule.next(lines, *map(Name, names))), _seeds(names), len(names))
+    m = Writer()
+    block = _block(m.side(lambda: rule.next(m, *map(Name, names))), _seeds(names), len(names))
     return block_values(block, dict(zip(names, arguments, strict=True)))[1:]
 
 
@@ -93,7 +93,7 @@ def _chosen(choice: Choose, known: dict[str, Slopes], count: int) -> Choose:
     """The choice with the slopes of what is chosen; `known` learns them."""
     names = (*choice.names, *(f"{name}_d{way}" for name in choice.names for way in range(count)))
     known.update({name: tuple(Name(f"{name}_d{way}") for way in range(count)) for name in choice.names})
-    cases = tuple((condition, _block(block, known, count)) for condition, block in choice.cases)
+    cases = tuple((condition, _block(block, known, count)) for condition, block in choice.cases if condition.comparison != "==")
     return Choose(names, cases, _block(choice.otherwise, known, count))
 
 

@@ -5,6 +5,7 @@ Every name is assigned once in its function, before it is used. Statements work 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from mapmore_cli.domain.arrays import Array
@@ -140,9 +141,9 @@ class Kept:
 
 @dataclass(frozen=True)
 class Program:
-    """A model, ready to be written in another language; its inputs are names in the statements.
+    """A model, ready to be evaluated or written in another language; its inputs are names in the statements.
 
-    The one result of its body is the output.
+    The one result of its body is the output. `knots` has, by input, places at which the program takes another side.
     """
 
     inputs: tuple[str, ...]
@@ -150,6 +151,7 @@ class Program:
     body: Block
     limits: tuple[Limit, ...]
     kept: Kept = field(default_factory=Kept)
+    knots: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     @property
     def step(self) -> float | None:

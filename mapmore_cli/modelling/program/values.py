@@ -40,14 +40,18 @@ Step = Callable[[Values, Shared, int], None]
 
 
 def evaluator(program: Program) -> Callable[[Columns], list[Array]]:
-    """Return a function of the model's inputs, (n,) each by name, for many calls: the results of the program, (n,) each."""
+    """Return a function of the model's inputs, (n,) each by name, for many calls: the results of the program, (n,) each.
+
+    They are NaN where an input is not finite.
+    """
     run = _Compiler(program.functions).block(program.body)
 
     def results(columns: Columns) -> list[Array]:
         given: Values = {f"{INPUT}{name}": np.asarray(columns[name], dtype=np.float64) for name in program.inputs}
         n = len(columns[program.inputs[0]])
+        finite = np.logical_and.reduce([np.isfinite(x) for x in given.values()])
         with np.errstate(all="ignore"):
-            return [np.array(np.broadcast_to(value, (n,)), dtype=np.float64) for value in run(given, n)]
+            return [np.where(finite, value, np.nan) for value in run(given, n)]
 
     return results
 

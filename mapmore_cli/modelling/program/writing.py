@@ -1,67 +1,71 @@
-"""Write programs: fresh names, and shapes that occur again and again."""
+"""Write programs: statements in the making, fresh names, and sides of branches."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from itertools import count
 
-from mapmore_cli.modelling.program.statements import Block, Choose, Function, Kept, Let, Limit, Statement, Use
-from mapmore_cli.modelling.terms import Expression, Name, Number, add, call, substitute
-from mapmore_cli.modelling.terms.syntax import Condition, Operand, Product, Sum, expression, negate
+from mapmore_cli.modelling.program.pruning import pruned
+from mapmore_cli.modelling.program.statements import Block, Choose, Function, Keep, Kept, Let, Limit, Program, Statement, Use
+from mapmore_cli.modelling.terms import Expression, Name, Number, call, substitute
+from mapmore_cli.modelling.terms.syntax import Condition, Operand, Product, Sum, expression
 
 Side = Operand | Callable[[], Operand]
-"""A value, or a function that writes the statements of one."""
+"""A value, or a function that writes the statements of one; its statements run only where this side is taken."""
 
 
-class Names:
-    """Names that were not given before, within one model."""
+class Writer:
+    """One program in the making. A statement goes to the innermost side that is open.
+
+    Attributes
+    ----------
+    kept
+        What the model keeps from sample to sample.
+    functions
+        By name, in the order in which they are written.
+    limits
+        Training ranges of the inputs.
+    knots
+        By input, places at which the program takes another side.
+    """
 
     def __init__(self) -> None:
-        self.numbers = count(1)
+        self.statements: list[Statement] = []
+        self.kept = Kept()
+        self.functions: dict[str, Function] = {}
+        self.limits: list[Limit] = []
+        self.knots: dict[str, set[float]] = {}
+        self._numbers = count(1)
 
     def fresh(self, stem: str) -> str:
-        """`stem` with a number behind it."""
-        return f"{stem}_{next(self.numbers)}"
+        """Return a name that was not given before: `stem` with a number behind it."""
+        return f"{stem}_{next(self._numbers)}"
 
-
-class Lines:
-    """Statements in the making."""
-
-    def __init__(self, names: Names) -> None:
-        self.names = names
-        self.statements: list[Statement] = []
-
-    def let(self, stem: str, value: Expression) -> Expression:
-        """A new name for a value; itself where it is a name or a number."""
+    def let(self, stem: str, value: Operand) -> Expression:
+        """Return a new name for a value; the value itself where it is a name or a number."""
+        value = expression(value)
         if isinstance(value, Name | Number):
             return value
-        name = self.names.fresh(stem)
+        name = self.fresh(stem)
         self.statements.append(Let(name, value))
         return Name(name)
 
-    def use(self, stem: str, function: str, arguments: Sequence[Expression]) -> Expression:
-        """The one result of a function."""
-        name = self.names.fresh(stem)
-        self.statements.append(Use((name,), function, tuple(arguments)))
-        return Name(name)
-
-    def choose(self, stem: str, cases: Iterable[tuple[Condition, Block | Expression]], otherwise: Block | Expression) -> Expression:
-        """The one result of the first case whose condition holds."""
-        found = tuple((condition, block_of(block)) for condition, block in cases)
-        if not found and isinstance(otherwise, Expression):
-            return otherwise
-        name = self.names.fresh(stem)
-        self.statements.append(Choose((name,), found, block_of(otherwise)))
+    def choose(self, stem: str, cases: Iterable[tuple[Condition, Side]], otherwise: Side) -> Expression:
+        """Return the result of the first case whose condition holds, else `otherwise`."""
+        found = tuple((condition, self.side(side)) for condition, side in cases)
+        if not found:
+            return self.let(stem, otherwise() if callable(otherwise) else otherwise)
+        name = self.fresh(stem)
+        self.statements.append(Choose((name,), found, self.side(otherwise)))
         return Name(name)
 
     def where(self, condition: Condition, then: Side, otherwise: Side) -> Expression:
-        """Return `then` where the condition holds, else `otherwise`: values, or functions that write the statements of that side."""
-        return self.choose("side", [(condition, self.side(then))], self.side(otherwise))
+        """Return `then` where the condition holds, else `otherwise`."""
+        return self.choose("side", [(condition, then)], otherwise)
 
     def clip(self, x: Operand, low: Operand | None, high: Operand | None, stem: str = "clipped") -> Expression:
         """Return x, held at the ends that are given."""
-        held = self.let(stem, expression(x))
+        held = self.let(stem, x)
         ends = [(Condition(held, sign, expression(end)), expression(end)) for sign, end in (("<", low), (">", high)) if end is not None]
         return self.choose(stem, ends, held)
 
@@ -70,66 +74,60 @@ class Lines:
         return call(function, expression(x))
 
     def side(self, value: Side) -> Block:
-        """Return the statements of one side of a branch."""
+        """Return the statements of one side of a branch, or of a function."""
         if not callable(value):
             return Block((), (expression(value),))
         outer, self.statements = self.statements, []
         try:
             result = expression(value())
-            return self.block(result)
+            return Block(tuple(self.statements), (result,))
         finally:
             self.statements = outer
 
-    def block(self, *results: Expression) -> Block:
-        """All so far."""
-        return Block(tuple(self.statements), results)
+    def function(self, name: str, parameters: Sequence[str], body: Callable[[], Operand], note: str) -> str:
+        """Add a function of the parameters; return its name."""
+        self.functions[name] = Function(name, tuple(parameters), self.side(body), note)
+        return name
 
+    def use(self, stem: str, function: str, arguments: Iterable[Operand]) -> Expression:
+        """Return the result of a function."""
+        name = self.fresh(stem)
+        self.statements.append(Use((name,), function, tuple(map(expression, arguments))))
+        return Name(name)
 
-@dataclass(frozen=True)
-class Writer:
-    """A model in the making: its main statements, and all that goes with them."""
+    def number(self, stem: str) -> Name:
+        """Return a new number that is kept from sample to sample, zero after a reset."""
+        name = self.fresh(f"kept_{stem}")
+        self.kept.numbers[name] = 0.0
+        return Name(name)
 
-    lines: Lines
-    kept: Kept = field(default_factory=Kept)
-    functions: list[Function] = field(default_factory=list)
-    limits: list[Limit] = field(default_factory=list)
+    def keep(self, name: Expression, value: Operand) -> None:
+        """Keep a value under a name for the next sample."""
+        assert isinstance(name, Name)
+        self.statements.append(Keep(name.name, expression(value)))
 
+    def program(self, inputs: Sequence[str], value: Expression) -> Program:
+        """Return the program of the named inputs whose output is the value, without what nothing follows from."""
+        knots = {name: tuple(sorted(places)) for name, places in self.knots.items()}
+        body = Block(tuple(self.statements), (value,))
+        return pruned(Program(tuple(inputs), tuple(self.functions.values()), body, tuple(self.limits), self.kept, knots))
 
-def kept_number(kept: Kept, lines: Lines, stem: str) -> Name:
-    """A new number that is kept, zero after a reset."""
-    name = lines.names.fresh(f"kept_{stem}")
-    kept.numbers[name] = 0.0
-    return Name(name)
-
-
-def block_of(value: Block | Expression) -> Block:
-    """A value alone as a block."""
-    return value if isinstance(value, Block) else Block((), (value,))
+    def knot(self, name: str, *places: float) -> None:
+        """Note places along an input at which the program takes another side."""
+        self.knots.setdefault(name, set()).update(places)
 
 
 def total(terms: Sequence[Expression]) -> Expression:
-    """The sum from left to right, as it stands: `add` would take it apart and let numbers swap places."""
+    """Return the sum from left to right, as it stands: `add` would take it apart and let numbers swap places."""
     return terms[0] if len(terms) == 1 else Sum(tuple(terms))
 
 
 def times(*factors: Expression) -> Expression:
-    """The product from left to right, as it stands."""
+    """Return the product from left to right, as it stands."""
     kept = tuple(factor for factor in factors if factor != Number(1.0))
     return Product(kept) if len(kept) > 1 else kept[0] if kept else Number(1.0)
 
 
-def less(left: Expression, right: Expression) -> Expression:
-    """`left - right`."""
-    return add(left, negate(right))
-
-
-def combination(lines: Lines, factors: Sequence[float], terms: Sequence[Expression], constant: float) -> Expression:
-    """`constant + sum_k factor_k term_k`, in this order, so that it rounds as a prediction does."""
-    values = [lines.let("term", term) for term in terms]
-    products = [Product((Number(float(factor)), value)) for factor, value in zip(factors, values, strict=True)]
-    return total([Number(float(constant)), *products])
-
-
 def renamed_all(terms: Iterable[Expression], names: Mapping[str, Expression]) -> list[Expression]:
-    """Expressions of other names."""
+    """Return the expressions with other names."""
     return [substitute(term, names) for term in terms]

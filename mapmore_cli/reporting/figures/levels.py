@@ -12,7 +12,7 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.models import Model, Pieces
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.kinds import predict
-from mapmore_cli.modelling.pieces.evaluation import weight_of
+from mapmore_cli.modelling.pieces.definition import weight_of
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
 from mapmore_cli.reporting.figures.style import level_colours
 from mapmore_cli.reporting.inputs import ReportInputs

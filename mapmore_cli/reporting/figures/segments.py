@@ -12,8 +12,9 @@ from matplotlib.axes import Axes
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.models import Fusion
 from mapmore_cli.domain.recording import DIRECTION, Quantity
+from mapmore_cli.domain.words import Transition
+from mapmore_cli.modelling.pieces.definition import cell_weights, zones
 from mapmore_cli.modelling.pieces.segmentation import training_curves
-from mapmore_cli.modelling.pieces.weights import cell_weights, zones
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
 from mapmore_cli.reporting.figures.levels import level_figures
 from mapmore_cli.reporting.figures.style import (
@@ -73,7 +74,7 @@ def draw_segments(ax: Axes, curve: SegmentCurve) -> None:
         ax.plot(curve.x[rows], curve.y[rows], linestyle="none", markersize=2.8, markeredgewidth=0, **_look(place, "marker"))
 
 
-def draw_weights(ax: Axes, curve: SegmentCurve, transition: str, z_s: float) -> None:
+def draw_weights(ax: Axes, curve: SegmentCurve, transition: Transition, z_s: float) -> None:
     """Weight of every segment along the variable, where it has any."""
     x = np.union1d(np.linspace(curve.boundaries[0], curve.boundaries[-1], GRID), np.concatenate(zones(curve.boundaries, z_s)))
     for place, weight in enumerate(cell_weights(x, curve.boundaries, transition, z_s).T, start=1):

@@ -13,9 +13,13 @@ from surfaces import QUANTITIES, curves, recipe
 
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.kinds import predict
-from mapmore_cli.modelling.pieces.bands import aligned, threshold
+from mapmore_cli.modelling.pieces import definition
 from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import Cuts
+from mapmore_cli.modelling.pieces.threshold import threshold
+from mapmore_cli.modelling.program.values import evaluator
+from mapmore_cli.modelling.program.writing import Writer
+from mapmore_cli.modelling.terms import Name, Number
 
 STRAINS = (0.0, 0.05, 0.1, 0.15)
 
@@ -72,12 +76,18 @@ def test_a_constant_input_is_its_own_threshold():
 marks = st.lists(st.floats(0, 1e3), min_size=3, max_size=3, unique=True).map(sorted).filter(lambda m: min(np.diff(m)) > 1e-3).map(np.array)
 
 
+def aligned(x, here, own):
+    """The places on a curve that correspond to x between marks, (n,)."""
+    m = Writer()
+    return evaluator(m.program(["x"], definition.aligned(m, Name("x_x"), Number(0.0), here, here, own)))({"x": x})[0]
+
+
 @settings(deadline=None)
 @given(marks, marks)
 def test_ends_and_thresholds_correspond_and_order_is_kept(here, own):
-    np.testing.assert_allclose(aligned(here, np.tile(here[:, None], 3), own), own, rtol=1e-9, atol=1e-6)
+    np.testing.assert_allclose(aligned(here, here, own), own, rtol=1e-9, atol=1e-6)
     x = np.linspace(here[0], here[2], 50)
-    places = aligned(x, np.tile(here[:, None], 50), own)
+    places = aligned(x, here, own)
     assert (np.diff(places) >= 0).all()
     assert places.min() >= own[0] - 1e-6
     assert places.max() <= own[2] + 1e-6
@@ -87,7 +97,7 @@ def test_ends_and_thresholds_correspond_and_order_is_kept(here, own):
 @given(marks)
 def test_a_curve_is_looked_up_at_its_own_places_at_its_level(own):
     x = np.linspace(own[0] - 1, own[2] + 1, 50)
-    np.testing.assert_allclose(aligned(x, np.tile(own[:, None], 50), own), x, rtol=1e-9, atol=1e-6)
+    np.testing.assert_allclose(aligned(x, own, own), x, rtol=1e-9, atol=1e-6)
 
 
 SLACK = {"level": "strain", "dictionary": ("1", "pressure", "pressure^2"), "cuts": {"pressure": Cuts("even", 6)}, "max_terms": 3}

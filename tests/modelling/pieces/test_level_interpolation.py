@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,7 +11,10 @@ from hypothesis import strategies as st
 from scipy.interpolate import PchipInterpolator
 
 from mapmore_cli.domain.models import Fusion
-from mapmore_cli.modelling.pieces.bands import bands
+from mapmore_cli.modelling.pieces.definition import across_levels
+from mapmore_cli.modelling.program.values import evaluator
+from mapmore_cli.modelling.program.writing import Writer
+from mapmore_cli.modelling.terms import Name
 
 levels = (
     st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=7, unique=True).map(sorted).filter(lambda b: min(np.diff(b)) > 1e-2).map(np.array)
@@ -27,15 +32,20 @@ def constant(values, n):
     return np.repeat(values[None, :], n, axis=0)
 
 
-def shape_preserving(x, at, values, below="continue", above="continue", shrink=1.0):
-    """Each row of values, (n, L), interpolated at its own level value, (n,)."""
-    edges, every = bands(at, (below, above), Fusion(extrapolation={}, levels="pchip", shrink=shrink))
-    numbers = np.searchsorted(edges, x, side="right")
-    y = np.empty(len(x))
-    for number in np.unique(numbers):
-        rows, band = np.flatnonzero(numbers == number), every[number]
-        y[rows] = band.mix(x[rows], [values[rows, curve] for curve in band.curves])
-    return y
+def interpolated(scheme, x, at, values, below="continue", above="continue", shrink=1.0):
+    """Each row of values, (n, L), interpolated at its own level value, (n,), by the statements of the definition."""
+    m, fusion = Writer(), Fusion(extrapolation={}, levels=scheme, shrink=shrink)
+    value = across_levels(m, Name("x_x"), at.tolist(), (below, above), fusion, lambda _i, _j, number, _t: Name(f"x_v{number}"))
+    program = m.program(["x", *(f"v{number}" for number in range(len(at)))], value)
+    return evaluator(program)({"x": x, **{f"v{number}": column for number, column in enumerate(values.T)}})[0]
+
+
+shape_preserving = partial(interpolated, "pchip")
+
+
+def level_weights(x, at, below="continue", above="continue"):
+    """(n, L) weights of the triangles: the interpolants of curves that are one, and zero at all other levels."""
+    return np.stack([interpolated("linear", x, at, constant(own, len(x)), below, above) for own in np.eye(len(at))], axis=1)
 
 
 def carried_share(x, at, shrink):
@@ -141,3 +151,20 @@ def test_all_of_the_residual_at_the_levels_and_beyond_and_g_in_the_middle(at, se
 def test_the_share_is_a_parabola():
     """g + (1 - g)(1 - 2t)^2 at a quarter of the way."""
     assert carried_share(np.array([2.5]), np.array([2.0, 4.0]), 0.4)[0] == pytest.approx(0.4 + 0.6 * 0.25)
+
+
+@settings(deadline=None)
+@given(levels, seeds, sides, sides)
+def test_level_weights_sum_to_one(at, seed, below, above):
+    rng = np.random.default_rng(seed)
+    x = np.concatenate([rng.uniform(2 * at[0] - at[-1], 2 * at[-1] - at[0], 100), at])
+    np.testing.assert_allclose(level_weights(x, at, below, above).sum(axis=1), 1, atol=1e-9)
+    np.testing.assert_array_equal(level_weights(at, at, below, above), np.eye(len(at)))
+
+
+def test_linear_continuation_reproduces_a_line_and_holding_does_not():
+    at = np.array([80.0, 150, 350])
+    x = np.array([20.0, 80, 100, 350, 500])
+    np.testing.assert_allclose(level_weights(x, at, "continue_linear", "continue_linear") @ (3 * at + 1), 3 * x + 1)
+    np.testing.assert_allclose(level_weights(x, at) @ at, [80, 80, 100, 350, 350])
+    np.testing.assert_allclose(level_weights(x, at, "zero", "zero").sum(axis=1), [0, 1, 1, 1, 0])

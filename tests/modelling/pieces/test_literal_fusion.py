@@ -11,7 +11,7 @@ from surfaces import QUANTITIES, curves, recipe
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.pieces.build import build
-from mapmore_cli.modelling.pieces.evaluation import weight_of
+from mapmore_cli.modelling.pieces.definition import weight_of
 from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.terms import dictionary_matrix, parse
 

@@ -1,0 +1,402 @@
+"""The definition of MAPMORE: scaling, segment functions, weights, levels and extrapolation (M2 eq 8-12) as statements.
+
+Predictions, derivatives, knots of the inverse, C, Python and FMUs all come from here. Each function writes one equation with a `Writer` m,
+whose `where` and `choose` branch; a side that no sample takes is not computed.
+
+    y = sum_l w_l(level) sum_i f_i(E(x)) prod_j w_ij(E(x_j))
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence, Set
+from dataclasses import replace
+from functools import partial
+from itertools import pairwise
+from math import inf
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.domain.models import CurveFunction, Fusion, Pieces, SegmentFunction, Side
+from mapmore_cli.domain.words import Transition
+from mapmore_cli.modelling.program.statements import Program
+from mapmore_cli.modelling.program.values import INPUT, evaluator
+from mapmore_cli.modelling.program.writing import Writer, renamed_all
+from mapmore_cli.modelling.terms import Expression, Name, Number, add, call, derivative, parse
+from mapmore_cli.modelling.terms.syntax import ONE, ZERO, Condition
+
+Inputs = Mapping[str, Expression]
+
+CurveAt = Callable[[int, int, int, Expression], Expression]
+"""Writes a curve, given the numbers of the two levels that are joined, its own number, and the place t between the levels."""
+
+TRANSITIONS: Mapping[str, Callable[[Writer, Expression], Expression]] = {
+    "linear": lambda _m, t: t,
+    "quadratic": lambda m, t: m.where(t < 0.5, 2 * t**2, 1 - 2 * (1 - t) ** 2),
+    "cubic": lambda _m, t: 3 * t**2 - 2 * t**3,
+}
+"""`s(t)` for t in [0, 1]; each satisfies `s(t) + s(1 - t) = 1` (M2 figure 5)."""
+
+
+def pieces_value(m: Writer, body: Pieces, inputs: Inputs) -> Expression:
+    """Write the pieces without their backbone; `inputs` in the order of the model. Return the output."""
+    free = [name for name in inputs if name != body.level]
+    functions = [_curve_function(m, curve, body, free) for curve in body.curves]
+    if body.level is None:
+        return m.use("pieces", functions[0], inputs.values())
+    levels, sides = level_values(body).tolist(), body.fusion.extrapolation[body.level]
+    m.knot(body.level, *levels)
+    level = m.choose("level", _held(inputs[body.level], (levels[0], levels[-1]), sides, words=("saturate",)), inputs[body.level])
+
+    def curve_at(left: int, right: int, number: int, t: Expression) -> Expression:
+        places = dict(inputs)
+        if body.fusion.aligned is not None:
+            marks = [_marks(body.curves[i], body.fusion.aligned) for i in (left, right, number)]
+            places[body.fusion.aligned] = aligned(m, inputs[body.fusion.aligned], t, *marks)
+        return m.use("value", functions[number], [*(places[name] for name in free), level])
+
+    return across_levels(m, level, levels, sides, body.fusion, curve_at)
+
+
+def level_values(body: Pieces) -> Array:
+    """Return the levels of the model's curves, ascending, (L,)."""
+    return np.array([curve.level for curve in body.curves], dtype=np.float64)
+
+
+# segments: M2 eq 8
+
+
+def segment_value(m: Writer, segment: SegmentFunction, x: Inputs, beyond: Mapping[str, list[tuple[Condition, Expression]]]) -> Expression:
+    """Write `f(x) = y_slope sum_k theta_k D_k(z) + y_intercept`, `z = slope x + intercept` (M2 eq 8).
+
+    `beyond` has, by input, where a curve goes straight on from its limit, and how far beyond that the sample is.
+    """
+    scaling = segment.scaling
+    scales = zip(scaling.variables, scaling.slope.tolist(), scaling.intercept.tolist(), strict=True)
+    z = {name: m.let(f"z_{name}", slope * x[name] + intercept) for name, slope, intercept in scales}
+    terms = [parse(text) for text in segment.terms]
+    weights = [Number(float(weight)) for weight in scaling.y_slope * segment.theta]
+    value = m.let("segment", add(Number(float(scaling.y_intercept)), *(w * D for w, D in zip(weights, renamed_all(terms, z), strict=True))))
+    for name, cases in beyond.items():
+        if name in z:
+            steep = [w * D for w, D in zip(weights, renamed_all([derivative(term, name) for term in terms], z), strict=True)]
+            slope = float(scaling.slope[scaling.variables.index(name)]) * add(*steep)
+            value = m.choose("straight", [(beyond_it, partial(_sum, value, slope, way)) for beyond_it, way in cases], value)
+    return value
+
+
+def _sum(value: Expression, slope: Expression, way: Expression) -> Expression:
+    return value + slope * way
+
+
+# one curve: M2 eq 9-12
+
+
+def _curve_function(m: Writer, curve: CurveFunction, body: Pieces, free: Sequence[str]) -> str:
+    """Write a curve as a function of its free inputs, and of the level where there is one; return its name."""
+    fusion = body.fusion
+    names = [*free, *([body.level] if body.level is not None else [])]
+    limits = {name: fusion.domain.get(name, curve.limits[name]) for name in free}
+    straight = [name for name in free if "continue_linear" in fusion.extrapolation[name]]
+    x = {name: Name(m.fresh(f"at_{name}")) for name in names}
+    for name, boundaries in zip(body.variables, curve.boundaries, strict=True):
+        m.knot(name, *boundaries.tolist(), *np.concatenate(zones(boundaries, fusion.z_s)).tolist())
+
+    def segment(one: SegmentFunction) -> str:
+        held, asked = ({name: Name(m.fresh(f"at_{name}")) for name in some} for some in (names, straight))
+        beyond = {name: _beyond(asked[name], limits[name], fusion.extrapolation[name], "continue_linear") for name in straight}
+        parameters = [name.name for name in (*held.values(), *asked.values())]
+        value = lambda: segment_value(m, one, {**held, **_reached(m, one, curve, body, held)}, beyond)  # noqa: E731 - short
+        return m.function(m.fresh("segment"), parameters, value, f"the segment {one.id}")
+
+    functions = {one.cell: segment(one) for one in curve.segments}
+
+    def inside() -> Expression:
+        held = {name: m.choose(f"held_{name}", _held(x[name], limits[name], fusion.extrapolation[name]), x[name]) for name in free}
+        arguments = [*({**x, **held}.values()), *(x[name] for name in straight)]
+        along = [held[name] for name in body.variables]
+        return joined(m, along, curve.boundaries, fusion, lambda cell: m.use("part", functions[cell], arguments))
+
+    nothing = [(beyond, ZERO) for name in free for beyond, _ in _beyond(x[name], limits[name], fusion.extrapolation[name], "zero")]
+    parameters = [name.name for name in x.values()]
+    return m.function(m.fresh("curve"), parameters, lambda: m.choose("curve", nothing, inside), f"the curve {curve.curve}")
+
+
+def joined(
+    m: Writer,
+    x: Sequence[Expression],
+    boundaries: Sequence[Array],
+    fusion: Fusion,
+    of_cell: Callable[[tuple[int, ...]], Expression],
+    cell: tuple[int, ...] = (),
+) -> Expression:
+    """Write `sum_i f_i prod_j w_ij(x_j)`, one variable after the other (M2 eq 9-11).
+
+    Within a segment its function counts alone; in the zone at boundary i, `(1 - s) f_i + s f_{i+1}`: weights sum to one. `z_s = 0` is a
+    step, at which the boundary itself belongs to the left segment.
+    """
+    if not boundaries:
+        return of_cell(cell)
+    along = partial(joined, m, x[1:], boundaries[1:], fusion, of_cell)
+    cases: list[tuple[Condition, Callable[[], Expression]]] = []
+
+    def in_zone(i: int, start: float, end: float) -> Expression:
+        s = m.let("rise", TRANSITIONS[fusion.transition](m, m.let("t", (x[0] - start) / (end - start))))
+        return (1 - s) * m.let("left", along((*cell, i))) + s * m.let("right", along((*cell, i + 1)))
+
+    for i, (start, end) in enumerate(zip(*(ends.tolist() for ends in zones(boundaries[0], fusion.z_s)), strict=True), start=1):
+        cases.append((x[0] <= start, partial(along, (*cell, i))))
+        if end > start:
+            cases.append((x[0] < end, partial(in_zone, i, start, end)))
+    return m.choose("joined", cases, partial(along, (*cell, len(boundaries[0]) - 1)))
+
+
+def zones(boundaries: Array, z_s: float) -> tuple[Array, Array]:
+    """Return start and end of the transition zone at each inner boundary, (count - 1,) each (M2 eq 10 and 11).
+
+    `seg_i - z_s (seg_i - seg_{i-1})` to `seg_i + z_s (seg_{i+1} - seg_i)`, shared by the falling weight of the left segment and the
+    rising weight of the right one.
+    """
+    widths = np.diff(boundaries)
+    inner = boundaries[1:-1]
+    return inner - z_s * widths[:-1], inner + z_s * widths[1:]
+
+
+def _held(
+    x: Expression, limits: tuple[float, float], sides: tuple[Side, Side], words: Sequence[str] = ("saturate", "continue_linear")
+) -> list[tuple[Condition, Expression]]:
+    """Return where the extrapolation function E holds an input: at a limit, or at the value that a side gives (M2 eq 12)."""
+    (low, high), (below, above) = limits, sides
+    ends = ((x < low, below, low), (x > high, above, high))
+    return [
+        (beyond, Number(float(side if isinstance(side, float) else end)))
+        for beyond, side, end in ends
+        if isinstance(side, float) or side in words
+    ]
+
+
+def _beyond(x: Expression, limits: tuple[float, float], sides: tuple[Side, Side], word: str) -> list[tuple[Condition, Expression]]:
+    """Return the sides that have the word: where x is beyond that limit, and how far."""
+    (low, high), (below, above) = limits, sides
+    return [(beyond, x - end) for beyond, side, end in ((x < low, below, low), (x > high, above, high)) if side == word]
+
+
+def _reached(m: Writer, segment: SegmentFunction, curve: CurveFunction, body: Pieces, x: Inputs) -> dict[str, Expression]:
+    """Hold a segment function beyond its samples by more than z_s of their width (`hold: samples`), where transition zones reach there.
+
+    M2 eq 10 and 11 make a transition zone z_s of *both* neighbours' widths: in the zone beside a wide segment, the function of a narrow
+    one would be carried several times its width beyond its data, where a polynomial explodes. Segments of one width that are full of
+    samples are not held. The outer ends of a curve are left to `extrapolation`.
+    """
+    if body.fusion.hold == "none":
+        return {}
+    held = {}
+    for name, boundaries, place in zip(body.variables, curve.boundaries, segment.cell, strict=True):
+        low, high = segment.limits.get(name, (-inf, inf))
+        reach = body.fusion.z_s * (high - low)
+        start, end = zones(boundaries, body.fusion.z_s)
+        below = low - reach if place > 1 and low - reach > start[place - 2] else None
+        above = high + reach if place < len(boundaries) - 1 and high + reach < end[place - 1] else None
+        m.knot(name, *(edge for edge in (below, above) if edge is not None))
+        held[name] = m.clip(x[name], below, above, f"reached_{name}")
+    return held
+
+
+# between and beyond levels
+
+
+def across_levels(
+    m: Writer,
+    level: Expression,
+    levels: Sequence[float],
+    sides: tuple[Side, Side],
+    fusion: Fusion,
+    curve_at: CurveAt,
+) -> Expression:
+    """Write the curves between their levels and beyond the outermost.
+
+    Between levels i and i + 1, at the place t between them: with `linear` triangles, `(1 - t) f_i + t f_{i+1}` (M1 figure 2); with `pchip`
+    the cubic Hermite interpolant of slopes that keep the shape of the curves' values (Fritsch and Butland 1984). A share
+    `g + (1 - g)(1 - 2t)^2` of it is carried, g = `shrink`. At a level its own curve counts alone: another may have no value there.
+
+    Beyond the outermost level, `continue` and `saturate` hold its curve, `continue_linear` goes on with the slope at that level, and `zero`
+    lets the weight drop to zero (M2 figure 7d). `curve_at` writes a curve, given the numbers of two levels, of the curve, and t.
+    """
+    last = len(levels) - 1
+    alone = [partial(curve_at, i, i, i, ZERO) for i in range(last + 1)]
+    below, above = (_beyond_levels(m, level, levels, end, side, fusion, curve_at) for end, side in ((0, sides[0]), (last, sides[1])))
+    if last == 0:
+        return m.choose("across", [(level < levels[0], below), (level > levels[0], above)], alone[0])
+    cases: list[tuple[Condition, Callable[[], Expression]]] = [(level < levels[0], below)]
+    cases += [(Condition(level, "==", Number(at)), own) for at, own in zip(levels, alone, strict=True)]
+    for i in range(last):
+        within = level < levels[i + 1] if i + 1 < last else level <= levels[last]
+        cases.append((within, partial(_between_levels, m, level, levels, i, fusion, curve_at)))
+    return m.choose("across", cases, above)
+
+
+def _between_levels(
+    m: Writer,
+    level: Expression,
+    levels: Sequence[float],
+    i: int,
+    fusion: Fusion,
+    curve_at: CurveAt,
+) -> Expression:
+    width = levels[i + 1] - levels[i]
+    t = m.let("t", (level - levels[i]) / width)
+    numbers = _counting(levels, i, fusion)
+    f = {number: curve_at(i, i + 1, number, t) for number in numbers}
+    if fusion.levels == "linear":
+        y = (1 - t) * f[i] + t * f[i + 1]
+    else:
+        left, right = (m.let("slope", _slope(m, levels, f, number) * width) for number in (i, i + 1))
+        rest = m.let("rest", 1 - t)
+        y = f[i] * (1 + 2 * t) * rest**2 + left * t * rest**2 + f[i + 1] * t**2 * (3 - 2 * t) - right * t**2 * rest
+    if fusion.shrink == 1.0:
+        return y
+    return m.let("between", y) * (fusion.shrink + (1 - fusion.shrink) * (1 - 2 * t) ** 2)
+
+
+def _beyond_levels(
+    m: Writer,
+    level: Expression,
+    levels: Sequence[float],
+    end: int,
+    side: Side,
+    fusion: Fusion,
+    curve_at: CurveAt,
+) -> Callable[[], Expression]:
+    def straight() -> Expression:
+        f = {number: curve_at(end, end, number, ZERO) for number in _counting(levels, min(end, len(levels) - 2), fusion)}
+        return f[end] + _slope(m, levels, f, end) * (level - levels[end])
+
+    if side == "zero":
+        return lambda: ZERO
+    return straight if side == "continue_linear" and len(levels) > 1 else partial(curve_at, end, end, end, ZERO)
+
+
+def _counting(levels: Sequence[float], i: int, fusion: Fusion) -> range:
+    """Return the curves that the interpolant between levels i and i + 1 depends on: with `pchip`, those of its slopes there too."""
+    reach = 0 if fusion.levels == "linear" else 1
+    return range(max(i - reach, 0), min(i + 1 + reach, len(levels) - 1) + 1)
+
+
+def _slope(m: Writer, levels: Sequence[float], f: Mapping[int, Expression], number: int) -> Expression:
+    """Write the slope across levels at one of them, from the values of the curves that count.
+
+    With two of them it is that of the line. Else, inside, the weighted harmonic mean of the neighbouring differences, or zero where they
+    differ in sign; at the ends, three-point differences held back so that the outermost interval stays monotone.
+    """
+    h = [levels[j] - levels[i] for i, j in pairwise(f)]
+    delta = [m.let("delta", (f[j] - f[i]) / width) for (i, j), width in zip(pairwise(f), h, strict=True)]
+    at = number - min(f)
+    if len(h) == 1:
+        return delta[0]
+    if at == 0:
+        return m.use("slope", _end_slope(m), [delta[0], delta[1], h[0], h[1]])
+    if at == len(h):
+        return m.use("slope", _end_slope(m), [delta[-1], delta[-2], h[-1], h[-2]])
+    return m.use("slope", _inner_slope(m), [delta[at - 1], delta[at], h[at - 1], h[at]])
+
+
+def _inner_slope(m: Writer) -> str:
+    parameters = before, after, h_before, h_after = [Name(name) for name in ("before", "after", "h_before", "h_after")]
+
+    def mean() -> Expression:
+        w_before, w_after = m.let("w_before", h_before + 2 * h_after), m.let("w_after", 2 * h_before + h_after)
+        return (w_before + w_after) * (before / (w_after * before + w_before * after)) * after
+
+    return m.function(
+        "slope_inside",
+        [one.name for one in parameters],
+        lambda: m.where(_sign(before) * _sign(after) > 0.0, mean, 0.0),
+        "slope at an inner level, which keeps the shape",
+    )
+
+
+def _end_slope(m: Writer) -> str:
+    parameters = delta, delta_next, h, h_next = [Name(name) for name in ("delta", "delta_next", "h", "h_next")]
+
+    def held_back() -> Expression:
+        three = m.let("three", ((2 * h + h_next) * delta - h * delta_next) / (h + h_next))
+        kept = m.where(_sign(three) * _sign(delta) > 0.0, three, 0.0)
+        steepest = 3 * delta
+        held = m.where(call("abs", kept) > call("abs", steepest), steepest, kept)
+        return m.where(_sign(delta) * _sign(delta_next) > 0.0, kept, held)
+
+    return m.function("slope_at_end", [one.name for one in parameters], held_back, "slope at an outermost level, which keeps the shape")
+
+
+def _sign(x: Expression) -> Expression:
+    return call("sign", x)
+
+
+# alignment at thresholds
+
+
+def aligned(m: Writer, x: Expression, t: Expression, left: Array, right: Array, own: Array) -> Expression:
+    """Write the place on one curve that corresponds to x: low end, threshold and high end answer to those at x, linear between.
+
+    So each curve is looked up within its own range as long as x is within the range interpolated for it. `left`, `right` and `own` are
+    those marks of the two curves, at the place t between them, and of the curve itself, (3,) each.
+    """
+    between = [m.let("mark", (1 - t) * a + t * b if a != b else a) for a, b in zip(left.tolist(), right.tolist(), strict=True)]
+    low, middle, high = between
+    way = m.let("way", x - middle)
+
+    def along(width: float, between: Expression) -> Expression:
+        wide = m.let("wide", between)
+        return float(own[1]) + way * m.where(wide > 0.0, lambda: width / wide, 1.0)
+
+    return m.where(x < middle, partial(along, float(own[1] - own[0]), middle - low), partial(along, float(own[2] - own[1]), high - middle))
+
+
+def _marks(curve: CurveFunction, name: str) -> Array:
+    """Return low end, threshold and high end, (3,)."""
+    assert curve.threshold is not None
+    low, high = curve.limits[name]
+    return np.array([low, curve.threshold, high])
+
+
+# evaluated
+
+
+def pieces_program(body: Pieces, names: Sequence[str]) -> Program:
+    """Return the pieces without their backbone as a program of the named inputs."""
+    m = Writer()
+    value = pieces_value(m, body, {name: Name(f"{INPUT}{name}") for name in names})
+    return m.program(names, value)
+
+
+def weight_of(body: Pieces, segments: Set[str], columns: Columns) -> Array:
+    """Return the weight of some segment functions together, (n,): what the model is with these functions one and all others zero.
+
+    With `levels: pchip` weights between levels depend on the values of the curves; these are those of such functions.
+
+    Parameters
+    ----------
+    segments
+        Their ids.
+    columns
+        All inputs of the model by name, each (n,).
+    """
+
+    def constant(segment: SegmentFunction) -> SegmentFunction:
+        scaling = replace(segment.scaling, y_slope=1.0, y_intercept=float(segment.id in segments))
+        return replace(segment, terms=(), theta=np.empty(0), scaling=scaling)
+
+    curves = tuple(replace(curve, segments=tuple(map(constant, curve.segments))) for curve in body.curves)
+    return evaluator(pieces_program(replace(body, curves=curves), list(columns)))(columns)[0]
+
+
+def cell_weights(x: Array, boundaries: Array, transition: Transition, z_s: float) -> Array:
+    """Return the weight of every segment along one variable at x, (n, count); each row sums to one (M2 eq 10 and 11)."""
+
+    def weight(place: int) -> Array:
+        m = Writer()
+        of_cell: Callable[[tuple[int, ...]], Expression] = lambda cell: ONE if cell == (place,) else ZERO  # noqa: E731 - short
+        value = joined(m, [Name(f"{INPUT}x")], [boundaries], Fusion(transition=transition, z_s=z_s, extrapolation={}), of_cell)
+        return evaluator(m.program(["x"], value))({"x": x})[0]
+
+    return np.stack([weight(place) for place in range(1, len(boundaries))], axis=1)
