@@ -19,7 +19,7 @@ from pages import CONFIGS, DOCS, campaign, finished, printed, write_tables
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.motion import CARRIED, HARD, ZERO, Motion, MotionSection
-from mapmore_cli.modelling.memory import Record
+from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.motion.bumpless import continued
 from mapmore_cli.modelling.motion.fitting import fit_motion
 from mapmore_cli.modelling.motion.measures import motion_errors

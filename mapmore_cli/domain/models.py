@@ -87,8 +87,12 @@ class CurveRange:
     limits: Mapping[str, tuple[float, float]]
 
 
+class Body:
+    """Base of what a model consists of, by its kind: `modelling.kinds` says what each kind can do."""
+
+
 @dataclass(frozen=True)
-class Pieces:
+class Pieces(Body):
     """MAPMORE: `output = backbone(inputs) + sum_i f_i(E(x)) prod_j w_ij(x_j)` (M2 eq 9).
 
     Attributes
@@ -123,16 +127,21 @@ class Pieces:
 
 
 @dataclass(frozen=True)
-class Formula:
+class Formula(Body):
     """A formula of the literature as the whole model; `level` and `ranges` say where it was trained."""
 
     fit: FormulaFit
     level: str | None
     ranges: tuple[CurveRange, ...]
 
+    @property
+    def backbone(self) -> FormulaFit:
+        """The formula."""
+        return self.fit
+
 
 @dataclass(frozen=True)
-class Memory:
+class Memory(Body):
     """A model with memory, on a backbone or by itself.
 
     It takes a recording with its `time`, from the first measured outputs where those are fed back.
@@ -142,9 +151,14 @@ class Memory:
     ranges: tuple[CurveRange, ...]
     backbone: FormulaFit | None = None
 
+    @property
+    def memories(self) -> tuple[MemoryModel, ...]:
+        """The one part that has memory."""
+        return (self.model,)
+
 
 @dataclass(frozen=True)
-class StateSpace:
+class StateSpace(Body):
     """A model of motion: linear sections along an input (P). It takes a recording with its `time`, and begins at rest."""
 
     motion: Motion
@@ -164,14 +178,15 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Sum:
+class Sum(Body):
     """Models that are added up, as a static and a damping model (M2 section 3)."""
 
     parts: tuple[Part, ...]
 
-
-Body = Pieces | Formula | Memory | StateSpace | Sum
-"""What a model consists of, by its kind. `modelling.kinds` says what each kind can do."""
+    @property
+    def memories(self) -> tuple[MemoryModel, ...]:
+        """The summands that have memory."""
+        return tuple(memory for part in self.parts for memory in part.model.memories)
 
 
 LeftOutKind = Literal["levels", "recordings", "blocks"]
@@ -229,29 +244,17 @@ class Model:
     @property
     def level(self) -> str | None:
         """The input that is constant within a training curve, where there is one."""
-        return self.body.level if isinstance(self.body, Pieces | Formula) else None
+        return getattr(self.body, "level", None)
 
     @property
     def backbone(self) -> FormulaFit | None:
         """The formula that the model is built on, or that it is."""
-        match self.body:
-            case Formula(fit):
-                return fit
-            case Pieces() | Memory():
-                return self.body.backbone
-            case StateSpace() | Sum():
-                return None
+        return getattr(self.body, "backbone", None)
 
     @property
     def memories(self) -> tuple[MemoryModel, ...]:
         """Every part that has memory: its own, and those of its summands."""
-        match self.body:
-            case Memory(model):
-                return (model,)
-            case Sum(parts):
-                return tuple(memory for part in parts for memory in part.model.memories)
-            case _:
-                return ()
+        return getattr(self.body, "memories", ())
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -19,19 +20,15 @@ class PiecesFit:
     segments: tuple[SegmentFit, ...]
 
 
-FitBody = PiecesFit | MemoryFit | MotionFit | FormulaFit
-"""What was fitted, by the kind of the model."""
-
-
 @dataclass(frozen=True)
 class FitResult:
     """What the fit stage hands on: what was fitted to what `backbone` leaves where there is one.
 
-    `body` is None where models are only added up, so that there is nothing to fit. `max_terms` is the number of terms that left-out
-    training data chose; 0 where the spec says it.
+    `body` is of the kind's own type (`modelling.kinds`), and None where models are only added up, so that there is nothing to fit.
+    `max_terms` is the number of terms that left-out training data chose; 0 where the spec says it.
     """
 
-    body: FitBody | None
+    body: Any
     backbone: FormulaFit | None = None
     notes: tuple[str, ...] = ()
     max_terms: int = 0

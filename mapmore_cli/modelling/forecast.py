@@ -22,7 +22,7 @@ def forecast(model: Model, curve: Curve, target: str | None = None) -> Forecast:
         return Forecast.of(solve_for_input(model, curve.columns, target).values)
     if not runs_over_time(model):
         return Forecast.of(predict(model, curve.columns))
-    from mapmore_cli.modelling.memory import AtSample
+    from mapmore_cli.modelling.memory.records import AtSample
 
     values, one_step, ready = np.empty(curve.size), np.empty(curve.size), np.empty(curve.size, dtype=np.bool_)
     for log, rows in enumerate(curve.logs):

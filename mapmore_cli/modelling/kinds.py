@@ -1,22 +1,25 @@
-"""What every kind of model can do: the one place that tells kinds apart.
+"""What every kind of model can do.
 
-A kind is a folder of `modelling/` with a module `model` that holds its verbs. Whoever adds one adds it to `KINDS`, and to
-`program.model` how it is written down. It is imported when a model of it is there: a table needs nothing of motion.
+A kind is a folder of `modelling/` with a file `kind.py`, which says its name, and a file `model.py`, which holds its verbs. Nothing else
+lists it. The verbs are imported when a model of the kind is there: a table needs nothing of motion.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import pkgutil
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mapmore_cli import modelling
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.models import Body, Equation, Formula, Memory, Model, Pieces, StateSpace, Sum
+from mapmore_cli.domain.models import Equation, Model, Sum
 from mapmore_cli.domain.results import Run
 
 if TYPE_CHECKING:
@@ -28,35 +31,45 @@ MODEL_UNITS: Mapping[str, float] = {}
 
 @dataclass(frozen=True)
 class Kind:
-    """The verbs of a kind.
+    """A kind of model: its name in files and on pages, the types of its models and of its fits, and the folder with its verbs.
 
-    Attributes
-    ----------
-    simulate
-        Output at every row, NaN where an input is NaN or there is no history; and the rows at which a free run diverges.
-    outside_range
-        True where an input lies beyond the training range, (n,).
-    equations
-        The model as equations in physical units, given how many of the model's units one unit of a quantity is.
-    parameters
-        How many numbers the fit was free to choose.
-    one_step
-        Prediction of every row from the measured past, (n,); None for kinds that know no past.
-    fed_back
-        The measured outputs that a run begins from.
+    `model.py` in the folder has these functions of a `model`, and others of its own.
+
+    - `simulate(model, columns)`: the `Run` at every row, NaN where an input is NaN or there is no history.
+    - `outside_range(model, columns)`: True where an input lies beyond the training range, (n,).
+    - `equations(model, units)`: the model in physical units, given how many of the model's units one unit of a quantity is.
+    - `parameters(model)`: how many numbers the fit was free to choose.
+    - `write(m, model, inputs)`: the model as statements of the writer `m`; its output.
+
+    Not every kind has the others.
+
+    - `one_step(model, columns)`: prediction of every row from the measured past, (n,); none for kinds that know no past.
+    - `fed_back(model)`: the measured outputs that a run begins from.
     """
 
-    simulate: Callable[[Model, Columns], Run]
-    outside_range: Callable[[Model, Columns], BoolArray]
-    equations: Callable[[Model, Mapping[str, float]], tuple[Equation, ...]]
-    parameters: Callable[[Model], int]
-    one_step: Callable[[Model, Columns], Array] | None = None
-    fed_back: Callable[[Model], tuple[str, ...]] = lambda _model: ()
+    name: str
+    body: type
+    fit: type | None
+    folder: str
+
+    def verb(self, name: str, otherwise: Any = None) -> Any:
+        """Return a function of the kind's `model.py`; `otherwise` where it has none of the name."""
+        return getattr(import_module(f"{modelling.__name__}.{self.folder}.model"), name, otherwise)
+
+
+@cache
+def kinds() -> tuple[Kind, ...]:
+    """Return every kind, in the order of their names."""
+    folders = [found.name for found in pkgutil.iter_modules(modelling.__path__) if found.ispkg]
+    paths = {folder: [f"{path}/{folder}" for path in modelling.__path__] for folder in folders}
+    there = [folder for folder in folders if any(found.name == "kind" for found in pkgutil.iter_modules(paths[folder]))]
+    found = [import_module(f"{modelling.__name__}.{folder}.kind").KIND for folder in there]
+    return tuple(sorted(found, key=lambda kind: kind.name))
 
 
 def kind_of(model: Model) -> Kind:
-    """The verbs for a model."""
-    return KINDS[type(model.body)]()
+    """Return the kind of a model."""
+    return next(kind for kind in kinds() if kind.body is type(model.body))
 
 
 def predict(model: Model, columns: Columns) -> Array:
@@ -81,12 +94,14 @@ def simulate(model: Model, columns: Columns) -> Run:
     DataError
         Where a free run has nothing to begin from, or samples are not at the model's time steps.
     """
-    return kind_of(model).simulate(model, columns)
+    found: Run = kind_of(model).verb("simulate")(model, columns)
+    return found
 
 
 def outside_range(model: Model, columns: Columns) -> BoolArray:
     """True where an input lies beyond the training range, of any summand where the model is a sum, (n,)."""
-    return kind_of(model).outside_range(model, columns)
+    found: BoolArray = kind_of(model).verb("outside_range")(model, columns)
+    return found
 
 
 def equations(model: Model, units: Mapping[str, float] = MODEL_UNITS) -> tuple[Equation, ...]:
@@ -98,30 +113,34 @@ def equations(model: Model, units: Mapping[str, float] = MODEL_UNITS) -> tuple[E
         Where a coefficient is too large to be a number.
     """
     with _numbers_in_reach(model):
-        return kind_of(model).equations(model, units)
+        found: tuple[Equation, ...] = kind_of(model).verb("equations")(model, units)
+    return found
 
 
 def parameters(model: Model) -> int:
     """How many numbers the fit was free to choose: coefficients of terms and parameters of formulas, of a sum those of all its parts."""
-    return kind_of(model).parameters(model)
+    found: int = kind_of(model).verb("parameters")(model)
+    return found
 
 
 def one_step_ahead(model: Model, columns: Columns) -> Array:
     """Prediction of every row from the measured past, (n,); NaN before there is history."""
-    one_step = kind_of(model).one_step
-    return predict(model, columns) if one_step is None else one_step(model, columns)
+    one_step = kind_of(model).verb("one_step")
+    values: Array = predict(model, columns) if one_step is None else one_step(model, columns)
+    return values
 
 
 def runs_over_time(model: Model) -> bool:
     """True where rows are samples of a recording, which the model runs along."""
     if isinstance(model.body, Sum):
         return any(runs_over_time(part.model) for part in model.body.parts)
-    return kind_of(model).one_step is not None
+    return kind_of(model).verb("one_step") is not None
 
 
 def fed_back(model: Model) -> tuple[str, ...]:
     """The measured outputs that a run begins from, each once."""
-    return kind_of(model).fed_back(model)
+    found: tuple[str, ...] = kind_of(model).verb("fed_back", lambda _model: ())(model)
+    return found
 
 
 def program_of(model: Model) -> Program:
@@ -165,54 +184,3 @@ def slopes(model: Model, columns: Columns) -> dict[str, Array]:
 
     _, *found = evaluator(with_slopes(program_of(model)))(columns)
     return {quantity.name: slope for quantity, slope in zip(model.inputs, found, strict=True)}
-
-
-@cache
-def _pieces() -> Kind:
-    from mapmore_cli.modelling.pieces import model as pieces
-
-    return Kind(pieces.simulate, pieces.outside_range, pieces.equations, pieces.parameters)
-
-
-@cache
-def _formula() -> Kind:
-    from mapmore_cli.modelling.literature import model as formula
-
-    return Kind(formula.simulate, formula.outside_range, formula.equations, formula.parameters)
-
-
-@cache
-def _memory() -> Kind:
-    from mapmore_cli.modelling.memory import model as memory
-
-    return Kind(memory.simulate, memory.outside_range, memory.equations, memory.parameters, memory.one_step, memory.fed_back)
-
-
-@cache
-def _motion() -> Kind:
-    from mapmore_cli.modelling.motion import model as motion
-
-    return Kind(motion.simulate, motion.outside_range, motion.equations, motion.parameters, motion.one_step)
-
-
-@cache
-def _sum() -> Kind:
-    from mapmore_cli.modelling.sums import model as sums
-
-    return Kind(
-        lambda model, columns: sums.simulate(model, columns, simulate),
-        lambda model, columns: sums.outside_range(model, columns, outside_range),
-        lambda model, units: sums.equations(model, units, equations),
-        lambda model: sums.parameters(model, parameters),
-        lambda model, columns: sums.one_step(model, columns, one_step_ahead),
-        lambda model: sums.fed_back(model, fed_back),
-    )
-
-
-KINDS: Mapping[type[Body], Callable[[], Kind]] = {
-    Pieces: _pieces,
-    Formula: _formula,
-    Memory: _memory,
-    StateSpace: _motion,
-    Sum: _sum,
-}

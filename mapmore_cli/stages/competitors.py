@@ -26,7 +26,7 @@ from mapmore_cli.modelling.sums import joint
 from mapmore_cli.modelling.sums.joint import fit_jointly
 from mapmore_cli.spec.sections.results import Competitor
 from mapmore_cli.stages.ingestion.steps import DAMPING, STATIC_FORCE
-from mapmore_cli.stages.kinds.sums import summands_of
+from mapmore_cli.stages.kinds.sum import summands_of
 from mapmore_cli.storage.artefacts import read_model
 from mapmore_cli.storage.run_folder import RunFiles
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from page_tables import DOCS, numbers, page_table
 
-from mapmore_cli.modelling.memory import Record
+from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.motion.fitting import fit_motion
 from mapmore_cli.modelling.motion.recipe import Bounds, MotionRecipe
 from mapmore_cli.modelling.motion.simulation import simulate

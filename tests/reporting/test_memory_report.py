@@ -10,8 +10,10 @@ from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
 from mapmore_cli.domain.results import FitResult, Forecast
 from mapmore_cli.domain.scores import Validation
 from mapmore_cli.modelling.forecast import forecast
-from mapmore_cli.modelling.memory import MemoryRecipe, fit_with_memory, records_of
 from mapmore_cli.modelling.memory import model as memory
+from mapmore_cli.modelling.memory.fitting import fit_with_memory
+from mapmore_cli.modelling.memory.recipe import MemoryRecipe
+from mapmore_cli.modelling.memory.records import records_of
 from mapmore_cli.modelling.scores.rows import divisor, score_rows
 from mapmore_cli.reporting.figures.catalogue import drawings
 from mapmore_cli.reporting.figures.drawing import compose

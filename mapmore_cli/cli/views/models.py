@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from mapmore_cli.cli.views import remembering
 from mapmore_cli.cli.views.fitted import formula_document, formula_lines, segment_document
 from mapmore_cli.cli.views.view import View
-from mapmore_cli.domain.models import Body, CurveFunction, CurveRange, Formula, Fusion, Memory, Model, Pieces, StateSpace, Sum
+from mapmore_cli.domain.models import CurveFunction, CurveRange, Formula, Fusion, Memory, Model, Pieces, StateSpace, Sum
 
 if TYPE_CHECKING:
     from mapmore_cli.reporting.table import Table
@@ -38,9 +38,16 @@ def of_model(model: Model) -> View:
 
 
 def _shown(model: Model) -> Shown:
-    word, show = _KINDS[type(model.body)]
-    shown = show(model)
+    from mapmore_cli.modelling.kinds import kind_of
+
+    word = kind_of(model).name
+    shown = SHOWN.get(word, _plain)(model)
     return shown._replace(document={"kind": word, **shown.document})
+
+
+def _plain(model: Model) -> Shown:
+    """Show the body as it is stored, where a kind has nothing of its own to show."""
+    return Shown(asdict(model.body))  # type: ignore[call-overload]
 
 
 def _document(model: Model, shown: Shown) -> dict[str, Any]:
@@ -98,13 +105,14 @@ def _sum(model: Model) -> Shown:
     return Shown(document, tuple(table for _, shown in parts for table in shown.tables), lines)
 
 
-_KINDS: Mapping[type[Body], tuple[str, Callable[[Model], Shown]]] = {
-    Pieces: ("pieces", _pieces),
-    Formula: ("formula", _formula),
-    Memory: ("memory", _memory),
-    StateSpace: ("state_space", _state_space),
-    Sum: ("sum", _sum),
+SHOWN: Mapping[str, Callable[[Model], Shown]] = {
+    "pieces": _pieces,
+    "formula": _formula,
+    "memory": _memory,
+    "state_space": _state_space,
+    "sum": _sum,
 }
+"""What kinds show of their own, by their names; others are shown as they are stored."""
 
 
 def _limits(ranges: tuple[CurveRange, ...]) -> dict[str, Any]:

@@ -12,6 +12,8 @@ from mapmore_cli.domain.models import CurveRange, Equation, Formula, Model
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling import literature
+from mapmore_cli.modelling.program.formula import formula_value
+from mapmore_cli.modelling.program.writing import Inputs, Writer, limit
 from mapmore_cli.modelling.ranges import outside
 from mapmore_cli.modelling.terms import Expression, Name, Number, multiply, substitute, to_latex, to_text
 
@@ -86,3 +88,10 @@ def by_blocks(inputs: Sequence[Quantity], columns: Columns, value: Callable[[dic
         with np.errstate(all="ignore"):  # a term may overflow far outside, and what follows from a NaN is replaced
             y[start : start + BLOCK] = np.where(finite, value(block, n), np.nan)
     return y
+
+
+def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
+    """Write a formula alone."""
+    assert isinstance(model.body, Formula)
+    limit(m, model.body.ranges, model.body.level, inputs)
+    return formula_value(m, model.body.fit, inputs)

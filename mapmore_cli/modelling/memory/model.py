@@ -17,6 +17,9 @@ from mapmore_cli.modelling.literature.model import backbone_values, by_blocks, f
 from mapmore_cli.modelling.memory.feedback import fed_back_states
 from mapmore_cli.modelling.memory.free_run import free_run, one_step_ahead
 from mapmore_cli.modelling.memory.resolution import memory_inputs
+from mapmore_cli.modelling.program.formula import formula_value
+from mapmore_cli.modelling.program.memory import memory_value
+from mapmore_cli.modelling.program.writing import Inputs, Writer, limit
 from mapmore_cli.modelling.ranges import outside
 from mapmore_cli.modelling.terms import Expression, Name, Number, add, affine, multiply, parse, state, substitute
 
@@ -97,3 +100,12 @@ def _base(model: Model, columns: Columns) -> Array:
 def _body(model: Model) -> Memory:
     assert isinstance(model.body, Memory)
     return model.body
+
+
+def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
+    """Write a model with memory, on its backbone where it has one."""
+    body = model.body
+    assert isinstance(body, Memory)
+    limit(m, body.ranges, None, inputs)
+    m.kept.steps.append(body.model.states.step)
+    return m.let("model", formula_value(m, body.backbone, inputs) + memory_value(m, body.model, inputs))

@@ -14,6 +14,8 @@ from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.literature.model import printed
 from mapmore_cli.modelling.motion.simulation import simulate as simulated
+from mapmore_cli.modelling.program.motion import motion_value
+from mapmore_cli.modelling.program.writing import Inputs, Writer, limit
 from mapmore_cli.modelling.ranges import outside
 from mapmore_cli.modelling.terms import Expression, Name, Number, add, multiply, parse, substitute
 
@@ -80,3 +82,11 @@ def _equation(motion: Motion, section: MotionSection, units: Mapping[str, float]
 def _motion(model: Model) -> Motion:
     assert isinstance(model.body, StateSpace)
     return model.body.motion
+
+
+def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
+    """Write a model of motion."""
+    assert isinstance(model.body, StateSpace)
+    limit(m, model.body.ranges, None, inputs)
+    m.kept.steps.append(model.body.motion.step)
+    return motion_value(m, model.body.motion, inputs)

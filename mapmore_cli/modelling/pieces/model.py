@@ -10,8 +10,10 @@ from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.models import Equation, Model, Pieces, SegmentFunction
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.literature.model import backbone_values, by_blocks, formula_equations, printed
-from mapmore_cli.modelling.pieces.definition import pieces_program
+from mapmore_cli.modelling.pieces.definition import pieces_program, pieces_value
+from mapmore_cli.modelling.program.formula import formula_value
 from mapmore_cli.modelling.program.values import evaluator
+from mapmore_cli.modelling.program.writing import Inputs, Writer, limit
 from mapmore_cli.modelling.ranges import outside
 from mapmore_cli.modelling.terms import Expression, Name, Number, add, affine, exponents, multiply, parse, substitute
 
@@ -74,3 +76,14 @@ def _scaled(name: str, slope: float, intercept: float, units: Mapping[str, float
 def _body(model: Model) -> Pieces:
     assert isinstance(model.body, Pieces)
     return model.body
+
+
+def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
+    """Write pieces, on their backbone where they have one."""
+    body = model.body
+    assert isinstance(body, Pieces)
+    limit(m, body.ranges, body.level, inputs)
+    base = formula_value(m, body.backbone, inputs)
+    if not body.segments:
+        return base
+    return m.let("model", base + pieces_value(m, body, {quantity.name: inputs[quantity.name] for quantity in model.inputs}))

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import count
 
+import numpy as np
+
+from mapmore_cli.domain.models import CurveRange
 from mapmore_cli.modelling.program.pruning import pruned
 from mapmore_cli.modelling.program.statements import Block, Choose, Function, Keep, Kept, Let, Limit, Program, Statement, Use
 from mapmore_cli.modelling.terms import Expression, Name, Number, call, substitute
@@ -12,6 +15,10 @@ from mapmore_cli.modelling.terms.syntax import Condition, Operand, Product, Sum,
 
 Side = Operand | Callable[[], Operand]
 """A value, or a function that writes the statements of one; its statements run only where this side is taken."""
+
+
+Inputs = Mapping[str, Expression]
+"""What a model's inputs are, in the order that it has them in."""
 
 
 class Writer:
@@ -131,3 +138,21 @@ def times(*factors: Expression) -> Expression:
 def renamed_all(terms: Iterable[Expression], names: Mapping[str, Expression]) -> list[Expression]:
     """Return the expressions with other names."""
     return [substitute(term, names) for term in terms]
+
+
+def limit(m: Writer, ranges: Sequence[CurveRange], level: str | None, inputs: Inputs) -> None:
+    """Add training ranges: of the level that of its levels, of any other input one that goes linearly from curve to curve."""
+    if not ranges:
+        return
+    levels = np.array([one.level for one in ranges], dtype=np.float64) if level is not None else np.empty(0)
+    if level is not None:
+        m.limits.append(Limit(frozenset({level}), inputs[level], None, levels[:1], levels[:1], levels[-1:]))
+        m.knot(level, *levels.tolist())
+    for name in ranges[0].limits:
+        if name != level and name in inputs:
+            ends = np.array([one.limits[name] for one in ranges])
+            m.knot(name, *ends.ravel().tolist())
+            if level is None:
+                m.limits.append(Limit(frozenset({name}), inputs[name], None, levels, ends[:1, 0], ends[:1, 1]))
+            else:
+                m.limits.append(Limit(frozenset({name}), inputs[name], inputs[level], levels, ends[:, 0], ends[:, 1]))

@@ -1,9 +1,10 @@
-"""From sections of the spec to models: one file for each kind of model, and the one place that tells them apart."""
+"""From sections of the spec to models: one file for each kind of model, found by the name of the kind."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -30,28 +31,9 @@ class Maker:
 
 
 def maker_of(part: FitChoices) -> Maker:
-    """How the model of a study is made; only what that takes is imported."""
-    match part.kind:
-        case "memory":
-            from mapmore_cli.stages.kinds import memory
-
-            return Maker(memory.fit, memory.build, memory.refit)
-        case "motion":
-            from mapmore_cli.stages.kinds import motion
-
-            return Maker(motion.fit, motion.build, motion.refit)
-        case "formula":
-            from mapmore_cli.stages.kinds import formula
-
-            return Maker(formula.fit, formula.build, formula.refit)
-        case "sum":
-            from mapmore_cli.stages.kinds import sums
-
-            return Maker(sums.fit, sums.build, refit_parts=sums.refit_parts)
-        case _:
-            from mapmore_cli.stages.kinds import pieces
-
-            return Maker(pieces.fit, pieces.build, pieces.refit)
+    """Return how the model of a study is made, by the file of its kind; only what that takes is imported."""
+    found = import_module(f"{__name__}.{part.kind}")
+    return Maker(found.fit, found.build, getattr(found, "refit", None), getattr(found, "refit_parts", None))
 
 
 def refitted(choices: ModelChoices, dataset: Dataset) -> Model:

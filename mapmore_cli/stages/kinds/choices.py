@@ -30,14 +30,14 @@ class FitChoices:
 
     @property
     def kind(self) -> str:
-        """The kind of model: a `formula`, a `sum`, one of `motion`, one with `memory`, or `pieces`."""
+        """The kind of model: a `formula`, a `sum`, a `state_space`, one with `memory`, or `pieces`."""
         match self.model.type:
             case "literature":
                 return "formula"
             case "sum":
                 return "sum"
             case "state_space":
-                return "motion"
+                return "state_space"
             case _:
                 return "memory" if remembers(self.dictionary) else "pieces"
 
@@ -49,7 +49,7 @@ class FitChoices:
     @property
     def over_time(self) -> bool:
         """Whether the model runs along recordings, and is fitted to them whole."""
-        return self.kind in ("memory", "motion")
+        return self.kind in ("memory", "state_space")
 
 
 @dataclass(frozen=True)

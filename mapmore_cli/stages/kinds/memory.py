@@ -9,8 +9,10 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.modelling.literature.backbone import residual_of
-from mapmore_cli.modelling.memory import MemoryRecipe, fit_with_memory, records_of, time_step
 from mapmore_cli.modelling.memory import model as memory
+from mapmore_cli.modelling.memory.fitting import fit_with_memory
+from mapmore_cli.modelling.memory.recipe import MemoryRecipe
+from mapmore_cli.modelling.memory.records import records_of, time_step
 from mapmore_cli.modelling.pieces.segmentation import uncut
 from mapmore_cli.stages.kinds.choices import FitChoices, ModelChoices, level_of
 from mapmore_cli.stages.kinds.dictionary import Clock, terms_of

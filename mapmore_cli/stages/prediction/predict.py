@@ -16,7 +16,7 @@ from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.intervals import ends, half_width_of
 from mapmore_cli.modelling.inverse import solve_for_input
 from mapmore_cli.modelling.kinds import outside_range, runs_over_time, simulate, slopes
-from mapmore_cli.modelling.memory import AtSample, numbered
+from mapmore_cli.modelling.memory.records import AtSample, numbered
 from mapmore_cli.modelling.signals.rates import with_signals
 from mapmore_cli.stages.prediction.records import Reading, Row, fields_of, reading_of, recordings, records, stretches, values_of
 from mapmore_cli.storage.tables.table import TableRequest, locate_columns

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from mapmore_cli.domain.memory import MemoryModel, StateSet
-from mapmore_cli.modelling.memory import MemoryRecipe, Record
+from mapmore_cli.modelling.memory.recipe import MemoryRecipe
+from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.terms.operator import Setting
 from mapmore_cli.modelling.terms.operators import OPERATORS
 from mapmore_cli.modelling.terms.recursion import along

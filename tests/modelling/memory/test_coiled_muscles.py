@@ -8,7 +8,8 @@ import pytest
 from closeness import nrmse_by_range
 from memory_samples import recipe_of, record
 
-from mapmore_cli.modelling.memory import fit_with_memory, free_run
+from mapmore_cli.modelling.memory.fitting import fit_with_memory
+from mapmore_cli.modelling.memory.free_run import free_run
 from mapmore_cli.modelling.signals.cycles import last_cycles
 from mapmore_cli.modelling.signals.sampling import find_gaps, pieces, resample
 from mapmore_cli.modelling.terms import to_text

@@ -11,7 +11,8 @@ from closeness import nrmse_by_range, rmse, rrse
 from memory_samples import STEP, narx_truth, recipe_of, record, slow, wandering
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.modelling.memory import fit_with_memory, free_run
+from mapmore_cli.modelling.memory.fitting import fit_with_memory
+from mapmore_cli.modelling.memory.free_run import free_run
 from mapmore_cli.modelling.memory.model import memory_equation
 from mapmore_cli.modelling.terms import evaluate, families, to_text
 from mapmore_cli.modelling.terms.families import lags, operated, products

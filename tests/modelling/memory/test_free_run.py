@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from memory_samples import STEP, memory_model, narx_truth, state_set, wandering
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.modelling.memory import free_run, one_step_ahead
+from mapmore_cli.modelling.memory.free_run import free_run, one_step_ahead
 
 LAGS = state_set("x[k-1]", "x[k-2]", "y[k-1]", "y[k-2]")
 TRUTH = memory_model(["x[k-2]", "y[k-2]", "x[k-1]*y[k-1]", "y[k-1]^2"], [0.6, -0.5, 0.7, 0.2], LAGS)

@@ -9,7 +9,8 @@ import pytest
 from closeness import nrmse_by_range
 from memory_samples import recipe_of, record
 
-from mapmore_cli.modelling.memory import fit_with_memory, free_run
+from mapmore_cli.modelling.memory.fitting import fit_with_memory
+from mapmore_cli.modelling.memory.free_run import free_run
 from mapmore_cli.modelling.terms import to_text
 from mapmore_cli.modelling.terms.families import operated, products
 from mapmore_cli.modelling.terms.operators.play import spread_widths

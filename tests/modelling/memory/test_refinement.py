@@ -11,8 +11,10 @@ from memory_samples import memory_model, narx_truth, recipe_of, record, state_se
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.frols import frols
 from mapmore_cli.modelling.memory import beam as beams
-from mapmore_cli.modelling.memory import fit_with_memory, free_run, one_step_ahead, selectors
+from mapmore_cli.modelling.memory import selectors
 from mapmore_cli.modelling.memory.feedback import feedback_of
+from mapmore_cli.modelling.memory.fitting import fit_with_memory
+from mapmore_cli.modelling.memory.free_run import free_run, one_step_ahead
 from mapmore_cli.modelling.memory.linearisation import Linearised, run_at_once
 from mapmore_cli.modelling.memory.refinement import THOROUGH, Coefficients, Problem, minimise, refine
 from mapmore_cli.modelling.memory.simulation import course_of, piece_of

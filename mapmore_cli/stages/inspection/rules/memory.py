@@ -14,7 +14,7 @@ def even_steps(subject: Subject) -> Iterator[Issue]:
     """All recordings at the same even steps, and none with holes that nobody declared."""
     if not subject.spec.runs_over_time or subject.dataset is None:
         return
-    from mapmore_cli.modelling.memory import records_of, time_step  # its solvers take long to load
+    from mapmore_cli.modelling.memory.records import records_of, time_step
 
     curves = subject.dataset.curves
     try:

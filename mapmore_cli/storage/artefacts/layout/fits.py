@@ -11,6 +11,7 @@ from mapmore_cli.modelling.literature.parts import SEVERITY
 from mapmore_cli.storage.artefacts.codecs import added, numbered, numbers, pairs, shown, text
 from mapmore_cli.storage.artefacts.label import NO_UNIT
 from mapmore_cli.storage.artefacts.layout.cells import ANY_REAL, ANY_REALS, ANY_TABLE, CELL, COUNT, INDICES, REAL, REALS, TABLE, TEXT, TEXTS
+from mapmore_cli.storage.artefacts.layout.derived import completed
 from mapmore_cli.storage.artefacts.schema import Fault, Field, Schema, record
 
 STOP = text(words=("tolerance", "max_terms", "no_gain", "rank", "bic", "aicc", "press", "free_run", "pruned"))
@@ -100,21 +101,23 @@ def _formula_faults(fit: FormulaFit) -> Iterator[Fault]:
         yield "parameters", f"has no value of {shown(lost[0])}, although the fit has not failed"
 
 
-FORMULA_FIT = Schema(
-    FormulaFit,
-    "A literature model fitted to training data.",
-    (
-        Field("name", TEXT, "name of the formula", NO_UNIT),
-        Field("parameters", pairs(ANY_REALS), "fitted parameters; NaN where the fit failed", "those of the formula"),
-        Field("errors", pairs(ANY_REALS), "standard errors of the parameters; NaN where unknown", "those of the formula"),
-        Field("status", text(words=SEVERITY), "`converged`, `at_bound`, `rank_deficient`, `stopped_by_limit` or `failed`", NO_UNIT),
-        Field("method", TEXT, "how it was fitted", NO_UNIT),
-        Field("rank", COUNT, "rank of the linear problem"),
-        Field("condition", ANY_REAL, "condition number of the linear problem"),
-        Field("sse", ANY_REAL, "residual sum of squares", "[target]^2"),
-        Field("samples", COUNT, "samples fitted to"),
-        Field("notes", TEXTS, "remarks for the reader", NO_UNIT),
-        Field("rivals", added(numbered(record(OPTIMUM)), ()), "other minima with nearly its training error", NO_UNIT),
-    ),
-    rule=_formula_faults,
+FORMULA_FIT = completed(
+    Schema(
+        FormulaFit,
+        "A literature model fitted to training data.",
+        (
+            Field("name", TEXT, "name of the formula", NO_UNIT),
+            Field("parameters", pairs(ANY_REALS), "fitted parameters; NaN where the fit failed", "those of the formula"),
+            Field("errors", pairs(ANY_REALS), "standard errors of the parameters; NaN where unknown", "those of the formula"),
+            Field("status", text(words=SEVERITY), "`converged`, `at_bound`, `rank_deficient`, `stopped_by_limit` or `failed`", NO_UNIT),
+            Field("method", TEXT, "how it was fitted", NO_UNIT),
+            Field("rank", COUNT, "rank of the linear problem"),
+            Field("condition", ANY_REAL, "condition number of the linear problem"),
+            Field("sse", ANY_REAL, "residual sum of squares", "[target]^2"),
+            Field("samples", COUNT, "samples fitted to"),
+            Field("notes", TEXTS, "remarks for the reader", NO_UNIT),
+            Field("rivals", added(numbered(record(OPTIMUM)), ()), "other minima with nearly its training error", NO_UNIT),
+        ),
+        rule=_formula_faults,
+    )
 )

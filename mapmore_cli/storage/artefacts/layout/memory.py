@@ -21,6 +21,7 @@ from mapmore_cli.storage.artefacts.layout.cells import (
     TEXTS,
     expression_faults,
 )
+from mapmore_cli.storage.artefacts.layout.derived import completed
 from mapmore_cli.storage.artefacts.layout.fits import SELECTION
 from mapmore_cli.storage.artefacts.schema import Fault, Field, Schema, record
 
@@ -61,19 +62,21 @@ def _memory_faults(model: MemoryModel) -> Iterator[Fault]:
     return expression_faults("terms", model.terms, model.states.names)
 
 
-MEMORY_MODEL = Schema(
-    MemoryModel,
-    "`output[k] = constant + sum_j theta_j D_j(states[k])`.",
-    (
-        Field("output", NAME, "the quantity whose delays are fed back", NO_UNIT),
-        Field("states", record(STATE_SET), "states with memory", NO_UNIT),
-        Field("terms", TEXTS, "(k) the terms D_j, in the order of selection", NO_UNIT),
-        Field("theta", REALS, "(k) coefficients of the terms, of states scaled as `states` says", "those of the terms"),
-        Field("theta_error", ANY_REALS, "(k) standard errors of theta; NaN without a degree of freedom", "those of the terms"),
-        Field("constant", REAL, "the constant", "[target]"),
-        Field("limits", SPAN, "least and greatest training output", "[target]"),
-    ),
-    rule=_memory_faults,
+MEMORY_MODEL = completed(
+    Schema(
+        MemoryModel,
+        "`output[k] = constant + sum_j theta_j D_j(states[k])`.",
+        (
+            Field("output", NAME, "the quantity whose delays are fed back", NO_UNIT),
+            Field("states", record(STATE_SET), "states with memory", NO_UNIT),
+            Field("terms", TEXTS, "(k) the terms D_j, in the order of selection", NO_UNIT),
+            Field("theta", REALS, "(k) coefficients of the terms, of states scaled as `states` says", "those of the terms"),
+            Field("theta_error", ANY_REALS, "(k) standard errors of theta; NaN without a degree of freedom", "those of the terms"),
+            Field("constant", REAL, "the constant", "[target]"),
+            Field("limits", SPAN, "least and greatest training output", "[target]"),
+        ),
+        rule=_memory_faults,
+    )
 )
 
 
@@ -96,34 +99,36 @@ IDENTIFIED = Schema(
 )
 
 
-MEMORY_FIT = Schema(
-    MemoryFit,
-    "A model with memory, and how its k terms were chosen of M candidates.",
-    (
-        Field("model", record(MEMORY_MODEL), "the model", NO_UNIT),
-        Field("candidates", TEXTS, "(M) names of all M dictionary terms", NO_UNIT),
-        Field("selection", record(SELECTION), "how the terms were found; after pruning, among those kept", NO_UNIT),
-        Field("ridge", number(float, least=0), "ridge as a fraction of the variance of a standardised candidate; 0 for none"),
-        Field("forward", INDICES, "candidates chosen before pruning, in their order, from 0", NO_UNIT),
-        Field(
-            "substitutes",
-            numbers("<i8", least=-1),
-            "(k or 0) candidate that would best replace each term, -1 for none; empty without a ridge",
-            NO_UNIT,
+MEMORY_FIT = completed(
+    Schema(
+        MemoryFit,
+        "A model with memory, and how its k terms were chosen of M candidates.",
+        (
+            Field("model", record(MEMORY_MODEL), "the model", NO_UNIT),
+            Field("candidates", TEXTS, "(M) names of all M dictionary terms", NO_UNIT),
+            Field("selection", record(SELECTION), "how the terms were found; after pruning, among those kept", NO_UNIT),
+            Field("ridge", number(float, least=0), "ridge as a fraction of the variance of a standardised candidate; 0 for none"),
+            Field("forward", INDICES, "candidates chosen before pruning, in their order, from 0", NO_UNIT),
+            Field(
+                "substitutes",
+                numbers("<i8", least=-1),
+                "(k or 0) candidate that would best replace each term, -1 for none; empty without a ridge",
+                NO_UNIT,
+            ),
+            Field("shares", ANY_REALS, "(k or 0) its gain over the term's own; empty without a ridge"),
+            Field(
+                "held_out",
+                optional(ANY_REALS),
+                "free-run RMSE of the models of 1, 2, ... terms over the last training samples, fitted to the others; inf where diverged",
+                "[target]",
+            ),
+            Field(
+                "identified",
+                optional(record(IDENTIFIED)),
+                "the numbers of operators that the dictionary left open, where it left any",
+                NO_UNIT,
+            ),
         ),
-        Field("shares", ANY_REALS, "(k or 0) its gain over the term's own; empty without a ridge"),
-        Field(
-            "held_out",
-            optional(ANY_REALS),
-            "free-run RMSE of the models of 1, 2, ... terms over the last training samples, fitted to the others; inf where diverged",
-            "[target]",
-        ),
-        Field(
-            "identified",
-            optional(record(IDENTIFIED)),
-            "the numbers of operators that the dictionary left open, where it left any",
-            NO_UNIT,
-        ),
-    ),
-    rule=_memory_fit_faults,
+        rule=_memory_fit_faults,
+    )
 )

@@ -27,6 +27,7 @@ from mapmore_cli.domain.models import (
 )
 from mapmore_cli.domain.recording import Signal
 from mapmore_cli.modelling import literature
+from mapmore_cli.modelling.kinds import kinds
 from mapmore_cli.storage.artefacts.codecs import adapted, added, named, number, numbered, optional, pairs, shown, text
 from mapmore_cli.storage.artefacts.integrity import Invalid
 from mapmore_cli.storage.artefacts.label import NO_UNIT
@@ -50,6 +51,7 @@ from mapmore_cli.storage.artefacts.layout.cells import (
     expression_faults,
 )
 from mapmore_cli.storage.artefacts.layout.data import QUANTITY
+from mapmore_cli.storage.artefacts.layout.derived import completed, schema_of
 from mapmore_cli.storage.artefacts.layout.fits import FORMULA_FIT, SCALING, STOP
 from mapmore_cli.storage.artefacts.layout.memory import MEMORY_MODEL
 from mapmore_cli.storage.artefacts.layout.motion import MOTION
@@ -145,24 +147,26 @@ CURVE_FUNCTION = Schema(
     rule=_curve_faults,
 )
 
-FUSION = Schema(
-    Fusion,
-    "How the pieces are joined (M2 eq 9-12).",
-    (
-        Field("transition", text(words=("linear", "quadratic", "cubic")), "`linear`, `quadratic` or `cubic`", NO_UNIT),
-        Field("z_s", number(float, least=0, most=0.5), "half-width of a transition zone, as a fraction of the segment"),
-        Field("extrapolation", SIDES, "behaviour below and above the limits of each input: a word, or the value it takes", NO_UNIT),
-        Field("levels", text(words=("linear", "pchip")), "interpolation between curves, `linear` or `pchip`", NO_UNIT),
-        Field("aligned", OPTIONAL_TEXT, "variable along which curves are aligned at their thresholds", NO_UNIT),
-        Field("shrink", SHARE, "share of the pieces on a backbone that is carried to the middle between two levels"),
-        Field(
-            "hold",
-            added(text(words=("samples", "none")), "samples"),
-            "`samples` where segment functions are held beyond theirs, or `none`",
-            NO_UNIT,
+FUSION = completed(
+    Schema(
+        Fusion,
+        "How the pieces are joined (M2 eq 9-12).",
+        (
+            Field("transition", text(words=("linear", "quadratic", "cubic")), "`linear`, `quadratic` or `cubic`", NO_UNIT),
+            Field("z_s", number(float, least=0, most=0.5), "half-width of a transition zone, as a fraction of the segment"),
+            Field("extrapolation", SIDES, "behaviour below and above the limits of each input: a word, or the value it takes", NO_UNIT),
+            Field("levels", text(words=("linear", "pchip")), "interpolation between curves, `linear` or `pchip`", NO_UNIT),
+            Field("aligned", OPTIONAL_TEXT, "variable along which curves are aligned at their thresholds", NO_UNIT),
+            Field("shrink", SHARE, "share of the pieces on a backbone that is carried to the middle between two levels"),
+            Field(
+                "hold",
+                added(text(words=("samples", "none")), "samples"),
+                "`samples` where segment functions are held beyond theirs, or `none`",
+                NO_UNIT,
+            ),
+            Field("domain", added(LIMITS, {}), "limits of the whole training domain, for inputs that extrapolation acts on there", "[*]"),
         ),
-        Field("domain", added(LIMITS, {}), "limits of the whole training domain, for inputs that extrapolation acts on there", "[*]"),
-    ),
+    )
 )
 
 SIGNAL = Schema(
@@ -213,54 +217,62 @@ def _pieces_faults(pieces: Pieces) -> Iterator[Fault]:
         yield "curves", "holds a curve without a threshold, although curves are aligned"
 
 
-PIECES = Schema(
-    Pieces,
-    "MAPMORE: `output = backbone + sum_i f_i prod_j w_ij` (M2 eq 9).",
-    (
-        Field("level", OPTIONAL_TEXT, "the input that is constant within a curve", NO_UNIT),
-        Field("variables", TEXTS, "(p) segmented variables", NO_UNIT),
-        Field("curves", numbered(record(CURVE_FUNCTION)), "training curves", NO_UNIT),
-        Field("fusion", record(FUSION), "how the pieces are joined", NO_UNIT),
-        Field("backbone", optional(record(FORMULA_FIT)), "formula that the pieces are added to", NO_UNIT),
-        Field("cross_validation", rows(FOLD_ERROR), "errors that decided for or against the pieces on the backbone", NO_UNIT),
-    ),
-    units=lambda pieces: {
-        **{f"variables.{place}": f"[{name}]" for place, name in enumerate(pieces.variables)},
-        "level": f"[{pieces.level}]" if pieces.level else NO_UNIT,
-        "aligned": f"[{pieces.fusion.aligned}]" if pieces.fusion.aligned else NO_UNIT,
-    },
-    rule=_pieces_faults,
+PIECES = completed(
+    Schema(
+        Pieces,
+        "MAPMORE: `output = backbone + sum_i f_i prod_j w_ij` (M2 eq 9).",
+        (
+            Field("level", OPTIONAL_TEXT, "the input that is constant within a curve", NO_UNIT),
+            Field("variables", TEXTS, "(p) segmented variables", NO_UNIT),
+            Field("curves", numbered(record(CURVE_FUNCTION)), "training curves", NO_UNIT),
+            Field("fusion", record(FUSION), "how the pieces are joined", NO_UNIT),
+            Field("backbone", optional(record(FORMULA_FIT)), "formula that the pieces are added to", NO_UNIT),
+            Field("cross_validation", rows(FOLD_ERROR), "errors that decided for or against the pieces on the backbone", NO_UNIT),
+        ),
+        units=lambda pieces: {
+            **{f"variables.{place}": f"[{name}]" for place, name in enumerate(pieces.variables)},
+            "level": f"[{pieces.level}]" if pieces.level else NO_UNIT,
+            "aligned": f"[{pieces.fusion.aligned}]" if pieces.fusion.aligned else NO_UNIT,
+        },
+        rule=_pieces_faults,
+    )
 )
 
-FORMULA = Schema(
-    Formula,
-    "A formula of the literature as the whole model.",
-    (
-        Field("fit", record(FORMULA_FIT), "the fitted formula", NO_UNIT),
-        Field("level", OPTIONAL_TEXT, "the input that is constant within a training curve", NO_UNIT),
-        Field("ranges", numbered(record(CURVE_RANGE)), "training range of each curve", NO_UNIT),
-    ),
-    units=lambda formula: {"level": f"[{formula.level}]" if formula.level else NO_UNIT},
-    rule=lambda formula: _level_faults(formula.level, formula.ranges, "ranges"),
+FORMULA = completed(
+    Schema(
+        Formula,
+        "A formula of the literature as the whole model.",
+        (
+            Field("fit", record(FORMULA_FIT), "the fitted formula", NO_UNIT),
+            Field("level", OPTIONAL_TEXT, "the input that is constant within a training curve", NO_UNIT),
+            Field("ranges", numbered(record(CURVE_RANGE)), "training range of each curve", NO_UNIT),
+        ),
+        units=lambda formula: {"level": f"[{formula.level}]" if formula.level else NO_UNIT},
+        rule=lambda formula: _level_faults(formula.level, formula.ranges, "ranges"),
+    )
 )
 
-MEMORY = Schema(
-    Memory,
-    "A model with memory, on a backbone or by itself.",
-    (
-        Field("model", record(MEMORY_MODEL), "states, terms and coefficients", NO_UNIT),
-        Field("ranges", numbered(record(CURVE_RANGE)), "training range of each curve", NO_UNIT),
-        Field("backbone", optional(record(FORMULA_FIT)), "formula that it is added to", NO_UNIT),
-    ),
+MEMORY = completed(
+    Schema(
+        Memory,
+        "A model with memory, on a backbone or by itself.",
+        (
+            Field("model", record(MEMORY_MODEL), "states, terms and coefficients", NO_UNIT),
+            Field("ranges", numbered(record(CURVE_RANGE)), "training range of each curve", NO_UNIT),
+            Field("backbone", optional(record(FORMULA_FIT)), "formula that it is added to", NO_UNIT),
+        ),
+    )
 )
 
-STATE_SPACE = Schema(
-    StateSpace,
-    "A model of motion: linear sections along an input (P).",
-    (
-        Field("motion", record(MOTION), "the sections", NO_UNIT),
-        Field("ranges", numbered(record(CURVE_RANGE)), "training range of each curve", NO_UNIT),
-    ),
+STATE_SPACE = completed(
+    Schema(
+        StateSpace,
+        "A model of motion: linear sections along an input (P).",
+        (
+            Field("motion", record(MOTION), "the sections", NO_UNIT),
+            Field("ranges", numbered(record(CURVE_RANGE)), "training range of each curve", NO_UNIT),
+        ),
+    )
 )
 
 
@@ -305,15 +317,17 @@ PART = Schema(
     ),
 )
 
-SUM = Schema(
-    Sum,
-    "Models that are added up.",
-    (Field("parts", numbered(record(PART)), "the summands, with their signs and inputs", NO_UNIT),),
-    rule=lambda body: () if body.parts else [("parts", "holds no model")],
+SUM = completed(
+    Schema(
+        Sum,
+        "Models that are added up.",
+        (Field("parts", numbered(record(PART)), "the summands, with their signs and inputs", NO_UNIT),),
+        rule=lambda body: () if body.parts else [("parts", "holds no model")],
+    )
 )
 
-BODIES = {"pieces": PIECES, "formula": FORMULA, "memory": MEMORY, "state_space": STATE_SPACE, "sum": SUM}
-"""What a model consists of, by the name of its kind. Whoever adds a kind adds its body here."""
+BODIES = {kind.name: schema_of(kind.body) for kind in kinds()}
+"""What a model consists of, by the name of its kind."""
 
 
 def _model_faults(model: Model) -> Iterator[Fault]:

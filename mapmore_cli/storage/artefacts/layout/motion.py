@@ -8,6 +8,7 @@ from mapmore_cli.domain.motion import BUMPLESS, CARRIED, HARD, REST, ZERO, Motio
 from mapmore_cli.storage.artefacts.codecs import adapted, added, numbered, text
 from mapmore_cli.storage.artefacts.label import NO_UNIT
 from mapmore_cli.storage.artefacts.layout.cells import ASCENDING, COUNT, FLAG, REAL, REALS, SPAN, TEXT, TEXTS
+from mapmore_cli.storage.artefacts.layout.derived import completed
 from mapmore_cli.storage.artefacts.schema import Fault, Field, Schema, record
 
 BOUNDARIES = adapted(ASCENDING, store=list, load=lambda array: tuple(array.tolist()))
@@ -42,28 +43,30 @@ def _motion_fit_faults(fit: MotionFit) -> Iterator[Fault]:
         yield "searches", f"has {len(fit.searches)} searches for {len(fit.model.sections)} sections"
 
 
-MOTION = Schema(
-    Motion,
-    "Sections along an input (P eq 14-17).",
-    (
-        Field("input", TEXT, "the input", NO_UNIT),
-        Field("output", TEXT, "the predicted quantity", NO_UNIT),
-        Field("step", REAL, "time between samples", "s"),
-        Field(
-            "switching",
-            text(words=(HARD, CARRIED, BUMPLESS)),
-            "`hard`: sections run side by side; `carried`, `bumpless`: they share one state",
-            NO_UNIT,
+MOTION = completed(
+    Schema(
+        Motion,
+        "Sections along an input (P eq 14-17).",
+        (
+            Field("input", TEXT, "the input", NO_UNIT),
+            Field("output", TEXT, "the predicted quantity", NO_UNIT),
+            Field("step", REAL, "time between samples", "s"),
+            Field(
+                "switching",
+                text(words=(HARD, CARRIED, BUMPLESS)),
+                "`hard`: sections run side by side; `carried`, `bumpless`: they share one state",
+                NO_UNIT,
+            ),
+            Field("boundaries", BOUNDARIES, "inputs at which sections meet, ascending", "that of the input"),
+            Field("directed", FLAG, "1 where sections differ between a rising and a falling input"),
+            Field("dead_band", REAL, "how far the input turns back before its direction changes", "that of the input"),
+            Field("drives", TEXTS, "(m) terms that drive every section, the input first", NO_UNIT),
+            Field("sections", numbered(record(MOTION_SECTION)), "in order along the input, `rise` before `fall`", NO_UNIT),
+            Field("limits", SPAN, "least and greatest training input", "that of the input"),
+            Field("start", added(text(words=(REST, ZERO)), REST), "a run begins at `rest` under its first input, or at `zero`", NO_UNIT),
         ),
-        Field("boundaries", BOUNDARIES, "inputs at which sections meet, ascending", "that of the input"),
-        Field("directed", FLAG, "1 where sections differ between a rising and a falling input"),
-        Field("dead_band", REAL, "how far the input turns back before its direction changes", "that of the input"),
-        Field("drives", TEXTS, "(m) terms that drive every section, the input first", NO_UNIT),
-        Field("sections", numbered(record(MOTION_SECTION)), "in order along the input, `rise` before `fall`", NO_UNIT),
-        Field("limits", SPAN, "least and greatest training input", "that of the input"),
-        Field("start", added(text(words=(REST, ZERO)), REST), "a run begins at `rest` under its first input, or at `zero`", NO_UNIT),
-    ),
-    rule=_motion_faults,
+        rule=_motion_faults,
+    )
 )
 
 SECTION_SEARCH = Schema(
@@ -78,14 +81,16 @@ SECTION_SEARCH = Schema(
     ),
 )
 
-MOTION_FIT = Schema(
-    MotionFit,
-    "A model of motion, and how each of its sections was found.",
-    (
-        Field("model", record(MOTION), "the model", NO_UNIT),
-        Field("solver", TEXT, "name of the solver", NO_UNIT),
-        Field("searches", numbered(record(SECTION_SEARCH)), "the search of each section, in the order of sections", NO_UNIT),
-        Field("notes", TEXTS, "remarks for the reader", NO_UNIT),
-    ),
-    rule=_motion_fit_faults,
+MOTION_FIT = completed(
+    Schema(
+        MotionFit,
+        "A model of motion, and how each of its sections was found.",
+        (
+            Field("model", record(MOTION), "the model", NO_UNIT),
+            Field("solver", TEXT, "name of the solver", NO_UNIT),
+            Field("searches", numbered(record(SECTION_SEARCH)), "the search of each section, in the order of sections", NO_UNIT),
+            Field("notes", TEXTS, "remarks for the reader", NO_UNIT),
+        ),
+        rule=_motion_fit_faults,
+    )
 )

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from mapmore_cli.domain.fits import Segment, SegmentedCurve
 from mapmore_cli.domain.results import FitResult, PiecesFit
 from mapmore_cli.domain.scores import METRICS, Score, Validation
+from mapmore_cli.modelling.kinds import kinds
 from mapmore_cli.storage.artefacts.codecs import added, named, numbered, optional, pairs, text
 from mapmore_cli.storage.artefacts.label import NO_UNIT
 from mapmore_cli.storage.artefacts.layout.cells import (
@@ -22,8 +23,8 @@ from mapmore_cli.storage.artefacts.layout.cells import (
     TEXT,
     TEXTS,
 )
+from mapmore_cli.storage.artefacts.layout.derived import completed, schema_of
 from mapmore_cli.storage.artefacts.layout.fits import FORMULA_FIT, SEGMENT_FIT
-from mapmore_cli.storage.artefacts.layout.memory import MEMORY_FIT
 from mapmore_cli.storage.artefacts.layout.motion import MOTION_FIT
 from mapmore_cli.storage.artefacts.schema import Fault, Field, Schema, record, rows, variant
 
@@ -113,14 +114,16 @@ VALIDATION = Schema(
 )
 
 
-PIECES_FIT = Schema(
-    PiecesFit,
-    "The segment functions of every training curve.",
-    (Field("segments", numbered(record(SEGMENT_FIT)), "segment functions", NO_UNIT),),
+PIECES_FIT = completed(
+    Schema(
+        PiecesFit,
+        "The segment functions of every training curve.",
+        (Field("segments", numbered(record(SEGMENT_FIT)), "segment functions", NO_UNIT),),
+    )
 )
 
-FIT_BODIES = {"pieces": PIECES_FIT, "memory": MEMORY_FIT, "state_space": MOTION_FIT, "formula": FORMULA_FIT}
-"""What was fitted, by the name of the kind. Whoever adds a kind adds its fit here."""
+FIT_BODIES = {kind.name: schema_of(kind.fit) for kind in kinds() if kind.fit is not None}
+"""What was fitted, by the name of the kind."""
 
 FIT_RESULT = Schema(
     FitResult,

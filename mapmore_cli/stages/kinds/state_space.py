@@ -9,7 +9,7 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.motion import MotionFit
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import FitResult
-from mapmore_cli.modelling.memory import records_of, time_step
+from mapmore_cli.modelling.memory.records import records_of, time_step
 from mapmore_cli.modelling.motion import model as motion
 from mapmore_cli.modelling.motion.fitting import fit_motion
 from mapmore_cli.modelling.motion.recipe import MotionRecipe

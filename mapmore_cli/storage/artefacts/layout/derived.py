@@ -1,0 +1,74 @@
+"""How a dataclass is stored, as far as nothing else is said: the form of a field follows from its type.
+
+A setting that is added to a stored class, and a kind that is added, need no line in this folder. The description of a field is the text in
+its `Annotated`; a default is what files without the field are read as.
+"""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Mapping
+from dataclasses import MISSING, fields, is_dataclass, replace
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+from annotated_types import Interval
+
+from mapmore_cli.storage.artefacts.codecs import Codec, added, named, number, numbered, optional, pairs, text
+from mapmore_cli.storage.artefacts.label import NO_UNIT
+from mapmore_cli.storage.artefacts.layout.cells import ANY_REALS, COUNT, FLAG, FLAGS, INTEGERS, PAIR, REAL, REALS, TEXT, TEXTS
+from mapmore_cli.storage.artefacts.schema import Field, Schema, record
+
+LAYOUTS: dict[type, Schema] = {}
+"""The layout of each stored type that has one of its own."""
+
+PLAIN: Mapping[Any, Codec] = {str: TEXT, float: REAL, int: COUNT, bool: FLAG, tuple[str, ...]: TEXTS, tuple[float, float]: PAIR}
+ARRAYS: Mapping[Any, Codec] = {np.float64: ANY_REALS, np.int64: INTEGERS, np.bool_: FLAGS}
+
+
+def completed(schema: Schema) -> Schema:
+    """Return a layout with the fields that it does not list, each stored by its type; it is that of its type from now on."""
+    hints, listed = get_type_hints(schema.type, include_extras=True), {field.name for field in schema.fields}
+    rest = [_field(field, hints[field.name]) for field in fields(schema.type) if field.name not in listed]
+    LAYOUTS[schema.type] = replace(schema, fields=(*schema.fields, *rest))
+    return LAYOUTS[schema.type]
+
+
+def schema_of(type_: type) -> Schema:
+    """Return the layout of a dataclass: its own, or that of its fields by their types."""
+    return LAYOUTS[type_] if type_ in LAYOUTS else completed(Schema(type_, str(type_.__doc__).partition("\n")[0], ()))
+
+
+def _field(declared: Any, hint: Any) -> Field:
+    """Return a field whose form follows from its type; files that lack it are read as if it had its default."""
+    codec = codec_of(hint)
+    default = declared.default_factory() if declared.default_factory is not MISSING else declared.default
+    text_of = next((mark for mark in getattr(hint, "__metadata__", ()) if isinstance(mark, str)), declared.name.replace("_", " "))
+    unit = "1" if codec.form.startswith(("float", "int")) else NO_UNIT
+    return Field(declared.name, codec if default is MISSING else added(codec, default), text_of, unit)
+
+
+def codec_of(hint: Any) -> Codec:
+    """Return the form of the values of a type; raises TypeError for one that has none."""
+    origin, arguments = get_origin(hint), get_args(hint)
+    if hint in PLAIN:
+        return PLAIN[hint]
+    if origin is Annotated:
+        bounds = next((mark for mark in arguments[1:] if isinstance(mark, Interval)), None)
+        least, most = (bounds.ge, bounds.le) if bounds is not None and arguments[0] in (int, float) else (None, None)
+        return codec_of(arguments[0]) if bounds is None else number(arguments[0], least=least, most=most)  # type: ignore[arg-type]
+    if origin is Literal:
+        return text(words=arguments)
+    if origin in (Union, types.UnionType) and len(arguments) == 2 and arguments[1] is type(None):
+        return optional(codec_of(arguments[0]))
+    if origin is np.ndarray:
+        return ARRAYS[get_args(arguments[1])[0]]
+    if origin is tuple and arguments[1:] == (...,):
+        return REALS if arguments[0] is float else numbered(codec_of(arguments[0]))
+    if origin in (dict, Mapping, types.MappingProxyType) and arguments[1] in (float, str):
+        return pairs(REALS if arguments[1] is float else TEXTS)
+    if origin in (dict, Mapping):
+        return named(codec_of(arguments[1]))
+    if is_dataclass(hint):
+        return record(schema_of(hint))  # type: ignore[arg-type]
+    raise TypeError(f"values of {hint} cannot be stored")
