@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from mapmore_cli.storage.artefacts.layout.data import CURVE, DATASET, QUANTITY, RECORDING
 from mapmore_cli.storage.artefacts.layout.fits import FORMULA_FIT, OPTIMUM, SCALING, SEGMENT_FIT, SELECTION
-from mapmore_cli.storage.artefacts.layout.memory import MEMORY_FIT, MEMORY_MODEL, STATE_SET
+from mapmore_cli.storage.artefacts.layout.memory import IDENTIFIED, MEMORY_FIT, MEMORY_MODEL, STATE_SET
 from mapmore_cli.storage.artefacts.layout.model import (
     BODIES,
     CURVE_FUNCTION,
@@ -51,6 +51,7 @@ SCHEMAS = (
     FOLD_ERROR,
     STATE_SET,
     MEMORY_MODEL,
+    IDENTIFIED,
     MEMORY_FIT,
     MOTION_SECTION,
     MOTION,
