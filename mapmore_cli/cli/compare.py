@@ -36,8 +36,7 @@ def compare(
     from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.views.compared import of_comparisons
     from mapmore_cli.modelling import comparison
-    from mapmore_cli.stages.campaigns.archive import find_model
-    from mapmore_cli.stages.campaigns.drift import write_drift
+    from mapmore_cli.stages.campaigns.archive import find_model, write_drift
     from mapmore_cli.storage.artefacts import read_model
 
     if len(models) < 2:

@@ -22,7 +22,7 @@ def example(
     from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.cli.views.view import View
-    from mapmore_cli.stages.simulation.example import write_example
+    from mapmore_cli.stages.simulation.simulate import write_example
 
     with Reporter(quiet) as reporter:
         paths = write_example(folder, reporter.progress)

@@ -7,6 +7,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from mapmore_cli.domain.motion import HARD, Motion, MotionFit, MotionSection, SectionSearch
+from mapmore_cli.modelling.motion.measures import motion_errors
+from mapmore_cli.modelling.motion.regimes import extent
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.table import Cell, Column, Table
 
@@ -44,8 +46,6 @@ def sections_table(fits: Mapping[str, MotionFit], unit: str) -> Table:
 
 
 def _section_rows(name: str, fit: MotionFit, drives: tuple[str, ...]) -> Iterator[tuple[Cell, ...]]:
-    from mapmore_cli.modelling.motion.regimes import extent  # here: the solvers take long to load
-
     for section, search in zip(fit.model.sections, fit.searches, strict=True):
         weights = dict(zip(fit.model.drives, section.weights.tolist(), strict=True))
         yield (
@@ -75,8 +75,6 @@ def _steady(motion: Motion, section: MotionSection) -> float:
 
 def waveforms_table(inputs: ReportInputs) -> Table:
     """Errors of displacement and velocity over the last wavelength of every held-out recording, as P table 3 has them."""
-    from mapmore_cli.modelling.motion.measures import motion_errors  # here: the solvers take long to load
-
     unit, motion = inputs.target.unit, next(iter(inputs.motions.values())).model
     columns = (
         Column("recording"),

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import lfilter
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.rig.chamber import ATMOSPHERE
@@ -55,8 +56,6 @@ class ClosedMuscle:
         Energy, `V p' + gamma p V' = (gamma - 1) k (T_w - T)`, is linear in `u = p V^gamma` (p absolute), with `tau = m c_v/k`:
         `u' = (p_0 V_0 V^(gamma-1) - u)/tau`. So u follows by a first-order filter: adiabatic while fast, isothermal while slow.
         """
-        from scipy.signal import lfilter
-
         chamber = volume(self.muscle, strain) + self.air.dead_volume
         gamma, absolute = self.air.heat_ratio, pressure + ATMOSPHERE
         settled = absolute * chamber[0] * chamber ** (gamma - 1.0)
@@ -67,8 +66,6 @@ class ClosedMuscle:
 
     def _rubber(self, strain: Array, sample_time: float) -> Array:
         """`s' = K e' - s/tau`, N, `(n,)`: positive in contraction, where it takes from the pull."""
-        from scipy.signal import lfilter
-
         memory = np.exp(-sample_time / self.rubber.relaxation_time)
         gain = self.rubber.stiffness * self.rubber.relaxation_time * (1.0 - memory) / sample_time
         return np.asarray(lfilter([gain], [1.0, -memory], np.diff(strain, prepend=strain[:1])))

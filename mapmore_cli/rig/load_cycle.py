@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import lfilter
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.rig.muscle import SLACK_WIDTH, Hysteresis, StaticMuscle, softplus, zero_force_strain
@@ -77,8 +78,6 @@ def regulated_pressure(regulation: Regulation, sample_time: float, pressure: flo
 
     `x[k] = a x[k-1] + sqrt(1 - a^2) shocks[k]`, `a = exp(-dt/tau)`, x[0] = shocks[0]. A vented muscle has no ripple.
     """
-    from scipy.signal import lfilter
-
     memory = np.exp(-sample_time / regulation.correlation_time)
     driven = np.sqrt(1.0 - memory**2) * shocks
     driven[0] = shocks[0]

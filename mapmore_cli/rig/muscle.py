@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from scipy.optimize import brentq
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import SpecError
@@ -88,8 +89,6 @@ def zero_force_strain(force: Callable[[float], float], lowest: float = STRAIN_RA
 
     Raises `SpecError` for a muscle that still pulls at the end of the range, or pushes at its beginning.
     """
-    from scipy.optimize import brentq
-
     highest = STRAIN_RANGE[1]
     first, last = force(lowest), force(highest)
     if not first >= 0.0 >= last:

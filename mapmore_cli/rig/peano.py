@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import brentq
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.rig.muscle import effective_pressure
@@ -70,7 +71,6 @@ def opening(muscle: Peano, driving: Array, strain: Array) -> Array:
 
 def opening_angle(muscle: Peano, driving: float, strain: float) -> float:
     """`opening` of a single pressure and strain, faster; at least 1e-9 rad."""
-    from scipy.optimize import brentq
 
     def excess(alpha: float) -> float:
         return float(_excess(muscle, driving, strain, alpha))

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.rig.muscle import zero_force_strain
@@ -37,8 +38,6 @@ def perturbation(muscle: WetMuscle, strokes: Strokes, pressure: float, cut_off: 
 
     It begins with still water, and with friction and rubber relaxed.
     """
-    from scipy.interpolate import CubicHermiteSpline
-
     free = zero_force_strain(lambda strain: muscle.chamber.respond(pressure, strain).tension)
     times, ends = strokes.corners(free)
     strain = CubicHermiteSpline(times, ends, np.zeros_like(ends))

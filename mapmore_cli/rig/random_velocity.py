@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.rig.closed_muscle import ClosedMuscle
@@ -46,8 +47,6 @@ def random_velocity(muscle: ClosedMuscle, motion: RandomMotion, pressure: float,
 
 def _path(start: float, motion: RandomMotion, length: float, time: Array, rng: np.random.Generator) -> tuple[Array, Array]:
     """Strain and strain rate `(n,)`: cubic moves, at rest at both ends, between places drawn over the whole stroke."""
-    from scipy.interpolate import CubicHermiteSpline
-
     times, places = [0.0], [start]
     while times[-1] <= time[-1]:
         place = float(rng.uniform(motion.drawn_out, start))

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import lfilter
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.rig.wet_muscle import STOPS, Water, WetMuscle
@@ -35,8 +36,6 @@ def low_pass(force: Array, cut_off: float, sample_time: float) -> Array:
     Its two poles are real and equal, so that it neither rings nor turns a pull into a push:
     `y[k] = a y[k-1] + (1 - a) x[k]`, twice, `a = exp(-2 pi f dt)`, `f = cut_off/sqrt(sqrt(2) - 1)`.
     """
-    from scipy.signal import lfilter
-
     memory = np.exp(-2.0 * np.pi * cut_off / np.sqrt(np.sqrt(2.0) - 1.0) * sample_time)
     poles = [1.0, -2.0 * memory, memory**2]
     return np.asarray(force[0] + lfilter([(1.0 - memory) ** 2], poles, force - force[0]))

@@ -12,6 +12,7 @@ from math import pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
+from scipy.integrate import solve_ivp
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import SpecError
@@ -171,8 +172,6 @@ def integrate(rates: Callable[[float, Array], Array], start: Array, time: Array,
 
     Raises `SpecError` where the equations cannot be solved.
     """
-    from scipy.integrate import solve_ivp
-
     solution = solve_ivp(
         rates, (time[0], time[-1]), start, method="RK45", t_eval=time, rtol=tolerance, atol=tolerance * scales, max_step=LONGEST_STEP
     )

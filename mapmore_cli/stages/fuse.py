@@ -10,8 +10,8 @@ from mapmore_cli.stages.kinds import maker_of
 from mapmore_cli.stages.kinds.choices import ModelChoices, lengths_of
 from mapmore_cli.stages.kinds.dictionary import signals_of
 from mapmore_cli.stages.kinds.sizes import with_terms
-from mapmore_cli.stages.pipeline.fingerprint import plain
 from mapmore_cli.stages.pipeline.stage import Stage, Workspace
+from mapmore_cli.stages.pipeline.staleness import plain
 from mapmore_cli.storage.run_folder import MODEL
 
 

@@ -21,9 +21,6 @@ TEMPORARY = ".tmp-"
 UNFINISHED = re.compile(re.escape(TEMPORARY) + r"(?:[0-9a-f]{12}-.+|[a-z]+-[a-z0-9_]{8})", re.DOTALL)
 """Names of files and of folders that this module and `run_folder.stage_folder` have begun."""
 
-SIDE_BY_SIDE = 8
-"""Files that are flushed at a time: the disk writes several in the time of one."""
-
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG}
 _REFUSED = {errno.EACCES, errno.EPERM, errno.EISDIR, errno.ENOTDIR, errno.EEXIST, errno.ENAMETOOLONG}
 
@@ -150,15 +147,11 @@ def link_or_copy(source: Path, place: Path) -> None:
 
 
 def sync_tree(folder: Path) -> None:
-    """Flush every file and folder below `folder` to the disk, several at a time."""
-    from concurrent.futures import ThreadPoolExecutor
-
-    with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
-        for parent, _, names in os.walk(folder):
-            flushed = [pool.submit(_sync, Path(parent) / name, os.O_RDONLY) for name in names]
-            flushed.append(pool.submit(sync_folder, Path(parent)))
-            for flush in flushed:
-                flush.result()
+    """Flush every file and folder below `folder` to the disk."""
+    for parent, _, names in os.walk(folder):
+        for name in names:
+            _sync(Path(parent) / name, os.O_RDONLY)
+        sync_folder(Path(parent))
 
 
 def sync_folder(folder: Path) -> None:

@@ -9,14 +9,14 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from tempfile import mkdtemp
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.storage.atomic import TEMPORARY, UNFINISHED, refusals_told, remove, sync_folder, sync_tree
@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from mapmore_cli.domain.scores import ScoreTable, Validation
 
 
-T = TypeVar("T")
-
 DATASET, SEGMENTATION, FIT, MODEL, VALIDATION = "ingest.h5", "segment.h5", "fit.h5", "model.h5", "validate.h5"
 SCORES = "scores.json"
 RESULTS: Mapping[str, str] = MappingProxyType(
@@ -44,18 +42,21 @@ KEPT_BYTES = 30_000_000
 """Larger files are read each time that they are needed."""
 
 
-@lru_cache(maxsize=6)
-def _remembered(read: Callable[[Path], Any], path: Path, _inode: int, _time: int, _size: int) -> Any:
-    return read(path)
+def _read(reader: str, path: Path) -> Any:
+    """Return what a reader of `artefacts` makes of a file, again only where it is another file than before, or large."""
+    from mapmore_cli.storage import artefacts
 
-
-def _read(read: Callable[[Path], T], path: Path) -> T:
-    """Return what `read` makes of a file, again only where it is another file than before, or large."""
     state = path.stat() if path.is_file() else None
     if state is None or state.st_size > KEPT_BYTES:
-        return read(path)
-    found: T = _remembered(read, path, state.st_ino, state.st_mtime_ns, state.st_size)
-    return found
+        return getattr(artefacts, reader)(path)
+    return _remembered(reader, path, state.st_ino, state.st_mtime_ns, state.st_size)
+
+
+@lru_cache(maxsize=6)
+def _remembered(reader: str, path: Path, _inode: int, _time: int, _size: int) -> Any:
+    from mapmore_cli.storage import artefacts
+
+    return getattr(artefacts, reader)(path)
 
 
 @dataclass(frozen=True)
@@ -69,33 +70,28 @@ class RunFiles:
 
     def dataset(self) -> Dataset:
         """What `ingest` handed on."""
-        from mapmore_cli.storage.artefacts import read_dataset
-
-        return _read(read_dataset, self.folder / DATASET)
+        found: Dataset = _read("read_dataset", self.folder / DATASET)
+        return found
 
     def segmentation(self) -> tuple[SegmentedCurve, ...]:
         """Where the training curves are cut."""
-        from mapmore_cli.storage.artefacts import read_segmentation
-
-        return _read(read_segmentation, self.folder / SEGMENTATION)
+        found: tuple[SegmentedCurve, ...] = _read("read_segmentation", self.folder / SEGMENTATION)
+        return found
 
     def fit(self) -> FitResult:
         """What was fitted."""
-        from mapmore_cli.storage.artefacts import read_fit
-
-        return _read(read_fit, self.folder / FIT)
+        found: FitResult = _read("read_fit", self.folder / FIT)
+        return found
 
     def model(self) -> Model:
         """The model that stands alone."""
-        from mapmore_cli.storage.artefacts import read_model
-
-        return _read(read_model, self.folder / MODEL)
+        found: Model = _read("read_model", self.folder / MODEL)
+        return found
 
     def validation(self) -> Validation:
         """Predictions and scores."""
-        from mapmore_cli.storage.artefacts import read_validation
-
-        return _read(read_validation, self.folder / VALIDATION)
+        found: Validation = _read("read_validation", self.folder / VALIDATION)
+        return found
 
     def scores(self) -> ScoreTable:
         """The scores alone, without the predictions behind them."""

@@ -20,7 +20,7 @@ from mapmore_cli.domain.foreign import csv_cell, printable
 from mapmore_cli.storage.atomic import write_text
 from mapmore_cli.storage.globs import expand
 from mapmore_cli.storage.readers import READERS, TableRequest
-from mapmore_cli.storage.tables.reader import reading
+from mapmore_cli.storage.tables.table import reading
 from mapmore_cli.storage.text_streams import lines_of, replaced
 
 

@@ -15,7 +15,7 @@ TEXT_OF_BARS = '''
 """Tables whose fields are set apart by bars."""
 
 from mapmore_cli.storage.readers.csv import read_csv
-from mapmore_cli.storage.tables.reader import Reader, Top
+from mapmore_cli.storage.tables.table import Reader, Top
 from dataclasses import replace
 
 

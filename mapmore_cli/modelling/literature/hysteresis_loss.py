@@ -15,8 +15,7 @@ from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling.literature.cells import finite, needed
 from mapmore_cli.modelling.literature.formulas.sarosi import FORMULA as SAROSI
 from mapmore_cli.modelling.literature.lehr import lehr, sarosi_at
-from mapmore_cli.modelling.literature.literature_model import LOAD_CYCLES, LiteratureModel
-from mapmore_cli.modelling.literature.parts import merged, renamed
+from mapmore_cli.modelling.literature.literature_model import LOAD_CYCLES, LiteratureModel, merged, renamed
 from mapmore_cli.modelling.terms import Expression, Name, Number, derivative, evaluate, multiply, parse, power, substitute
 
 UPPER, LOWER = "u", "l"

@@ -207,3 +207,12 @@ def failure(problem: Problem, method: str) -> Solution:
 def at_limit(parameter: Nonlinear, limit: float) -> str:
     """The note for a parameter that ends at the `limit` of its coordinate."""
     return f"{parameter.name} runs to the limit of what is sought, {parameter.written(limit)}"
+
+
+FASTEST, SLOWEST = 1e-3, 10.0
+"""Bounds of a decay over the largest rate: below, it acts on the samples at rest alone; above, it is straight to within a twentieth."""
+
+
+def decay(name: str) -> Nonlinear:
+    """The rate over which the force decays by 1/e, positive."""
+    return Nonlinear(name, per=None, intervals=((FASTEST, SLOWEST),), of="strain_rate")

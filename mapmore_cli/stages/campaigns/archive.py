@@ -5,11 +5,14 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 
 from mapmore_cli import __version__
 from mapmore_cli.domain.errors import DataError, UsageError, WriteError
-from mapmore_cli.storage.atomic import refusals_told, sync_tree, unfinished_beside, write_text
+from mapmore_cli.domain.models import Model
+from mapmore_cli.modelling.comparison import reference_points
+from mapmore_cli.storage.atomic import refusals_told, sync_tree, unfinished_beside, write_bytes, write_text
 from mapmore_cli.storage.run_folder import MODEL
 from mapmore_cli.storage.run_record import RUN_RECORD, load_records, take_stamp
 
@@ -120,3 +123,15 @@ def _check_frozen(folder: Path) -> None:
         return
     if take_stamp(folder / MODEL).sha256 != _entry(record, "sha256", MODEL):
         raise DataError(f"{folder / 'model.h5'}: is not the model that was frozen", "take the folder from a backup, or freeze the run anew")
+
+
+def write_drift(path: Path, names: Sequence[str], models: Sequence[Model]) -> None:
+    """Draw the output at reference points over the models, in their order; the format follows from the ending of `path`."""
+    from mapmore_cli.reporting.figures.drawing import compose
+    from mapmore_cli.reporting.figures.drift import drift_drawing
+    from mapmore_cli.reporting.figures.saving import WRITERS
+    from mapmore_cli.reporting.figures.style import figure_style
+
+    drawing = drift_drawing(names, reference_points(models), models[0].output)
+    with figure_style():
+        write_bytes(path, WRITERS[path.suffix.removeprefix(".")](compose(drawing), drawing.name, drawing.alt))

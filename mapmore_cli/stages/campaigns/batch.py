@@ -11,8 +11,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.errors import MapmoreError
+from mapmore_cli.spec.loader import load
 from mapmore_cli.stages.campaigns.processes import Workers, stoppable
+from mapmore_cli.stages.pipeline.runner import bring_up_to_date, pipeline, prepare
+from mapmore_cli.stages.pipeline.stage import Variation
+from mapmore_cli.stages.pipeline.staleness import fingerprint, plain
+from mapmore_cli.stages.validate import limits
 from mapmore_cli.storage.run_folder import RunFiles
+from mapmore_cli.storage.run_record import load_records
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.scores import Limit, Published, ScoreTable
@@ -86,10 +92,6 @@ class Reading:
 
 def planned(jobs: Sequence[Job], specs: Sequence[LoadedSpec | None]) -> list[Job]:
     """The jobs, with their spec known: how long they took before, and in groups that read the same recordings in the same way."""
-    from mapmore_cli.stages.pipeline.fingerprint import fingerprint, plain
-    from mapmore_cli.stages.pipeline.runner import pipeline
-    from mapmore_cli.stages.pipeline.stage import Variation
-
     stages = pipeline()
     groups: dict[str, list[int]] = {}
     found = list(jobs)
@@ -110,8 +112,6 @@ def planned(jobs: Sequence[Job], specs: Sequence[LoadedSpec | None]) -> list[Job
 
 def _seconds_before(run_dir: Path) -> float:
     """What the stages of a run took when each was done last; infinite where nothing is known of it."""
-    from mapmore_cli.storage.run_record import load_records
-
     with suppress(MapmoreError):  # of a newer format, which the run itself will say
         if records := load_records(run_dir, lambda _message: None):
             return sum(record.seconds for record in records.values())
@@ -148,9 +148,6 @@ def _with_reading(result: Finished | BaseException, reading: Reading | BaseExcep
 
 def prepare_all(jobs: Sequence[Job]) -> None:
     """Bring the runs up to date that the jobs need. What goes wrong is told by the job that needs it."""
-    from mapmore_cli.spec.loader import load
-    from mapmore_cli.stages.pipeline.runner import prepare
-
     for job in jobs:
         with suppress(MapmoreError):  # a spec that is wrong
             prepare(load(job.config, job.overrides), job.runs)
@@ -158,9 +155,6 @@ def prepare_all(jobs: Sequence[Job]) -> None:
 
 def read_first(job: Job) -> Reading:
     """Read the recordings of a run that others read too, who take over what this one finds; raises what that raises."""
-    from mapmore_cli.spec.loader import load
-    from mapmore_cli.stages.pipeline.runner import bring_up_to_date
-
     warnings: list[str] = []
     outcome = bring_up_to_date(
         load(job.config, job.overrides),
@@ -177,10 +171,6 @@ def read_first(job: Job) -> Reading:
 
 def run_one(job: Job) -> Finished:
     """Bring one run up to date and read its scores; raises what that raises."""
-    from mapmore_cli.spec.loader import load
-    from mapmore_cli.stages.pipeline.runner import bring_up_to_date
-    from mapmore_cli.stages.validate import limits
-
     started = time.perf_counter()
     loaded = load(job.config, job.overrides)
     warnings: list[str] = []

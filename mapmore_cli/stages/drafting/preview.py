@@ -13,7 +13,7 @@ from typing import Any
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import reader_of, suffix_of
-from mapmore_cli.storage.tables.reader import Top
+from mapmore_cli.storage.tables.table import Top
 
 LINES = 200
 MOST_HEADER_LINES = 9

@@ -17,10 +17,9 @@ from mapmore_cli.modelling.signals.sampling import align
 from mapmore_cli.spec.sections.data import Data, Direction, Rate
 from mapmore_cli.spec.sections.logs import Join, Keep
 from mapmore_cli.spec.units import convert
-from mapmore_cli.stages.ingestion.clock import Clocked, clocked, in_time_order
+from mapmore_cli.stages.ingestion.clock import Clocked, clocked, found_shift, in_time_order
 from mapmore_cli.stages.ingestion.files import Log, Meter, Source
 from mapmore_cli.stages.ingestion.samples import Samples, located, read_tables, without_missing
-from mapmore_cli.stages.ingestion.shift import found_shift
 from mapmore_cli.stages.kinds.dictionary import signal_of
 from mapmore_cli.storage.spool import by_blocks, counted
 

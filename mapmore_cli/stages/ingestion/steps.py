@@ -13,6 +13,7 @@ from mapmore_cli.domain.arrays import BoolArray
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity, Recording
+from mapmore_cli.modelling.kinds import outside_range, predict
 from mapmore_cli.modelling.signals.plateau import find_plateau, without_steady_state
 from mapmore_cli.spec.sections.data import STEP_OF, STEP_PRESSURE
 from mapmore_cli.spec.units import convert
@@ -81,8 +82,6 @@ def static_model(run_dir: Path, force: Quantity, units: Mapping[str, str]) -> Mo
 
 def with_damping(recording: Recording, force: str, static: Model, warn: Callable[[str], None]) -> Recording:
     """The recording with `static_force` F_s and `damping` `F_d = F - F_s`, less its mean over the plateau (M2 eq 1)."""
-    from mapmore_cli.modelling.kinds import outside_range, predict  # every kind of model takes long to load
-
     columns = recording.columns
     static_force = predict(static, columns)
     beyond = outside_range(static, columns)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from decimal import Decimal
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from mapmore_cli.rig.random_velocity import random_velocity
 from mapmore_cli.rig.sensors import Sensor, measure, recording_generator
 from mapmore_cli.rig.step_response import step_response
 from mapmore_cli.rig.waveform import waveform_response
+from mapmore_cli.spec.loader import load_as
 from mapmore_cli.spec.muscle_rigs import Antagonists, ContractionTable, McKibbenMuscle, RandomVelocity
 from mapmore_cli.spec.simulated_experiments import LoadCycles, Perturbations, StepResponses, Waveforms, WaveformSpec, pressure_label
 from mapmore_cli.spec.simulation import SensorSpec, SimulationSpec
@@ -174,3 +176,25 @@ def csv_text(columns: Columns, digits: Mapping[str, int]) -> str:
     header = [HEADER[quantity(name)] + name.removeprefix(quantity(name)) for name in names]
     lines = [",".join(header), *map(",".join, zip(*formatted, strict=True))]
     return "\n".join(lines) + "\n"
+
+
+SPECS = ("rig.yaml", "study.yaml")
+STUDY = "study.yaml"
+
+
+def write_example(folder: Path, progress: Progress) -> list[Path]:
+    """Write the study, the rig and its simulated recordings into a folder, which is made where missing; their paths, the study first.
+
+    Raises
+    ------
+    WriteError
+        Where the folder is not empty, or cannot be written.
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise WriteError(f"{folder}: is not an empty folder", "name a new folder")
+    with refusals_told(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in SPECS:
+            write_text(folder / name, files("mapmore_cli.stages.simulation").joinpath("example_study", name).read_text(encoding="utf-8"))
+    recordings = simulate(load_as(folder / "rig.yaml", SimulationSpec, ()).spec, folder, progress)
+    return [folder / STUDY, folder / "rig.yaml", *recordings]

@@ -11,8 +11,7 @@ from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
 
-from mapmore_cli.storage.tables.reader import Reader
-from mapmore_cli.storage.tables.table import RawTable, TableRequest
+from mapmore_cli.storage.tables.table import RawTable, Reader, TableRequest
 
 __all__ = ["READERS", "RawTable", "Reader", "TableRequest", "reader_of", "suffix_of"]
 

@@ -27,8 +27,7 @@ from mapmore_cli.storage.tables.lines import (
     quote_left_open,
 )
 from mapmore_cli.storage.tables.numbers import cut_short, seconds_of_stamp, shortened
-from mapmore_cli.storage.tables.reader import Reader, Top
-from mapmore_cli.storage.tables.table import RawTable, TableRequest, locate_columns
+from mapmore_cli.storage.tables.table import RawTable, Reader, TableRequest, Top, locate_columns
 from mapmore_cli.storage.tables.text import (
     DELIMITERS,
     WHITESPACE,

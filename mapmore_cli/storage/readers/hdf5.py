@@ -9,8 +9,7 @@ from typing import Any
 
 from mapmore_cli.storage.readers.mat import matlab_file
 from mapmore_cli.storage.tables.members import Member, Selection, check_fit, natural, own_values, refuse_other_files, tables
-from mapmore_cli.storage.tables.reader import Reader, Top, reading
-from mapmore_cli.storage.tables.table import RawTable, TableRequest
+from mapmore_cli.storage.tables.table import RawTable, Reader, TableRequest, Top, reading
 from mapmore_cli.storage.tables.trees import top_of
 
 

@@ -20,8 +20,7 @@ from mapmore_cli.storage.tables.members import (
     refuse_other_files,
     tables,
 )
-from mapmore_cli.storage.tables.reader import Reader, Top, reading
-from mapmore_cli.storage.tables.table import RawTable, TableRequest
+from mapmore_cli.storage.tables.table import RawTable, Reader, TableRequest, Top, reading
 from mapmore_cli.storage.tables.trees import top_of
 
 

@@ -11,8 +11,7 @@ from typing import Any, BinaryIO, Literal
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables.members import Member, as_numbers, table_of, tables
-from mapmore_cli.storage.tables.reader import Reader, Top, optional_library, reading
-from mapmore_cli.storage.tables.table import RawTable, SourceColumn, TableRequest, known_names
+from mapmore_cli.storage.tables.table import RawTable, Reader, SourceColumn, TableRequest, Top, known_names, optional_library, reading
 from mapmore_cli.storage.tables.trees import top_of
 
 TAG = b"TDSm"

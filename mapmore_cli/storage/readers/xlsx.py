@@ -15,8 +15,17 @@ import numpy as np
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables.numbers import NotANumber, number_of
-from mapmore_cli.storage.tables.reader import Reader, Top, optional_library, reading
-from mapmore_cli.storage.tables.table import RawTable, SourceColumn, TableRequest, known_names, locate_columns
+from mapmore_cli.storage.tables.table import (
+    RawTable,
+    Reader,
+    SourceColumn,
+    TableRequest,
+    Top,
+    known_names,
+    locate_columns,
+    optional_library,
+    reading,
+)
 
 BOMB_RATIO = 200  # sheets of measurements shrink to a fifth or a tenth when zipped
 BOMB_SIZE = 100_000_000  # bytes unpacked, from which the ratio matters

@@ -8,8 +8,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from mapmore_cli.storage.tables.reader import Reader
-from mapmore_cli.storage.tables.table import RawTable, SourceColumn, TableRequest
+from mapmore_cli.storage.tables.table import RawTable, Reader, SourceColumn, TableRequest
 
 MOST_NUMBERS = 20_000_000
 """That are kept: 160 MB."""

@@ -15,7 +15,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables.members import EVERY, Member, as_numbers
-from mapmore_cli.storage.tables.reader import Top
+from mapmore_cli.storage.tables.table import Top
 
 MOST_MEMBERS = 500  # of a file that are looked at
 WIDEST = 64  # columns of a matrix that is a table

@@ -13,7 +13,7 @@ from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.stages.ingest import STAGE
 from mapmore_cli.stages.ingestion.dataset import build_dataset
 from mapmore_cli.stages.ingestion.files import slice_of
-from mapmore_cli.stages.pipeline.fingerprint import plain
+from mapmore_cli.stages.pipeline.staleness import plain
 
 REPEATS = {f"{level}_{repeat}.csv": steps(level, F=100 * level + repeat) for level in (80, 150, 250) for repeat in (1, 2)}
 LEVELS = {"of": "pressure", "at": "auto"}

@@ -4,7 +4,7 @@ So the term of B1 is `|strain_rate|`: the same force whether the muscle contract
 """
 
 from mapmore_cli.modelling.literature.formula import Formula
-from mapmore_cli.modelling.literature.friction import decay
+from mapmore_cli.modelling.literature.problem import decay
 
 FORMULA = Formula(
     name="peternel",

@@ -1,7 +1,7 @@
 """Generalised kinetic friction with powers of the magnitude of the rate: unlike in `peternel`, every term turns with the motion."""
 
 from mapmore_cli.modelling.literature.formula import Formula
-from mapmore_cli.modelling.literature.friction import decay
+from mapmore_cli.modelling.literature.problem import decay
 
 FORMULA = Formula(
     name="peternel_absolute",

@@ -5,7 +5,7 @@ M2 eq 24.
 """
 
 from mapmore_cli.modelling.literature.formula import Formula
-from mapmore_cli.modelling.literature.friction import decay
+from mapmore_cli.modelling.literature.problem import decay
 
 FORMULA = Formula(
     name="tondu_kinetic_friction",

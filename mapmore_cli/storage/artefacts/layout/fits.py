@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from mapmore_cli.domain.fits import FormulaFit, Optimum, Scaling, SegmentFit, Selection
-from mapmore_cli.modelling.literature.parts import SEVERITY
+from mapmore_cli.modelling.literature.literature_model import SEVERITY
 from mapmore_cli.storage.artefacts.codecs import added, numbered, numbers, pairs, shown, text
 from mapmore_cli.storage.artefacts.label import NO_UNIT
 from mapmore_cli.storage.artefacts.layout.cells import ANY_REAL, ANY_REALS, ANY_TABLE, CELL, COUNT, INDICES, REAL, REALS, TABLE, TEXT, TEXTS
