@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from mapmore_cli.domain.arrays import Array, IntArray
 
@@ -25,7 +29,7 @@ class Scaling:
     y_intercept: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Selection:
     """Everything that FROLS found out about one segment (M2 eq 2-7), for k chosen of M candidates.
 
@@ -51,6 +55,8 @@ class Selection:
         2-norm condition number of the chosen regressors.
     sse, yy
         Residual and total sum of squares, both uncentred and in scaled coordinates.
+    candidates
+        `(M,)` names of the dictionary's columns, where they were given; they are not stored.
     stop
         `tolerance`, `max_terms`, `no_gain`, `rank`, `bic`, `aicc`, `press`, `free_run`, or `pruned` (from more terms to `max_terms`).
     """
@@ -70,6 +76,29 @@ class Selection:
     yy: float
     samples: int
     stop: str
+    candidates: tuple[str, ...] = field(default=(), compare=False, metadata={"stored": False})
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The chosen terms, in the order of selection; `p3` for column 3 where columns have no names."""
+        return tuple(self.candidates[i] if self.candidates else f"p{i}" for i in self.chosen.tolist())
+
+    def predict(self, P: ArrayLike) -> Array:
+        """Return the model's output at every row of a dictionary `P` with the same columns, (n,)."""
+        predicted: Array = np.asarray(P, dtype=np.float64)[:, self.chosen] @ self.theta
+        return predicted
+
+    def table(self) -> list[dict[str, Any]]:
+        """Return a row for each term, in the order of selection: `{"term", "coefficient", "standard_error", "err"}`."""
+        columns = (self.names, self.theta.tolist(), self.theta_error.tolist(), self.err.tolist())
+        return [dict(zip(("term", "coefficient", "standard_error", "err"), row, strict=True)) for row in zip(*columns, strict=True)]
+
+    def __repr__(self) -> str:
+        """Return the model as one reads it, with the share of `y'y` that each term explains."""
+        terms = (f"{row['coefficient']:.6g}" + ("" if row["term"] == "1" else f"*{row['term']}") for row in self.table())
+        model = " + ".join(terms).replace("+ -", "- ") or "0"
+        shares = ", ".join(f"{100 * row['err']:.4g} %" for row in self.table()) or "none"
+        return f"Selection({model}; ERR {shares}; stop: {self.stop})"
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.modelling.frols.blocks import Blocks
 from mapmore_cli.modelling.frols.select import ratios
+from mapmore_cli.modelling.frols.textbook import RANK_TOLERANCE
 
 
 def triangle(blocks: Blocks) -> tuple[Array, Array]:
@@ -28,9 +29,6 @@ def triangle(blocks: Blocks) -> tuple[Array, Array]:
     assert factor is not None
     return factor[:, :-1], factor[:, -1]
 
-
-RANK_TOLERANCE = 1e-24
-"""A regressor counts as dependent when `q'q <= RANK_TOLERANCE p'p`: what remains is then rounding error."""
 
 SMALL = 2**16
 """Number of values up to which a dictionary counts as small: there digits come before speed."""

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -18,7 +21,15 @@ GRAM_COLUMNS_PER_TERM = 16
 """One `syrk` over 16 columns takes about as long as one matrix-vector product with them, of which the basis needs one a term."""
 
 
-def frols(P: ArrayLike, y: ArrayLike, max_terms: int | None = None, tolerance: float = 0.0, *, stop: str = "tolerance") -> Selection:
+def frols(
+    P: ArrayLike,
+    y: ArrayLike,
+    max_terms: int | None = None,
+    tolerance: float = 0.0,
+    *,
+    stop: str = "tolerance",
+    names: Sequence[str] = (),
+) -> Selection:
     """Select the few columns of `P` that explain `y`, one after the other by error reduction ratio.
 
     In each iteration every unselected regressor is orthogonalised against the selected ones (M2 eq 2), its coefficient is
@@ -41,29 +52,37 @@ def frols(P: ArrayLike, y: ArrayLike, max_terms: int | None = None, tolerance: f
     stop
         `tolerance`; or `bic`, `aicc`, `press`: go on to `max_terms` (or the tolerance) and keep the number of terms at which the
         criterion is least. `press` reads `P` once more.
+    names
+        Names of the candidates, (M,), for tables and messages; `p0`, `p1`, ... where they have none.
 
     Raises
     ------
     DataError
         Where `P` or `y` has a value that is not finite, with its column and row.
     ValueError
-        Where the shapes do not fit or `max_terms` is below one.
+        Where the shapes or the names do not fit, or `max_terms` is below one.
 
     Examples
     --------
     >>> x = np.linspace(0, 1, 50)
-    >>> chosen = frols(np.column_stack([x**0, x, x**2]), 3 * x**2 - 1, max_terms=2)
-    >>> chosen.chosen.tolist(), chosen.theta.round(12).tolist()
-    ([2, 0], [3.0, -1.0])
+    >>> P = np.column_stack([x**0, x, x**2])
+    >>> found = frols(P, 3 * x**2 - 1, max_terms=2, names=["1", "x", "x^2"])
+    >>> found
+    Selection(3*x^2 - 1; ERR 46.1 %, 53.9 %; stop: tolerance)
+    >>> found.names, found.theta.round(12).tolist()
+    (('x^2', '1'), [3.0, -1.0])
+    >>> bool(np.allclose(found.predict(P), 3 * x**2 - 1))
+    True
     """
     stopping = Stopping(max_terms, tolerance, stop)
     P, y = np.asarray(P, dtype=np.float64), np.asarray(y, dtype=np.float64)
     if P.ndim != 2 or y.ndim != 1 or len(P) != len(y) or P.size == 0:
         raise ValueError(f"P must be (n, M) and y (n,), neither empty; they are {P.shape} and {y.shape}")
     n, M = P.shape
-    if reads_once(n, M, stopping.limit(n, M)):
-        return _by_gram(row_blocks(P, y), stopping)
-    return _by_basis(P, y, stopping)
+    if len(names) not in (0, M):
+        raise ValueError(f"{len(names)} names for {M} candidates")
+    found = _by_gram(row_blocks(P, y), stopping) if reads_once(n, M, stopping.limit(n, M)) else _by_basis(P, y, stopping)
+    return replace(found, candidates=tuple(names)) if names else found
 
 
 def frols_streamed(blocks: Blocks, max_terms: int | None = None, tolerance: float = 0.0, *, stop: str = "tolerance") -> Selection:

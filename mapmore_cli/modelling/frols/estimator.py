@@ -83,14 +83,14 @@ class FROLS:
         refuse_beyond_memory(comb(values.shape[1] + self.order, self.order))
         candidates = monomials(columns, self.order, self.constant)
         P = dictionary_matrix(candidates, dict(zip(columns, values.T, strict=True)), len(values))
-        found = frols(P, target, self.max_terms, self.tolerance, stop=self.stop)
+        found = frols(P, target, self.max_terms, self.tolerance, stop=self.stop, names=tuple(map(to_text, candidates)))
         self.n_features_in_ = values.shape[1]
         self.__dict__.pop("feature_names_in_", None)
         if names is not None:
             self.feature_names_in_ = np.array(names, dtype=object)
         self._columns = tuple(columns)
         self._terms = tuple(candidates[i] for i in found.chosen)
-        self.terms_ = tuple(map(to_text, self._terms))
+        self.terms_ = found.names
         self.coef_, self.err_, self.selection_ = found.theta, found.err, found
         return self
 
@@ -118,8 +118,7 @@ class FROLS:
     def table_(self) -> list[dict[str, Any]]:
         """The terms with their coefficients, standard errors and error reduction ratios."""
         self._check_fitted()
-        rows = zip(self.terms_, self.coef_, self.selection_.theta_error, self.err_, strict=True)
-        return [{"term": t, "coefficient": float(c), "standard_error": float(e), "err": float(r)} for t, c, e, r in rows]
+        return self.selection_.table()
 
     @property
     def equations_(self) -> tuple[str, ...]:

@@ -9,41 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.modelling.frols import frols
-
-
-def textbook(P, y, max_terms, tolerance=0.0):
-    """Billings 2013, section 3.2, candidate by candidate with classical Gram-Schmidt, as one would do it on paper."""
-    _n, M = P.shape
-    sigma = y @ y
-    chosen, Q, g, err = [], [], [], []
-    tables = []
-    while len(chosen) < max_terms:
-        row = np.full(M, np.nan)
-        remainders = {}
-        for m in range(M):
-            if m in chosen:
-                continue
-            q = P[:, m].copy()
-            for _ in range(2):
-                for o in Q:
-                    q = q - (q @ o) / (o @ o) * o
-            if q @ q <= 1e-20 * (P[:, m] @ P[:, m]):
-                continue
-            remainders[m] = q
-            row[m] = (y @ q) ** 2 / (q @ q) / sigma
-        if not remainders:
-            break
-        best = int(np.nanargmax(row))
-        chosen.append(best)
-        Q.append(remainders[best])
-        g.append((y @ Q[-1]) / (Q[-1] @ Q[-1]))
-        err.append(row[best])
-        tables.append(row)
-        if 1 - sum(err) <= tolerance:
-            break
-    theta = np.linalg.lstsq(P[:, chosen], y, rcond=None)[0]
-    return chosen, np.array(g), np.array(err), theta, np.array(tables)
+from mapmore_cli.modelling.frols import frols, textbook
 
 
 @pytest.mark.parametrize("seed", range(200))
@@ -286,3 +252,18 @@ def test_shapes_that_do_not_fit(P, y):
         frols(P, y)
     with pytest.raises(ValueError, match="max_terms"):
         frols(np.ones((4, 2)), np.ones(4), max_terms=0)
+
+
+def test_a_selection_says_its_terms_and_predicts():
+    x = np.linspace(0, 1, 50)
+    P, y = np.column_stack([np.ones(50), x, x**2]), 3 * x**2 - 1
+    found = frols(P, y, max_terms=2, names=("1", "x", "x^2"))
+    assert found.names == ("x^2", "1")
+    assert frols(P, y, max_terms=2).names == ("p2", "p0")
+    np.testing.assert_allclose(found.predict(P[::-1]), y[::-1], atol=1e-12)
+    assert [row["term"] for row in found.table()] == ["x^2", "1"]
+    assert sum(row["err"] for row in found.table()) == pytest.approx(1)
+    assert repr(found).startswith("Selection(3*x^2 - 1; ERR ")
+    assert repr(frols(P, np.zeros(50))) == "Selection(0; ERR none; stop: no_gain)"
+    with pytest.raises(ValueError, match="2 names for 3 candidates"):
+        frols(P, y, names=("a", "b"))

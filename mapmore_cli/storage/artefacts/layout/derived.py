@@ -29,7 +29,9 @@ ARRAYS: Mapping[Any, Codec] = {np.float64: ANY_REALS, np.int64: INTEGERS, np.boo
 def completed(schema: Schema) -> Schema:
     """Return a layout with the fields that it does not list, each stored by its type; it is that of its type from now on."""
     hints, listed = get_type_hints(schema.type, include_extras=True), {field.name for field in schema.fields}
-    rest = [_field(field, hints[field.name]) for field in fields(schema.type) if field.name not in listed]
+    rest = [
+        _field(field, hints[field.name]) for field in fields(schema.type) if field.name not in listed and field.metadata.get("stored", True)
+    ]
     LAYOUTS[schema.type] = replace(schema, fields=(*schema.fields, *rest))
     return LAYOUTS[schema.type]
 
