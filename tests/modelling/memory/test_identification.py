@@ -7,7 +7,8 @@ import pytest
 from memory_samples import STEP, recipe_of, record, wandering
 from scipy.integrate import solve_ivp
 
-from mapmore_cli.modelling.memory import fit_with_memory, free_run
+from mapmore_cli.modelling.memory.fitting import fit_with_memory
+from mapmore_cli.modelling.memory.free_run import free_run
 from mapmore_cli.modelling.memory.identification import unknown
 from mapmore_cli.modelling.terms import state
 from mapmore_cli.modelling.terms.operator import Setting
