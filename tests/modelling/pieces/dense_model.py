@@ -91,7 +91,7 @@ def curve_value(model, curve, row):
     for name in row:
         if name == model.level:
             continue
-        low, high = curve.limits[name]
+        low, high = model.body.fusion.domain.get(name, curve.limits[name])
         for side, limit, out in zip(model.body.fusion.extrapolation[name], (low, high), (row[name] < low, row[name] > high), strict=True):
             if out and side == "zero":
                 return 0.0
@@ -127,7 +127,7 @@ def cell_weight(x, boundaries, place, s, z_s):
 def segment_at(model, curve, segment, at, beyond):
     held = dict(at)
     for name, boundaries, place in zip(model.body.variables, curve.boundaries, segment.cell, strict=True):
-        if name not in segment.limits:
+        if name not in segment.limits or model.body.fusion.hold == "none":
             continue
         low, high = segment.limits[name]
         reach = model.body.fusion.z_s * (high - low)

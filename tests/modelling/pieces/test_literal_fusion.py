@@ -29,32 +29,11 @@ def function(segment, x):
     return segment.scaling.y_slope * (terms @ segment.theta) + segment.scaling.y_intercept
 
 
-def literal(curve, x, z_s):
-    """One curve by M2 eq 9-11 with linear transitions, segment by segment."""
-    seg, total = curve.boundaries[0], np.zeros(len(x))
-    for i, segment in enumerate(curve.segments, start=1):
-        weight = np.ones(len(x))
-        if i > 1:
-            low, high = seg[i - 1] - z_s * (seg[i - 1] - seg[i - 2]), seg[i - 1] + z_s * (seg[i] - seg[i - 1])
-            weight = np.minimum(weight, np.clip((x - low) / (high - low), 0, 1))
-        if i < len(seg) - 1:
-            low, high = seg[i] - z_s * (seg[i] - seg[i - 1]), seg[i] + z_s * (seg[i + 1] - seg[i])
-            weight = np.minimum(weight, 1 - np.clip((x - low) / (high - low), 0, 1))
-        total += weight * function(segment, x)
-    return total
-
-
-@pytest.mark.parametrize("z_s", [0.1, 0.25, 0.5])
-def test_functions_that_are_not_held_are_equations_9_to_11(z_s):
-    model = model_of(cuts=UNEVEN, z_s=z_s, hold="none", max_terms=3)
+def test_functions_that_are_not_held_go_on_beyond_their_samples():
+    model = model_of(cuts=UNEVEN, z_s=0.25, hold="none", max_terms=3)
     held = replace(model, body=replace(model.body, fusion=replace(model.body.fusion, hold="samples")))
-    differs = 0.0
-    for curve in model.body.curves:
-        x = np.linspace(*curve.limits["strain"], 301)
-        at = {"pressure": np.full(301, curve.level), "strain": x}
-        np.testing.assert_allclose(predict(model, at), literal(curve, x, z_s), rtol=1e-9, atol=1e-9)
-        differs = max(differs, float(np.abs(predict(model, at) - predict(held, at)).max()))
-    assert differs > 1.0
+    at = {"pressure": np.full(301, 350.0), "strain": np.linspace(0, 0.2, 301)}
+    assert np.abs(predict(model, at) - predict(held, at)).max() > 1.0
 
 
 def test_even_segments_full_of_samples_are_the_same_either_way():

@@ -131,22 +131,6 @@ def test_extrapolation_in_strain(side, word):
         assert np.isfinite([y1, y2]).all()
 
 
-def test_a_value_is_what_the_variable_takes_beyond_the_limit():
-    """M2 eq 12: below the limit x takes the value x_lv."""
-    model = built(max_terms=2, extrapolation={"strain": (0.03, "saturate")})
-    beyond, inside = predict(model, at(150, [-0.5, 0.03]))
-    assert beyond == inside
-
-
-@pytest.mark.parametrize(("word", "expected"), [("continue", 80.0), ("saturate", 80.0), ("continue_linear", 40.0), ("zero", None)])
-def test_extrapolation_below_the_lowest_level(word, expected):
-    samples = curves(noise=0)
-    samples = tuple(replace(c, columns={**c.columns, "force": np.full(c.size, c.level)}) for c in samples)
-    model = build("flat", samples, recipe(dictionary=("1",), cuts={}, extrapolation={"pressure": (word, word)}), QUANTITIES)
-    assert predict(model, at(40, 0.01))[0] == pytest.approx(0.0 if expected is None else expected)
-    assert predict(model, at(215, 0.01))[0] == pytest.approx(215)
-
-
 def test_several_terms_saturate_by_default_and_one_term_continues():
     assert built(max_terms=1).body.fusion.extrapolation["strain"] == ("continue", "continue")
     several = built(max_terms=3)
@@ -169,21 +153,8 @@ def test_a_narrow_segment_beside_a_wide_one_does_not_explode_in_the_zone():
     model = built(clustered(), cuts={"strain": Cuts("breakpoints", at=(0.011,))}, max_terms=4, tolerance=0.0)
     strain = np.linspace(0, 0.2, 500)
     assert np.abs(predict(model, at(150, strain)) - 500 * np.exp(-strain / 0.1)).max() < 60
-    carried = without_limits(model)
+    carried = replace(model, body=replace(model.body, fusion=replace(model.body.fusion, hold="none")))
     assert np.abs(predict(carried, at(150, strain)) - 500 * np.exp(-strain / 0.1)).max() > 500
-
-
-def without_limits(model):
-    """The model with segment functions that are held nowhere."""
-    free = (replace(c, segments=tuple(replace(s, limits={}) for s in c.segments)) for c in model.body.curves)
-    return replace(model, body=replace(model.body, curves=tuple(free)))
-
-
-def test_even_segments_full_of_samples_are_not_held():
-    model = built(curves(n=4000), max_terms=3, extrapolation="continue")
-    free = without_limits(model)
-    x = at(*np.meshgrid(np.linspace(60, 400, 30), np.linspace(-0.02, 0.3, 400)))
-    np.testing.assert_allclose(predict(model, x), predict(free, x), atol=0.02)
 
 
 def test_outside_range_follows_each_curves_own_range():

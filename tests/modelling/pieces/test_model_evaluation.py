@@ -1,4 +1,4 @@
-"""`predict` sorts rows by region and skips what does not count; a dense evaluation row by row says what must come out."""
+"""The definition, evaluated branch by branch, beside the equations written out row by row."""
 
 from __future__ import annotations
 
@@ -99,6 +99,8 @@ ways = st.fixed_dictionaries(
         "levels": st.sampled_from(["linear", "pchip"]),
         "aligned": st.sampled_from([None, "a"]),
         "shrink": st.sampled_from([1.0, 0.0, 0.3]),
+        "hold": st.sampled_from(["samples", "none"]),
+        "domain": st.sampled_from([{}, {"a": (0.1, 1.6)}]),
     }
 )
 seeds = st.integers(0, 2**32 - 1)
