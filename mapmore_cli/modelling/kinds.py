@@ -21,6 +21,7 @@ from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Equation, Model, Sum
 from mapmore_cli.domain.results import Run
+from mapmore_cli.modelling.ranges import outside
 
 if TYPE_CHECKING:
     from mapmore_cli.modelling.program.statements import Program
@@ -36,7 +37,6 @@ class Kind:
     `model.py` in the folder has these functions of a `model`, and others of its own.
 
     - `simulate(model, columns)`: the `Run` at every row, NaN where an input is NaN or there is no history.
-    - `outside_range(model, columns)`: True where an input lies beyond the training range, (n,).
     - `equations(model, units)`: the model in physical units, given how many of the model's units one unit of a quantity is.
     - `parameters(model)`: how many numbers the fit was free to choose.
     - `write(m, model, inputs)`: the model as statements of the writer `m`; its output.
@@ -45,6 +45,7 @@ class Kind:
 
     - `one_step(model, columns)`: prediction of every row from the measured past, (n,); none for kinds that know no past.
     - `fed_back(model)`: the measured outputs that a run begins from.
+    - `outside_range(model, columns)`: True where an input lies beyond the training range, (n,), for a body without `ranges`.
     """
 
     name: str
@@ -100,8 +101,12 @@ def simulate(model: Model, columns: Columns) -> Run:
 
 def outside_range(model: Model, columns: Columns) -> BoolArray:
     """True where an input lies beyond the training range, of any summand where the model is a sum, (n,)."""
-    found: BoolArray = kind_of(model).verb("outside_range")(model, columns)
+    found: BoolArray = kind_of(model).verb("outside_range", _outside)(model, columns)
     return found
+
+
+def _outside(model: Model, columns: Columns) -> BoolArray:
+    return outside(model.body.ranges, model.level, columns)  # type: ignore[attr-defined]  # sums alone have no ranges of their own
 
 
 def equations(model: Model, units: Mapping[str, float] = MODEL_UNITS) -> tuple[Equation, ...]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,27 +14,39 @@ OUTSIDE_TOLERANCE = 1e-9
 """Inputs within this fraction of a range beyond its end still count as inside: the end itself must not be flagged by rounding."""
 
 
-def outside(ranges: Sequence[CurveRange], level: str | None, columns: Columns) -> BoolArray:
-    """True where an input lies beyond its training range, (n,).
+class InputRange(NamedTuple):
+    """Training range of one input: `low` to `high`, (L,) each; linear between `levels`, (L,), of the input `at` where that is not None."""
 
-    The range of the level quantity is that of its levels; the range of any other input is interpolated linearly between the curves, since
-    each curve has its own (free strain grows with pressure).
+    name: str
+    at: str | None
+    levels: Array
+    low: Array
+    high: Array
+
+
+def limits(ranges: Sequence[CurveRange], level: str | None) -> Iterator[InputRange]:
+    """Yield the training range of every input, the level first: its own is that of its levels, (1,) each.
+
+    That of any other input is interpolated linearly between the curves, since each curve has its own (free strain grows with pressure).
     """
-    found = np.zeros(len(next(iter(columns.values()))), dtype=np.bool_)
     if not ranges:
-        return found
+        return
+    levels = np.array([one.level for one in ranges], dtype=np.float64) if level is not None else np.empty(0)
     if level is not None:
-        levels = np.array([one.level for one in ranges], dtype=np.float64)
-        found |= _beyond(columns[level], levels[:1], levels[-1:])
+        yield InputRange(level, None, levels, levels[:1], levels[-1:])
     for name in ranges[0].limits:
-        if name == level or name not in columns:
-            continue
-        limits = np.array([one.limits[name] for one in ranges])
-        if level is None:
-            low, high = limits[:1, 0], limits[:1, 1]
-        else:
-            low, high = (np.interp(columns[level], levels, limits[:, side]) for side in (0, 1))
-        found |= _beyond(columns[name], low, high)
+        if name != level:
+            low, high = np.array([one.limits[name] for one in ranges]).T
+            yield InputRange(name, level, levels, low, high)
+
+
+def outside(ranges: Sequence[CurveRange], level: str | None, columns: Columns) -> BoolArray:
+    """Return True where an input lies beyond its training range, (n,)."""
+    found = np.zeros(len(next(iter(columns.values()))), dtype=np.bool_)
+    for name, at, levels, low, high in limits(ranges, level):
+        if name in columns:
+            ends = (low[:1], high[:1]) if at is None else (np.interp(columns[at], levels, end) for end in (low, high))
+            found |= _beyond(columns[name], *ends)
     return found
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns
+from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.fits import FormulaFit, SegmentedCurve
 from mapmore_cli.domain.models import CurveRange, Equation, Formula, Model
 from mapmore_cli.domain.recording import Quantity
@@ -14,7 +14,6 @@ from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.program.formula import formula_value
 from mapmore_cli.modelling.program.writing import Inputs, Writer, limit
-from mapmore_cli.modelling.ranges import outside
 from mapmore_cli.modelling.terms import Expression, Name, Number, multiply, substitute, to_latex, to_text
 
 BLOCK = 2**18
@@ -45,12 +44,6 @@ def parameters(model: Model) -> int:
     """The parameters of the formula."""
     assert isinstance(model.body, Formula)
     return len(model.body.fit.parameters)
-
-
-def outside_range(model: Model, columns: Columns) -> BoolArray:
-    """True where an input lies beyond its training range, (n,)."""
-    assert isinstance(model.body, Formula)
-    return outside(model.body.ranges, model.body.level, columns)
 
 
 def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns
+from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.fits import FormulaFit, SegmentedCurve
 from mapmore_cli.domain.memory import PIECE, MemoryModel
 from mapmore_cli.domain.models import CurveRange, Equation, Memory, Model
@@ -20,7 +20,6 @@ from mapmore_cli.modelling.memory.resolution import memory_inputs
 from mapmore_cli.modelling.program.formula import formula_value
 from mapmore_cli.modelling.program.memory import memory_value
 from mapmore_cli.modelling.program.writing import Inputs, Writer, limit
-from mapmore_cli.modelling.ranges import outside
 from mapmore_cli.modelling.terms import Expression, Name, Number, add, affine, multiply, parse, state, substitute
 
 
@@ -48,11 +47,6 @@ def simulate(model: Model, columns: Columns) -> Run:
 def one_step(model: Model, columns: Columns) -> Array:
     """Prediction of every row from the measured past, (n,); NaN before there is history."""
     return _base(model, columns) + one_step_ahead(_body(model).model, columns)
-
-
-def outside_range(model: Model, columns: Columns) -> BoolArray:
-    """True where an input lies beyond its training range, (n,)."""
-    return outside(_body(model).ranges, None, columns)
 
 
 def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns
+from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.models import CurveRange, Equation, Model, StateSpace
 from mapmore_cli.domain.motion import Motion, MotionSection
@@ -16,7 +16,6 @@ from mapmore_cli.modelling.literature.model import printed
 from mapmore_cli.modelling.motion.simulation import simulate as simulated
 from mapmore_cli.modelling.program.motion import motion_value
 from mapmore_cli.modelling.program.writing import Inputs, Writer, limit
-from mapmore_cli.modelling.ranges import outside
 from mapmore_cli.modelling.terms import Expression, Name, Number, add, multiply, parse, substitute
 
 
@@ -49,12 +48,6 @@ def simulate(model: Model, columns: Columns) -> Run:
 def one_step(model: Model, columns: Columns) -> Array:
     """The same, (n,): the model asks for no measured past."""
     return simulate(model, columns).values
-
-
-def outside_range(model: Model, columns: Columns) -> BoolArray:
-    """True where an input lies beyond its training range, (n,)."""
-    assert isinstance(model.body, StateSpace)
-    return outside(model.body.ranges, None, columns)
 
 
 def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns
+from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.models import Equation, Model, Pieces, SegmentFunction
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.literature.model import backbone_values, by_blocks, formula_equations, printed
@@ -14,7 +14,6 @@ from mapmore_cli.modelling.pieces.definition import pieces_program, pieces_value
 from mapmore_cli.modelling.program.formula import formula_value
 from mapmore_cli.modelling.program.values import evaluator
 from mapmore_cli.modelling.program.writing import Inputs, Writer, limit
-from mapmore_cli.modelling.ranges import outside
 from mapmore_cli.modelling.terms import Expression, Name, Number, add, affine, exponents, multiply, parse, substitute
 
 
@@ -28,12 +27,6 @@ def simulate(model: Model, columns: Columns) -> Run:
         return base if pieces is None else base + pieces(inputs)[0]
 
     return Run(by_blocks(model.inputs, columns, value))
-
-
-def outside_range(model: Model, columns: Columns) -> BoolArray:
-    """True where an input lies beyond its training range, (n,)."""
-    body = _body(model)
-    return outside(body.ranges, body.level, columns)
 
 
 def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:

@@ -10,12 +10,12 @@ import numpy as np
 from mapmore_cli.domain.models import CurveRange
 from mapmore_cli.modelling.program.pruning import pruned
 from mapmore_cli.modelling.program.statements import Block, Choose, Function, Keep, Kept, Let, Limit, Program, Statement, Use
+from mapmore_cli.modelling.ranges import limits
 from mapmore_cli.modelling.terms import Expression, Name, Number, call, substitute
 from mapmore_cli.modelling.terms.syntax import Condition, Operand, Product, Sum, expression
 
 Side = Operand | Callable[[], Operand]
 """A value, or a function that writes the statements of one; its statements run only where this side is taken."""
-
 
 Inputs = Mapping[str, Expression]
 """What a model's inputs are, in the order that it has them in."""
@@ -141,18 +141,9 @@ def renamed_all(terms: Iterable[Expression], names: Mapping[str, Expression]) ->
 
 
 def limit(m: Writer, ranges: Sequence[CurveRange], level: str | None, inputs: Inputs) -> None:
-    """Add training ranges: of the level that of its levels, of any other input one that goes linearly from curve to curve."""
-    if not ranges:
-        return
-    levels = np.array([one.level for one in ranges], dtype=np.float64) if level is not None else np.empty(0)
-    if level is not None:
-        m.limits.append(Limit(frozenset({level}), inputs[level], None, levels[:1], levels[:1], levels[-1:]))
-        m.knot(level, *levels.tolist())
-    for name in ranges[0].limits:
-        if name != level and name in inputs:
-            ends = np.array([one.limits[name] for one in ranges])
-            m.knot(name, *ends.ravel().tolist())
-            if level is None:
-                m.limits.append(Limit(frozenset({name}), inputs[name], None, levels, ends[:1, 0], ends[:1, 1]))
-            else:
-                m.limits.append(Limit(frozenset({name}), inputs[name], inputs[level], levels, ends[:, 0], ends[:, 1]))
+    """Add the training ranges of the inputs, and their ends as knots."""
+    for one in limits(ranges, level):
+        if one.name in inputs:
+            at = None if one.at is None else inputs[one.at]
+            m.limits.append(Limit(frozenset({one.name}), inputs[one.name], at, one.levels, one.low, one.high))
+            m.knot(one.name, *(one.levels if one.name == level else np.concatenate([one.low, one.high])).tolist())

@@ -13,7 +13,7 @@ from surfaces import QUANTITIES, curves, recipe
 
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.kinds import predict
-from mapmore_cli.modelling.pieces import definition
+from mapmore_cli.modelling.pieces import levels as between
 from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.pieces.threshold import threshold
@@ -79,7 +79,7 @@ marks = st.lists(st.floats(0, 1e3), min_size=3, max_size=3, unique=True).map(sor
 def aligned(x, here, own):
     """The places on a curve that correspond to x between marks, (n,)."""
     m = Writer()
-    return evaluator(m.program(["x"], definition.aligned(m, Name("x_x"), Number(0.0), here, here, own)))({"x": x})[0]
+    return evaluator(m.program(["x"], between.aligned(m, Name("x_x"), Number(0.0), here, here, own)))({"x": x})[0]
 
 
 @settings(deadline=None)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import PchipInterpolator
 
 from mapmore_cli.domain.models import Fusion
-from mapmore_cli.modelling.pieces.definition import across_levels
+from mapmore_cli.modelling.pieces.levels import across_levels
 from mapmore_cli.modelling.program.values import evaluator
 from mapmore_cli.modelling.program.writing import Writer
 from mapmore_cli.modelling.terms import Name

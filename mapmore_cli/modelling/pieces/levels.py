@@ -1,0 +1,142 @@
+"""The curves of a model between and beyond their levels, as statements (M1 figure 2, M2 figure 7); a part of `definition`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from itertools import pairwise
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.models import Fusion, Side
+from mapmore_cli.modelling.program.writing import Writer
+from mapmore_cli.modelling.terms import Expression, Name, Number, call
+from mapmore_cli.modelling.terms.syntax import ZERO, Condition
+
+CurveAt = Callable[[int, int, int, Expression], Expression]
+"""Writes a curve, given the numbers of the two levels that are joined, its own number, and the place t between the levels."""
+
+
+def across_levels(
+    m: Writer, level: Expression, levels: Sequence[float], sides: tuple[Side, Side], fusion: Fusion, curve_at: CurveAt
+) -> Expression:
+    """Write the curves between their levels and beyond the outermost.
+
+    Between levels i and i + 1, at the place t between them: with `linear` triangles, `(1 - t) f_i + t f_{i+1}` (M1 figure 2); with `pchip`
+    the cubic Hermite interpolant of slopes that keep the shape of the curves' values (Fritsch and Butland 1984). A share
+    `g + (1 - g)(1 - 2t)^2` of it is carried, g = `shrink`. At a level its own curve counts alone: another may have no value there.
+
+    Beyond the outermost level, `continue` and `saturate` hold its curve, `continue_linear` goes on with the slope at that level, and `zero`
+    lets the weight drop to zero (M2 figure 7d). `curve_at` writes a curve, given the numbers of two levels, of the curve, and t.
+    """
+    last = len(levels) - 1
+    alone = [partial(curve_at, i, i, i, ZERO) for i in range(last + 1)]
+    below, above = (_beyond_levels(m, level, levels, end, side, fusion, curve_at) for end, side in ((0, sides[0]), (last, sides[1])))
+    if last == 0:
+        return m.choose("across", [(level < levels[0], below), (level > levels[0], above)], alone[0])
+    cases: list[tuple[Condition, Callable[[], Expression]]] = [(level < levels[0], below)]
+    cases += [(Condition(level, "==", Number(at)), own) for at, own in zip(levels, alone, strict=True)]
+    for i in range(last):
+        within = level < levels[i + 1] if i + 1 < last else level <= levels[last]
+        cases.append((within, partial(_between_levels, m, level, levels, i, fusion, curve_at)))
+    return m.choose("across", cases, above)
+
+
+def _between_levels(m: Writer, level: Expression, levels: Sequence[float], i: int, fusion: Fusion, curve_at: CurveAt) -> Expression:
+    width = levels[i + 1] - levels[i]
+    t = m.let("t", (level - levels[i]) / width)
+    numbers = _counting(levels, i, fusion)
+    f = {number: curve_at(i, i + 1, number, t) for number in numbers}
+    if fusion.levels == "linear":
+        y = (1 - t) * f[i] + t * f[i + 1]
+    else:
+        left, right = (m.let("slope", _slope(m, levels, f, number) * width) for number in (i, i + 1))
+        rest = m.let("rest", 1 - t)
+        y = f[i] * (1 + 2 * t) * rest**2 + left * t * rest**2 + f[i + 1] * t**2 * (3 - 2 * t) - right * t**2 * rest
+    if fusion.shrink == 1.0:
+        return y
+    return m.let("between", y) * (fusion.shrink + (1 - fusion.shrink) * (1 - 2 * t) ** 2)
+
+
+def _beyond_levels(
+    m: Writer, level: Expression, levels: Sequence[float], end: int, side: Side, fusion: Fusion, curve_at: CurveAt
+) -> Callable[[], Expression]:
+    def straight() -> Expression:
+        f = {number: curve_at(end, end, number, ZERO) for number in _counting(levels, min(end, len(levels) - 2), fusion)}
+        return f[end] + _slope(m, levels, f, end) * (level - levels[end])
+
+    if side == "zero":
+        return lambda: ZERO
+    return straight if side == "continue_linear" and len(levels) > 1 else partial(curve_at, end, end, end, ZERO)
+
+
+def _counting(levels: Sequence[float], i: int, fusion: Fusion) -> range:
+    """Return the curves that the interpolant between levels i and i + 1 depends on: with `pchip`, those of its slopes there too."""
+    reach = 0 if fusion.levels == "linear" else 1
+    return range(max(i - reach, 0), min(i + 1 + reach, len(levels) - 1) + 1)
+
+
+def _slope(m: Writer, levels: Sequence[float], f: Mapping[int, Expression], number: int) -> Expression:
+    """Write the slope across levels at one of them, from the values of the curves that count.
+
+    With two of them it is that of the line. Else, inside, the weighted harmonic mean of the neighbouring differences, or zero where they
+    differ in sign; at the ends, three-point differences held back so that the outermost interval stays monotone.
+    """
+    h = [levels[j] - levels[i] for i, j in pairwise(f)]
+    delta = [m.let("delta", (f[j] - f[i]) / width) for (i, j), width in zip(pairwise(f), h, strict=True)]
+    at = number - min(f)
+    if len(h) == 1:
+        return delta[0]
+    if at == 0:
+        return m.use("slope", _end_slope(m), [delta[0], delta[1], h[0], h[1]])
+    if at == len(h):
+        return m.use("slope", _end_slope(m), [delta[-1], delta[-2], h[-1], h[-2]])
+    return m.use("slope", _inner_slope(m), [delta[at - 1], delta[at], h[at - 1], h[at]])
+
+
+def _inner_slope(m: Writer) -> str:
+    parameters = before, after, h_before, h_after = [Name(name) for name in ("before", "after", "h_before", "h_after")]
+
+    def mean() -> Expression:
+        w_before, w_after = m.let("w_before", h_before + 2 * h_after), m.let("w_after", 2 * h_before + h_after)
+        return (w_before + w_after) * (before / (w_after * before + w_before * after)) * after
+
+    return m.function(
+        "slope_inside",
+        [one.name for one in parameters],
+        lambda: m.where(_sign(before) * _sign(after) > 0.0, mean, 0.0),
+        "slope at an inner level, which keeps the shape",
+    )
+
+
+def _end_slope(m: Writer) -> str:
+    parameters = delta, delta_next, h, h_next = [Name(name) for name in ("delta", "delta_next", "h", "h_next")]
+
+    def held_back() -> Expression:
+        three = m.let("three", ((2 * h + h_next) * delta - h * delta_next) / (h + h_next))
+        kept = m.where(_sign(three) * _sign(delta) > 0.0, three, 0.0)
+        steepest = 3 * delta
+        held = m.where(call("abs", kept) > call("abs", steepest), steepest, kept)
+        return m.where(_sign(delta) * _sign(delta_next) > 0.0, kept, held)
+
+    return m.function("slope_at_end", [one.name for one in parameters], held_back, "slope at an outermost level, which keeps the shape")
+
+
+def _sign(x: Expression) -> Expression:
+    return call("sign", x)
+
+
+def aligned(m: Writer, x: Expression, t: Expression, left: Array, right: Array, own: Array) -> Expression:
+    """Write the place on one curve that corresponds to x: low end, threshold and high end answer to those at x, linear between.
+
+    So each curve is looked up within its own range as long as x is within the range interpolated for it. `left`, `right` and `own` are
+    those marks of the two curves, at the place t between them, and of the curve itself, (3,) each.
+    """
+    between = [m.let("mark", (1 - t) * a + t * b if a != b else a) for a, b in zip(left.tolist(), right.tolist(), strict=True)]
+    low, middle, high = between
+    way = m.let("way", x - middle)
+
+    def along(width: float, between: Expression) -> Expression:
+        wide = m.let("wide", between)
+        return float(own[1]) + way * m.where(wide > 0.0, lambda: width / wide, 1.0)
+
+    return m.where(x < middle, partial(along, float(own[1] - own[0]), middle - low), partial(along, float(own[2] - own[1]), high - middle))
