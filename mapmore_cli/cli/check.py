@@ -15,12 +15,14 @@ from mapmore_cli.domain.errors import MapmoreError
 if TYPE_CHECKING:
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.spec.campaign import Entry
+    from mapmore_cli.spec.experiment import ExperimentSpec
     from mapmore_cli.stages.inspection.lint import Inspection
 
 
 def check(
     config: Annotated[Path, typer.Argument(metavar="CONFIG", help="Experiment spec or campaign (YAML).", show_default=False)],
     overrides: Overrides = NO_OVERRIDES,
+    confirm: Annotated[bool, typer.Option("--confirm", help="Take the guesses marked CHECK as right: remove the mark.")] = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
@@ -30,11 +32,13 @@ def check(
     from mapmore_cli.cli.views import measured
     from mapmore_cli.stages.campaigns.page import expanded
 
+    if confirm:
+        _confirm(config)
     campaigns, entries = expanded([config], overrides)
     with Reporter(quiet) as reporter:
         if not campaigns:
-            name, inspection = _inspected(entries[0], reporter)
-            print_view(measured.of_inspection(inspection).under({"name": name}), as_json)
+            spec, inspection = _inspected(entries[0], reporter)
+            print_view(measured.of_inspection(inspection, spec.unconfirmed).under({"name": spec.name}), as_json)
             if inspection.verdict is not None:  # its issues stand in the document
                 print(message(inspection.verdict), file=sys.stderr)
                 raise typer.Exit(exit_code(inspection.verdict))
@@ -52,9 +56,18 @@ def check(
         raise typer.Exit(code)
 
 
-def _inspected(entry: Entry, reporter: Reporter) -> tuple[str, Inspection]:
+def _confirm(config: Path) -> None:
+    """Rewrite the spec without its marks; what cannot be read or is no spec is told by what follows."""
+    from mapmore_cli.spec.loader import confirmed, load
+    from mapmore_cli.storage.atomic import write_text
+
+    if load(config).spec.unconfirmed:
+        write_text(config, confirmed(config.read_text(encoding="utf-8")))
+
+
+def _inspected(entry: Entry, reporter: Reporter) -> tuple[ExperimentSpec, Inspection]:
     from mapmore_cli.spec.loader import load
     from mapmore_cli.stages.inspection.lint import inspect
 
     loaded = load(entry.config, entry.overrides)
-    return loaded.spec.name, inspect(loaded, progress=reporter.progress, warn=reporter.warn)
+    return loaded.spec, inspect(loaded, progress=reporter.progress, warn=reporter.warn)

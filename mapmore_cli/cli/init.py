@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from mapmore_cli.cli.options import Quiet
 from mapmore_cli.domain.errors import UsageError, WriteError
+
+if TYPE_CHECKING:
+    from mapmore_cli.stages.drafting.questions import Ask
 
 STDOUT = Path("-")
 
@@ -36,6 +39,7 @@ def init(
         str | None,
         typer.Option("--group", metavar="NAME", help="What tells files apart; none pools them.", show_default=False),
     ] = None,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing: guess, and mark what is not sure.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace specs that exist.")] = False,
     quiet: Quiet = False,
 ) -> None:
@@ -53,7 +57,7 @@ def init(
     answers = Answers({} if columns is None else read_columns(columns), target, hold, group, None if length is None else _metres(length))
     folder = Path() if output is None or output == STDOUT else output.parent
     with Reporter(quiet) as reporter:
-        found = start(path, folder, name, output is not None, answers)
+        found = start(path, folder, name, output is not None, answers, _asking(yes or quiet))
         for remark in found.remarks:
             reporter.say(f"left out: {remark}")
     if output == STDOUT:
@@ -63,6 +67,15 @@ def init(
     _write(texts, force)
     if not quiet:
         print(f"Next: mapmore check {next(iter(texts))}", file=sys.stderr)
+
+
+def _asking(silent: bool) -> Ask | None:
+    """Who answers: the person at the terminal, where there is one."""
+    if silent or not (sys.stdin.isatty() and sys.stderr.isatty()):
+        return None
+    from mapmore_cli.cli.asking import ask
+
+    return ask
 
 
 def _metres(text: str) -> float:

@@ -135,6 +135,7 @@ def _bring_up_to_date(loaded: LoadedSpec, command: str, options: Options) -> Non
     from mapmore_cli.stages.pipeline.runner import bring_up_to_date
 
     started, warnings = time.perf_counter(), list[str]()
+    questions = loaded.spec.unconfirmed
 
     with Reporter(options.quiet, options.verbose) as reporter:
 
@@ -152,6 +153,9 @@ def _bring_up_to_date(loaded: LoadedSpec, command: str, options: Options) -> Non
             warn=warn,
             on_stage=reporter.stage,
         )
+        if questions:
+            guesses = "1 guess of the spec is" if len(questions) == 1 else f"{len(questions)} guesses of the spec are"
+            warn(f"{guesses} not confirmed: see `mapmore check {loaded.path}`, and `--confirm` there where all are right")
         found = RunFiles(outcome.run_dir).scores() if command in ("validate", "run") else None
         for message in () if found is None else found.warnings:
             reporter.warn(message)
@@ -179,7 +183,14 @@ def _print_scores(
     scores = of_scores(found, published.numbers if published else None)
     held_to = limits(loaded.spec.validation.require, found.scores)
     missed = [limit.sentence for limit in held_to if not limit.kept]
-    print_view(View({**head, **scores.document, "missed": missed, "warnings": ended.warnings}, scores.tables, lines), options.as_json)
+    print_view(
+        View(
+            {**head, **scores.document, "missed": missed, "warnings": ended.warnings, "unconfirmed": loaded.spec.unconfirmed},
+            scores.tables,
+            lines,
+        ),
+        options.as_json,
+    )
     options.files.write([replace(ended, limits=held_to)], scores.tables)
     if missed:
         raise LimitMissed("; ".join(missed), "the results are complete; see validate.require in the spec")

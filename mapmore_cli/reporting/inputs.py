@@ -86,6 +86,8 @@ class ReportInputs:
         How its figures look.
     published_tables
         Tables of a publication, as they were transcribed.
+    unconfirmed
+        Guesses of the spec that nobody has confirmed.
     asked
         Ids of the curves and recordings that alone are to be drawn; empty for some that stand for all.
     search
@@ -109,6 +111,7 @@ class ReportInputs:
     other_equations: Mapping[str, tuple[Equation, ...]] = field(default_factory=dict)
     style: FigureStyle = field(default_factory=FigureStyle)
     published_tables: tuple[Table, ...] = ()
+    unconfirmed: tuple[str, ...] = ()
     asked: frozenset[str] = frozenset()
     search: Search | None = None
 

@@ -12,7 +12,7 @@ import functools
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, TypeAdapter, ValidationError, ValidationInfo, model_validator
+from pydantic import Field, PrivateAttr, TypeAdapter, ValidationError, ValidationInfo, model_validator
 
 from mapmore_cli.domain.declared import Contradiction, Either, Settings
 from mapmore_cli.modelling.pieces.recipe import CutByDirection, Fuse, Segmented
@@ -82,6 +82,12 @@ class ExperimentSpec(Section):
     fuse: Fuse = Fuse()
     validation: Validate = Field(default=Validate(), alias="validate")
     report: Report = Report()
+    _unconfirmed: tuple[str, ...] = PrivateAttr(default=())
+
+    @property
+    def unconfirmed(self) -> tuple[str, ...]:
+        """The guesses of `init` that nobody has confirmed: the file's comments that begin with `CHECK`."""
+        return self._unconfirmed
 
     @model_validator(mode="before")
     @classmethod

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import takewhile
 from pathlib import Path
 from typing import Generic, TypeVar
 
@@ -102,7 +104,30 @@ def _valid(written: Node, path: Path, model: type[M], overrides: Sequence[str], 
     except ValidationError as error:
         later = [*explain(error, root, model), *_beyond(error, root, model, check)]
     raise_if_any([*problems, *new_places(later, problems)])
+    if isinstance(spec, ExperimentSpec):
+        spec._unconfirmed = questions_in(path.read_text(encoding="utf-8-sig"))
     return Loaded(spec, path, path.parent, tuple(overrides), root)
+
+
+_QUESTION = re.compile(r"(?:^|(?<=\s))#[ \t]*CHECK:[ \t]*(?P<text>.*)$", re.MULTILINE)
+
+
+def questions_in(text: str) -> tuple[str, ...]:
+    """The open questions of a spec: its comments that begin with `CHECK`, each with the comment lines that go on with it."""
+    found = []
+    for match in _QUESTION.finditer(text):
+        words = [match["text"]]
+        if not text[text.rfind("\n", 0, match.start()) + 1 : match.start()].strip():  # a comment above its line may go on
+            below = text[match.end() + 1 :].splitlines()
+            after = takewhile(lambda line: line.lstrip().startswith("# ") and "CHECK:" not in line, below)
+            words += [line.strip().lstrip("# ") for line in after]
+        found.append(" ".join(" ".join(words).split()))
+    return tuple(found)
+
+
+def confirmed(text: str) -> str:
+    """The text of a spec whose open questions are answered with yes: the comments stay, without `CHECK`."""
+    return _QUESTION.sub(lambda match: f"# {match['text']}", text)
 
 
 def resolved(spec: BaseModel, folder: Path | None = None, to: Path | None = None) -> str:

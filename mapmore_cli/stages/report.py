@@ -38,11 +38,12 @@ class Slice:
     validate: Validate
     report: Report
     left_out: bool  # whether every level is left out in turn
+    unconfirmed: tuple[str, ...] = ()
 
 
 def reads(spec: ExperimentSpec) -> Slice:
     """The stage's slice of the spec."""
-    return Slice(spec.name, spec.muscle, spec.validation, spec.report, spec.data.split.leave_one_level_out)
+    return Slice(spec.name, spec.muscle, spec.validation, spec.report, spec.data.split.leave_one_level_out, spec.unconfirmed)
 
 
 def run(part: Slice, workspace: Workspace) -> None:
@@ -129,6 +130,7 @@ def collected(part: Slice, run_dir: Path, spec_text: str = "") -> ReportInputs:
         spec_text=spec_text,
         provenance=tool_versions(),
         warnings=validation.warnings,
+        unconfirmed=part.unconfirmed,
         notes=(
             *([LEFT_OUT] if part.left_out else []),
             *([f"The model predicts {model.output.name}; it is inverted, and scored as {turned}."] if turned is not None else []),

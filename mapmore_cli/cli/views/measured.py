@@ -19,11 +19,14 @@ if TYPE_CHECKING:
     from mapmore_cli.reporting.table import Cell
 
 
-def of_inspection(inspection: Inspection) -> View:
-    """The curves where there are any, then the issues with their remedies, the worst first."""
+def of_inspection(inspection: Inspection, unconfirmed: Sequence[str] = ()) -> View:
+    """The curves where there are any, then the issues with their remedies, the worst first, and guesses that nobody has confirmed."""
     found = View({}) if inspection.dataset is None else measured.of_dataset(inspection.dataset)
     issues = [asdict(issue) for issue in inspection.issues]
-    return View({**found.document, "issues": issues}, found.tables, (*found.lines, *_lines(inspection.issues)))
+    questions = [f"not confirmed: {question}" for question in unconfirmed]
+    lines = _lines(inspection.issues) if inspection.issues or not questions else ()
+    document = {**found.document, "issues": issues, "unconfirmed": list(unconfirmed)}
+    return View(document, found.tables, (*found.lines, *lines, *questions))
 
 
 def of_campaign(results: Mapping[str, Inspection | MapmoreError]) -> View:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
@@ -169,3 +170,22 @@ def align(stamps: Array, time: Array, values: Array, max_gap: float | None) -> A
     too_far = np.zeros(len(stamps), dtype=np.bool_) if max_gap is None else time[after] - time[before] > max_gap * (1 + 1e-9)
     aligned[outside | too_far] = np.nan
     return aligned
+
+
+def longest_ascent(time: Array) -> BoolArray:
+    """Return which stamps `(n,)` belong to the longest series that never decreases: all but the fewest that have to go.
+
+    Patience sorting, O(n log n): M. L. Fredman, Discrete Math. 11 (1975) 29.
+    """
+    ends: list[float] = []  # the least last stamp of a series of each length
+    at: list[int] = []
+    before = np.full(len(time), -1)
+    for place, stamp in enumerate(time.tolist()):
+        length = bisect_right(ends, stamp)
+        before[place] = at[length - 1] if length else -1
+        ends[length : length + 1], at[length : length + 1] = [stamp], [place]
+    kept = np.zeros(len(time), dtype=np.bool_)
+    place = at[-1] if at else -1
+    while place >= 0:
+        kept[place], place = True, int(before[place])
+    return kept

@@ -192,7 +192,8 @@ class Data(Logs):
     """The recordings, and how they become curves.
 
     `columns` say which column holds which quantity, `join` adds those of a second log, `derive` what follows from them. `gaps` are
-    where a recording breaks off, `resample` brings it onto even time steps. `keep` chooses samples; `cycles` splits loops into
+    where a recording breaks off, `glitches: drop` leaves out samples whose stamp lies before that of an earlier one or jumps ahead and
+    back, in joined logs as well; `resample` brings it onto even time steps. `keep` chooses samples; `cycles` splits loops into
     branches, `levels` names what is constant within one curve, and `split` separates the validation data. `plateau` is where a step
     response rests, `auto` or `[from, to]`: the mean pressure there is the quantity `step_pressure`, and the samples there do not train.
     """
@@ -209,6 +210,7 @@ class Data(Logs):
     keep: list[Keep] = []
     missing: Annotated[Literal["error", "drop"] | MissingRule, Either()] = "error"
     repeated_time: Literal["error", "average", "spread"] = "error"
+    glitches: Literal["error", "drop"] = "error"
     gaps: GapRule | None = None
     resample: Seconds | None = None
     cycles: Cycles | None = None

@@ -13,7 +13,7 @@ from mapmore_cli.domain.foreign import printable
 from mapmore_cli.spec.yaml_core import escaped, tag_of
 
 if TYPE_CHECKING:
-    from mapmore_cli.stages.drafting.columns import Guess
+    from mapmore_cli.stages.drafting.columns import Guess, Raw
 
 TAIL = "# report: {formats: [html, pdf, tex]}  # for a paper: panels as PDF, tables for LaTeX"
 HEAD = ("Started by `mapmore init`. Every guess says why: look first at those marked CHECK, then run `mapmore check` on this file.",)
@@ -23,12 +23,13 @@ HEAD = ("Started by `mapmore init`. Every guess says why: look first at those ma
 class Draft:
     """Sections as the YAML will hold them, with numbers in the model's units, and why they were chosen.
 
-    `rivals` are the columns that come next for each quantity.
+    `rivals` are the columns that come next for each quantity, `raw` the values of all columns.
     """
 
     spec: dict[str, Any]
     notes: dict[Loc, Note] = field(default_factory=dict)
     rivals: Mapping[str, tuple[Guess, ...]] = field(default_factory=dict)
+    raw: Raw = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def name(self) -> str:

@@ -209,7 +209,7 @@ def started(group: Group, name: str, folder: Path, quantity: str, constants: Seq
     """A draft with the name and the files; those for which the same constant is set share an entry."""
     data: dict[str, Any] = {"files": [], "reader": group.layout.reader, **group.layout.settings}
     draft = Draft({"schema_version": 1, "name": name, "muscle": {"name": name}, "data": data})
-    draft = draft.noted(("muscle",), "kind, length and diameter help `check`, as {kind: mckibben, length: 88 mm, diameter: 20 mm}", False)
+    draft = draft.noted(("muscle",), "kind, length and diameter help `check`, as {kind: mckibben, length: 88 mm, diameter: 20 mm}")
     if "header" in group.layout.settings and not group.layout.settings["header"]:
         draft = draft.noted(("data", "header"), "the first line holds numbers")
     if "sample_time" in group.layout.settings:
@@ -276,7 +276,7 @@ def cleaned(draft: Draft, folder: Path, target: str) -> tuple[Draft, Dataset]:
 
     Raises DataError where they cannot be read, or where another log is joined by such a clock.
     """
-    draft = draft.with_data("missing", "drop").with_data("repeated_time", "average")
+    draft = draft.with_data("missing", "drop").with_data("repeated_time", "average").with_data("glitches", "drop")
     try:
         dataset, words = tolerant(lambda words: read_draft(draft.with_data("missing", missing(words)), folder, target))
     except DataError as fault:
@@ -292,7 +292,7 @@ def cleaned(draft: Draft, folder: Path, target: str) -> tuple[Draft, Dataset]:
             draft = draft.with_data("columns", columns, f"time is left out: {fault.message}", False)
             found = tolerant(lambda words: read_draft(draft.with_data("missing", missing(words)), folder, target))
         dataset, words = found
-    return _told_losses(draft, dataset, target, words), dataset
+    return _told_losses(draft, dataset, target, words, folder), dataset
 
 
 GAPS = {"longer_than": 60.0, "action": "split"}
@@ -315,10 +315,23 @@ def _split_at_resets(draft: Draft, folder: Path, target: str) -> tuple[Dataset, 
 LONG_ENOUGH = 100  # samples of a piece
 
 
-def _told_losses(draft: Draft, dataset: Dataset, target: str, words: Sequence[str]) -> Draft:
+def _told_losses(draft: Draft, dataset: Dataset, target: str, words: Sequence[str], folder: Path) -> Draft:
     """The draft with what is done about empty cells, stamps that repeat, and a force that pushes."""
     lost = {reason: sum(one.dropped.get(reason, 0) for one in dataset.recordings) for reason in ("missing value", "repeated time")}
-    draft = draft.without_data("missing", "repeated_time")
+    glitches = sum(one.dropped.get("glitch of the clock", 0) for one in dataset.recordings)
+    told = {
+        "repeated_time": ("average", "stamps of the joined log repeat"),
+        "glitches": ("drop", f"{glitches or 'some'} stamps are glitches"),
+    }
+    draft = draft.without_data("missing", *(told if "join" not in draft.data else ()))
+    for key, (word, why) in told.items() if "join" in draft.data else ():
+        try:
+            read_draft(draft.without_data(key).with_data("missing", missing(words)), folder, target)
+            draft = draft.without_data(key)
+        except DataError:
+            draft = draft.with_data(key, word, why)
+    if glitches and "glitches" not in draft.data:
+        draft = draft.with_data("glitches", "drop", f"{glitches} stamps lie before an earlier one")
     if words:
         why = f"{lost['missing value']} samples have a cell that is empty or holds {', '.join(map(repr, words))}: taken as no value"
         draft = draft.with_data("missing", missing(words), why, False)

@@ -15,7 +15,7 @@ from mapmore_cli.stages.drafting.columns import Guess, guess_columns, range_of, 
 from mapmore_cli.stages.drafting.draft import Draft
 from mapmore_cli.stages.drafting.groups import Group, patterns, words_of
 from mapmore_cli.stages.drafting.moving import names_of
-from mapmore_cli.stages.drafting.recordings import raw_columns, with_columns
+from mapmore_cli.stages.drafting.recordings import raw_columns, read_draft, with_columns
 from mapmore_cli.stages.inspection.evidence import two_digits
 from mapmore_cli.stages.inspection.labels import read_label
 
@@ -80,6 +80,23 @@ def with_second_log(
     clocks = "both clocks seem to be one" if one_clock else "both logs are taken to begin together"
     why = f"the pressure is in a log of its own; {clocks}: look at `shift`; {guesses['pressure'].why}"
     return draft.with_data("join", [entry], why, False)
+
+
+def with_found_shift(draft: Draft, folder: Path, target: str) -> Draft:
+    """The draft with the shift that the changes of the target and of the pressure tell, where they do; else as it is."""
+    (log,) = draft.data["join"]
+    found = {key: value for key, value in log.items() if key != "shift"} | {
+        "shift": "auto",
+        "match": {"first": target, "second": "pressure"},
+    }
+    lenient = draft.with_data("missing", "drop").with_data("repeated_time", "average").with_data("glitches", "drop")
+    try:
+        dataset = read_draft(lenient.with_data("join", [found]), folder, target)
+    except DataError:
+        return draft
+    told = next((note for note in dataset.notes if ": shift " in note), "").partition(": ")[2]
+    before = draft.notes["data", "join"].why.partition("; look")[0].rpartition("; ")[0]
+    return draft.with_data("join", [found], f"the pressure is in a log of its own; {told or before}", False)
 
 
 def with_column_beside(draft: Draft, first: Group, other: Group, folder: Path) -> tuple[Draft, list[str], str]:

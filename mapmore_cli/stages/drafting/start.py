@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.recording import Recording
+from mapmore_cli.spec.units import parse_quantity
 from mapmore_cli.stages.drafting.answers import NOTHING_SAID, Answers
 from mapmore_cli.stages.drafting.columns import Guess, Raw, guess_columns, told_guesses, twins_of
 from mapmore_cli.stages.drafting.components import hysteresis_beside
@@ -20,6 +21,7 @@ from mapmore_cli.stages.drafting.groups import Group, find_groups
 from mapmore_cli.stages.drafting.model import with_model
 from mapmore_cli.stages.drafting.moving import guess_others, moves, pressures_of, remembers, with_counted_samples, with_memory
 from mapmore_cli.stages.drafting.proof import proven
+from mapmore_cli.stages.drafting.questions import Ask, asked_columns, asked_length, asked_rest
 from mapmore_cli.stages.drafting.recordings import (
     cleaned,
     constants_of,
@@ -32,7 +34,7 @@ from mapmore_cli.stages.drafting.recordings import (
     with_columns,
     with_strain,
 )
-from mapmore_cli.stages.drafting.second_logs import second_of, with_column_beside, with_second_log
+from mapmore_cli.stages.drafting.second_logs import second_of, with_column_beside, with_found_shift, with_second_log
 from mapmore_cli.stages.inspection.evidence import set_in_steps
 from mapmore_cli.storage.tables.remembered import remembered
 
@@ -87,6 +89,7 @@ def propose(
     if second is not None:
         clock = raw[guesses["time"].column][0]
         draft = with_second_log(draft, second[0], folder, guesses["time"], (float(clock.min()), float(clock.max())), second[1])
+        draft = with_found_shift(draft, folder, target)
     draft, dataset = cleaned(draft, folder, target)
     if answers.length is not None:
         draft, position = with_strain(draft, dataset, answers.length, position)
@@ -179,8 +182,12 @@ class Start:
     remarks: tuple[str, ...]
 
 
-def start(path: Path, folder: Path, name: str | None = None, single: bool = False, answers: Answers = NOTHING_SAID) -> Start:
+def start(
+    path: Path, folder: Path, name: str | None = None, single: bool = False, answers: Answers = NOTHING_SAID, ask: Ask | None = None
+) -> Start:
     """Draft a spec for every group of recordings under `path`, or for the largest one only, with relative paths from `folder`.
+
+    Where somebody can be asked (`ask`), what is open is asked.
 
     Raises
     ------
@@ -188,10 +195,10 @@ def start(path: Path, folder: Path, name: str | None = None, single: bool = Fals
         Where nothing usable is found; the message says why of every file.
     """
     with remembered():
-        return _start(path, folder, name, single, answers)
+        return _start(path, folder, name, single, answers, ask)
 
 
-def _start(path: Path, folder: Path, name: str | None, single: bool, answers: Answers) -> Start:
+def _start(path: Path, folder: Path, name: str | None, single: bool, answers: Answers, ask: Ask | None) -> Start:
     groups, remarks = find_groups(path)
     names = _unique([_name(group.label) for group in groups], [_name(group.files[0].parent.name) for group in groups])
     about = {group.files: answers.for_columns(group.layout.columns, group.layout.width) for group in groups}
@@ -210,7 +217,11 @@ def _start(path: Path, folder: Path, name: str | None, single: bool, answers: An
         try:
             asked = own if name is None else name if single or len(groups) == 1 else f"{name}-{own}"
             second = seconds[group.files]
-            drafts.append(propose(group, asked, folder, said, None if second is None else (second, about[second.files])))
+            beside_it = None if second is None else (second, about[second.files])
+            draft = replace(propose(group, asked, folder, said, beside_it), raw=raw_columns(group, folder))
+            if ask is not None:
+                draft = _interviewed(draft, said, ask, lambda told: propose(group, asked, folder, told, beside_it))  # noqa: B023
+            drafts.append(draft)
             beside = None if single else hysteresis_beside(drafts[-1], folder)
             if beside is not None:
                 drafts.append(proven(beside, folder))
@@ -219,6 +230,17 @@ def _start(path: Path, folder: Path, name: str | None, single: bool, answers: An
     if not drafts:
         raise DataError(f"{path}: no usable recording was found", "\n  ".join(_few(remarks)) or "give a folder of recordings, as CSV files")
     return Start(tuple(drafts), tuple(_few(remarks)))
+
+
+def _interviewed(draft: Draft, said: Answers, ask: Ask, again: Callable[[Answers], Draft]) -> Draft:
+    """The draft with what a person answers: it is made `again` of the answers about columns and length, then what is left is confirmed."""
+    told = asked_columns(draft, said, ask)
+    length = asked_length(draft, ask)
+    if length:
+        told = replace(told, length=parse_quantity(length, "m"))
+    if told != said:
+        draft = again(told)
+    return asked_rest(draft, ask)
 
 
 def _count(group: Group) -> str:

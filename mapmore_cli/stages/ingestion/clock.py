@@ -16,6 +16,7 @@ from mapmore_cli.modelling.signals.sampling import (
     find_gaps,
     find_repeats,
     find_resets,
+    longest_ascent,
     pieces,
     resample,
     spread_repeated,
@@ -27,6 +28,7 @@ from mapmore_cli.spec.sections.logs import Join
 from mapmore_cli.spec.units import convert
 from mapmore_cli.stages.ingestion.samples import Samples
 
+MOST_GLITCHES = 0.01  # of the samples; a clock that was set back loses more
 CONSPICUOUS = 10  # times the usual step: a gap that is worth a warning where the spec does not say what a gap is
 
 MOST_SAMPLES, MOST_TIMES = 10_000_000, 100
@@ -51,6 +53,7 @@ def clocked(samples: Samples, data: Data, units: Mapping[str, str]) -> Clocked:
         return Clocked((samples,))
     unit = units["time"]
     split = data.gaps is not None and data.gaps.action == "split"
+    samples = without_glitches(samples, data.glitches)
     runs = _cut_at_resets(samples, unit) if split else Clocked((samples,))
     ordered = [in_time_order(run, data.repeated_time) for run in runs.pieces]
     cut = [_at_gaps(run, data, unit) for run in ordered]
@@ -62,6 +65,15 @@ def clocked(samples: Samples, data: Data, units: Mapping[str, str]) -> Clocked:
     return Clocked(tuple(found), notes, tuple(warning for run in cut for warning in run.warnings))
 
 
+def without_glitches(samples: Samples, rule: str) -> Samples:
+    """Leave out the fewest samples without which the stamps never decrease, where the spec says `drop`; where many would go, none."""
+    time = samples.columns["time"]
+    if rule != "drop" or not len(find_resets(time)):
+        return samples
+    kept = longest_ascent(time)
+    return samples.keep(kept, "glitch of the clock") if np.mean(~kept) <= MOST_GLITCHES else samples
+
+
 def in_time_order(samples: Samples, repeated: str) -> Samples:
     """Refuse time that runs backwards, and treat stamps that repeat as the spec says."""
     time = samples.columns["time"]
@@ -70,7 +82,8 @@ def in_time_order(samples: Samples, repeated: str) -> Samples:
         at = int(resets[0]) + 1
         raise DataError(
             f"{samples.at(at)}: time runs backwards, from {time[at - 1]:.9g} to {time[at]:.9g}",
-            "Sort the file by time; where the clock was set back, `gaps: {longer_than: ..., action: split}` splits the recording.",
+            "Sort the file by time; where single stamps are wrong, `glitches: drop` leaves them out; where the clock was set back, "
+            "`gaps: {longer_than: ..., action: split}` splits the recording.",
         )
     repeats = find_repeats(time)
     if not len(repeats):

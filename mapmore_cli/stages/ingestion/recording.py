@@ -17,7 +17,7 @@ from mapmore_cli.modelling.signals.sampling import align
 from mapmore_cli.spec.sections.data import Data, Direction, Rate
 from mapmore_cli.spec.sections.logs import Join, Keep
 from mapmore_cli.spec.units import convert
-from mapmore_cli.stages.ingestion.clock import Clocked, clocked, found_shift, in_time_order
+from mapmore_cli.stages.ingestion.clock import Clocked, clocked, found_shift, in_time_order, without_glitches
 from mapmore_cli.stages.ingestion.files import Log, Meter, Source
 from mapmore_cli.stages.ingestion.samples import Samples, located, read_tables, without_missing
 from mapmore_cli.stages.kinds.dictionary import signal_of
@@ -52,7 +52,8 @@ def _read(log: Log, join: Join, data: Data, units: Mapping[str, str], meter: Met
     tables = read_tables(log, join, data.missing_rule, units, meter)
     if join.on == "row":
         return tables
-    return [in_time_order(without_missing(samples, join, data.missing_rule.action), data.repeated_time) for samples in tables]
+    whole = [without_glitches(without_missing(samples, join, data.missing_rule.action), data.glitches) for samples in tables]
+    return [in_time_order(samples, data.repeated_time) for samples in whole]
 
 
 def _by_row(first: Samples, second: Samples, join: Join) -> Samples:

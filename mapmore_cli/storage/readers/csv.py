@@ -258,6 +258,7 @@ _DIALECTS: tuple[tuple[str | None, dict[str, Any]], ...] = (
     (",", {}),
     (";", {"delimiter": ";"}),
     ("\t", {"delimiter": "tab"}),
+    ("|", {"delimiter": "|"}),
     (None, {"delimiter": "whitespace"}),
 )
 _NUMBERS: tuple[tuple[Callable[[Any], bool], dict[str, Any]], ...] = ((_with_point, {}), (_with_comma, {"decimal": ","}))

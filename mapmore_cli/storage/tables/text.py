@@ -84,13 +84,13 @@ def _of_width(row: int, record: list[str], width: int, request: TableRequest) ->
         return row, record
     if len(record) > width and not any(map(str.strip, record[width:])):
         return row, record[:width]
-    if len(record) < width and request.incomplete:
-        return row, [""] * width  # a closing remark, or half a record: none of its fields can be trusted
+    if request.incomplete:
+        return row, [""] * width  # a closing remark, half a record, or two run into one: none of its fields can be trusted
     few = "few" if len(record) < width else "many"
     remedy = "Mend or remove the line; a last line that is too short means that the file was cut off."
     raise DataError(
         f"{request.label}:row {row}: too {few} fields: {len(record)}, where the first line has {width}",
-        separator_hint(record) or (f"{remedy} `missing: drop` leaves it out." if few == "few" else remedy),
+        separator_hint(record) or f"{remedy} `missing: drop` leaves it out.",
     )
 
 

@@ -90,7 +90,6 @@ WRONG: dict[str, tuple[bytes, dict[str, Any], list[str]]] = {
     "wrong delimiter": (b"t;F\n0;1\n", {}, ["delimiter looks like a semicolon", 'delimiter: ";"']),
     "wrong delimiter, tabs": (b"t\tF\n0\t1\n", {}, ["delimiter: tab"]),
     "closing remark": (b"t,F\n0,1\nLogging end\n", {}, ["a.csv:row 3: too few fields: 1", "missing: drop"]),
-    "too long, even where records may break off": (b"t,F\n0,1,2\n", {"incomplete": True}, ["too many fields: 3"]),
     "nothing after the skipped lines": (b"t,F\n0,1\n", {"skip_rows": 5}, ["the file is empty"]),
     "nothing after the header lines": (b"t,F\n0,1\n", {"header": 2}, ["header but no data"]),
     "not UTF-16": (b"t,F\n0,1\n", {"encoding": "utf-16"}, ["not a text file in UTF-16"]),

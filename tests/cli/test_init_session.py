@@ -1,0 +1,115 @@
+"""`init` at a terminal: a person answers on a real pseudo-terminal, and a page comes of it."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import os
+import pty
+import select
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+QUESTION = " > "
+PATIENCE = 90.0  # s
+
+
+def session(folder: Path, data: Path, answers: Sequence[str]) -> tuple[str, int, int]:
+    """What the terminal showed, how many questions there were, and the exit code; Enter where the answers have run out."""
+    ours, theirs = pty.openpty()
+    command = [sys.executable, "-m", "mapmore_cli", "init", str(data), "--name", "asked", "-o", "asked.yaml"]
+    process = subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs, cwd=folder, env={**os.environ, "COLUMNS": "140"})
+    os.close(theirs)
+    shown, asked, begin = "", 0, time.monotonic()
+    while time.monotonic() - begin < PATIENCE:
+        if not select.select([ours], [], [], 0.2)[0]:
+            if process.poll() is not None:
+                break
+            continue
+        try:
+            text = os.read(ours, 65536).decode(errors="replace")
+        except OSError:  # the other end is closed
+            break
+        shown += text
+        if shown.endswith(QUESTION):
+            reply = answers[asked] if asked < len(answers) else ""
+            asked += 1
+            os.write(ours, f"{reply}\n".encode())
+            shown += "\n"
+    os.close(ours)
+    return shown, asked, process.wait(10)
+
+
+def save(path: Path, columns: Sequence[np.ndarray]) -> None:
+    rows = "\n".join("\t".join(f"{value:.6g}" for value in row) for row in zip(*columns, strict=True))
+    path.write_bytes(gzip.compress((rows + "\n").encode(), mtime=0))
+
+
+@pytest.fixture
+def cylinder(tmp_path: Path) -> Path:
+    """A cylinder at four pressures, with its load cell's volts between 1 and 8 beside them."""
+    rng = np.random.default_rng(0)
+    t = np.arange(600) * 10.0
+    (tmp_path / "rig").mkdir()
+    for bar in (1, 2, 3, 4):
+        position = 20 * (1 - np.cos(2 * np.pi * t / 2000)) + rng.normal(0, 0.05, t.size)
+        force = 49 * bar - 0.4 * position + 6 * np.sign(np.sin(2 * np.pi * t / 2000)) + rng.normal(0, 0.3, t.size)
+        save(tmp_path / "rig" / f"Circle_{bar}bar.txt.gz", (t, force / 46.5, position, bar + rng.normal(0, 0.005, t.size), force))
+    return tmp_path / "rig"
+
+
+def test_enter_takes_the_likeliest_answer_and_nothing_stays_open(tmp_path: Path, cylinder: Path, mapmore) -> None:
+    shown, asked, code = session(tmp_path, cylinder, ())
+    assert code == 0, shown
+    assert 0 < asked <= 10
+    assert "Which column is the pressure?" in shown
+    assert any(block in shown for block in "▃▅▇")
+    text = (tmp_path / "asked.yaml").read_text()
+    assert "pressure:     {column: 3, unit: bar}" in text
+    assert "CHECK:" not in text
+    run = mapmore("run", tmp_path / "asked.yaml", "--runs", tmp_path / "runs", "-q")
+    assert run.exit_code == 0, run.stderr
+    assert "not confirmed" not in (tmp_path / "runs" / "asked" / "report" / "index.html").read_text()
+
+
+def test_an_answer_is_taken_and_one_that_cannot_be_is_asked_again(tmp_path: Path, cylinder: Path) -> None:
+    shown, _, code = session(tmp_path, cylinder, ("", "17:bar", "3:kPa*100", "", "", "no"))
+    assert code == 0, shown
+    assert "there is no column 17" in shown
+    text = (tmp_path / "asked.yaml").read_text()
+    assert "{column: 3, unit: kPa, scale: 100}" in text
+    assert "as you said" in text
+
+
+def test_without_a_terminal_nothing_is_asked_and_guesses_stay_open_until_confirmed(tmp_path: Path, cylinder: Path, mapmore) -> None:
+    spec = tmp_path / "piped.yaml"
+    assert mapmore("init", cylinder, "-o", spec).exit_code == 0
+    checked = json.loads(mapmore("check", spec, "--json", "-q").stdout)
+    assert len(checked["unconfirmed"]) == spec.read_text().count("# CHECK: ") > 0
+    run = mapmore("run", spec, "--runs", tmp_path / "runs", "--json")
+    assert "not confirmed" in run.stderr
+    assert json.loads(run.stdout)["unconfirmed"] == checked["unconfirmed"]
+    name = json.loads(run.stdout)["name"]
+    page = tmp_path / "runs" / name / "report" / "index.html"
+    assert page.read_text().index("not confirmed") < page.read_text().index('class="verdict"')
+    confirmed = mapmore("check", spec, "--confirm", "--json", "-q")
+    assert json.loads(confirmed.stdout)["unconfirmed"] == []
+    again = mapmore("run", spec, "--runs", tmp_path / "runs", "--json", "-q")
+    assert json.loads(again.stdout)["unconfirmed"] == []
+    assert "not confirmed" not in page.read_text()
+
+
+def test_one_who_knows_the_columns_needs_one_command(tmp_path: Path, cylinder: Path, mapmore) -> None:
+    spec = tmp_path / "told.yaml"
+    columns = "time:ms,_,displacement:mm,pressure:bar,force:N"
+    assert mapmore("init", cylinder, "-o", spec, "--columns", columns).exit_code == 0
+    text = spec.read_text()
+    assert "CHECK:" not in text
+    assert "levels: {of: pressure" in text
+    assert mapmore("init", cylinder, "-o", spec, "--force", "--columns", "time:parrots,_").exit_code == 2
