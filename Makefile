@@ -10,7 +10,7 @@ STUDIES := configs/m2/dmsp-20-88-static.yaml configs/m2/peano-static.yaml
 # The tests of one file follow each other in one process, so that what they share is made once; the folders with the long ones come first.
 TESTS := $(BIN)/pytest -q -n 2 --dist loadfile --no-loadscope-reorder
 
-.PHONY: demo test test-all lint schema datasets measured motion paper bench fuzz torture test-lowest audit clean
+.PHONY: demo test test-all lint schema datasets measured motion paper peers bench fuzz torture test-lowest audit clean
 
 demo: .venv/program
 	$(BIN)/mapmore batch $(STUDIES)
@@ -49,6 +49,9 @@ paper: .venv/program  # every shipped study, then runs/paper.html: the papers' t
 motion: .venv/program  # the tables of docs/motion.md; one of them needs the measured recordings (docs/data.md)
 	$(BIN)/mapmore batch configs/campaigns/motion_sections.yaml configs/campaigns/coiled_motion.yaml configs/motion/dmsp-20-400-waveforms.yaml
 	$(BIN)/python docs/motion_tables.py runs
+
+peers: .venv/program .venv-bench/peers  # the table of docs/frols.md
+	$(BIN)/python docs/frols_tables.py .venv-bench/bin/python
 
 bench: .venv/program .venv-bench/peers
 	$(BIN)/python tests/bench/run.py $(BENCH)

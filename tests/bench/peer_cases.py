@@ -1,0 +1,73 @@
+"""Five small dictionaries, and what each peer reports of them, in the peers' environment: `python peer_cases.py` prints JSON.
+
+The share that a selection explains is of `y'y`: the sum of its ERR as the peer reports it, or, for a peer that reports none, what its
+coefficients explain.
+"""
+
+from __future__ import annotations
+
+import json
+import warnings
+
+import numpy as np
+
+
+def cases():
+    """Name, candidates (n, M), output (n,) and number of terms that is asked for."""
+    t = np.linspace(0, 1, 60)
+    x = np.linspace(2, 4, 60)
+    white = {seed: np.random.default_rng(seed).normal(size=(80, 10)) for seed in (7, 8, 9)}
+    sum_of_two = white[8][:, :6].copy()
+    sum_of_two[:, 4] = sum_of_two[:, 0] + sum_of_two[:, 1]
+    noise = np.random.default_rng(10).normal(size=80)
+    scaled = white[9][:, :6] * 10.0 ** np.array([-9, 0, 9, 0, -6, 3])
+    yield "a first sample of zero", np.column_stack([t**i for i in range(6)]), np.exp(-3 * t) + t**5, 6
+    yield "nothing left to explain", white[7], 2 * white[7][:, 3] - white[7][:, 8] + 0.5 * white[7][:, 1], 10
+    yield "a column that is the sum of two", sum_of_two, sum_of_two[:, 0] + 2 * sum_of_two[:, 1] + 0.1 * noise, 6
+    yield "powers to the ninth on [2, 4]", np.column_stack([x**i for i in range(10)]), np.sin(3 * x), 8
+    yield "units from 1e-9 to 1e9", scaled, white[9][:, :3] @ np.array([1.0, 2.0, 3.0]) + 0.1 * noise, 3
+
+
+def largest(P, y):
+    """Share of `y'y` that least squares on all columns explains: no selection explains more."""
+    fit = P / np.linalg.norm(P, axis=0)
+    return 1 - float(np.sum((y - fit @ np.linalg.lstsq(fit, y, rcond=None)[0]) ** 2) / (y @ y))
+
+
+def sysidentpy(P, y, k):
+    from sysidentpy.model_structure_selection import FROLS
+
+    method = FROLS(n_terms=k, order_selection=False, ylag=1, xlag=1)
+    delayed = np.concatenate([np.zeros(method.max_lag), y])[:, None]  # it drops the rows before the longest lag from y, not from P
+    err, chosen, *_ = method.run_mss_algorithm(P, delayed, k)
+    return len(chosen[:k]), np.sum(err[:k])
+
+
+def fastcan(P, y, k):
+    from fastcan.utils import ols
+
+    chosen, err = ols(P, y, k)
+    return len(chosen), np.sum(err)
+
+
+def pysindy(P, y, k):
+    from pysindy.optimizers import FROLS
+
+    coefficients = FROLS(max_iter=k, alpha=0.0).fit(P, y).coef_.ravel()
+    return np.count_nonzero(coefficients), 1 - np.sum((y - P @ coefficients) ** 2) / (y @ y)
+
+
+def main():
+    found = {}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for name, P, y, k in cases():
+            found[name] = {}
+            for peer in (sysidentpy, fastcan, pysindy):
+                terms, share = peer(P, y, k)
+                found[name][peer.__name__] = {"terms": int(terms), "share": float(share)}
+    print(json.dumps(found))
+
+
+if __name__ == "__main__":
+    main()

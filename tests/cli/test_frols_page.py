@@ -1,0 +1,58 @@
+"""docs/frols.md: its example prints what it says, our columns are computed anew, and its sentences are those of the table."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+import sys
+from pathlib import Path
+
+import pytest
+from page_tables import DOCS, page_table
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "bench"))
+
+from peer_cases import cases, largest
+
+from mapmore_cli.modelling.frols import frols
+
+PAGE = DOCS / "frols.md"
+TEXT = PAGE.read_text(encoding="utf-8")
+SOLVERS = ("ours", "sysidentpy", "fastcan", "pysindy")
+CASES = {name: (P, y, k) for name, P, y, k in cases()}
+
+
+def test_the_example_prints_what_the_page_says() -> None:
+    block = re.search(r"```python\n(.*?)```", TEXT, re.DOTALL)
+    assert block
+    with contextlib.redirect_stdout(io.StringIO()) as printed:
+        exec(block[1], {})
+    assert f"prints `{printed.getvalue().strip()}`" in TEXT
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_our_columns_are_true(name: str) -> None:
+    P, y, k = CASES[name]
+    row = page_table("cases", PAGE)[name]
+    found = frols(P, y, k)
+    terms, share = row["ours"].split(": ")
+    assert (int(terms), int(row["asked for"])) == (len(found.chosen), k)
+    assert float(share) == pytest.approx(100 * found.err.sum(), abs=2e-8)
+    assert float(row["largest"]) == pytest.approx(100 * largest(P, y), abs=2e-8)
+    assert found.err.sum() <= largest(P, y) + 1e-12
+
+
+def test_the_sentences_are_those_of_the_table() -> None:
+    rows = page_table("cases", PAGE)
+    shares = {name: {key: float(row[key].split(": ")[-1]) for key in ("largest", *SOLVERS)} for name, row in rows.items()}
+    terms = {name: {key: row[key].split(": ")[0] for key in SOLVERS} for name, row in rows.items()}
+    dependent = shares["a column that is the sum of two"]
+    assert dependent["sysidentpy"] > dependent["largest"] + 1e-3
+    assert dependent["fastcan"] > 100
+    assert terms["a column that is the sum of two"]["ours"] == "5"
+    assert terms["nothing left to explain"] == {"ours": "3", "sysidentpy": "10", "fastcan": "10", "pysindy": "3"}
+    for name in ("units from 1e-9 to 1e9", "powers to the ninth on [2, 4]", "a first sample of zero"):
+        others = {key: shares[name][key] for key in ("ours", "sysidentpy", "fastcan")}
+        assert max(others.values()) - min(others.values()) < 1e-6
+        assert shares[name]["pysindy"] < shares[name]["ours"] - 1e-4
