@@ -1,4 +1,4 @@
-"""The input for a wanted output, as the pressure for a force at a strain: every solution within the training range.
+"""Find the input for a wanted output, as the pressure for a force at a strain: every solution within the training range.
 
 The map is not monotone everywhere (measured muscles: on up to a tenth of the grid), so that there may be none, one, several, or a range of
 them where a slack muscle gives the same force at every pressure. Between knots (levels, boundaries, limits) and the places where the slope
@@ -39,10 +39,10 @@ BISECTIONS = 50
 """Halve an interval down to rounding."""
 
 SAME = 1e-9
-"""Of the span of outputs in a row's scan: what is so near to the wanted output equals it."""
+"""Fraction of the span of outputs in a scan below which a difference counts as zero."""
 
 REACHED = 1e-6
-"""Of the wanted output: where a bisection ends farther away than that, the map jumps across it."""
+"""Fraction of the wanted output: a bisection that ends farther away has found a jump, no solution."""
 
 
 @dataclass(frozen=True)
@@ -64,12 +64,12 @@ class SolvedInput:
 
 
 def invert(model: Model, wanted: Array, given: Columns, name: str, rule: str = LOWEST) -> Inverse:
-    """Every value of the input `name` at which the model gives the `wanted` output, (n,), at the `given` other inputs, (n,) each.
+    """Return every value of the input `name` at which the model gives the `wanted` output, (n,), at the `given` other inputs, (n,) each.
 
     Raises
     ------
     UsageError
-        For an input that the model has not, or a rule that there is none of.
+        For an unknown input or rule.
     DataError
         For a model with memory.
     """
@@ -89,7 +89,7 @@ def invert(model: Model, wanted: Array, given: Columns, name: str, rule: str = L
 
 
 def solve_for_input(model: Model, columns: Columns, name: str) -> SolvedInput:
-    """The input `name` as a function of the model's output and its other inputs, as the force at a strain of a model of the strain.
+    """Return the input `name` as a function of the model's output and its other inputs, as the force at a strain of a model of the strain.
 
     At every row, `(n,)`, it is the lowest solution within the training range, or, where there is none, the place that comes nearest to the
     output: a strain that no force of the range makes has the force at the end of the range. NaN where a column is.
@@ -156,7 +156,7 @@ def knots(model: Model, name: str) -> Array:
 
 
 def parts_between(knots: Array) -> int:
-    """In how many parts of every interval between knots the slope is looked at."""
+    """Return in how many parts of every interval between knots the slope is evaluated."""
     return max(SCAN, -(-PARTS // (len(knots) - 1)))
 
 
@@ -172,15 +172,15 @@ class _Line:
     given: Mapping[str, Array]
 
     def missing(self, x: Array, rows: IntArray) -> Array:
-        """What is missing to the wanted output, (m,), at values of the input in some of the rows."""
+        """Return output minus wanted output, (m,), at values x of the input in some of the rows."""
         return self.value(self._columns(x, rows))[0] - self.wanted[rows]
 
     def slope(self, x: Array, rows: IntArray) -> Array:
-        """Derivative along the input there, (m,)."""
+        """Return the derivative along the input, (m,)."""
         return self._both(x, rows)[1]
 
     def _both(self, x: Array, rows: IntArray) -> tuple[Array, Array]:
-        """What is missing to the wanted output, and the derivative along the input, (m,) each."""
+        """Return output minus wanted output, and the derivative along the input, (m,) each."""
         value, *slopes = self.slopes(self._columns(x, rows))
         return value - self.wanted[rows], slopes[self.names.index(self.name)]
 
@@ -188,7 +188,7 @@ class _Line:
         return {name: x if name == self.name else np.asarray(self.given[name], dtype=np.float64)[rows] for name in self.names}
 
     def with_turning_points(self, knots: Array) -> Array:
-        """Ends of the monotone parts, (n, e) ascending in every row; some of them occur again."""
+        """Return the ends of the monotone parts, (n, e), ascending in every row, with repetitions."""
         n = len(self.wanted)
         inner = [np.linspace(low, high, parts_between(knots) + 1)[:-1] for low, high in pairwise(knots.tolist())]
         places = np.concatenate([*inner, knots[-1:]])
@@ -204,7 +204,7 @@ class _Line:
         return np.sort(np.concatenate([np.broadcast_to(fixed, (n, len(fixed))), more], axis=1), axis=1)
 
     def _turning_points(self, low: Array, high: Array, rows: IntArray, splits: int) -> tuple[Array, IntArray]:
-        """Turning points within parts of some rows, and their rows; with the middles of parts that had to be looked at more closely."""
+        """Return turning points within parts of some rows, with the middles of parts that were divided, and their rows."""
         start, end = np.nextafter(low, np.inf), np.nextafter(high, -np.inf)
         (left, slope_left), (right, slope_right) = self._both(start, rows), self._both(end, rows)
         turned = np.sign(slope_left) * np.sign(slope_right) < 0
@@ -225,14 +225,14 @@ class _Line:
         return np.concatenate([found, more]), np.concatenate([where, own])
 
     def nearest(self, edges: Array) -> Array:
-        """The edge of each row, of (n, e), at which least is missing, (n,)."""
+        """Return the edge of each row, of (n, e), whose output is nearest to the wanted one, (n,)."""
         row = np.broadcast_to(np.arange(len(edges))[:, None], edges.shape)
         missing = np.abs(self.missing(edges.ravel(), row.ravel()).reshape(edges.shape))
         found: Array = edges[np.arange(len(edges)), np.argmin(missing, axis=1)]
         return found
 
     def solutions(self, edges: Array) -> tuple[Array, IntArray, BoolArray]:
-        """Solutions and their rows, (m,) each, and the rows, (n,), in which they fill a range."""
+        """Return solutions and their rows, (m,) each, and a mask of the rows in which they fill a range, (n,)."""
         n = len(edges)
         row = np.broadcast_to(np.arange(n)[:, None], edges.shape)
         missing = self.missing(edges.ravel(), row.ravel()).reshape(edges.shape)
@@ -251,7 +251,7 @@ class _Line:
 
 
 def may_turn_twice(left: Array, right: Array, slope_left: Array, slope_right: Array, width: Array) -> BoolArray:
-    """True where a part may turn twice and come to zero in between, (m,), given its ends' values and slopes.
+    """Return True where a part may turn twice and come to zero in between, (m,), given its ends' values and slopes.
 
     A cubic is monotone if its slopes at both ends are at most three times the secant's (Fritsch and Carlson 1980). It strays from its
     ends by less than the steeper of these slopes would.
@@ -264,7 +264,7 @@ def may_turn_twice(left: Array, right: Array, slope_left: Array, slope_right: Ar
 
 
 def _bisected(f: Callable[[Array, IntArray], Array], low: Array, high: Array) -> Array:
-    """Where a function changes its sign between `low` and `high`, (m,), of places and their numbers."""
+    """Return where f(places, their numbers) changes its sign between `low` and `high`, (m,)."""
     which = np.arange(len(low))
     if not len(low):
         return low
@@ -277,7 +277,7 @@ def _bisected(f: Callable[[Array, IntArray], Array], low: Array, high: Array) ->
 
 
 def _picked(values: Array, rows: IntArray, n: int, rule: str) -> Array:
-    """One solution for each row, NaN where there is none."""
+    """Return one solution for each row; NaN means none."""
     picked, before = np.full(n, np.nan), np.nan
     starts = np.searchsorted(rows, np.arange(n + 1))
     for row in range(n):

@@ -30,20 +30,20 @@ def simulate(model: Model, columns: Columns) -> Run:
 
 
 def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
-    """The backbone first, then every segment function, in the model's units or in others."""
+    """Return the backbone first, then every segment function, in the model's units or in others."""
     body = _body(model)
     pieces = [(segment.id, segment_equation(segment, units)) for segment in body.segments]
     return tuple(printed(name, equation) for name, equation in (*formula_equations(body.backbone, units), *pieces))
 
 
 def parameters(model: Model) -> int:
-    """The coefficients of all segments, and the parameters of the backbone."""
+    """Return the number of coefficients of all segments and of parameters of the backbone."""
     body = _body(model)
     return sum(len(one.theta) for one in body.segments) + (0 if body.backbone is None else len(body.backbone.parameters))
 
 
 def segment_equation(segment: SegmentFunction, units: Mapping[str, float]) -> Expression:
-    """`y_slope sum_k theta_k D_k(slope x + intercept) + y_intercept` with the scaling put in (M2 eq 8).
+    """Return `y_slope sum_k theta_k D_k(slope x + intercept) + y_intercept` with the scaling put in (M2 eq 8).
 
     `units` says how many of the model's units one unit of a quantity is, where it is to be in another. A product of quantities that are
     scaled without an offset keeps its form, with one coefficient in front, as M2's table 5 prints them.

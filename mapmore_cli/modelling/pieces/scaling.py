@@ -21,7 +21,7 @@ EVERY_CORNER_UP_TO = 3
 
 
 def placements(rule: str, X: Array, y: Array, variables: Sequence[str]) -> tuple[Scaling, ...]:
-    """All scalings that satisfy a rule; the caller keeps the one with the least training error.
+    """Return all scalings that satisfy a rule; the caller keeps the one with the least training error.
 
     - `unit_square`: x and y span one unit and the trend passes through the origin, which lies at the left or at the right end of each
       variable: scaled data lie in [0, 1] or [-1, 0]. The two are not equivalent for one-term fits, since left-anchored powers of a
@@ -70,7 +70,7 @@ def _anchored(X: Array, y: Array, variables: tuple[str, ...], right: tuple[bool,
 
 
 def _end_value(distance: Array, y: Array) -> float:
-    """Mean of y over the samples nearest to the anchor; all at the same distance count, so the order of rows does not matter."""
+    """Return the mean of y over the samples nearest to the anchor; all at the same distance count, so the order of rows does not matter."""
     if distance.shape[1] == 0:
         return 0.0
     far = distance.max(axis=1)
@@ -79,10 +79,10 @@ def _end_value(distance: Array, y: Array) -> float:
 
 
 def _span(width: Array) -> Array:
-    """Widths to divide by; a constant variable stays as it is."""
+    """Return widths to divide by; a constant variable stays as it is."""
     return np.where(width > 0, width, 1.0)
 
 
 def scaled(scaling: Scaling, columns: Mapping[str, V]) -> dict[str, V]:
-    """Independent variables in scaled coordinates, `z = slope x + intercept` (M2 eq 8)."""
+    """Return independent variables in scaled coordinates, `z = slope x + intercept` (M2 eq 8)."""
     return {name: columns[name] * m + c for name, m, c in zip(scaling.variables, scaling.slope, scaling.intercept, strict=True)}

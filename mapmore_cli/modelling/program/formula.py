@@ -17,7 +17,7 @@ from mapmore_cli.modelling.terms.syntax import Call, Condition, Power, Product, 
 
 
 def formula_value(m: Writer, fit: FormulaFit | None, inputs: Mapping[str, Expression]) -> Expression:
-    """A fitted formula; zero where there is none.
+    """Write a fitted formula; zero where there is none.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def formula_value(m: Writer, fit: FormulaFit | None, inputs: Mapping[str, Expres
 
 
 def with_numbers(expression: Expression, numbers: Mapping[str, float], names: Mapping[str, Expression]) -> Expression:
-    """Numbers and other names put in as they stand: `substitute` would fold numbers, and so round in another way than a prediction."""
+    """Put in numbers and other names as they stand; `substitute` would fold numbers, and round otherwise than a prediction."""
     match expression:
         case Name(name):
             return Number(numbers[name]) if name in numbers else names[name]

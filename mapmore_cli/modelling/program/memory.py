@@ -30,7 +30,7 @@ class _States:
     queues: dict[str, str] = field(default_factory=dict)
 
     def value(self, found: State) -> Expression:
-        """The state in physical units."""
+        """Write a state in physical units."""
         if found.name not in self.known:
             self.known[found.name] = self._written(found)
         return self.known[found.name]
@@ -45,7 +45,7 @@ class _States:
                 return self._operated(operator, OPERATORS[operator].recursion(setting_of(found, self.model.states)), source)
 
     def _operated(self, name: str, rule: Recursion, source: State) -> Expression:
-        """An operator from its kept values, at rest up to the first sample on which its source has a value."""
+        """Write an operator from its kept values; it rests up to the first sample on which its source has a value."""
         m = self.m
         x = m.let("source", self.value(source))
         if rule.own == rule.source == 0:
@@ -72,13 +72,13 @@ class _States:
         return Name(name)
 
     def queued(self, output: str, value: Expression) -> None:
-        """Put what was recalled into its queue."""
+        """Put the present values of delayed states into their queues."""
         for name, queue in self.queues.items():
             self.m.statements.append(Queue(queue, value if name == output else self.value(state(name))))
 
 
 def history_of(found: State) -> int:
-    """Samples before the first one on which a state has a value."""
+    """Return the number of samples before a state has its first value."""
     match found:
         case Measured():
             return 0

@@ -13,7 +13,7 @@ from mapmore_cli.modelling.terms import Expression, Name
 
 
 def program_of(model: Model) -> Program:
-    """The model written down.
+    """Return a model of any kind as a program.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Program without the statements that nothing follows from."""
+"""Remove statements that nothing depends on."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mapmore_cli.modelling.terms.syntax import ZERO
 
 
 def pruned(model: Program) -> Program:
-    """The model with what its results and what it keeps depend on."""
+    """Return the program with only the statements that its results and its memory depend on."""
     functions = tuple(replace(function, body=pruned_block(function.body)) for function in model.functions)
     checked = _names(side for limit in model.limits for side in (limit.value, limit.at or ZERO))
     body = pruned_block(model.body, checked)
@@ -20,7 +20,7 @@ def pruned(model: Program) -> Program:
 
 
 def pruned_block(block: Block, also: Set[str] = frozenset()) -> Block:
-    """The statements of a block that its results, what it keeps, and what is `also` used depend on."""
+    """Return the block with only the statements that its results, its memory and the names in `also` depend on."""
     used = _names(block.results) | also
     kept: list[Statement] = []
     for statement in reversed(block.statements):
@@ -32,7 +32,7 @@ def pruned_block(block: Block, also: Set[str] = frozenset()) -> Block:
 
 
 def names_of(statement: Statement) -> set[str]:
-    """Every name that a statement uses."""
+    """Return every name that a statement uses."""
     match statement:
         case Let(_, value) | Keep(_, value) | Queue(_, value):
             return set(value.names)
@@ -46,12 +46,12 @@ def names_of(statement: Statement) -> set[str]:
 
 
 def names_in(block: Block) -> set[str]:
-    """Every name that a block uses."""
+    """Return every name that a block uses."""
     return _names(block.results).union(*(names_of(statement) for statement in block.statements))
 
 
 def _used(statement: Statement, used: set[str]) -> Statement | None:
-    """The statement, or what of it counts; None where nothing does."""
+    """Return the part of a statement that is used; None where nothing is."""
     match statement:
         case Let(name) | Recall(name):
             return statement if name in used else None
@@ -70,7 +70,7 @@ def _used(statement: Statement, used: set[str]) -> Statement | None:
 
 
 def _functions_of(block: Block, bodies: dict[str, Block]) -> set[str]:
-    """Names of the functions that a block uses, directly or not."""
+    """Return the names of the functions that a block uses, directly or not."""
     found: set[str] = set()
     for statement in block.statements:
         match statement:

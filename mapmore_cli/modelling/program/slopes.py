@@ -24,11 +24,11 @@ Slopes = tuple[Expression, ...]
 """Derivatives by each direction."""
 
 FUNCTION = "{}_slopes"
-"""What a function with its slopes is called."""
+"""Name of a function that returns its value and its derivatives."""
 
 
 def with_slopes(model: Program) -> Program:
-    """The model with its derivative for every input behind its output.
+    """Return the program with the derivative for every input behind its output.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def _seeds(names: Sequence[str]) -> dict[str, Slopes]:
 
 
 def _block(block: Block, slopes: dict[str, Slopes], count: int) -> Block:
-    """The block with the slopes of its results behind them; `slopes` are those of the names that are known outside of it."""
+    """Return the block with the derivatives of its results behind them; `slopes` are those of the names known outside of it."""
     known, statements = dict(slopes), list[Statement]()
     for statement in block.statements:
         match statement:
@@ -90,7 +90,7 @@ def _used(statement: Use) -> Use:
 
 
 def _chosen(choice: Choose, known: dict[str, Slopes], count: int) -> Choose:
-    """The choice with the slopes of what is chosen; `known` learns them."""
+    """Return the choice with the derivatives of its results, and add those to `known`."""
     names = (*choice.names, *(f"{name}_d{way}" for name in choice.names for way in range(count)))
     known.update({name: tuple(Name(f"{name}_d{way}") for way in range(count)) for name in choice.names})
     cases = tuple((condition, _block(block, known, count)) for condition, block in choice.cases if condition.comparison != "==")
@@ -98,13 +98,13 @@ def _chosen(choice: Choose, known: dict[str, Slopes], count: int) -> Choose:
 
 
 def _chained(value: Expression, known: dict[str, Slopes], count: int) -> Slopes:
-    """Derivatives of an expression by every direction."""
+    """Return the derivatives of an expression by every direction (chain rule)."""
     outer = {name: derivative(value, name) for name in sorted(value.names) if name in known}
     return tuple(add(*(multiply(slope, known[name][way]) for name, slope in outer.items())) for way in range(count))
 
 
 def _named(statements: list[Statement], name: str, slopes: Slopes) -> Slopes:
-    """A name for every slope that is none and no number."""
+    """Name each derivative that is neither a name nor a number."""
     found: list[Expression] = []
     for way, slope in enumerate(slopes):
         if slope.names and not isinstance(slope, Name):

@@ -1,4 +1,4 @@
-"""The few kinds of statement that every model consists of; what is assigned are expressions of `terms`.
+"""Statements that every model consists of; they assign expressions of `terms`.
 
 Every name is assigned once in its function, before it is used. Statements work on one sample; along a column they work row by row.
 """
@@ -13,7 +13,7 @@ from mapmore_cli.modelling.terms import Expression, Name
 from mapmore_cli.modelling.terms.syntax import Condition
 
 NOTHING = Name("not_a_number")
-"""The value where there is none."""
+"""NaN: no value."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Let:
 
 @dataclass(frozen=True)
 class Block:
-    """Statements, and what they come to."""
+    """Statements, and the expressions that are their results."""
 
     statements: tuple[Statement, ...]
     results: tuple[Expression, ...]
@@ -52,7 +52,7 @@ class Use:
 
 @dataclass(frozen=True)
 class Recall:
-    """`name` is what was put into a queue so many steps ago."""
+    """`name` is the value put into a queue so many steps ago."""
 
     name: str
     queue: str
@@ -61,7 +61,7 @@ class Recall:
 
 @dataclass(frozen=True)
 class Keep:
-    """The number that is kept under a name from this sample to the next one."""
+    """Keep a value under the name `kept` for the next sample."""
 
     kept: str
     value: Expression
@@ -69,7 +69,7 @@ class Keep:
 
 @dataclass(frozen=True)
 class Queue:
-    """`value` is put into a queue, which holds as many as are recalled."""
+    """Put `value` into a queue, which is as long as the longest recall."""
 
     queue: str
     value: Expression
@@ -114,7 +114,7 @@ class Limit:
 
 @dataclass
 class Kept:
-    """What a model keeps from sample to sample.
+    """Memory of a model from sample to sample.
 
     Attributes
     ----------

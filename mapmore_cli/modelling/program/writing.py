@@ -18,7 +18,7 @@ Side = Operand | Callable[[], Operand]
 """A value, or a function that writes the statements of one; its statements run only where this side is taken."""
 
 Inputs = Mapping[str, Expression]
-"""What a model's inputs are, in the order that it has them in."""
+"""Expressions of the inputs by name, in the order of the model."""
 
 
 class Writer:
