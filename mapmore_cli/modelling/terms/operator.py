@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from operator import mul
 from typing import Any, Literal, Protocol
 
 from mapmore_cli.domain.arrays import Array
@@ -110,14 +111,7 @@ class Recursion:
 def linear(past: Sequence[float], driven: Sequence[float], steady: float = 1.0) -> Recursion:
     """Return the recursion `s[k] = sum_i past_i s[k-i] + sum_j driven_j x[k-j]`, i from 1, j from 0; at rest s is `steady` times x."""
     weights = (*past, *driven)
-
-    def following(_m: Arithmetic, *values: Any) -> Any:
-        total = weights[0] * values[0]
-        for weight, value in zip(weights[1:], values[1:], strict=True):
-            total = total + weight * value
-        return total
-
-    return Recursion(len(past), len(driven) - 1, following, lambda x: steady * x, weights)
+    return Recursion(len(past), len(driven) - 1, lambda _m, *values: sum(map(mul, weights, values)), lambda x: steady * x, weights)
 
 
 @dataclass(frozen=True)
