@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from typing import Annotated, Any, ClassVar, TypeVar, get_args, get_origin
 
-from annotated_types import Gt
+from annotated_types import Ge, Gt
 
 S = TypeVar("S")
 
@@ -142,6 +142,8 @@ def of_sibling(name: str) -> InUnit:
     return InUnit(lambda around: around.unit_of(around.sibling(name)))
 
 
+Positive = Annotated[float, Gt(0)]
+NonNegative = Annotated[float, Ge(0)]
 Seconds = Annotated[float, Gt(0), InUnit(lambda _: "s")]
 OfKey = Annotated[float, InUnit(lambda around: around.unit_of(around.key))]
 """In the unit of the quantity that the key above names."""

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import cos, sin, sqrt
-from typing import NamedTuple, Protocol
+from typing import Annotated, NamedTuple, Protocol
 
 import numpy as np
+from annotated_types import Interval
 
+from mapmore_cli.domain.declared import Positive, Settings
 from mapmore_cli.rig.mckibben import McKibben, volume_slope
 from mapmore_cli.rig.muscle import effective_pressure, effective_pressure_slope
 from mapmore_cli.rig.peano import Peano, geometric_slope_ratio, geometric_strain, opening_angle
@@ -33,14 +35,14 @@ def valve_flow(conductance: float, critical_ratio: float, upstream: float, downs
 
 
 @dataclass(frozen=True)
-class Reservoir:
+class Reservoir(Settings):
     """Bottle of water under air, filled through a supply valve and emptied through an exhaust valve."""
 
-    air_volume: float  # V_a, m3; taken as constant
-    polytropic: float  # n of its air
-    supply_conductance: float  # C, m3/(s Pa)
-    exhaust_conductance: float
-    critical_ratio: float  # b of both valves
+    air_volume: Positive  # V_a, m3; taken as constant
+    polytropic: Annotated[float, Interval(ge=1, le=1.4)]  # n of its air
+    supply_conductance: Positive  # C, m3/(s Pa)
+    exhaust_conductance: Positive
+    critical_ratio: Annotated[float, Interval(ge=0, lt=0.99)]  # b of both valves
 
     def rate(self, pressure: float, outflow: float, inflow: float) -> float:
         """`dP_a/dt = n/V_a (q p0 - (P_a + p0) Q)`, Pa/s: gauge `pressure`, water `outflow` Q, air `inflow` q at p0 (m3/s)."""

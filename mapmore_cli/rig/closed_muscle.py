@@ -6,11 +6,14 @@ Air is compressed while the muscle is drawn out, warms up, and gives the warmth 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Interval
 from scipy.signal import lfilter
 
 from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.domain.declared import NonNegative, Positive, Settings
 from mapmore_cli.rig.chamber import ATMOSPHERE
 from mapmore_cli.rig.mckibben import McKibben, volume
 from mapmore_cli.rig.muscle import SLACK_WIDTH, Hysteresis, softplus, zero_force_strain
@@ -19,12 +22,12 @@ from mapmore_cli.rig.wet_muscle import Rubber
 
 
 @dataclass(frozen=True)
-class Air:
+class Air(Settings):
     """The air in a muscle and its hose."""
 
-    heat_ratio: float  # gamma
-    cooling_time: float  # in which the air takes on the wall's temperature, s
-    dead_volume: float  # of hose and fittings, m3
+    heat_ratio: Annotated[float, Interval(ge=1, le=1.67)]  # gamma
+    cooling_time: Positive  # in which the air takes on the wall's temperature, s
+    dead_volume: NonNegative  # of hose and fittings, m3
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.domain.declared import NonNegative, Positive, Settings
 from mapmore_cli.rig.muscle import SLACK_WIDTH, Hysteresis, StaticMuscle, softplus, zero_force_strain
 
 
@@ -28,11 +29,11 @@ class LoadCycle:
 
 
 @dataclass(frozen=True)
-class Regulation:
+class Regulation(Settings):
     """Slow wander of a regulated pressure about its set value, which the muscle really feels."""
 
-    ripple: float  # standard deviation, as a fraction of the set pressure
-    correlation_time: float  # s
+    ripple: NonNegative  # standard deviation, as a fraction of the set pressure
+    correlation_time: Positive  # s
 
 
 def load_cycle(

@@ -12,6 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.domain.declared import NonNegative, Positive, Settings
 from mapmore_cli.rig.chamber import Reservoir
 from mapmore_cli.rig.muscle import zero_force_strain
 from mapmore_cli.rig.sensors import observe
@@ -25,12 +26,12 @@ ABOVE_WATER = (1e5, 0.1, 1.0)
 
 
 @dataclass(frozen=True)
-class Bumper:
+class Bumper(Settings):
     """Stop below the weight; Hunt and Crossley's contact."""
 
-    stiffness: float  # k, N/m
-    damping: float  # c, s/m
-    pretension: float  # of the muscle while the weight rests on the stop, N
+    stiffness: Positive  # k, N/m
+    damping: NonNegative  # c, s/m
+    pretension: Positive  # of the muscle while the weight rests on the stop, N
 
     def push(self, depth: float, speed: float) -> float:
         """Force on the weight, N: `k d (1 + c d')` at depth d > 0 (m) and speed d' (m/s) into the stop; it never holds the weight back."""

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.declared import NonNegative, Positive, Settings
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.rig.chamber import Chamber, bubble_compliance
 from mapmore_cli.rig.muscle import SLACK_WIDTH, Hysteresis, softplus, stop_rates
@@ -30,12 +31,12 @@ BLASIUS_REYNOLDS = (64.0 / 0.316) ** (4.0 / 3.0)
 
 
 @dataclass(frozen=True)
-class Pipe:
+class Pipe(Settings):
     """A full, rigid, round pipe."""
 
-    length: float  # m
-    diameter: float  # m
-    loss: float  # K of its entry, bends and fittings together
+    length: Positive  # m
+    diameter: Positive  # m
+    loss: NonNegative  # K of its entry, bends and fittings together
 
     @property
     def area(self) -> float:
@@ -67,19 +68,19 @@ LONGEST_STEP = 0.01
 
 
 @dataclass(frozen=True)
-class Rubber:
+class Rubber(Settings):
     """Maxwell element beside the muscle: `s' = E e' - s/tau`, s in N."""
 
-    stiffness: float  # E, N per strain
-    relaxation_time: float  # tau, s
+    stiffness: NonNegative  # E, N per strain
+    relaxation_time: Positive  # tau, s
 
 
 @dataclass(frozen=True)
-class Wall:
+class Wall(Settings):
     """Soft wall of hose or muscle: it bulges by a volume W, late; `P = (W + tau W')/C` (Kelvin and Voigt)."""
 
-    compliance: float  # C, m3/Pa
-    relaxation_time: float  # tau, s
+    compliance: Positive  # C, m3/Pa
+    relaxation_time: Positive  # tau, s
 
     def pressure(self, bulge: float, growth: float) -> float:
         """P, Pa, at W (m3) and W' (m3/s)."""

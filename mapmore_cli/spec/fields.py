@@ -86,7 +86,6 @@ Quantity = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$", max_length=
 """The name of a quantity, as expressions spell it."""
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=100)]
 """The name of a run, which is a folder's as well."""
-Positive = Annotated[float, Field(gt=0)]
 
 
 def possible_path(path: str) -> str:

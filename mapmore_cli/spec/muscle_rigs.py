@@ -6,8 +6,11 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from mapmore_cli.spec.fields import Positive, Section
-from mapmore_cli.spec.simulated_experiments import NonNegative, Pressure, RegulatorSpec, RubberSpec, once
+from mapmore_cli.domain.declared import NonNegative, Positive
+from mapmore_cli.rig.closed_muscle import Air
+from mapmore_cli.rig.wet_muscle import Rubber
+from mapmore_cli.spec.fields import Section
+from mapmore_cli.spec.simulated_experiments import Pressure, RegulatorSpec, once
 
 
 class McKibbenMuscle(Section):
@@ -55,14 +58,6 @@ class ContractionTable(Section):
     regulator_error: NonNegative  # standard deviation of the pressure between repeats, kPa
 
 
-class AirSpec(Section):
-    """Air in a muscle."""
-
-    heat_ratio: Annotated[float, Field(ge=1, le=1.67)]
-    cooling_time: Positive  # s
-    dead_volume: NonNegative  # m3
-
-
 class RestLength(Section):
     """The muscle's state at the length that its elongation is measured from."""
 
@@ -82,8 +77,8 @@ class RandomVelocity(Section):
     rest: RestLength
     taut: Positive  # force with which the rope is drawn taut before the valves close, N
     drawn_out: Annotated[float, Field(ge=-0.01, le=0.3)]  # strain at the far end of the stroke
-    air: AirSpec
-    rubber: RubberSpec
+    air: Air
+    rubber: Rubber
     load_cell: Positive  # cut-off of its amplifier, Hz
 
     @model_validator(mode="after")
@@ -115,7 +110,7 @@ class Antagonists(Section):
     radius: Positive  # of the pulleys, m
     inertia: Positive  # kg m2
     damping: NonNegative  # N m s
-    air: AirSpec
-    rubber: RubberSpec
+    air: Air
+    rubber: Rubber
     regulator: RegulatorSpec
     load_cell: Positive  # Hz

@@ -7,7 +7,12 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from mapmore_cli.spec.fields import Name, Positive, Section
+from mapmore_cli.domain.declared import NonNegative, Positive
+from mapmore_cli.rig.chamber import Reservoir
+from mapmore_cli.rig.load_cycle import Regulation
+from mapmore_cli.rig.step_response import Bumper
+from mapmore_cli.rig.wet_muscle import Pipe, Rubber, Wall
+from mapmore_cli.spec.fields import Name, Section
 
 Command = Annotated[float, Field(ge=0, le=10)]  # V
 
@@ -61,7 +66,7 @@ class Waveforms(Section):
     polytropic: Annotated[float, Field(ge=1, le=1.4)]  # of the air in the muscle
     dead_volume: NonNegative  # of hose and fittings, m3
     end_mass: Positive  # of the muscle's lower end and the encoder's slide, kg
-    rubber: RubberSpec
+    rubber: Rubber
 
     @model_validator(mode="after")
     def _possible(self) -> Waveforms:
@@ -70,59 +75,16 @@ class Waveforms(Section):
         return self
 
 
-NonNegative = Annotated[float, Field(ge=0)]
-
-
-class PipeSpec(Section):
-    """A round pipe full of water."""
-
-    length: Positive  # m
-    diameter: Positive  # m
-    loss: NonNegative  # K of entry, bends and fittings
-
-
-class WallSpec(Section):
-    """A soft wall that bulges late."""
-
-    compliance: Positive  # m3/Pa
-    relaxation_time: Positive  # s
-
-
-class RubberSpec(Section):
-    """A Maxwell element beside the muscle."""
-
-    stiffness: NonNegative  # N per strain
-    relaxation_time: Positive  # s
-
-
 class WaterRig(Section):
     """From the reservoir to the load cell (see `mapmore_cli.rig.wet_muscle`)."""
 
-    line: PipeSpec  # reservoir to pressure sensor
-    hose: WallSpec  # of the line, where the sensor sits
-    tube: PipeSpec  # sensor to muscle
+    line: Pipe  # reservoir to pressure sensor
+    hose: Wall  # of the line, where the sensor sits
+    tube: Pipe  # sensor to muscle
     trapped_air: Positive  # in the muscle, m3 at no gauge pressure
-    wall: WallSpec  # of the muscle
-    rubber: RubberSpec
+    wall: Wall  # of the muscle
+    rubber: Rubber
     load_cell: Positive  # cut-off of its amplifier, Hz
-
-
-class ReservoirSpec(Section):
-    """Bottle of water under air, between a supply and an exhaust valve by ISO 6358."""
-
-    air_volume: Positive  # m3
-    polytropic: Annotated[float, Field(ge=1, le=1.4)]
-    supply_conductance: Positive  # m3/(s Pa)
-    exhaust_conductance: Positive
-    critical_ratio: Annotated[float, Field(ge=0, lt=0.99)]
-
-
-class BumperSpec(Section):
-    """The stop on which the weight rests."""
-
-    stiffness: Positive  # N/m
-    damping: NonNegative  # s/m
-    pretension: Positive  # of the muscle, N
 
 
 Pressure = Annotated[float, Field(ge=0, le=2000)]  # kPa, gauge; above, the geometry of the muscles means nothing
@@ -142,13 +104,6 @@ def once(pressures: list[float]) -> list[float]:
     return pressures
 
 
-class RegulationSpec(Section):
-    """Slow wander of the regulated pressure."""
-
-    ripple: NonNegative  # standard deviation as a fraction of the set pressure
-    correlation_time: Positive  # s
-
-
 class LoadCycles(Section):
     """One slow contraction and extension at each pressure (M1 section IV.A); with more `turns`, reversals inside of that loop."""
 
@@ -159,7 +114,7 @@ class LoadCycles(Section):
     dwell: NonNegative  # rest before, between and after the moves, s
     turns: Annotated[list[Fraction], Field(min_length=1)] = [1.0]  # noqa: RUF012 (pydantic copies it); of the stroke, from zero to zero
     least_stroke: Annotated[float, Field(gt=0, le=0.2)]  # strain reached even where the muscle has no force
-    regulation: RegulationSpec
+    regulation: Regulation
 
     @model_validator(mode="after")
     def _possible(self) -> LoadCycles:
@@ -194,8 +149,8 @@ class StepResponses(Section):
     hold: Positive  # until the exhaust opens, s
     fall: Positive  # until the recording ends, s
     sample_time: Positive  # s
-    reservoir: ReservoirSpec
-    bumper: BumperSpec
+    reservoir: Reservoir
+    bumper: Bumper
     rig: WaterRig
 
     @property

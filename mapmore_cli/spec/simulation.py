@@ -10,9 +10,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from mapmore_cli.spec.fields import Name, Positive, Section
+from mapmore_cli.domain.declared import NonNegative, Positive
+from mapmore_cli.spec.fields import Name, Section
 from mapmore_cli.spec.muscle_rigs import Antagonists, ContractionTable, McKibbenMuscle, PeanoMuscle, RandomVelocity
-from mapmore_cli.spec.simulated_experiments import LoadCycles, NonNegative, Perturbations, StepResponses, Waveforms
+from mapmore_cli.spec.simulated_experiments import LoadCycles, Perturbations, StepResponses, Waveforms
 
 
 class Stop(Section):

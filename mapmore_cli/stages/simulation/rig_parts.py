@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from mapmore_cli.rig.antagonists import Joint, Swing
-from mapmore_cli.rig.chamber import Braid, Chamber, Reservoir, Tubes
-from mapmore_cli.rig.closed_muscle import Air, ClosedMuscle
+from mapmore_cli.rig.chamber import Braid, Chamber, Tubes
+from mapmore_cli.rig.closed_muscle import ClosedMuscle
 from mapmore_cli.rig.contraction_table import Loading
 from mapmore_cli.rig.load_cycle import LoadCycle, Regulation
 from mapmore_cli.rig.mckibben import McKibben
@@ -14,9 +14,9 @@ from mapmore_cli.rig.muscle import Hysteresis, StaticMuscle
 from mapmore_cli.rig.peano import Peano
 from mapmore_cli.rig.perturbation import Strokes
 from mapmore_cli.rig.random_velocity import RandomMotion
-from mapmore_cli.rig.step_response import Bumper, StepRig, StepTimes
+from mapmore_cli.rig.step_response import StepRig, StepTimes
 from mapmore_cli.rig.waveform import Regulator, Waveform, WaveformRig
-from mapmore_cli.rig.wet_muscle import Pipe, Plumbing, Rubber, Wall, WetMuscle
+from mapmore_cli.rig.wet_muscle import Plumbing, WetMuscle
 from mapmore_cli.spec.muscle_rigs import Antagonists, ContractionTable, McKibbenMuscle, PeanoMuscle, RandomVelocity, RestLength
 from mapmore_cli.spec.simulated_experiments import (
     LoadCycles,
@@ -90,7 +90,7 @@ def hysteresis_of(hysteresis: HysteresisSpec) -> Hysteresis:
 def load_cycle_of(experiment: LoadCycles) -> tuple[LoadCycle, Regulation]:
     """The slow cycle and its regulator."""
     cycle = LoadCycle(experiment.duration, experiment.sample_time, experiment.dwell, experiment.least_stroke, tuple(experiment.turns))
-    return cycle, Regulation(**experiment.regulation.model_dump())
+    return cycle, experiment.regulation
 
 
 def wet_muscle_of(spec: SimulationSpec, rig: WaterRig) -> WetMuscle:
@@ -98,12 +98,12 @@ def wet_muscle_of(spec: SimulationSpec, rig: WaterRig) -> WetMuscle:
     return WetMuscle(
         chamber=chamber_of(spec.muscle),
         hysteresis=hysteresis_of(spec.hysteresis),
-        rubber=Rubber(**rig.rubber.model_dump()),
-        wall=Wall(**rig.wall.model_dump()),
+        rubber=rig.rubber,
+        wall=rig.wall,
         plumbing=Plumbing(
-            line=Pipe(**rig.line.model_dump()),
-            hose=Wall(**rig.hose.model_dump()),
-            tube=Pipe(**rig.tube.model_dump()),
+            line=rig.line,
+            hose=rig.hose,
+            tube=rig.tube,
             trapped_air=rig.trapped_air,
         ),
     )
@@ -113,8 +113,8 @@ def step_rig_of(spec: SimulationSpec, experiment: StepResponses) -> tuple[StepRi
     """The rig of the step responses, and when its valve is switched."""
     rig = StepRig(
         muscle=wet_muscle_of(spec, experiment.rig),
-        reservoir=Reservoir(**experiment.reservoir.model_dump()),
-        bumper=Bumper(**experiment.bumper.model_dump()),
+        reservoir=experiment.reservoir,
+        bumper=experiment.bumper,
         load_cell=experiment.rig.load_cell,
     )
     return rig, StepTimes(experiment.rest, experiment.hold, experiment.fall, experiment.sample_time)
@@ -131,7 +131,7 @@ def waveform_rig_of(muscle: McKibbenMuscle, hysteresis: HysteresisSpec, experime
     return WaveformRig(
         muscle=braid_of(muscle),
         hysteresis=hysteresis_of(hysteresis),
-        rubber=Rubber(**experiment.rubber.model_dump()),
+        rubber=experiment.rubber,
         regulator=regulator_of(experiment.regulator),
         polytropic=experiment.polytropic,
         dead_volume=experiment.dead_volume,
@@ -174,8 +174,8 @@ def loading_of(experiment: ContractionTable) -> Loading:
 
 def closed_muscle_of(muscle: McKibbenMuscle, hysteresis: HysteresisSpec, experiment: RandomVelocity | Antagonists) -> ClosedMuscle:
     """A muscle full of air."""
-    air = Air(**experiment.air.model_dump())
-    return ClosedMuscle(braid_of(muscle), hysteresis_of(hysteresis), Rubber(**experiment.rubber.model_dump()), air)
+    air = experiment.air
+    return ClosedMuscle(braid_of(muscle), hysteresis_of(hysteresis), experiment.rubber, air)
 
 
 def random_motion_of(experiment: RandomVelocity) -> RandomMotion:
