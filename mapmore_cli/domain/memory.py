@@ -60,6 +60,8 @@ class MemoryModel:
         (k,) coefficients and standard errors, of states scaled as `states` says.
     limits
         Training range of the output: a free run that leaves it a hundredfold has diverged.
+    start
+        How free runs begin: with `measured` outputs, at the `steady` one of the first inputs, or with `identified` ones.
     """
 
     output: str
@@ -69,6 +71,7 @@ class MemoryModel:
     theta_error: Array
     constant: float
     limits: tuple[float, float]
+    start: str = "measured"
 
     @property
     def scaling(self) -> Scaling:

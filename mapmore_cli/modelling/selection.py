@@ -21,6 +21,9 @@ LEAST_RIDGE = 1e-9
 FORWARD = 3
 """Terms chosen forward for each that is kept, where pruning follows and nothing else is said."""
 
+Start = Literal["measured", "steady", "identified"]
+"""How free runs begin."""
+
 Stop = Literal["tolerance", "bic", "aicc", "press", "free_run"]
 """When fewer terms than `max_terms` are enough."""
 
@@ -42,6 +45,9 @@ class Fit(Settings):
     coefficients of the chosen terms by least squares on the simulation error. `stop: free_run` fits models of every size to the first three
     quarters of each recording's training samples, keeps the terms of the one that runs best over the last quarter, and fits them to all.
     `select: free_run` also tries the best few candidates of every step in free run, and carries the best three models of each size on.
+
+    `start` says how free runs begin: with the first outputs as `measured`; at the `steady` output of the first inputs, which needs no
+    measured one; or with the first outputs `identified`, those of which the run errs least over its first part, a twentieth of it.
     """
 
     scaling: Literal["unit_square", "max_abs", "none", "range"] = "unit_square"
@@ -54,6 +60,7 @@ class Fit(Settings):
     select: Literal["one_step", "free_run"] = "one_step"
     ridge: Annotated[Literal["auto"] | Annotated[float, Interval(ge=0)], Either()] = 0.0
     forward: Annotated[int, Interval(ge=1)] | None = None
+    start: Start = "measured"
 
     @property
     def most_terms(self) -> int:

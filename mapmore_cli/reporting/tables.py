@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.modelling.memory.feedback import fed_back_states
+from mapmore_cli.modelling.memory.starts import started
 from mapmore_cli.modelling.scores.metrics import Band, bands
 from mapmore_cli.modelling.scores.repeatability import floors
 from mapmore_cli.reporting.inputs import ReportInputs
-from mapmore_cli.reporting.memory_tables import identified_table, sizes_table, states_table, substitutes_table
+from mapmore_cli.reporting.memory_tables import (
+    error_parts_table,
+    identified_table,
+    sizes_table,
+    starts_table,
+    states_table,
+    substitutes_table,
+)
 from mapmore_cli.reporting.model_tables import (
     coefficients_table,
     equations_table,
@@ -30,10 +40,12 @@ def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
     scores, units = inputs.validation.scores, inputs.validation.units
     memory = inputs.fit.memory
     return (
-        score_table(scores, units, inputs.published, inputs.failed),
+        _with_start(score_table(scores, units, inputs.published, inputs.failed), inputs),
         recordings_table(inputs.dataset),
         levels_table(inputs.dataset, None if inputs.over_time or inputs.has_memory else inputs.in_curve.name),
         curve_scores_table(scores, units),
+        error_parts_table(inputs),
+        starts_table(inputs),
         bands_table(bands(inputs.dataset, inputs.validation.predictions), inputs.target.unit),
         segments_table(inputs),
         terms_table(inputs.fit),
@@ -50,6 +62,14 @@ def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
             else ()
         ),
     )
+
+
+def _with_start(table: Table, inputs: ReportInputs) -> Table:
+    """The scores with how free runs began, where the model's output is fed back."""
+    memory = inputs.fit.memory
+    if memory is None or not fed_back_states(memory.model.states, memory.model.output):
+        return table
+    return replace(table, notes=(*table.notes, started(memory.model)))
 
 
 def bands_table(found: Sequence[Band], unit: str) -> Table:

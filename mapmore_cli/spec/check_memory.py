@@ -91,8 +91,8 @@ def _with_memory(fit: Fit) -> Iterator[Finding]:
 def _in_free_run(spec: ExperimentSpec) -> Iterator[Finding]:
     """A free run differs from one step ahead only where the output is fed back; what chooses by it has to be of one mind."""
     fit, target = spec.fit, spec.target_quantity
-    for key in ("criterion", "select"):
-        if getattr(fit, key) == "free_run" and not feeds_back(spec.dictionary, target):
+    for key in ("criterion", "select", "start"):
+        if getattr(fit, key) not in ("one_step", "measured") and not feeds_back(spec.dictionary, target):
             what = f"nothing of the output {target} is fed back: its free run is its prediction one step ahead"
             yield Finding(("fit", key), what, f"remove `{key}`, or add delays, as `lags: {{of: [{target}], steps: [1, 2]}}`", on_key=True)
             return

@@ -13,7 +13,8 @@ from mapmore_cli.modelling.memory.evaluation import evaluate_states
 from mapmore_cli.modelling.memory.feedback import Feedback, feedback_of
 from mapmore_cli.modelling.memory.records import UNEVEN, AtSample, numbered, uninterrupted
 from mapmore_cli.modelling.memory.resolution import memory_inputs
-from mapmore_cli.modelling.memory.simulation import bounds_of, course_of, piece_of, refuse_unknown_beginning
+from mapmore_cli.modelling.memory.simulation import bounds_of, piece_of, refuse_unknown_beginning
+from mapmore_cli.modelling.memory.starts import begun
 from mapmore_cli.modelling.terms import Expression, dictionary_matrix, parse
 
 FEW = 2
@@ -30,10 +31,11 @@ def one_step_ahead(model: MemoryModel, columns: Columns) -> Array:
 
 
 def free_run(model: MemoryModel, columns: Columns) -> Run:
-    """Simulation from the first measured outputs; it starts anew at gaps of `time`, where that runs backwards, and after empty inputs.
+    """Simulation from the first outputs, as the model's `start` says.
 
-    A model without delayed outputs needs none, and its free run is its one-step-ahead prediction. Otherwise the output must be measured at
-    the beginning of every piece, for as many samples as the longest delay; measured outputs after them are not used.
+    It starts anew at gaps of `time`, where that runs backwards, and after empty inputs. A model without delayed outputs needs none, and its
+    free run is its one-step-ahead prediction. Otherwise the output must be measured at the beginning of every piece, for as many samples as
+    the longest delay (over a twentieth of it to identify them; not for a steady start); measured outputs after them are not used.
 
     Parameters
     ----------
@@ -100,7 +102,7 @@ def _one_step_ahead(model: MemoryModel, terms: Sequence[Expression], piece: Colu
 
 
 def _free_run(model: MemoryModel, feedback: Feedback, piece: Columns) -> Run:
-    course = course_of(feedback, piece_of(model.states, model.output, piece))
+    course = begun(model, feedback, piece_of(model.states, model.output, piece))
     refuse_unknown_beginning(course)
     simulated = course.run(model.theta, model.constant, bounds_of(model.limits)).output
     values = np.full(course.start + course.size, np.nan)

@@ -53,7 +53,9 @@ class Training:
         found = choice.selection
         states = self._states_of(found.chosen)
         terms = tuple(self.recipe.dictionary[i] for i in found.chosen)
-        model = MemoryModel(self.recipe.target, states, terms, found.theta, found.theta_error, choice.constant, self.limits)
+        model = MemoryModel(
+            self.recipe.target, states, terms, found.theta, found.theta_error, choice.constant, self.limits, self.recipe.start
+        )
         return MemoryFit(model, self.recipe.dictionary, found, choice.ridge, choice.forward, choice.substitutes, choice.shares)
 
     # free run ------------------------------------------------------------------------------------------------------------------------

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from mapmore_cli.domain.memory import Identified, MemoryFit, MemoryModel, StateSet
 from mapmore_cli.modelling.terms import ExpressionError, state
-from mapmore_cli.storage.artefacts.codecs import named, number, numbers, optional, shown
+from mapmore_cli.storage.artefacts.codecs import added, named, number, numbers, optional, shown, text
 from mapmore_cli.storage.artefacts.label import NO_UNIT
 from mapmore_cli.storage.artefacts.layout.cells import (
     ANY_REALS,
@@ -27,11 +27,11 @@ from mapmore_cli.storage.artefacts.schema import Fault, Field, Schema, record
 
 
 def _state_faults(states: StateSet) -> Iterator[Fault]:
-    for text in states.names:
+    for name in states.names:
         try:
-            state(text)
+            state(name)
         except ExpressionError as error:
-            yield "names", f"has {shown(text)}, which is no state: {error}"
+            yield "names", f"has {shown(name)}, which is no state: {error}"
     if states.step <= 0:
         yield "step", f"is {states.step:g} s"
     if len(states.low) != len(states.high):
@@ -74,6 +74,7 @@ MEMORY_MODEL = completed(
             Field("theta_error", ANY_REALS, "(k) standard errors of theta; NaN without a degree of freedom", "those of the terms"),
             Field("constant", REAL, "the constant", "[target]"),
             Field("limits", SPAN, "least and greatest training output", "[target]"),
+            Field("start", added(text(words=("measured", "steady", "identified")), "measured"), "how free runs begin", NO_UNIT),
         ),
         rule=_memory_faults,
     )
