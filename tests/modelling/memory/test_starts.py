@@ -9,7 +9,7 @@ import pytest
 from memory_samples import memory_model, state_set, wandering
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.modelling.memory import free_run
+from mapmore_cli.modelling.memory.free_run import free_run
 
 MODEL = memory_model(["y[k-1]", "y[k-2]", "u", "stop(y[k-1], 0.1)"], [1.5, -0.56, 0.03, -0.2], state_set(
     "stop(y[k-1], 0.1)", "u", "y[k-1]", "y[k-2]", ranges={"y[k-1]": (-1.0, 1.0)}), constant=0.01, limits=(-2.0, 2.0))  # fmt: skip
