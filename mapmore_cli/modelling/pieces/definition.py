@@ -67,14 +67,23 @@ def segment_value(m: Writer, segment: SegmentFunction, x: Inputs, beyond: Mappin
     scales = zip(scaling.variables, scaling.slope.tolist(), scaling.intercept.tolist(), strict=True)
     z = {name: m.let(f"z_{name}", slope * x[name] + intercept) for name, slope, intercept in scales}
     terms = [parse(text) for text in segment.terms]
-    weights = [Number(float(weight)) for weight in scaling.y_slope * segment.theta]
-    value = m.let("segment", add(Number(float(scaling.y_intercept)), *(w * D for w, D in zip(weights, renamed_all(terms, z), strict=True))))
+    value = m.let("segment", combination(segment, renamed_all(terms, z)))
     for name, cases in beyond.items():
         if name in z:
-            steep = [w * D for w, D in zip(weights, renamed_all([derivative(term, name) for term in terms], z), strict=True)]
-            slope = float(scaling.slope[scaling.variables.index(name)]) * add(*steep)
+            scale = float(scaling.slope[scaling.variables.index(name)])
+            slope = scale * add(*weighted(segment, renamed_all([derivative(term, name) for term in terms], z)))
             value = m.choose("straight", [(beyond_it, value + slope * way) for beyond_it, way in cases], value)
     return value
+
+
+def combination(segment: SegmentFunction, regressors: Sequence[Expression]) -> Expression:
+    """Return `y_slope sum_k theta_k D_k + y_intercept` of some regressors D_k."""
+    return add(Number(float(segment.scaling.y_intercept)), *weighted(segment, regressors))
+
+
+def weighted(segment: SegmentFunction, regressors: Sequence[Expression]) -> list[Expression]:
+    """Return `y_slope theta_k D_k` for each regressor."""
+    return [float(segment.scaling.y_slope * theta) * D for theta, D in zip(segment.theta, regressors, strict=True)]
 
 
 def _curve_function(m: Writer, curve: CurveFunction, body: Pieces, free: Sequence[str]) -> str:

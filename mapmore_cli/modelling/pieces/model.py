@@ -10,11 +10,11 @@ from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.models import Equation, Model, Pieces, SegmentFunction
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.literature.model import backbone_values, by_blocks, formula_equations, printed
-from mapmore_cli.modelling.pieces.definition import pieces_program, pieces_value
+from mapmore_cli.modelling.pieces.definition import combination, pieces_program, pieces_value
 from mapmore_cli.modelling.program.formula import formula_value
 from mapmore_cli.modelling.program.values import evaluator
 from mapmore_cli.modelling.program.writing import Inputs, Writer, limit
-from mapmore_cli.modelling.terms import Expression, Name, Number, add, affine, exponents, multiply, parse, substitute
+from mapmore_cli.modelling.terms import Expression, Name, Number, affine, exponents, multiply, parse, substitute
 
 
 def simulate(model: Model, columns: Columns) -> Run:
@@ -50,16 +50,14 @@ def segment_equation(segment: SegmentFunction, units: Mapping[str, float]) -> Ex
     """
     scaling = segment.scaling
     offsets = dict(zip(scaling.variables, zip(scaling.slope.tolist(), scaling.intercept.tolist(), strict=True), strict=True))
-    terms = []
-    for theta, text in zip(segment.theta, segment.terms, strict=True):
-        term, size = parse(text), scaling.y_slope * float(theta)
+
+    def physical(term: Expression) -> Expression:
         degrees = exponents(term)
-        if degrees is not None and not scaling.intercept.any():
-            size *= float(np.prod([(offsets[name][0] * units.get(name, 1.0)) ** degree for name, degree in degrees.items()]))
-        else:
-            term = substitute(term, {name: _scaled(name, *offset, units) for name, offset in offsets.items()})
-        terms.append(multiply(Number(size), term))
-    return add(Number(scaling.y_intercept), *terms)
+        if degrees is None or scaling.intercept.any():
+            return substitute(term, {name: _scaled(name, *offset, units) for name, offset in offsets.items()})
+        return multiply(Number(float(np.prod([(offsets[name][0] * units.get(name, 1.0)) ** e for name, e in degrees.items()]))), term)
+
+    return combination(segment, [physical(parse(text)) for text in segment.terms])
 
 
 def _scaled(name: str, slope: float, intercept: float, units: Mapping[str, float]) -> Expression:
