@@ -51,6 +51,7 @@ def init(
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.stages.drafting.answers import Answers, read_columns
     from mapmore_cli.stages.drafting.start import start
+    from mapmore_cli.storage.atomic import write_text
 
     if name is not None:
         _check_name(name)
@@ -63,10 +64,17 @@ def init(
     if output == STDOUT:
         print(found.drafts[0].text(), end="")
         return
-    texts = {output or Path(f"{draft.name}.yaml"): draft.text() for draft in found.drafts}
-    _write(texts, force)
+    from mapmore_cli.stages.drafting.guesses import guesses_page
+
+    specs = {output or Path(f"{draft.name}.yaml"): draft for draft in found.drafts}
+    for path, draft in specs.items():
+        if draft.raw and (force or not path.exists()):
+            write_text(path.with_suffix(".html"), guesses_page(draft))
+            if not quiet:
+                print(f"To check its guesses by eye: {path.with_suffix('.html')}", file=sys.stderr)
+    _write({path: draft.text() for path, draft in specs.items()}, force)
     if not quiet:
-        print(f"Next: mapmore check {next(iter(texts))}", file=sys.stderr)
+        print(f"Next: mapmore check {next(iter(specs))}", file=sys.stderr)
 
 
 def _asking(silent: bool) -> Ask | None:
@@ -103,12 +111,14 @@ def _check_name(name: str) -> None:
 
 
 def _write(texts: dict[Path, str], force: bool) -> None:
-    """Write all files or, where one exists already, none; print their paths."""
+    """Write every file that does not exist yet, or all with `force`, and print their paths; then refuse where one was there."""
     from mapmore_cli.storage.atomic import write_text
 
-    taken = [str(path) for path in texts if path.exists()]
-    if taken and not force:
-        raise WriteError(f"{', '.join(taken)}: exists already", "say --force to replace it, or -o to write elsewhere")
+    taken = [path for path in texts if path.exists() and not force]
     for path, text in texts.items():
-        write_text(path, text)
-        print(path)
+        if path not in taken:
+            write_text(path, text)
+            print(path)
+    if taken:
+        told = ", ".join(map(str, taken))
+        raise WriteError(f"{told}: exists already", "say --force to replace it, or -o to write elsewhere; others were written")

@@ -18,6 +18,7 @@ from mapmore_cli.spec.tree import Loc
 from mapmore_cli.spec.units import CANONICAL, check_unit, convert, default_unit, is_canonical
 
 LEFT_OUT = ("data", "split", "leave_one_level_out")
+LEFT_OUT_GROUP = ("data", "split", "leave_one_group_out")
 
 
 def levels(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -36,6 +37,19 @@ def levels(spec: ExperimentSpec) -> Iterator[Finding]:
     elif spec.data.split.leave_one_level_out and (spec.has_memory or spec.model.type == "sum"):
         remedy = "hold out recordings, as `validate: {last: 0.5}`"
         yield Finding(LEFT_OUT, "neither a model with memory nor a sum can be fitted without one of the levels", remedy, on_key=True)
+
+
+def groups(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Groups are told apart by a quantity of the data, and can be left out of models that are made in one go."""
+    of, split = spec.data.groups, spec.data.split
+    if of is not None and of.of not in spec.data.quantities:
+        remedy = f"add it to `columns`, or `set: {{{of.of}: 1}}` beside the files"
+        yield Finding(("data", "groups", "of"), f"no recording has the quantity `{of.of}`", remedy)
+    if split.leave_one_group_out and of is None:
+        yield Finding(LEFT_OUT_GROUP, "there are no groups to leave out", "add `groups: {of: specimen}` to `data`", on_key=True)
+    elif split.leave_one_group_out and (spec.has_memory or spec.model.type == "sum"):
+        remedy = "hold one out, as `validate: {specimen: [2]}`"
+        yield Finding(LEFT_OUT_GROUP, "neither a model with memory nor a sum can be fitted without one of the groups", remedy, on_key=True)
 
 
 def after_cycles(spec: ExperimentSpec) -> Iterator[Finding]:

@@ -15,6 +15,7 @@ CHECKS = (
     check_names.expressions,
     check_dictionary.terms,
     check_study.levels,
+    check_study.groups,
     check_study.after_cycles,
     check_study.boundaries_by_fits,
     check_study.joining,

@@ -13,6 +13,7 @@ from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.errors import DataError, FitError, SpecError
 from mapmore_cli.domain.models import LeftOut, LeftOutKind, Model
 from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.domain.results import Forecast
 from mapmore_cli.domain.scores import OWN
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.intervals import summary
@@ -37,31 +38,47 @@ Compare = Callable[[Contest], tuple[Said, Sequence[str]]]
 
 
 def left_out(
-    choices: ModelChoices, contest: Contest, compare: Compare, progress: Progress, fitted_to: str
+    choices: ModelChoices, contest: Contest, compare: Compare, progress: Progress, fitted_to: str, group: str | None = None
 ) -> tuple[Dataset, Said, list[str]]:
     """The dataset with every sample held out, what models of the other levels say of each curve, and warnings.
 
-    Everything is fitted anew without the level: cuts, terms, backbone, how much of its residual is trusted, and every competitor. The run's
-    own model is `fitted_to` a quantity, which need not be the one that is scored. A model that fails without some level is left out.
+    With `group`, the quantity that tells groups apart, each group is left out in place of a level. Everything is fitted anew without it:
+    cuts, terms, backbone, how much of its residual is trusted, and every competitor. The run's own model is `fitted_to` a quantity, which
+    need not be the one that is scored. A model that fails without some level is left out.
     """
     dataset = contest.dataset
-    levels = list(dict.fromkeys(curve.level for curve in dataset.curves))
+    every = _levels(dataset) if group is None else _groups(dataset, group)
 
-    def without(level: float | None) -> tuple[Said, Sequence[str]]:
-        fold = replace(dataset, curves=tuple(replace(c, held_out=np.full(c.size, c.level == level)) for c in dataset.curves))
+    def without(outs: Sequence[BoolArray]) -> tuple[Said, Sequence[str]]:
+        fold = replace(dataset, curves=tuple(replace(c, held_out=out) for c, out in zip(dataset.curves, outs, strict=True)))
         model = refitted(choices, replace(fold, target=fitted_to))
         said, warnings = compare(replace(contest, dataset=fold, model=model, refit=refit_run))
         return {OWN: _own(model, fold), **said}, warnings
 
     found = []
-    for level in levels:
-        found.append(without(level))
-        progress("levels left out", len(found), len(levels))
+    for outs in every:
+        found.append(without(outs))
+        progress(f"{'levels' if group is None else 'groups'} left out", len(found), len(every))
     whole = replace(dataset, curves=tuple(replace(c, held_out=np.ones(c.size, dtype=np.bool_)) for c in dataset.curves))
-    folds = [levels.index(curve.level) for curve in dataset.curves]
     names = [name for name in found[0][0] if all(name in said for said, _ in found)]
-    joined = {name: _joined([said[name] for said, _ in found], folds) for name in names}
+    joined = {name: _joined([said[name] for said, _ in found], every) for name in names}
     return whole, joined, [warning for _, warnings in found for warning in warnings]
+
+
+def _levels(dataset: Dataset) -> list[list[BoolArray]]:
+    """For every level, which samples of each curve are at it."""
+    levels = dict.fromkeys(curve.level for curve in dataset.curves)
+    return [[np.full(curve.size, curve.level == level) for curve in dataset.curves] for level in levels]
+
+
+def _groups(dataset: Dataset, of: str) -> list[list[BoolArray]]:
+    """For every value of the quantity, which samples of each curve have it; DataError for a single one."""
+    values = np.unique(np.concatenate([curve.columns[of] for curve in dataset.curves]))
+    if len(values) < 2:
+        raise DataError(
+            f"split.leave_one_group_out: {of} is {values[0]:g} in all recordings", "name what tells them apart in `data.groups`"
+        )
+    return [[curve.columns[of] == value for curve in dataset.curves] for value in values]
 
 
 def refitted(choices: ModelChoices, dataset: Dataset) -> Model:
@@ -157,6 +174,14 @@ def _own(model: Model, dataset: Dataset) -> Forecasts:
     return tuple(forecast(model, curve, dataset.target) for curve in dataset.curves)
 
 
-def _joined(parts: Sequence[Forecasts], folds: Sequence[int]) -> Forecasts:
-    """Of each curve the forecast of the fold that it was left out of."""
-    return tuple(parts[fold][number] for number, fold in enumerate(folds))
+def _joined(parts: Sequence[Forecasts], folds: Sequence[Sequence[BoolArray]]) -> Forecasts:
+    """Of each sample the forecast of the fold that it was left out of."""
+    return tuple(_of_curve([said[number] for said in parts], [fold[number] for fold in folds]) for number in range(len(parts[0])))
+
+
+def _of_curve(said: Sequence[Forecast], outs: Sequence[BoolArray]) -> Forecast:
+    whole = next((one for one, out in zip(said, outs, strict=True) if out.all()), None)
+    if whole is not None:
+        return whole
+    values, ready = (np.select(outs, [getattr(one, name) for one in said]) for name in ("values", "ready"))
+    return Forecast.of(np.where(ready, values, np.nan))

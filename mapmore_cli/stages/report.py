@@ -24,7 +24,7 @@ METRES_PER_INCH = 0.0254
 
 
 LEFT_OUT = (
-    "Every level is left out in turn: the validation scores are those of models of the other levels at the one left out. The saved model, "
+    "Every {0} is left out in turn: the validation scores are those of models of the other {0}s at the one left out. The saved model, "
     "and the training scores, are of all data."
 )
 
@@ -37,13 +37,18 @@ class Slice:
     muscle: Muscle
     validate: Validate
     report: Report
-    left_out: bool  # whether every level is left out in turn
+    left_out: str  # what is left out in turn: level, group or nothing
     unconfirmed: tuple[str, ...] = ()
 
 
 def reads(spec: ExperimentSpec) -> Slice:
     """The stage's slice of the spec."""
-    return Slice(spec.name, spec.muscle, spec.validation, spec.report, spec.data.split.leave_one_level_out, spec.unconfirmed)
+    return Slice(spec.name, spec.muscle, spec.validation, spec.report, _folds(spec), spec.unconfirmed)
+
+
+def _folds(spec: ExperimentSpec) -> str:
+    split = spec.data.split
+    return "level" if split.leave_one_level_out else "group" if split.leave_one_group_out else ""
 
 
 def run(part: Slice, workspace: Workspace) -> None:
@@ -132,7 +137,7 @@ def collected(part: Slice, run_dir: Path, spec_text: str = "") -> ReportInputs:
         warnings=validation.warnings,
         unconfirmed=part.unconfirmed,
         notes=(
-            *([LEFT_OUT] if part.left_out else []),
+            *([LEFT_OUT.format(part.left_out)] if part.left_out else []),
             *([f"The model predicts {model.output.name}; it is inverted, and scored as {turned}."] if turned is not None else []),
             *dataset.notes,
             *model.notes,

@@ -45,6 +45,8 @@ class Slice:
     normaliser: str
     cycles_of: str | None
     folds: ModelChoices | None
+    groups: str | None
+    without_groups: bool
 
 
 def reads(spec: ExperimentSpec) -> Slice:
@@ -59,7 +61,9 @@ def reads(spec: ExperimentSpec) -> Slice:
         lengths=spec.muscle.lengths,
         normaliser=spec.validation.normaliser,
         cycles_of=spec.data.split.hold_out.of if spec.data.split.hold_out is not None else None,
-        folds=fuse.reads(spec) if spec.data.split.leave_one_level_out else None,
+        folds=fuse.reads(spec) if spec.data.split.leave_one_level_out or spec.data.split.leave_one_group_out else None,
+        groups=spec.data.groups.of if spec.data.groups is not None else None,
+        without_groups=spec.data.split.leave_one_group_out,
     )
 
 
@@ -136,7 +140,7 @@ def _left_out(
         quiet = replace(workspace, progress=lambda _what, _done, _total: None, warn=warnings.append)
         return {one.name: one.forecasts for one in _rivals(fold, part, quiet) if not one.failed}, warnings
 
-    whole, said, warnings = left_out(choices, contest, compare, workspace.progress, fitted_to)
+    whole, said, warnings = left_out(choices, contest, compare, workspace.progress, fitted_to, part.groups if part.without_groups else None)
     for warning in warnings:
         workspace.warn(warning)
     return whole, said
@@ -146,7 +150,7 @@ def _scores(part: Slice, said: Mapping[str, Forecasts], dataset: Dataset, scale:
     from mapmore_cli.modelling.scores.rows import on_common_rows, score_rows
 
     for name, found in on_common_rows(said).items():
-        yield from score_rows(name, part.target, found, dataset, scale)
+        yield from score_rows(name, part.target, found, dataset, scale, group=part.groups)
 
 
 def _told_of_diverged(name: str, forecasts: Sequence[Forecast], dataset: Dataset, warn: Callable[[str], None]) -> None:

@@ -138,3 +138,15 @@ def test_shipped_studies_are_clean_of_errors_and_warnings(mapmore) -> None:
 
 def test_a_measured_study_is_clean_of_errors_and_warnings(mapmore, measured_data: Path) -> None:
     assert serious(mapmore, PROJECT / "configs/festo/festo_10mm_20cm_strain.yaml") == []
+
+
+def test_one_that_exists_stops_no_other_and_each_has_a_page(tmp_path: Path, mapmore, rig: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("peano.yaml").write_text("mine")
+    started = mapmore("init", rig)
+    assert started.exit_code == 7
+    assert Path("peano.yaml").read_text() == "mine"
+    assert started.stdout.split()[0] == "mckibben.yaml"
+    page = Path("mckibben.html").read_text()
+    assert "What drives against what follows" in page
+    assert page.count('class="thumbnail"') >= 4

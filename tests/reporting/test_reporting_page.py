@@ -153,10 +153,11 @@ def test_links_lead_somewhere_and_section_ids_are_unique(page):
 
 def test_order_of_the_sections(page):
     titles = [
-        "Rows of every recording",
         "Scores by curve",
         "Scores of all models",
         "Scores (target: force)",
+        "Your data as read",
+        "Rows of every recording",
         "Segments and their weights",
         "Coefficients with 95 %",
         "The model in physical units",

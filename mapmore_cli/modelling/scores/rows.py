@@ -50,11 +50,18 @@ def on_common_rows(forecasts: Mapping[str, Sequence[Forecast]]) -> dict[str, tup
 
 
 def score_rows(
-    model: str, target: str, forecasts: Sequence[Forecast], dataset: Dataset, scale: Normaliser, *, partial: bool = False
+    model: str,
+    target: str,
+    forecasts: Sequence[Forecast],
+    dataset: Dataset,
+    scale: Normaliser,
+    *,
+    partial: bool = False,
+    group: str | None = None,
 ) -> Iterator[Score]:
     """Rows of one model, whose `forecasts` are those of the dataset's curves; with `partial`, of the samples that it predicts.
 
-    `scale` is the `divisor` of the study.
+    `scale` is the `divisor` of the study. `group` is a quantity: the samples of each of its values also have a row of their own.
     """
     every = list(zip(dataset.curves, forecasts, strict=True))
     for split, held_out in SPLITS:
@@ -70,8 +77,17 @@ def score_rows(
         if not parts:
             continue
         yield _pooled(parts).score(model, target, split, scale)
-        for part in (*parts, *ways):
+        for part in (*parts, *ways, *(_of_groups(group, dataset.target, every, counted) if group is not None else ())):
             yield part.score(model, target, split, scale)
+
+
+def _of_groups(of: str, target: str, every: Sequence[tuple[Curve, Forecast]], masks: Sequence[BoolArray]) -> Iterator[_Part]:
+    """The samples of each group, of all curves together."""
+    for value in np.unique(np.concatenate([curve.columns[of][mask] for (curve, _), mask in zip(every, masks, strict=True)])):
+        chosen = [(curve, found, mask & (curve.columns[of] == value)) for (curve, found), mask in zip(every, masks, strict=True)]
+        found = [part for curve, said, mask in chosen for part in _parts("", target, curve, said, mask)]
+        if found:
+            yield replace(_pooled(found), curve=f"{of}={value:g}")
 
 
 def _parts(name: str, target: str, curve: Curve, found: Forecast, mask: BoolArray) -> list[_Part]:

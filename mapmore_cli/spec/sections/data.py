@@ -141,17 +141,29 @@ class Holdout(Section):
 class Split(Section):
     """Which data validate. Without it, all data train.
 
-    `leave_one_level_out` is cross-validation over the levels: the saved model uses all data.
+    `leave_one_level_out` and `leave_one_group_out` are cross-validation over levels or `data.groups`: the saved model uses all data.
     """
 
     hold_out: Holdout | None = Field(default=None, alias="validate")
     leave_one_level_out: bool = False
+    leave_one_group_out: bool = False
 
     @model_validator(mode="after")
-    def _one_of_both(self) -> Split:
-        if self.hold_out is not None and self.leave_one_level_out:
-            raise Contradiction("both `validate` and `leave_one_level_out` are given", "choose one", "leave_one_level_out")
+    def _one_of_them(self) -> Split:
+        given = [key for key in ("leave_one_level_out", "leave_one_group_out") if getattr(self, key)]
+        told = [*(["validate"] if self.hold_out is not None else []), *given]
+        if len(told) > 1:
+            raise Contradiction(f"both {' and '.join(f'`{key}`' for key in told)} are given", "choose one", told[-1])
         return self
+
+
+class Groups(Section):
+    """What tells specimens or sessions apart: the quantity `of`, one value for each, from a column or `set` beside the files.
+
+    Each group is scored by itself, and `split: {leave_one_group_out: true}` leaves each out in turn.
+    """
+
+    of: Quantity
 
 
 class GapRule(Section):
@@ -194,8 +206,9 @@ class Data(Logs):
     `columns` say which column holds which quantity, `join` adds those of a second log, `derive` what follows from them. `gaps` are
     where a recording breaks off, `glitches: drop` leaves out samples whose stamp lies before that of an earlier one or jumps ahead and
     back, in joined logs as well; `resample` brings it onto even time steps. `keep` chooses samples; `cycles` splits loops into
-    branches, `levels` names what is constant within one curve, and `split` separates the validation data. `plateau` is where a step
-    response rests, `auto` or `[from, to]`: the mean pressure there is the quantity `step_pressure`, and the samples there do not train.
+    branches, `levels` names what is constant within one curve, `groups` what tells specimens apart, and `split` separates the validation
+    data. `plateau` is where a step response rests, `auto` or `[from, to]`: the mean pressure there is the quantity `step_pressure`, and
+    the samples there do not train.
     """
 
     join: list[Join] = []
@@ -215,6 +228,7 @@ class Data(Logs):
     resample: Seconds | None = None
     cycles: Cycles | None = None
     levels: Levels | None = None
+    groups: Groups | None = None
     split: Split = Split()
 
     @property

@@ -20,21 +20,23 @@ from mapmore_cli.stages.ingestion.samples import located
 from mapmore_cli.stages.ingestion.steps import PLATEAU
 from mapmore_cli.storage.spool import by_blocks, chosen, counted, joined
 
-CLOSE = 0.01
-"""Of the smallest distance between levels, within which a value names one of them."""
+CLOSE, MEANT = 0.01, 0.25
+"""Of the smallest distance between levels, within which a value names one of them: of those that the spec gives, and of those found."""
 
 
 @dataclass(frozen=True)
 class LevelSet:
     """The values `(m,)`, ascending, at which the quantity `of` was held, and how far a sample may be from one.
 
-    `scatter` is `(m,)`, the standard deviation of the samples at each level; None before they are known.
+    `scatter` is `(m,)`, the standard deviation of the samples at each level; None before they are known. `found` is True where the data
+    told the levels (`at: auto`).
     """
 
     of: str
     at: Array
     within: float
     scatter: Array | None = None
+    found: bool = False
 
     def match(self, values: Array) -> Array:
         """Return the level of every value, NaN where there is none."""
@@ -44,11 +46,12 @@ class LevelSet:
     def named(self, value: float) -> float | None:
         """Return the level that a user means by `value`; None where it is further off than 1 % of the distance of levels and their scatter.
 
-        Any sample belongs to a level, but 171 is no name for the level 150.
+        Any sample belongs to a level, but 171 is no name for the level 150. Where levels were found, nobody knows their digits: 500 is the
+        level 504, and a name reaches a quarter of the distance of levels, so that no other is as near.
         """
         place = int(np.argmin(np.abs(self.at - value)))
         distance = 2 * default_within(self.at) if len(self.at) > 1 else abs(float(self.at[0]))
-        reach = max(CLOSE * distance, 0.0 if self.scatter is None else float(self.scatter[place]))
+        reach = max((MEANT if self.found else CLOSE) * distance, 0.0 if self.scatter is None else float(self.scatter[place]))
         return float(self.at[place]) if abs(self.at[place] - value) <= reach * (1 + 1e-9) + 1e-12 * abs(value) else None
 
     def describe(self) -> str:
@@ -85,7 +88,7 @@ def level_set(levels: Levels, recordings: Sequence[Recording]) -> LevelSet:
             raise DataError(f"levels: {of} is nowhere held constant, so no levels can be found", "Give them, as `at: [80, 150]`.")
     else:
         at = np.sort(np.array(levels.at, dtype=float)) + 0.0  # no -0 in curve ids
-    return LevelSet(of, at, levels.within if levels.within is not None else default_within(at))
+    return LevelSet(of, at, levels.within if levels.within is not None else default_within(at), found=levels.at == "auto")
 
 
 def with_scatter(levels: LevelSet, parts: Sequence[Part]) -> LevelSet:

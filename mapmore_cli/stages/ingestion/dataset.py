@@ -14,7 +14,7 @@ from mapmore_cli.spec.sections.logs import FileEntry
 from mapmore_cli.stages.ingestion.curves import cut_by_level, join_branches, joined_curves, level_set, with_scatter
 from mapmore_cli.stages.ingestion.files import IngestSlice, Meter, Source, find_sources
 from mapmore_cli.stages.ingestion.recording import ReadLog, read_recordings
-from mapmore_cli.stages.ingestion.split import held_out
+from mapmore_cli.stages.ingestion.split import held_out, meant_levels
 from mapmore_cli.stages.ingestion.steps import DAMPING, PLATEAU, STATIC_FORCE, static_model, with_damping, with_plateau
 from mapmore_cli.stages.pipeline.stage import Progress
 
@@ -72,7 +72,11 @@ def build_dataset(
         quantities={name: Quantity(name, unit) for name, unit in units.items()},
         recordings=tuple(recordings),
         curves=joined_curves(parts, masks, levels),
-        notes=(*(note for reading in readings for note in reading.notes), *([levels.describe()] if levels else [])),
+        notes=(
+            *(note for reading in readings for note in reading.notes),
+            *([levels.describe()] if levels else []),
+            *meant_levels(data.split.hold_out, levels),
+        ),
     )
 
 

@@ -134,6 +134,19 @@ def _range(parts: Sequence[Part], name: str) -> str:
     return f"it runs from {low:g} to {high:g}"
 
 
+def meant_levels(choice: Holdout | None, levels: LevelSet | None) -> tuple[str, ...]:
+    """A note for every level that `validate` names by another number than was measured."""
+    values = choice.quantities.get(levels.of) if choice is not None and levels is not None else None
+    if levels is None or not isinstance(values, list):
+        return ()
+    named = [(value, levels.named(value)) for value in values]
+    return tuple(
+        f"split.validate: {levels.of} {value:g} is taken as the level {at:g}"
+        for value, at in named
+        if at is not None and f"{at:g}" != f"{value:g}"
+    )
+
+
 def _levels_and_recordings(parts: Sequence[Part], levels: LevelSet | None) -> str:
     recordings = f"recordings {', '.join(dict.fromkeys(part.recording.id for part in parts))}"
     return (
