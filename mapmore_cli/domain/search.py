@@ -26,7 +26,7 @@ class Tried:
     parts
         The same over left-out levels or recordings; NaN where there are too few of them.
     excess, spread
-        Mean over the folds of the error less that of the best structure, and the standard error of that mean.
+        Mean over all folds of the logarithm of the error over that of the best structure, and the standard error of that mean.
     seconds
         How long it took.
     """
@@ -48,7 +48,7 @@ class Tried:
 class Search:
     """All structures that were tried, in the order of the list.
 
-    `best` errs least, `chosen` is the simplest within one standard error of it (numbers of `tried`). `left_out` and `parts` say what the
+    `best` errs least, `chosen` is the simplest that is as good (numbers of `tried`). `left_out` and `parts` say what the
     folds leave out, `scale` what errors are divided by, in the unit of the target. `cut` structures were not tried for want of time.
     `black_boxes` are errors of learners that know nothing of muscles, on the same folds; `notes` are words for the user.
     """

@@ -8,7 +8,7 @@ mean 0 and deviation 1 on the training samples. Against a model that runs along 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -38,21 +38,27 @@ def predictions(name: str, dataset: Dataset, model: Model) -> list[Array]:
     """
     names = [quantity.name for quantity in model.inputs if quantity.name != dataset.target]
     delays = DELAYS if runs_over_time(model) else (0,)
-    inputs = [_features(curve, names, delays) for curve in dataset.curves]
+    inputs = [features(curve, names, delays) for curve in dataset.curves]
     x = np.concatenate([of[curve.training] for of, curve in zip(inputs, dataset.curves, strict=True)])
     y = np.concatenate([curve.columns[dataset.target][curve.training] for curve in dataset.curves])
     known = np.isfinite(x).all(axis=1) & np.isfinite(y)
     x, y = _share(x[known], MOST_SAMPLES[name]), _share(y[known], MOST_SAMPLES[name])
+    predict = learned(name, x, y)
+    return [predict(of) for of in inputs]
+
+
+def learned(name: str, x: Array, y: Array) -> Callable[[Array], Array]:
+    """Fit a baseline to inputs (n, features) and outputs (n,); what predicts (m,) from (m, features)."""
     centre, width = x.mean(axis=0), _width(x)
     middle, height = float(y.mean()), float(_width(y))
     learner = _learner(name, x.shape[1])
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", module="sklearn")  # a search that stopped early: its score says what it is worth
         learner.fit((x - centre) / width, (y - middle) / height)
-    return [_predicted(learner, (of - centre) / width) * height + middle for of in inputs]
+    return lambda of: _predicted(learner, (of - centre) / width) * height + middle
 
 
-def _features(curve: Curve, names: Sequence[str], delays: Sequence[int]) -> Array:
+def features(curve: Curve, names: Sequence[str], delays: Sequence[int]) -> Array:
     """The inputs of every sample and those before it in its recording, (n, features); the first value stands for what was before it."""
     found = np.empty((curve.size, len(names) * len(delays)))
     for rows in curve.logs:

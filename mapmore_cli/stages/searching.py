@@ -17,7 +17,7 @@ from pydantic import TypeAdapter
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.errors import FitError, MapmoreError
 from mapmore_cli.domain.processors import shared_out
-from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.search import Search, Tried
 from mapmore_cli.modelling.pieces.recipe import Fuse, Segmented
 from mapmore_cli.modelling.search.candidate import Candidate
@@ -33,6 +33,7 @@ from mapmore_cli.stages.kinds import maker_of
 from mapmore_cli.stages.kinds.choices import ModelChoices
 from mapmore_cli.stages.pipeline.stage import Stage, Workspace
 from mapmore_cli.stages.trials import kept, training_only
+from mapmore_cli.stages.yardstick import black_boxes, note_of, strongest
 from mapmore_cli.storage.atomic import write_text
 
 if TYPE_CHECKING:
@@ -48,8 +49,9 @@ BLOCKS = 5
 MOST_PARTS = 6
 """Levels or recordings that are left out in turn, evenly chosen of more."""
 
-MOST_SAMPLES, MOST_STEPS = 6_000, 20_000
-"""Training samples that structures are scored on, of more an even share; and those of recordings that models run along."""
+MOST_SAMPLES, MOST_STEPS = 6_000, 12_000
+"""Training samples that structures without memory are tried on, of more an even share; and those of any, of more the first part of every
+block."""
 
 WHOLE = 0.5
 """Share of the left-out samples that a structure predicts at least: long lags say nothing of short recordings."""
@@ -121,7 +123,7 @@ def search(dataset: Dataset, part: Slice, progress: Progress = lambda _what, _do
     FitError
         Where no structure could be fitted.
     """
-    training = training_only(dataset)
+    training = shortened(training_only(dataset))
     situation = situation_of(training, part.ignored, part.model.inputs)
     if part.by_level:
         situation = replace(situation, step=None)  # a model that runs along recordings cannot be fitted without a level
@@ -132,7 +134,22 @@ def search(dataset: Dataset, part: Slice, progress: Progress = lambda _what, _do
     clock = Clock.started(part.model.budget)
     outcomes = shared_out(lambda one: _tried(*one, bench, clock), listed, partial(progress, "structures"))
     tried = [outcome for outcome in outcomes if outcome is not None]
-    return _chosen(tried, len(outcomes) - len(tried), bench, part)
+    return _measured(_chosen(tried, len(outcomes) - len(tried), bench, part), tried, bench, situation)
+
+
+def _measured(found: Search, outcomes: Sequence[_Outcome], bench: Bench, situation: Situation) -> Search:
+    """The search beside black boxes on the same blocks, with a word where one errs clearly less."""
+    inputs, own = situation.inputs, found.found
+    errors = black_boxes(bench.thinned, inputs, bench.thinned_blocks, situation.timed)
+    residual = [np.full(curve.size, np.nan) for curve in bench.thinned.curves]
+    for fold, (left, ready) in zip(bench.thinned_blocks, outcomes[found.chosen].blocks, strict=True):
+        ends = np.cumsum([int(out.sum()) for out in fold])[:-1]
+        for values, out, part, known in zip(residual, fold, np.split(left, ends), np.split(ready, ends), strict=True):
+            values[out] = np.where(known, part, np.nan)
+    hint = strongest(bench.thinned.curves, residual, inputs, situation.timed)
+    told = note_of(errors, own.error * found.scale, hint)
+    boxes = {name: error / found.scale for name, error in errors.items()}
+    return replace(found, black_boxes=boxes or None, notes=(*found.notes, *((told,) if told else ())))
 
 
 @dataclass(frozen=True)
@@ -243,6 +260,23 @@ class Bench:
 
 Masks = tuple[BoolArray, ...]
 """For every curve the samples that a fold leaves out."""
+
+
+def shortened(dataset: Dataset) -> Dataset:
+    """At most so many samples, where recordings are longer: of every block of every recording the first part, in one piece."""
+    total = sum(curve.size for curve in dataset.curves)
+    if total <= MOST_STEPS or "time" not in dataset.curves[0].columns:
+        return dataset
+    share = MOST_STEPS / total
+    return replace(dataset, curves=tuple(kept(curve, _beginnings(curve, share)) for curve in dataset.curves))
+
+
+def _beginnings(curve: Curve, share: float) -> BoolArray:
+    """The first part of every block of every recording."""
+    blocks = [block for log in curve.logs for block in np.array_split(log, BLOCKS)]
+    mask = np.zeros(curve.size, dtype=np.bool_)
+    mask[np.concatenate([block[: -int(-len(block) * share // 1)] for block in blocks])] = True
+    return mask
 
 
 def _thinning(dataset: Dataset) -> list[BoolArray]:

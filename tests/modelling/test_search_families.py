@@ -15,8 +15,10 @@ from mapmore_cli.stages.searching import Slice, choices_of
 
 SITUATIONS = {
     "map": Situation("force", ("strain", "pressure"), "pressure", frozenset({"strain", "pressure", "force"}), 60, 5),
-    "record": Situation("y", ("u",), None, frozenset({"u", "y", "time"}), 800, 1, 0.01, 8.0, {"u": 1.0}),
-    "pair": Situation("torque", ("p1", "p2", "x", "v"), None, frozenset({"time"}), 900, 1, 0.01, 9.0, {"x": 1.0, "v": 2.0}),
+    "record": Situation("y", ("u",), None, frozenset({"u", "y", "time"}), 800, 1, 0.01, 8.0, {"u": 1.0}, {("u", 1): 0.1}),
+    "pair": Situation(
+        "torque", ("p1", "p2", "x", "v"), None, frozenset({"time"}), 900, 1, 0.01, 9.0, {"x": 1.0, "v": 2.0}, {("x", 1): 0.1, ("v", 3): 0.2}
+    ),
     "many": Situation("y", tuple("abcdefgh"), None, frozenset("abcdefgh"), 500, 1, 0.1, 50.0),
 }
 

@@ -7,14 +7,33 @@ from collections.abc import Sequence
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.modelling.scores.simplest import Ranked, simplest_of
+from mapmore_cli.modelling.scores.simplest import Ranked
+
+NOTHING = 1e-6
+"""Of the range: smaller errors are rounding, or noise that no structure is about."""
+
+AS_GOOD = 0.05
+"""Excess of the mean logarithm, up to which a simpler structure is as good: with few folds, a standard error alone allows much more."""
+
+LOST = 1e6
+"""The error of a run that diverged."""
 
 
-def chosen_of(sizes: Sequence[int], blocks: Array, parts: Array) -> Ranked:
-    """Rank structures by their errors on left-out `blocks` (s, f).
+def chosen_of(sizes: Sequence[int], blocks: Array, parts: Array, weight: float = 0.5) -> Ranked:
+    """Rank structures by their errors on left-out `blocks` (s, f), and on left-out levels or recordings, `parts` (s, g).
 
-    `parts` are those on left-out levels or recordings, (s, g), g = 0 where there are too few.
+    Errors are fractions of the range of the target. What counts is the mean logarithm, so that no single block that lies far from the
+    others decides: `(1 - weight) mean_f ln e_if + weight mean_g ln e_ig`; the blocks alone for g < 2. A structure is within one standard
+    error of the best where its mean difference is no larger than the standard error of that mean over the folds, and than 5 %.
     """
-    del parts
-    finite = np.where(np.isfinite(blocks), blocks, 1e9)
-    return simplest_of(sizes, finite)
+    groups = [(1.0, blocks)] if parts.shape[1] < 2 else [(1.0 - weight, blocks), (weight, parts)]
+    logs = [(share, np.log(np.clip(np.nan_to_num(each, nan=LOST, posinf=LOST), NOTHING, LOST))) for share, each in groups]
+    score = np.sum([share * each.mean(axis=1) for share, each in logs], axis=0)
+    order = np.lexsort((score, np.asarray(sizes)))
+    best = int(order[np.argmin(score[order])])
+    differences = [(share, each - each[best]) for share, each in logs]
+    excess = np.sum([share * d.mean(axis=1) for share, d in differences], axis=0)
+    variance = np.sum([share**2 * d.var(axis=1, ddof=1) / d.shape[1] for share, d in differences], axis=0)
+    spread = np.sqrt(variance)
+    within = excess <= np.minimum(spread, AS_GOOD)
+    return Ranked(best, int(next(i for i in order if within[i])), excess, spread)

@@ -20,6 +20,9 @@ SAME = 1e-9
 FEWEST_IN_A_RECORD = 60
 """Samples of the longest recording, from which on a model with memory is tried."""
 
+WITHIN = (1, 3)
+"""Steps over which changes are told."""
+
 FEWEST_IN_ORDER = 0.5
 """Share of the training samples that lie in recordings at even steps, from which on a model with memory is tried."""
 
@@ -41,6 +44,8 @@ class Situation:
         said of the past.
     around_zero
         Inputs that take both signs, each with its root mean square.
+    changes
+        The root mean square of how far an input moves within some steps, by its name and the number of steps.
     """
 
     target: str
@@ -52,6 +57,7 @@ class Situation:
     step: float | None = None
     longest: float = 0.0
     around_zero: Mapping[str, float] = field(default_factory=dict)
+    changes: Mapping[tuple[str, int], float] = field(default_factory=dict)
 
     @property
     def timed(self) -> bool:
@@ -88,7 +94,19 @@ def situation_of(dataset: Dataset, ignored: Sequence[str] = (), inputs: Sequence
         step=step,
         longest=longest,
         around_zero={name: float(np.sqrt(np.mean(pooled[name] ** 2))) for name in ordered if pooled[name].min() < 0 < pooled[name].max()},
+        changes={} if step is None else dict(_changes(training, [name for name in ordered if name != dataset.level])),
     )
+
+
+def _changes(curves: Sequence[Curve], names: Sequence[str]) -> Iterator[tuple[tuple[str, int], float]]:
+    """How far each input moves within some steps, root mean square over all recordings; without those that stand still."""
+    for name in names:
+        for steps in WITHIN:
+            parts = [(curve.columns[name][log], curve.training[log]) for curve in curves for log in curve.logs if len(log) > steps]
+            moved = np.concatenate([np.zeros(1), *((x[steps:] - x[:-steps])[known[steps:] & known[:-steps]] for x, known in parts)])
+            size = float(np.sqrt(np.mean(moved**2)))
+            if size > 0:
+                yield (name, steps), size
 
 
 def _different(names: Sequence[str], pooled: Mapping[str, Array], level: str | None) -> Iterator[str]:
