@@ -60,17 +60,6 @@ def test_agrees_with_scipys_pchip(at, seed):
 
 
 @settings(deadline=None)
-@given(levels, seeds)
-def test_rows_are_independent_of_each_other(at, seed):
-    """Every row has values of its own."""
-    rng = np.random.default_rng(seed)
-    values = rng.normal(0, 10, (20, len(at)))
-    x = rng.uniform(at[0], at[-1], 20)
-    expected = [PchipInterpolator(at, row)(place) for row, place in zip(values, x, strict=True)]
-    np.testing.assert_allclose(shape_preserving(x, at, values), expected, atol=1e-8)
-
-
-@settings(deadline=None)
 @given(levels, seeds, sides, sides, st.floats(-1e3, 1e3), st.floats(-10, 10))
 def test_weights_sum_to_one(at, seed, below, above, offset, factor):
     """A constant added to all curves is added to the result, also beyond the levels; the weights scale with nothing."""
