@@ -30,16 +30,10 @@ class FitChoices:
 
     @property
     def kind(self) -> str:
-        """The kind of model: a `formula`, a `sum`, a `state_space`, one with `memory`, or `pieces`."""
-        match self.model.type:
-            case "literature":
-                return "formula"
-            case "sum":
-                return "sum"
-            case "state_space":
-                return "state_space"
-            case _:
-                return "memory" if remembers(self.dictionary) else "pieces"
+        """The kind of model, by its name: that of `model.type`, where the kind has no other."""
+        if self.model.type == "mapmore":
+            return "memory" if remembers(self.dictionary) else "pieces"
+        return "formula" if self.model.type == "literature" else self.model.type
 
     @property
     def joined(self) -> Fuse:
