@@ -85,4 +85,4 @@ def test_kinds_are_found_by_their_folders():
     found = {kind.name: kind for kind in kinds()}
     assert list(found) == ["formula", "memory", "pieces", "state_space", "sum"]
     for kind in found.values():
-        assert all(callable(kind.verb(name)) for name in ("simulate", "outside_range", "equations", "parameters", "write"))
+        assert all(callable(kind.verb(name)) for name in ("simulate", "equations", "parameters", "write"))
