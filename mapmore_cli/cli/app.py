@@ -7,6 +7,7 @@ when it runs.
 from __future__ import annotations
 
 import io
+import os
 import sys
 from collections.abc import Iterator, Mapping
 from importlib import import_module
@@ -50,19 +51,20 @@ class _Lazily(Mapping[str, Any]):
 
 
 class Commands(TyperGroup):
-    """The group of subcommands: turns errors into exit codes, and takes `--debug` and `--env NAME` anywhere on the line."""
+    """The group of subcommands: turns errors into exit codes, and takes `--debug`, `--env` and `--tables` anywhere on the line."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**{**settings, "commands": _Lazily()})
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Move `--debug` and `--env NAME` to the front, so that they can be added at the end of a line that failed."""
+        """Move `--debug`, `--env NAME` and `--tables DIR` to the front, so that they can be added at the end of a line that failed."""
         ctx.meta[AS_JSON] = "--json" in args
         if "--debug" in args:
             args = ["--debug", *(arg for arg in args if arg != "--debug")]
-        while "--env" in args[1:]:
-            at = args.index("--env", 1)
-            args = ["--env", *args[at + 1 : at + 2], *args[:at], *args[at + 2 :]]
+        for option in ("--env", "--tables"):
+            for _ in range(args.count(option)):
+                at = len(args) - 1 - args[::-1].index(option)
+                args = [*args[at : at + 2], *args[:at], *args[at + 2 :]]
         return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
@@ -89,15 +91,11 @@ def _print_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-def _allow(names: list[str]) -> list[str]:
-    """Let specs read further environment variables, in this process and those that it starts."""
-    if names:
-        import os
-
-        from mapmore_cli.spec.yaml_core import MORE
-
-        os.environ[MORE] = ",".join([*names, os.environ.get(MORE, "")])
-    return names
+def _add(variable: str, values: list[str], separator: str) -> list[str]:
+    """Let specs read more, in this process and those that it starts: they take it from an environment variable."""
+    if values:
+        os.environ[variable] = separator.join([*values, os.environ.get(variable, "")])
+    return values
 
 
 @app.callback()
@@ -106,8 +104,22 @@ def _common(
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error (anywhere on the line).")] = False,
     env: Annotated[
         list[str],
-        typer.Option("--env", metavar="NAME", callback=_allow, help="Let specs read this environment variable too (anywhere on the line)."),
+        typer.Option(
+            "--env",
+            metavar="NAME",
+            callback=lambda names: _add("MAPMORE_ENV", names, ","),
+            help="Let specs read this environment variable too.",
+        ),
     ] = [],  # noqa: B006 - Typer makes a new list of what the user gives
+    tables: Annotated[
+        list[str],
+        typer.Option(
+            "--tables",
+            metavar="DIR",
+            callback=lambda folders: _add("MAPMORE_TABLES", folders, os.pathsep),
+            help="Let `report.published.tables` lie below this folder too.",
+        ),
+    ] = [],  # noqa: B006
 ) -> None:
     """Models of soft fluidic muscles from measured curves: one spec, one command, a validated model and a page to look at."""
 

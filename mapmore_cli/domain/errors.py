@@ -6,7 +6,11 @@ anything else into an internal fault.
 
 from __future__ import annotations
 
+import errno
 from signal import Signals
+
+_PATHS = (errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR, errno.EISDIR, errno.ENOENT, errno.EINVAL, errno.ENXIO, errno.EIO, errno.ESRCH)
+"""What the file system says of paths that lead to nothing readable."""
 
 
 class MapmoreError(Exception):
@@ -35,6 +39,9 @@ def explained(error: BaseException) -> BaseException:
         return error.__cause__
     if isinstance(error, PermissionError) and error.filename is not None:
         return DataError(f"{error.filename}: cannot be read (permission denied)", "change its permissions, or leave it out")
+    if isinstance(error, OSError) and error.filename is not None and error.errno in _PATHS:
+        name = str(error.filename)
+        return DataError(f"{name if len(name) < 200 else f'{name[:100]}...'}: {(error.strerror or 'is no path').lower()}", "check the path")
     return error
 
 

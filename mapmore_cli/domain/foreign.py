@@ -15,7 +15,7 @@ from itertools import count
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
 """What a terminal obeys instead of showing it, all but tabs and line feeds; and marks that turn the order of letters."""
 
-_BROKEN = re.compile(rf"{_CONTROL.pattern}|[\t\n]")
+_BROKEN = re.compile(rf"{_CONTROL.pattern}|[\t\n\ud800-\udfff]")
 
 _FORMULA = ("=", "+", "-", "@")
 """How cells begin that a spreadsheet computes."""
@@ -41,7 +41,7 @@ def printable(text: str) -> str:
 
 
 def is_one_line(text: str) -> bool:
-    """Return whether the text is one line without control characters."""
+    """Return whether the text is one line without control characters and halves of characters."""
     return not _BROKEN.search(text)
 
 

@@ -58,7 +58,7 @@ def did_you_mean(word: str, known: Iterable[str], otherwise: str = "known are") 
     """`did you mean ...?` for a near miss, else the list of what is known; None where nothing is."""
     words = list(dict.fromkeys(known))
     lower = {candidate.casefold(): candidate for candidate in words}
-    near = get_close_matches(word.casefold(), lower, n=1, cutoff=0.6)
+    near = get_close_matches(word[:_WIDEST].casefold(), lower, n=1, cutoff=0.6)
     if near:
         return f"did you mean `{lower[near[0]]}`?"
     return f"{otherwise} {', '.join(f'`{candidate}`' for candidate in words)}" if words else None

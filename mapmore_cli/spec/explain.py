@@ -17,6 +17,9 @@ from mapmore_cli.spec.tree import Loc, Node, keys_at, nearest
 Explained = tuple[str, str | None]
 """What is wrong, and what would be right."""
 
+MOST_ERRORS = 200
+"""Errors that are explained: a list of thousands of wrong values is one mistake."""
+
 _EXPECTED = {
     "string_type": "text",
     "int_type": "a whole number",
@@ -41,7 +44,7 @@ _BOUNDS = {
 
 def explain(error: ValidationError, root: Node, model: type[BaseModel]) -> list[Mistake]:
     """One problem for each mistake that pydantic found in the tree: a key that is missing because it is misspelt is one mistake."""
-    errors = error.errors(include_url=False)
+    errors = error.errors(include_url=False)[:MOST_ERRORS]
     meant = {_meant(details["loc"], root, model) for details in errors if details["type"] in _UNKNOWN}
     return [_problem(details, root, model) for details in errors if _split(details["loc"], root) not in meant]
 
@@ -101,7 +104,7 @@ def _value(kind: str, value: object, context: Mapping[str, Any], said: str, name
 
 def _literal(value: object, context: Mapping[str, Any], _said: str, name: str) -> Explained:
     known = re.findall(r"'([^']*)'", context["expected"]) or [context["expected"]]
-    return f"{name} cannot be {_shown(value)}", did_you_mean(str(value), known, "possible are")
+    return f"{name} cannot be {_shown(value)}", did_you_mean("" if isinstance(value, dict | list) else str(value), known, "possible are")
 
 
 def _no_member(value: object, context: Mapping[str, Any], _said: str, name: str) -> Explained:

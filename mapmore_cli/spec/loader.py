@@ -15,7 +15,7 @@ from pydantic import BaseModel, ValidationError
 from mapmore_cli.spec import semantics
 from mapmore_cli.spec.diagnostics import Finding, Mistake, locate, new_places, raise_if_any
 from mapmore_cli.spec.experiment import ExperimentSpec
-from mapmore_cli.spec.explain import explain, faulty, unknown_keys
+from mapmore_cli.spec.explain import MOST_ERRORS, explain, faulty, unknown_keys
 from mapmore_cli.spec.fields import PARTIAL
 from mapmore_cli.spec.layers import apply, read, read_text
 from mapmore_cli.spec.quantities import moved, resolve
@@ -140,6 +140,8 @@ def resolved(spec: BaseModel, folder: Path | None = None, to: Path | None = None
 
 def _beyond(error: ValidationError, root: Node, model: type[M], check: Check[M]) -> list[Mistake]:
     """What `check` finds in a spec without its parts of wrong form, so that all mistakes are seen at once."""
+    if error.error_count() > MOST_ERRORS:
+        return []
     lost = set[str | int]()
     while True:
         unknown = unknown_keys(error, root, model)

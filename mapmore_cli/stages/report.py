@@ -2,25 +2,32 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.errors import DataError, SpecError, UsageError
+from mapmore_cli.domain.foreign import is_one_line
 from mapmore_cli.spec.experiment import ExperimentSpec, Muscle
 from mapmore_cli.spec.sections.results import Report, Style, Validate
 from mapmore_cli.stages.pipeline.stage import Stage, Workspace
 from mapmore_cli.storage.run_folder import VALIDATION, RunFiles
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from mapmore_cli.domain.models import Equation, Model
     from mapmore_cli.domain.search import Search
     from mapmore_cli.reporting.inputs import FigureStyle, ReportInputs
     from mapmore_cli.reporting.table import Table
 
 METRES_PER_INCH = 0.0254
+
+TABLES = "MAPMORE_TABLES"
+"""The variable that lists folders, beside that of the spec, in which published tables may lie; `--tables` adds to it."""
+
+LARGEST_TABLE = 100_000
+"""Bytes of a published table."""
 
 
 LEFT_OUT = (
@@ -76,11 +83,22 @@ def _published(report: Report) -> list[str]:
 
 
 def sources(spec: ExperimentSpec, folder: Path) -> list[Path]:
-    """The tables of a publication; SpecError where one is missing."""
+    """Return the tables of a publication.
+
+    Raises
+    ------
+    SpecError
+        Where one is missing, is no CSV file, or lies neither below the spec's folder nor below one of `--tables`: a page shows it whole.
+    """
     paths = [folder / path for path in _published(spec.report)]
+    allowed = [folder, *(Path(place) for place in os.environ.get(TABLES, "").split(os.pathsep) if place)]
     for path in paths:
         if not path.is_file():
             raise SpecError(f"report.published.tables: {path}: no such file", "give a CSV file with a line of headings")
+        if path.suffix != ".csv" or not any(path.resolve().is_relative_to(place.resolve()) for place in allowed):
+            raise SpecError(f"report.published.tables: {path}: is no CSV file below the folder of the spec", "see `--tables`")
+        if path.stat().st_size > LARGEST_TABLE:
+            raise SpecError(f"report.published.tables: {path}: larger than {LARGEST_TABLE // 1000} kB", "give the table of a publication")
     return paths
 
 
@@ -102,6 +120,8 @@ def published_table(path: Path) -> Table:
     except (OSError, UnicodeDecodeError, ValueError) as fault:
         raise SpecError(f"report.published.tables: {path} cannot be read ({fault})", "give a CSV file with a line of headings") from fault
     uneven = next((number for number, row in enumerate(rows, start=2) if len(row) != len(header)), None)
+    if not all(is_one_line(cell) for row in (header, *rows) for cell in row):
+        raise SpecError(f"report.published.tables: {path}: has cells with control characters or several lines", "mend the table")
     if uneven is not None:
         raise SpecError(f"report.published.tables: {path}: line {uneven} has not {len(header)} cells", "mend the line")
     return Table(f"published_{path.stem}", f"Published: {path.stem}", tuple(map(Column, header)), tuple(tuple(row) for row in rows))

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path, PurePath, PurePosixPath
 
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.foreign import is_one_line
 from mapmore_cli.storage.readers import READERS
 
 SHOWN = 4  # names listed in a message
@@ -19,6 +20,17 @@ def expand(pattern: str, folder: Path) -> list[Path]:
 
     A path that exists as it is written is taken literally, brackets and all. Raises DataError for a folder, or where nothing matches.
     """
+    files = _expanded(pattern, folder)
+    for path in files:
+        name = relative_name(path, folder)
+        if not is_one_line(name):
+            raise DataError(f"the name {name!r} is not one line of valid text", "rename the file")
+        if path.stat().st_size == 0:  # as all files below /proc say of themselves, which may never end
+            raise DataError(f"{name}: is empty", "leave it out of `files`, or get it again")
+    return files
+
+
+def _expanded(pattern: str, folder: Path) -> list[Path]:
     literal = folder / pattern
     if literal.is_dir():
         raise DataError(f"{pattern}: is a folder", f"Name the files in it, as `{pattern.rstrip('/')}/*.csv`.")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import os
+import resource
 import subprocess
 import sys
 import threading
@@ -11,7 +12,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import h5py
+import numpy as np
 import pytest
+import scipy.io
 from cli_samples import write_study
 
 import mapmore_cli
@@ -326,3 +330,87 @@ def test_whatever_a_library_raises_on_damage_is_wrong_data() -> None:
         raise UnboundLocalError("arr")
     with pytest.raises(NameError), reading("a.mat", "MAT file"):
         raise NameError("arr")
+
+
+GIBIBYTE = 1 << 30
+
+
+def limited(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """A command in a folder that may take 1 GiB for what it computes with."""
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_DATA, (GIBIBYTE, GIBIBYTE))
+
+    line = [sys.executable, "-m", "mapmore_cli", *arguments]
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
+    return subprocess.run(line, cwd=folder, preexec_fn=limit, capture_output=True, text=True, timeout=120, env=environment)
+
+
+def endless(folder: Path) -> None:
+    (folder / "a.csv").symlink_to("/proc/self/pagemap")
+
+
+def unpacking(folder: Path) -> None:
+    with h5py.File(folder / "a.h5", "w") as file:
+        for name in ("P", "eps", "F"):
+            file.create_dataset(name, shape=(180_000_000,), dtype="f8", chunks=True, compression="gzip")
+
+
+def packed(folder: Path) -> None:
+    scipy.io.savemat(folder / "a.mat", {name: np.zeros(20_000_000) for name in ("P", "eps", "F")}, do_compression=True)
+
+
+def wide(folder: Path) -> None:
+    (folder / "a.csv").write_text("\n".join([",".join(f"c{i}" for i in range(100_000)), ",".join(["1"] * 100_000)]))
+
+
+def named(folder: Path) -> None:
+    (folder / "a\n.csv").write_text("P,eps,F\n1,2,3\n")
+
+
+SPEC = """\
+name: a
+data: {files: ["a*"], reader: READER, columns: {pressure: {column: P, unit: kPa}, strain: {column: eps}, force: {column: F, unit: N}}}
+target: static
+dictionary: [{terms: [strain]}]
+"""
+
+
+@pytest.mark.parametrize(
+    ("make", "reader", "words"),
+    [
+        (endless, "csv", "a.csv: is empty"),
+        (unpacking, "hdf5", "MB to 4320 MB"),
+        (packed, "mat", "unpacks from 0."),
+        (named, "csv", "is not one line of valid text"),
+    ],
+)
+def test_a_small_file_takes_little_memory(make: Callable[[Path], None], reader: str, words: str, tmp_path: Path) -> None:
+    make(tmp_path)
+    (tmp_path / "spec.yaml").write_text(SPEC.replace("READER", reader))
+    found = limited(tmp_path, "check", "spec.yaml")
+    assert (found.returncode, words in found.stderr) == (4, True), found.stderr
+
+
+def test_a_table_of_thousands_of_columns_is_refused_by_init(tmp_path: Path) -> None:
+    wide(tmp_path)
+    found = limited(tmp_path, "init", "a.csv")
+    assert (found.returncode, "has 100000 columns, more than 2000" in found.stderr) == (4, True), found.stderr
+
+
+@pytest.mark.parametrize("text", ["report: {figures: [[LONG]]}", "report: {figures: [LONG]}", "fit: {KEYS}"])
+def test_long_lists_in_a_spec_are_one_mistake(text: str, tmp_path: Path) -> None:
+    numbers = range(6000)
+    text = text.replace("LONG", ", ".join(map(str, numbers))).replace("KEYS", ", ".join(f"k{i}: 1" for i in numbers))
+    (tmp_path / "spec.yaml").write_text(SPEC.replace("READER", "csv") + text)
+    assert limited(tmp_path, "check", "spec.yaml").returncode == 3
+
+
+@pytest.mark.parametrize(
+    "line", ["show {}", "predict {} t.csv", "init {}", "init t.csv -o {}", "example {}", "compare {} {}", "export {} --to c"]
+)
+def test_names_that_no_path_has_are_told(line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mapmore: Any) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "t.csv").write_text("t,P,eps,F\n" + "".join(f"{i},{100 + i % 7},{i / 100},{i}\n" for i in range(40)))
+    found = mapmore(*line.format("x" * 300, "y" * 300).split())
+    assert (found.exit_code, "file name too long" in found.stderr) == (4, True), found.stderr

@@ -6,6 +6,7 @@ import csv
 import json
 import math
 from pathlib import Path
+from shutil import copy
 
 import numpy as np
 import pytest
@@ -33,7 +34,7 @@ validate:
 report:
   figures: [fit]
   formats: [html, csv, png]
-  published: {{source: somewhere, tables: ["{DATASETS}/published/p_table_3.csv"]}}
+  published: {{source: somewhere, tables: [p_table_3.csv]}}
 """
 
 
@@ -42,6 +43,7 @@ def finished(tmp_path_factory, mapmore):
     """The study, run once."""
     folder = tmp_path_factory.mktemp("moving")
     (folder / "spec.yaml").write_text(SPEC)
+    copy(DATASETS / "published" / "p_table_3.csv", folder)
     result = mapmore("run", folder / "spec.yaml", "--runs", folder / "runs", "--json", "-q")
     assert result.exit_code == 0, result.stderr
     return folder / "runs" / "moving", json.loads(result.stdout)
@@ -51,6 +53,7 @@ def refused(mapmore, tmp_path, change, code):
     old, new = change
     assert old in SPEC
     (tmp_path / "spec.yaml").write_text(SPEC.replace(old, new))
+    copy(DATASETS / "published" / "p_table_3.csv", tmp_path)
     result = mapmore("run", tmp_path / "spec.yaml", "--runs", tmp_path / "runs", "-q")
     assert result.exit_code == code, result.stderr
     return result.stderr
@@ -209,6 +212,12 @@ def test_records_that_cannot_be_fitted_are_told_with_a_remedy(change, words, map
 def test_a_swarm_without_a_stable_particle_is_a_failed_fit(mapmore, tmp_path):
     change = ("seed: 3", "solver: swarm, bounds: {p1: [0.9, 1.0], p2: [0.9, 2.0]}")
     assert "no stable section" in refused(mapmore, tmp_path, change, 5)
+
+
+def test_a_published_table_is_a_csv_file_beside_the_spec(mapmore, tmp_path):
+    (tmp_path / "key.csv").symlink_to(DATASETS / "published" / "README.md")
+    for name in ("key.csv", "spec.yaml", f"{DATASETS}/published/p_table_3.csv"):
+        assert "is no CSV file below the folder of the spec" in refused(mapmore, tmp_path, ("p_table_3.csv", name), 3)
 
 
 def test_a_published_table_that_is_missing_is_told(mapmore, tmp_path):

@@ -15,6 +15,9 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import reader_of, suffix_of
 from mapmore_cli.storage.tables.table import Top
 
+WIDEST = 2000
+"""Columns of a table that `init` looks at."""
+
 LINES = 200
 MOST_HEADER_LINES = 9
 MOST_UNIT_LINES = 2
@@ -69,6 +72,8 @@ def preview(path: Path, least: int = 2) -> Preview:
     if reader.peek is None:
         raise DataError(f"{path.name}: its arrays have to be named", remedy)
     tops = list(reader.peek(path, LINES))
+    if (width := max((len(row) for top in tops for row in top.rows), default=0)) > WIDEST:
+        raise DataError(f"{path.name}: has {width} columns, more than {WIDEST}", remedy)
     tables = [table for table in (_table(top, reader.name, least) for top in tops) if table is not None]
     if not tables:
         lines = f" in its first {len(tops[0].rows)} lines" if tops[0].rows else ""

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import struct
+import zlib
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,11 +20,15 @@ from mapmore_cli.storage.tables.members import (
     natural,
     own_values,
     parse_address,
-    refuse_other_files,
+    refuse_bombs,
+    refuse_strange,
     tables,
 )
 from mapmore_cli.storage.tables.table import RawTable, Reader, TableRequest, Top, reading
 from mapmore_cli.storage.tables.trees import top_of
+
+COMPRESSED = 15
+"""The type of a packed element in a file of version 5."""
 
 
 def read_mat(path: Path, request: TableRequest) -> list[RawTable]:
@@ -40,9 +47,9 @@ def read_mat(path: Path, request: TableRequest) -> list[RawTable]:
     with reading(request.label, "MAT file"), path.open("rb") as stream:
         if h5py.is_hdf5(path):
             with h5py.File(stream, "r") as file:
-                refuse_other_files(file, request.label)
+                refuse_strange(file, request.label)
                 return tables(matlab_file(file), request)
-        return tables(_variables(stream, request), request)
+        return tables(_variables(stream, request, request.label), request)
 
 
 def peek_mat(path: Path, most: int) -> Iterable[Top]:
@@ -52,15 +59,34 @@ def peek_mat(path: Path, most: int) -> Iterable[Top]:
     with reading(path.name, "MAT file"), path.open("rb") as stream:
         if h5py.is_hdf5(path):
             with h5py.File(stream, "r") as file:
-                refuse_other_files(file, path.name)
+                refuse_strange(file, path.name)
                 return [top_of(matlab_file(file), most, ".")]
-        return [top_of(_variables(stream, None), most, ".")]
+        return [top_of(_variables(stream, None, path.name), most, ".")]
 
 
-def _variables(stream: Any, request: TableRequest | None) -> Member:
+def _refuse_packed(stream: Any, label: str) -> None:
+    """Unpack each element of a file of version 5 without keeping it, and refuse one that is far larger than the file."""
+    size = os.fstat(stream.fileno()).st_size
+    head, unpacked = stream.read(128), 0
+    order = {b"IM": "<", b"MI": ">"}.get(head[126:128])
+    while order and len(tag := stream.read(8)) == 8:
+        kind, length = struct.unpack(f"{order}II", tag)
+        if kind != COMPRESSED:
+            stream.seek(length, os.SEEK_CUR)
+            continue
+        unpacker, rest = zlib.decompressobj(), stream.read(length)
+        while rest and not unpacker.eof:
+            unpacked += len(unpacker.decompress(rest, 1 << 20))
+            rest = unpacker.unconsumed_tail
+            refuse_bombs(label, unpacked, size)
+    stream.seek(0)
+
+
+def _variables(stream: Any, request: TableRequest | None, label: str) -> Member:
     """Return the variables of a file, of which those that the request names are loaded; all without one."""
     from scipy.io import loadmat, whosmat
 
+    _refuse_packed(stream, label)
     if request is None:
         loaded = {name: value for name, value in loadmat(stream).items() if not name.startswith("__")}
         return _file(list(loaded), lambda name: _member(loaded[name], name))

@@ -5,6 +5,7 @@ A format gives its top as a `Member`; the rest is the same for all.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -203,15 +204,32 @@ def _further(here: Member, wanted: str = "") -> str:
     return f"It is {here.kind}, which has no members."
 
 
-def refuse_other_files(file: Any, label: str) -> None:
-    """Raise DataError for an open HDF5 file with links to other files, before one is followed: they may lead anywhere on this computer."""
-    from h5py import h5l
+MOST_VALUES, RATIO = 32_000_000, 100
+"""Bytes of all arrays of a file that unpacks, and beyond that how many times its own size; logs shrink to a tenth, at most a fiftieth."""
 
-    def other(name: bytes, info: Any) -> bytes | None:
+
+def refuse_bombs(label: str, unpacked: float, packed: int) -> None:
+    """Raise DataError for a file whose arrays declare to be far more than it holds, before a value is read."""
+    if unpacked > max(MOST_VALUES, RATIO * packed):
+        raise DataError(f"{label}: unpacks from {packed / 1e6:.2g} MB to {unpacked / 1e6:.0f} MB", "save the measurements alone")
+
+
+def refuse_strange(file: Any, label: str) -> None:
+    """Raise DataError for an open HDF5 file with links to other files, or with arrays far larger than it is; no value is read."""
+    from h5py import h5d, h5l, h5o
+
+    unpacked = 0
+
+    def strange(name: bytes, info: Any) -> bytes | None:
+        nonlocal unpacked
+        if info.type == h5l.TYPE_HARD and h5o.get_info(file.id, name).type == h5o.TYPE_DATASET:
+            dataset = h5d.open(file.id, name)
+            unpacked += math.prod(dataset.shape) * dataset.get_type().get_size()
         return name if info.type == h5l.TYPE_EXTERNAL else None
 
-    if name := file.id.links.visit(other, info=True):
+    if name := file.id.links.visit(strange, info=True):
         raise DataError(f"{label}: '{name.decode(errors='replace')}' is a link to another file", "name that file itself in `files`")
+    refuse_bombs(label, unpacked, file.id.get_filesize())
 
 
 def own_values(dataset: Any) -> Any:
