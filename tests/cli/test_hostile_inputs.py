@@ -406,9 +406,7 @@ def test_long_lists_in_a_spec_are_one_mistake(text: str, tmp_path: Path) -> None
     assert limited(tmp_path, "check", "spec.yaml").returncode == 3
 
 
-@pytest.mark.parametrize(
-    "line", ["show {}", "predict {} t.csv", "init {}", "init t.csv -o {}", "example {}", "compare {} {}", "export {} --to c"]
-)
+@pytest.mark.parametrize("line", ["show {}", "predict {} t.csv", "init {}", "example {}", "compare {} {}", "export {} --to c"])
 def test_names_that_no_path_has_are_told(line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mapmore: Any) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "t.csv").write_text("t,P,eps,F\n" + "".join(f"{i},{100 + i % 7},{i / 100},{i}\n" for i in range(40)))
