@@ -380,7 +380,7 @@ dictionary: [{terms: [strain]}]
     ("make", "reader", "words"),
     [
         (endless, "csv", "a.csv: is empty"),
-        (unpacking, "hdf5", "MB to 4320 MB"),
+        (unpacking, "hdf5", "MB to 1440 MB"),
         (packed, "mat", "unpacks from 0."),
         (named, "csv", "is not one line of valid text"),
     ],

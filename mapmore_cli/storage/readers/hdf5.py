@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from mapmore_cli.storage.readers.mat import matlab_file
-from mapmore_cli.storage.tables.members import Member, Selection, check_fit, natural, own_values, refuse_strange, tables
+from mapmore_cli.storage.tables.members import Member, Selection, check_fit, natural, own_values, refuse_other_files, tables
 from mapmore_cli.storage.tables.table import RawTable, Reader, TableRequest, Top, reading
 from mapmore_cli.storage.tables.trees import top_of
 
@@ -39,7 +39,7 @@ def _opened(path: Path, label: str) -> Iterator[Member]:
     import h5py
 
     with reading(label, "HDF5 file"), path.open("rb") as stream, h5py.File(stream, "r") as file:
-        refuse_strange(file, label)
+        refuse_other_files(file, label)
         members = (file.get(name) for name in file)  # None for a link that leads nowhere
         by_matlab = any("MATLAB_class" in member.attrs for member in members if member is not None)
         yield matlab_file(file) if by_matlab else _member(file)
@@ -67,7 +67,7 @@ def _member(found: Any) -> Member:
 def _reader(dataset: Any, field: str | None) -> Callable[[Selection], Any]:
     def read(selection: Selection) -> Any:
         check_fit(selection, dataset.shape)
-        values = own_values(dataset)
+        values = own_values(dataset, selection)
         return values[selection] if field is None else values.fields(field)[selection]
 
     return read

@@ -21,7 +21,7 @@ from mapmore_cli.storage.tables.members import (
     own_values,
     parse_address,
     refuse_bombs,
-    refuse_strange,
+    refuse_other_files,
     tables,
 )
 from mapmore_cli.storage.tables.table import RawTable, Reader, TableRequest, Top, reading
@@ -47,7 +47,7 @@ def read_mat(path: Path, request: TableRequest) -> list[RawTable]:
     with reading(request.label, "MAT file"), path.open("rb") as stream:
         if h5py.is_hdf5(path):
             with h5py.File(stream, "r") as file:
-                refuse_strange(file, request.label)
+                refuse_other_files(file, request.label)
                 return tables(matlab_file(file), request)
         return tables(_variables(stream, request, request.label), request)
 
@@ -59,7 +59,7 @@ def peek_mat(path: Path, most: int) -> Iterable[Top]:
     with reading(path.name, "MAT file"), path.open("rb") as stream:
         if h5py.is_hdf5(path):
             with h5py.File(stream, "r") as file:
-                refuse_strange(file, path.name)
+                refuse_other_files(file, path.name)
                 return [top_of(matlab_file(file), most, ".")]
         return [top_of(_variables(stream, None, path.name), most, ".")]
 
@@ -199,7 +199,7 @@ def _array(dataset: Any) -> Member:
     def read(selection: Selection) -> Any:
         check_fit(selection, shape)
         whole = (*selection, *(slice(None),) * (len(shape) - len(selection)))
-        return np.transpose(own_values(dataset)[whole[::-1]])
+        return np.transpose(own_values(dataset, whole[::-1])[whole[::-1]])
 
     return Member(f"an array of {' x '.join(map(str, shape))}", values=read, shape=shape)
 

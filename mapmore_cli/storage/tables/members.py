@@ -8,7 +8,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
+from contextvars import ContextVar
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -214,28 +216,34 @@ def refuse_bombs(label: str, unpacked: float, packed: int) -> None:
         raise DataError(f"{label}: unpacks from {packed / 1e6:.2g} MB to {unpacked / 1e6:.0f} MB", "save the measurements alone")
 
 
-def refuse_strange(file: Any, label: str) -> None:
-    """Raise DataError for an open HDF5 file with links to other files, or with arrays far larger than it is; no value is read."""
-    from h5py import h5d, h5l, h5o
+_read: ContextVar[dict[str, int]] = ContextVar("_read")
+"""Bytes of each array of the open file that was read so far, by its name."""
 
-    unpacked = 0
 
-    def strange(name: bytes, info: Any) -> bytes | None:
-        nonlocal unpacked
-        if info.type == h5l.TYPE_HARD and h5o.get_info(file.id, name).type == h5o.TYPE_DATASET:
-            dataset = h5d.open(file.id, name)
-            unpacked += math.prod(dataset.shape) * dataset.get_type().get_size()
+def refuse_other_files(file: Any, label: str) -> None:
+    """Raise DataError for an open HDF5 file with links to other files, before one is followed: they may lead anywhere on this computer."""
+    from h5py import h5l
+
+    def other(name: bytes, info: Any) -> bytes | None:
         return name if info.type == h5l.TYPE_EXTERNAL else None
 
-    if name := file.id.links.visit(strange, info=True):
+    if name := file.id.links.visit(other, info=True):
         raise DataError(f"{label}: '{name.decode(errors='replace')}' is a link to another file", "name that file itself in `files`")
-    refuse_bombs(label, unpacked, file.id.get_filesize())
+    _read.set({})
 
 
-def own_values(dataset: Any) -> Any:
-    """The dataset; DataError where its values lie in other files (external storage, virtual datasets)."""
+def own_values(dataset: Any, selection: Selection = ()) -> Any:
+    """Return the dataset, of which a selection is read next.
+
+    Raises DataError where its values lie in other files (external storage, virtual datasets), and where all that was asked for of its file
+    is far larger than the file.
+    """
     if dataset.external or dataset.is_virtual:
         raise DataError(f"{dataset.name} takes its values from other files", "write the values into the file itself")
+    read = _read.get({})
+    lengths = [1 if isinstance(one, int) else length for one, length in zip_longest(selection, dataset.shape)]
+    read[f"{dataset.name}{selection}"] = math.prod(lengths) * dataset.dtype.itemsize
+    refuse_bombs(dataset.name, sum(read.values()), dataset.file.id.get_filesize())
     return dataset
 
 
