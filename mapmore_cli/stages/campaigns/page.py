@@ -75,9 +75,10 @@ def run_names(entries: Sequence[Entry], campaigns: Sequence[Expanded], specs: Se
     owners: dict[str, str] = {}
 
     def claim(folder: str, owner: str) -> None:
-        if folder in owners:
-            raise UsageError(f"{owners[folder]} and {owner} have the same name, '{folder}'", "give each a `name` of its own")
-        owners[folder] = owner
+        alike = folder.lower()  # one folder, where capitals do not count in names of files
+        if alike in owners:
+            raise UsageError(f"{owners[alike]} and {owner} have the same name, '{folder}'", "give each a `name` of its own")
+        owners[alike] = owner
 
     for campaign in campaigns:
         claim(campaign.campaign.campaign, f"the campaign '{campaign.campaign.campaign}'")
