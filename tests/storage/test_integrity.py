@@ -108,7 +108,6 @@ def parts_that_do_not_fit() -> Iterator[tuple[str, Any, str]]:
     yield "model", replace(model, body=replace(model.body, fusion=one_side)), "fusion/extrapolation, says nothing of 'pressure'"
     yield "model", replace(model, body=replace(model.body, level="")), "body/level, has '', which is none of the inputs"
     yield "model", replace(model, body=Sum(())), "body/parts, holds no model"
-    yield "model", replace(model, body=replace(model.body, variables=(model.body.level,))), "body/variables, hold the level"
     renamed = replace(model, inputs=model.inputs[:1], body=Sum((Part(model, 1.0, {}),)))
     yield "model", renamed, "parts/000/inputs, does not say what 'strain' is, which is none of the inputs of the sum"
     bare = replace(model.body.curves[0], level=300.0, segments=())

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from mapmore_cli.domain.memory import Identified, MemoryFit, MemoryModel, StateSet
-from mapmore_cli.modelling.memory.evaluation import setting_of
 from mapmore_cli.modelling.terms import ExpressionError, state
-from mapmore_cli.modelling.terms.states import Measured, Operated
 from mapmore_cli.storage.artefacts.codecs import added, named, number, numbers, optional, shown, text
 from mapmore_cli.storage.artefacts.label import NO_UNIT
 from mapmore_cli.storage.artefacts.layout.cells import (
@@ -31,16 +29,9 @@ from mapmore_cli.storage.artefacts.schema import Fault, Field, Schema, record
 def _state_faults(states: StateSet) -> Iterator[Fault]:
     for name in states.names:
         try:
-            found = state(name)
+            state(name)
         except ExpressionError as error:
             yield "names", f"has {shown(name)}, which is no state: {error}"
-            continue
-        while not isinstance(found, Measured):
-            try:
-                _ = setting_of(found, states) if isinstance(found, Operated) else None
-            except KeyError:
-                yield "ranges", f"says nothing of {shown(found.source.name)}, which {shown(name)} is made of"
-            found = found.source
     if states.step <= 0:
         yield "step", f"is {states.step:g} s"
     if len(states.low) != len(states.high):

@@ -28,7 +28,6 @@ from mapmore_cli.domain.models import (
 from mapmore_cli.domain.recording import Signal
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import kinds
-from mapmore_cli.modelling.terms import state
 from mapmore_cli.storage.artefacts.codecs import adapted, added, named, number, numbered, optional, pairs, shown, text
 from mapmore_cli.storage.artefacts.integrity import Invalid
 from mapmore_cli.storage.artefacts.label import NO_UNIT
@@ -214,8 +213,6 @@ def _pieces_faults(pieces: Pieces) -> Iterator[Fault]:
     yield from _level_faults(pieces.level, pieces.ranges, "curves")
     if len({bool(curve.segments) for curve in pieces.curves}) > 1:
         yield "curves", "holds a curve without segments, where others have some"
-    if pieces.level in pieces.variables:
-        yield "variables", "hold the level"
     if pieces.fusion.aligned is not None and any(curve.threshold is None for curve in pieces.curves):
         yield "curves", "holds a curve without a threshold, although curves are aligned"
 
@@ -342,13 +339,6 @@ def _model_faults(model: Model) -> Iterator[Fault]:
         yield from _formula_faults(backbone, known)
     if isinstance(model.body, Pieces):
         yield from _input_faults(model.body, known)
-    if isinstance(model.body, Memory):
-        past = [state(name).quantity for name in model.body.model.states.names]
-        if strange := [name for name in past if name not in (*known, model.body.model.output)]:
-            yield "body/model/states/names", f"has {shown(strange[0])}, which is none of the inputs"
-    if isinstance(model.body, StateSpace):
-        motion = model.body.motion
-        yield from expression_faults("body/motion/drives", (motion.input, *motion.drives), known)
     if isinstance(model.body, Sum):
         for place, part in enumerate(model.body.parts):
             yield from expression_faults(f"body/parts/{place:03d}/inputs", part.inputs.values(), known)
