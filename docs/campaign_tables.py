@@ -17,10 +17,10 @@ from pages import write_tables
 
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Quantity
-from mapmore_cli.modelling.comparison import Comparison, compare
+from mapmore_cli.modelling.comparison import CHANGED, SAME, UNCLEAR, Comparison, compare
 from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import Cuts, Recipe
-from mapmore_cli.reporting.table import Column, Table
+from mapmore_cli.reporting.table import Cell, Column, Table
 from mapmore_cli.rig.load_cycle import load_cycle
 from mapmore_cli.rig.sensors import Sensor, measure
 from mapmore_cli.spec.loader import load, load_as
@@ -84,19 +84,22 @@ def pairs(count: int, factor: float, number: int = PAIRS) -> Iterator[Comparison
 
 def detection() -> Table:
     """How often a change is found."""
-    rows = []
+    rows: list[tuple[Cell, ...]] = []
     for count in PRESSURES:
         for factor in FACTORS:
             found = list(pairs(count, factor))
             widths = [one.interval[1] - one.interval[0] for one in found]
             certain = sum(one.interval[0] > 1 or one.interval[1] < 1 for one in found)
             ratios = [one.ratio for one in found]
-            called = f"{sum(one.changed for one in found)} of {PAIRS}"
-            rows.append((count, factor, called, certain, min(ratios), max(ratios), float(np.median(widths))))
+            answers = [one.answer for one in found]
+            called = [f"{answers.count(answer)} of {PAIRS}" for answer in (CHANGED, SAME, UNCLEAR)]
+            rows.append((count, factor, *called, certain, min(ratios), max(ratios), float(np.median(widths))))
     columns = (
         Column("curves"),
         Column("force, true factor", "", ".2f"),
         Column("called changed"),
+        Column("called the same"),
+        Column("cannot tell"),
         Column("interval excludes 1"),
         Column("least ratio", "", ".4f"),
         Column("largest ratio", "", ".4f"),
@@ -126,12 +129,12 @@ def measured(runs: Path) -> Table:
     """Repeats of one muscle, and muscles of different lengths."""
     repeats = [((length, first), (length, "10")) for length in (10, 20, 30) for first in ("8", "9", "89")]
     lengths = [((20, one), (30, one)) for one in ("8", "10", "89")]
-    rows = []
+    rows: list[tuple[Cell, ...]] = []
     for before, after in (*repeats, *lengths):
         found = compare(festo(*before, runs), festo(*after, runs))
         heaviest = max(curve.weight for curve in found.curves)
         names = [f"{length} cm, repeat{'s 8 and 9' if which == '89' else ' ' + which}" for length, which in (before, after)]
-        rows.append((*names, found.ratio, *found.interval, found.p, len(found.curves), 100 * heaviest, "yes" if found.changed else "no"))
+        rows.append((*names, found.ratio, *found.interval, found.p, len(found.curves), 100 * heaviest, found.answer))
     columns = (
         Column("before"),
         Column("after"),
@@ -141,7 +144,7 @@ def measured(runs: Path) -> Table:
         Column("p", "", ".2g"),
         Column("curves"),
         Column("weight of the heaviest curve", "%", ".0f"),
-        Column("called changed"),
+        Column("answer"),
     )
     return Table("festo", "Measured Festo muscles", columns, tuple(rows))
 

@@ -162,7 +162,8 @@ class FormulaFit:
 
     `status` is `converged`, `at_bound`, `rank_deficient`, `stopped_by_limit` or `failed`; numbers of a failed fit are NaN.
     `method` names how it was fitted (`linear least squares`, `variable projection`, `levenberg_marquardt`). `rivals` are other minima with
-    nearly its training error, the least first: which of them is right, training data hardly tell.
+    nearly its training error, the least first: which of them is right, training data hardly tell. `definition` is the formula itself, where
+    a spec defines it.
     """
 
     name: str
@@ -176,6 +177,12 @@ class FormulaFit:
     samples: int
     notes: tuple[str, ...] = ()
     rivals: tuple[Optimum, ...] = ()
+    definition: str = ""
+
+    @property
+    def formula(self) -> str:
+        """What the formula is found by: its definition, else its name."""
+        return self.definition or self.name
 
     @property
     def failed(self) -> bool:

@@ -23,6 +23,9 @@ REPEATABILITY = "repeatability"
 BASELINES = ("gaussian_process", "gradient_boosting", "mlp")
 """Names of competitors that are black boxes of scikit-learn."""
 
+SIMPLE = ("plane", "quadratic", "cubic", "backbone", "arx")
+"""Names of competitors that need no muscle; every validation has those that its model allows."""
+
 METRICS: Mapping[str, str] = MappingProxyType(
     {
         "n": "samples",

@@ -19,6 +19,12 @@ from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.scores.intervals import sign_permutation, weighted_mean
 
 CONFIDENCE = 0.95
+EQUIVALENCE = 0.90
+"""Level of the interval that has to lie within the margin: two one-sided tests of 5 % each."""
+
+CHANGED, SAME, UNCLEAR = "changed", "same", "cannot tell"
+"""Answers of a comparison."""
+
 MARGIN = 0.01
 """Relative change of force that is of no interest: repeats of one measurement differ by about as much."""
 
@@ -85,6 +91,7 @@ class Comparison:
     `ratio` is the factor that turns the earlier output into the later one over all curves, by least squares: the mean of the curves' own,
     weighted by the squares of the output. `interval` is its t-interval with K - 1 degrees of freedom for K curves, `p` is of the test that
     it is one, and `p_permutation` of the signs of the curves' changes in every combination, None where K is too small for a small p.
+    `narrow` is the interval of the level `EQUIVALENCE`.
     """
 
     before: str
@@ -93,6 +100,7 @@ class Comparison:
     curves: tuple[CurveChange, ...]
     ratio: float
     interval: tuple[float, float]
+    narrow: tuple[float, float]
     p: float
     p_permutation: float | None
     margin: float
@@ -103,6 +111,19 @@ class Comparison:
         """Whether there is a change that is both certain (the interval excludes one) and of interest (larger than the margin)."""
         low, high = self.interval
         return (low > 1 or high < 1) and abs(self.ratio - 1) > self.margin
+
+    @property
+    def answer(self) -> str:
+        """`changed`; `same`, where two one-sided tests show that the change is within the margin; or that the data `cannot tell`."""
+        if self.changed:
+            return CHANGED
+        low, high = self.narrow
+        return SAME if 1 - self.margin < low <= high < 1 + self.margin else UNCLEAR
+
+    @property
+    def by_effect(self) -> tuple[CurveChange, ...]:
+        """The curves by the size of their difference (root mean square), the largest first."""
+        return tuple(sorted(self.curves, key=lambda curve: -curve.rms))
 
 
 def compare(before: Model, after: Model, margin: float = MARGIN) -> Comparison:
@@ -125,6 +146,7 @@ def compare(before: Model, after: Model, margin: float = MARGIN) -> Comparison:
         curves=tuple(replace(curve, weight=float(share)) for curve, share in zip(curves, weights / weights.sum(), strict=True)),
         ratio=found.value,
         interval=found.interval,
+        narrow=weighted_mean(ratios, weights, EQUIVALENCE).interval,
         p=weighted_mean(ratios - 1, weights, CONFIDENCE).p,
         p_permutation=sign_permutation(weights * (ratios - 1)),
         margin=margin,

@@ -54,11 +54,8 @@ def _percent(fraction: float) -> str:
     return f"{100 * fraction:.3g} %"
 
 
-MOST_TERMS = 40
-
-
 def changes_table(found: Comparison) -> Table:
-    """Every curve that both models have: the factor between them, its weight, and the difference."""
+    """Every curve that both models have, by the size of the change: the factor between them, its weight, and the difference."""
     columns = (
         Column("curve"),
         Column("ratio", "", ".4f"),
@@ -69,7 +66,7 @@ def changes_table(found: Comparison) -> Table:
         Column("at"),
     )
     rows: list[tuple[Cell, ...]] = []
-    for curve in found.curves:
+    for curve in found.by_effect:
         place = ", ".join(f"{name} {value:.4g}" for name, value in curve.place.items())
         rows.append((curve.curve, curve.ratio, 100 * curve.weight, curve.difference, curve.rms, curve.largest, place))
     rows.append(("all", found.ratio, 100.0, *[None] * 4))
@@ -84,20 +81,6 @@ def changes_table(found: Comparison) -> Table:
 
 def drift_table(names: Sequence[str], results: Sequence[Comparison]) -> Table:
     """Every later model against the first."""
-    columns = (Column("model"), Column("ratio", "", ".4f"), Column("from", "", ".4f"), Column("to", "", ".4f"), Column("changed"))
-    rows = tuple((name, one.ratio, *one.interval, "yes" if one.changed else "no") for name, one in zip(names[1:], results, strict=True))
+    columns = (Column("model"), Column("ratio", "", ".4f"), Column("from", "", ".4f"), Column("to", "", ".4f"), Column("answer"))
+    rows = tuple((name, one.ratio, *one.interval, one.answer) for name, one in zip(names[1:], results, strict=True))
     return Table("drift", f"Every model against {names[0]}", columns, rows)
-
-
-def terms_table(found: Comparison) -> Table:
-    """The terms that came, went, or whose coefficient moved by more than twice its standard error."""
-    moved = [term for term in found.terms if term.moved]
-    unit = found.unit
-    columns = (Column("segment"), Column("term"), Column("before", unit), Column("after", unit), Column("standard error", unit, ".2g"))
-    rows = tuple((term.segment, term.term, term.before, term.after, term.error) for term in moved[:MOST_TERMS])
-    more = (f"{MOST_TERMS} of {len(moved)} are shown; --json has all.",) if len(moved) > MOST_TERMS else ()
-    notes = (
-        f"{len(moved)} of {len(found.terms)} coefficients moved by more than twice the standard error of the difference. That error takes "
-        "samples to be independent, and so is too small. Coefficients also move with the ends of their segment.",
-    )
-    return Table("moved_terms", "Terms and coefficients that moved", columns, rows, (*notes, *more))

@@ -14,7 +14,7 @@ from mapmore_cli.domain.models import Equation, LeftOut, Model
 from mapmore_cli.domain.motion import MotionFit
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult
-from mapmore_cli.domain.scores import Published, Validation, deciding
+from mapmore_cli.domain.scores import SIMPLE, Published, Validation, deciding
 from mapmore_cli.domain.search import Search
 from mapmore_cli.reporting.table import Table
 
@@ -131,12 +131,19 @@ class ReportInputs:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """The models that figures draw lines of: all, or the run's own and the best of the others where they are too many."""
-        if len(self.models) <= MOST_LINES:
-            return self.models
+        """The models that figures draw lines of: those shown, or the run's own and the best of the others where they are too many."""
+        if len(self.shown) <= MOST_LINES:
+            return self.shown
         errors = self.pooled_errors
-        best = sorted(self.models[1:], key=lambda model: errors.get(model, math.inf))[: MOST_LINES - 1]
-        return (self.own, *(model for model in self.models if model in best))
+        best = sorted(self.shown[1:], key=lambda model: errors.get(model, math.inf))[: MOST_LINES - 1]
+        return (self.own, *(model for model in self.shown if model in best))
+
+    @property
+    def shown(self) -> tuple[str, ...]:
+        """The models that figures show: of the simple competitors, the best alone."""
+        errors = self.pooled_errors
+        best = min((model for model in self.models if model in SIMPLE), key=lambda model: errors.get(model, math.inf), default=None)
+        return tuple(model for model in self.models if model not in SIMPLE or model == best)
 
     @property
     def far_off(self) -> tuple[str, ...]:

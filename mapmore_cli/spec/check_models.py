@@ -9,7 +9,7 @@ from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import DIRECTION
 from mapmore_cli.modelling.pieces.recipe import CutByDirection
 from mapmore_cli.spec.check_names import NO_TIME, expression_findings
-from mapmore_cli.spec.check_study import formula_uses
+from mapmore_cli.spec.check_study import formula_called, formula_uses
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean
 from mapmore_cli.spec.experiment import ExperimentSpec, TargetColumn
 from mapmore_cli.spec.sections.data import STEP_OF
@@ -70,7 +70,8 @@ def load_cycle_formulas(spec: ExperimentSpec) -> Iterator[Finding]:
     from mapmore_cli.modelling import literature
 
     for name, loc in formula_uses(spec):
-        if name not in literature.names() or literature.get(name).fitted_to != literature.LOAD_CYCLES:
+        formula = formula_called(spec, name)
+        if formula is None or formula.fitted_to != literature.LOAD_CYCLES:
             continue
         if loc[0] == "model":
             yield Finding(loc, f"`{name}` is fitted to load cycles, not to a target", "name it in `validate.against`")
@@ -112,11 +113,13 @@ def _sum(spec: ExperimentSpec, parts: Sequence[Summand], loc: Loc) -> Iterator[F
             yield from expression_findings(text, (*loc, i, "inputs", name), spec.quantities)
         if part.formula is None:
             continue
-        if part.formula not in literature.names():
-            remedy = did_you_mean(part.formula, literature.names())
-            yield Finding((*loc, i, "formula"), f"there is no literature model `{part.formula}`", remedy)
+        formula = formula_called(spec, part.formula)
+        if formula is None:
+            if part.formula not in spec.own_formulas:
+                remedy = did_you_mean(part.formula, (*literature.names(), *spec.own_formulas))
+                yield Finding((*loc, i, "formula"), f"there is no literature model `{part.formula}`", remedy)
             continue
-        inputs = literature.get(part.formula).inputs
+        inputs = formula.inputs
         known.append((f"{part.formula} ({i + 1})", inputs, part.inputs))
         for name in part.inputs:
             if name not in inputs:

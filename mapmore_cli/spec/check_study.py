@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.domain.scores import BASELINES, METRICS, OWN, REPEATABILITY
+from mapmore_cli.domain.scores import BASELINES, METRICS, OWN, REPEATABILITY, SIMPLE
 from mapmore_cli.modelling.pieces.recipe import Cuts, Fuse
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean
 from mapmore_cli.spec.experiment import ExperimentSpec, TargetColumn
 from mapmore_cli.spec.sections.dictionary import entries_of, texts_in
+from mapmore_cli.spec.sections.formulas import OwnFormula
 from mapmore_cli.spec.sections.logs import Logs
 from mapmore_cli.spec.sections.results import Competitor
 from mapmore_cli.spec.tree import Loc
 from mapmore_cli.spec.units import CANONICAL, check_unit, convert, default_unit, is_canonical
+
+if TYPE_CHECKING:
+    from mapmore_cli.modelling.literature import LiteratureModel
 
 LEFT_OUT = ("data", "split", "leave_one_level_out")
 LEFT_OUT_GROUP = ("data", "split", "leave_one_group_out")
@@ -141,23 +146,28 @@ def formulas(spec: ExperimentSpec) -> Iterator[Finding]:
 
     for name, loc in formula_uses(spec):
         rival = loc[:2] == ("validate", "against") and loc[-1] not in ("static", "damping")
+        if rival and name in SIMPLE:
+            yield from _simple(spec, name, loc)
+            continue
         if rival and name in BASELINES:
             yield from _baseline(spec, name, loc)
             continue
-        if name not in literature.names():
-            known = (*literature.names(), *(BASELINES if rival else ()))
-            yield Finding(loc, f"there is no literature model `{name}`", did_you_mean(name, known))
+        formula = formula_called(spec, name)
+        if formula is None:
+            if name not in spec.own_formulas:  # else what is wrong with it is told where it is written
+                known = (*literature.names(), *spec.own_formulas, *((*BASELINES, *SIMPLE) if rival else ()))
+                yield Finding(loc, f"there is no literature model `{name}`", did_you_mean(name, known))
             continue
-        if loc == ("model", "name") and not literature.get(name).inputs:
+        if loc == ("model", "name") and not formula.inputs:
             yield Finding(loc, f"`{name}` is no function of anything", "name it in `validate.against`")
-        for dimension in literature.get(name).dimensions:
+        for dimension in formula.dimensions:
             if loc == ("model", "backbone"):
                 yield Finding(
                     loc, f"`{name}` has the {dimension} of the muscle, and is no backbone", f"use `type: literature` with `{name}`"
                 )
             elif spec.muscle.lengths[dimension] is None:
                 yield Finding(loc, f"`{name}` needs the {dimension} of the muscle", f"add `{dimension}: 10 mm` (your number) to `muscle`")
-        for missing in [quantity for quantity in literature.get(name).inputs if quantity not in spec.quantities]:
+        for missing in [quantity for quantity in formula.inputs if quantity not in spec.quantities]:
             yield Finding(
                 loc, f"`{name}` needs the quantity `{missing}`", f"add `{missing}` to `columns` or `derive`, or leave `{name}` out"
             )
@@ -170,6 +180,14 @@ def formulas(spec: ExperimentSpec) -> Iterator[Finding]:
             remedy = "give this one a name: `{model: ..., as: NAME}`"
             yield Finding(("validate", "against", i), f"two models of the scores are named `{name}`", remedy)
         shown.append(name)
+
+
+def _simple(spec: ExperimentSpec, name: str, loc: Loc) -> Iterator[Finding]:
+    """A simple competitor has what it is made of."""
+    if name == "backbone" and spec.model.backbone is None:
+        yield Finding(loc, "the model has no backbone", "give it one, as `model: {backbone: sarosi}`, or leave this out")
+    if name == "arx" and not spec.runs_over_time:
+        yield Finding(loc, "`arx` runs along recordings, and the model does not", "leave it out")
 
 
 def _baseline(spec: ExperimentSpec, name: str, loc: Loc) -> Iterator[Finding]:
@@ -185,32 +203,81 @@ def _baseline(spec: ExperimentSpec, name: str, loc: Loc) -> Iterator[Finding]:
 
 def _starts(spec: ExperimentSpec) -> Iterator[Finding]:
     """Starting values are published for the formula that they are wanted for."""
-    from mapmore_cli.modelling import literature
-
     against = enumerate(spec.validation.against)
     wanted = [(c.model, c.starts, ("validate", "against", i, "starts")) for i, c in against if isinstance(c, Competitor)]
     for name, starts, loc in [(spec.model.name, spec.model.starts, ("model", "starts")), *wanted]:
-        if name in literature.names() and starts is not None:
+        formula = formula_called(spec, name)
+        if formula is not None and starts is not None:
             try:
-                literature.get(name).starting_from(starts)
+                formula.starting_from(starts)
             except SpecError as error:
                 yield Finding(loc, error.message, error.remedy)
 
 
 def _errors_in(spec: ExperimentSpec) -> Iterator[Finding]:
     """An input whose error is minimised is one of the formula, which can be solved for it."""
-    from mapmore_cli.modelling import literature
     from mapmore_cli.modelling.literature.formula import can_be_solved
 
     against = enumerate(spec.validation.against)
     wanted = [(c.model, c.errors_in, ("validate", "against", i, "errors_in")) for i, c in against if isinstance(c, Competitor)]
     for name, given, loc in [(spec.model.name, spec.model.errors_in, ("model", "errors_in")), *wanted]:
-        if name in literature.names() and given is not None:
-            formula = literature.get(name)
+        formula = formula_called(spec, name)
+        if formula is not None and given is not None:
             if not can_be_solved(formula):
                 yield Finding(loc, f"`{name}` is fitted in a way of its own, to errors of the target", "remove it")
             elif given not in formula.inputs:
                 yield Finding(loc, f"`{name}` has no input `{given}`", did_you_mean(given, formula.inputs))
+
+
+def own_formulas(spec: ExperimentSpec) -> Iterator[Finding]:
+    """A formula of the spec's own has a name of its own, is an expression, and is linear in what has no bounds."""
+    from mapmore_cli.modelling import literature
+    from mapmore_cli.modelling.terms import ExpressionError
+
+    taken = {*literature.names(), *BASELINES, *SIMPLE, OWN, REPEATABILITY, AUTO}
+    for i, one in enumerate(spec.formulas):
+        if isinstance(one, str):
+            yield Finding(("formulas", i), "this is no formula", "write `formulas: [my_formula.yaml]`, or the formula itself")
+            continue
+        if one.name in taken:
+            yield Finding(("formulas", i, "name"), f"there is a model `{one.name}` already", "give this one another name")
+        taken.add(one.name)
+        loc = ("formulas", i, "expression")
+        try:
+            formula = _defined(spec, one)
+        except ExpressionError as error:
+            yield Finding(loc, f"not an expression: {error.message}", offset=error.position)
+        except SpecError as error:
+            yield Finding(("formulas", i, "units"), error.message, error.remedy)
+        except ValueError as error:
+            yield Finding(loc, str(error), "give `bounds` to every parameter in which it is not linear")
+        else:
+            if not formula.inputs:
+                yield Finding(loc, "the formula depends on no quantity", "name one, as `pressure`, that is no parameter")
+            for state in (name for name in formula.inputs if not name.isidentifier()):
+                yield Finding(loc, f"`{state}` is a state with memory", "a formula is of quantities; put states into the `dictionary`")
+
+
+def formula_called(spec: ExperimentSpec, name: str | None) -> LiteratureModel | None:
+    """A formula of the literature, or of the spec's own; None for another name, or where it cannot be read."""
+    from mapmore_cli.modelling import literature
+
+    if name is None:
+        return None
+    if name in spec.own_formulas:
+        try:
+            return _defined(spec, spec.own_formulas[name])
+        except (ValueError, SpecError):
+            return None
+    return literature.get(name) if name in literature.names() else None
+
+
+def _defined(spec: ExperimentSpec, one: OwnFormula) -> LiteratureModel:
+    """A formula of the spec's own, in the model's units; raises as `OwnFormula.definition`."""
+    from mapmore_cli.modelling.literature.own import formula_of
+
+    units = {name: default_unit(name, spec.units) for name in (*spec.quantities, spec.target_quantity)}
+    return formula_of(one.definition(units, units[spec.target_quantity]))
 
 
 def formula_uses(spec: ExperimentSpec) -> Iterator[tuple[str, Loc]]:

@@ -17,9 +17,10 @@ from pydantic import Field, PrivateAttr, TypeAdapter, ValidationError, Validatio
 from mapmore_cli.domain.declared import Contradiction, Either, Settings
 from mapmore_cli.modelling.pieces.recipe import CutByDirection, Fuse, Segmented
 from mapmore_cli.modelling.selection import Fit
-from mapmore_cli.spec.fields import PARTIAL, Metres, Name, Quantity, Section
+from mapmore_cli.spec.fields import PARTIAL, Metres, Name, Quantity, Section, SpecPath
 from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry, remembers
+from mapmore_cli.spec.sections.formulas import OwnFormula
 from mapmore_cli.spec.sections.model import ModelChoice, Needs
 from mapmore_cli.spec.sections.results import Report, Validate
 
@@ -77,6 +78,7 @@ class ExperimentSpec(Section):
     target: Annotated[Literal["static", "hysteresis", "damping", "dynamic"] | TargetColumn, Either()]
     segment: dict[str, Segmented] = {}
     dictionary: list[DictionaryEntry] = []
+    formulas: list[Annotated[SpecPath | OwnFormula, Either()]] = []
     model: ModelChoice = ModelChoice()
     fit: Fit = Fit()
     fuse: Fuse = Fuse()
@@ -114,6 +116,11 @@ class ExperimentSpec(Section):
         if not isinstance(said, dict) or not defaults or (section == "model" and given.get("dictionary")):
             return given
         return {**given, section: {**defaults, **said}}
+
+    @property
+    def own_formulas(self) -> dict[str, OwnFormula]:
+        """The formulas that the spec defines, by name; the loader has read their files."""
+        return {one.name: one for one in self.formulas if isinstance(one, OwnFormula)}
 
     @property
     def target_quantity(self) -> str:

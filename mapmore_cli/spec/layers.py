@@ -73,6 +73,34 @@ def _base(reference: Node, path: Path, problems: list[Mistake], heirs: tuple[Pat
     return _read(base, problems, chain)
 
 
+def with_formulas(root: Node, problems: list[Mistake]) -> Node:
+    """The tree with the files of `formulas` read, each in the place of its path; a single one may stand without a list.
+
+    Raises
+    ------
+    SpecError
+        A file that cannot be read, or is no YAML.
+    """
+    listed = root.child("formulas")
+    if listed is None:
+        return root
+    entries = listed.value if isinstance(listed.value, list) else [listed]
+    return with_child(root, "formulas", replace(listed, value=[_formula(entry, problems) for entry in entries]))
+
+
+def _formula(entry: Node, problems: list[Mistake]) -> Node:
+    """The file of a formula, where the entry is its path."""
+    if not isinstance(entry.value, str):
+        return entry
+    try:
+        path = entry.at.source.folder / possible_path(entry.value)
+    except ValueError as error:
+        fail(entry.at, str(error), "write `formulas: [my_formula.yaml]`")
+    if not path.is_file():
+        fail(entry.at, f"there is no file {path}", "paths start at the folder of the file that they are written in")
+    return parse(read_source(path), problems)
+
+
 def apply(root: Node, overrides: Sequence[str], problems: list[Mistake]) -> Node:
     """The tree with each `key.path=value` set, in this order; a step of the path that is a number counts the items of a list from 0.
 

@@ -17,7 +17,7 @@ from mapmore_cli.spec.diagnostics import Finding, Mistake, locate, new_places, r
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.explain import MOST_ERRORS, explain, faulty, unknown_keys
 from mapmore_cli.spec.fields import PARTIAL
-from mapmore_cli.spec.layers import apply, read, read_text
+from mapmore_cli.spec.layers import apply, read, read_text, with_formulas
 from mapmore_cli.spec.quantities import moved, resolve
 from mapmore_cli.spec.tree import Kind, Loc, Node, nearest, plain, without
 from mapmore_cli.spec.yaml_core import dump, escaped
@@ -97,7 +97,7 @@ def load_text(text: str, name: str, folder: Path) -> LoadedSpec:
 
 def _valid(written: Node, path: Path, model: type[M], overrides: Sequence[str], check: Check[M], problems: list[Mistake]) -> Loaded[M]:
     """A spec as written, resolved and validated; raises all `problems` at once, and those found here."""
-    root = resolve(written, model, problems)
+    root = resolve(with_formulas(written, problems) if model is ExperimentSpec else written, model, problems)
     try:
         spec = model.model_validate(plain(root))
         later = [locate(finding, root) for finding in check(spec)]

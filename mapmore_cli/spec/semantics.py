@@ -23,6 +23,7 @@ CHECKS = (
     check_study.turned,
     check_study.held_out,
     check_study.target,
+    check_study.own_formulas,
     check_study.formulas,
     check_study.metrics,
     check_study.units,

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from math import comb
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +17,10 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.motion import MotionFit
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.results import Forecast
-from mapmore_cli.domain.scores import BASELINES, OWN
-from mapmore_cli.modelling import literature
+from mapmore_cli.domain.scores import BASELINES, OWN, SIMPLE
+from mapmore_cli.modelling import literature, simple
 from mapmore_cli.modelling.forecast import forecast
+from mapmore_cli.modelling.kinds import runs_over_time
 from mapmore_cli.modelling.literature.backbone import fit_formula, pooled, pooled_training
 from mapmore_cli.modelling.literature.hysteresis_loss import HysteresisLoss
 from mapmore_cli.modelling.signals.plateau import damping_component
@@ -85,6 +87,8 @@ class Contest:
         if competitor.sum is not None:
             return self._sum(competitor)
         assert competitor.model is not None
+        if competitor.model in SIMPLE:
+            return Rival(competitor.label, _forecasts(self._of_simple(competitor.model)))
         if competitor.model in BASELINES:
             from mapmore_cli.stages.baselines import predictions
 
@@ -95,9 +99,42 @@ class Contest:
         fit = self._with_held_out(found)
         return Rival(competitor.label, _forecasts(_predicted(fit, self.dataset.curves)), {competitor.label: fit})
 
+    def simple_beside(self, named: Collection[str]) -> tuple[str, ...]:
+        """The simple competitors that the model allows and that are not `named` already.
+
+        They are polynomials of its inputs, its backbone, and an ARX where it runs over time.
+        """
+        coefficients = {name: comb(len(self._inputs) + degree, degree) for name, degree in simple.DEGREES.items() if self._inputs}
+        samples = sum(int(curve.training.sum()) for curve in self.dataset.curves)
+        polynomials = [name for name, count in coefficients.items() if count < samples]
+        backbone = ["backbone"] if self._backbone is not None and self._backbone.name not in named else []
+        found = (*polynomials, *backbone, *(["arx"] if runs_over_time(self.model) else []))
+        return tuple(name for name in found if name not in named)
+
+    def _of_simple(self, name: str) -> Sequence[Array]:
+        """Predictions of a simple competitor for every curve; NaN where it has none."""
+        if name == "arx":
+            found = simple.arx(self.dataset, self._inputs)
+        elif name == "backbone":
+            found = None if self._backbone is None else _predicted(self._backbone, self.dataset.curves)
+        else:
+            found = simple.polynomial(simple.DEGREES[name], self.dataset, self._inputs)
+        return found or [np.full(curve.size, np.nan) for curve in self.dataset.curves]
+
+    @property
+    def _inputs(self) -> list[str]:
+        """What the scored quantity is predicted from: the model's inputs, and its output where it is inverted."""
+        return [q.name for q in (self.model.output, *self.model.inputs) if q.name != self.dataset.target]
+
+    @property
+    def _backbone(self) -> FormulaFit | None:
+        """The backbone of the model where it predicts the scored quantity."""
+        fit: FormulaFit | None = getattr(self.model.body, "backbone", None)
+        return fit if self.model.output.name == self.dataset.target else None
+
     def _with_held_out(self, fit: FormulaFit) -> FormulaFit:
         """The fit with the held-out error of each of its rivals."""
-        formula, held_out = literature.get(fit.name), pooled([(curve, curve.held_out) for curve in self.dataset.curves])
+        formula, held_out = literature.of(fit), pooled([(curve, curve.held_out) for curve in self.dataset.curves])
         measured = held_out[self.dataset.target]
         if not len(measured):
             return fit
@@ -192,7 +229,7 @@ class Contest:
 def _predicted(fit: FormulaFit, curves: Sequence[Curve]) -> list[Array]:
     if fit.failed:
         return [np.full(curve.size, np.nan) for curve in curves]
-    return [literature.get(fit.name).predict(fit.parameters, curve.columns) for curve in curves]
+    return [literature.of(fit).predict(fit.parameters, curve.columns) for curve in curves]
 
 
 def _forecasts(predictions: Sequence[Array]) -> Forecasts:

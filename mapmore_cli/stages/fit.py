@@ -7,7 +7,7 @@ from dataclasses import replace
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.stages.kinds import maker_of
-from mapmore_cli.stages.kinds.choices import FitChoices, lengths_of
+from mapmore_cli.stages.kinds.choices import FitChoices, lengths_of, with_definitions
 from mapmore_cli.stages.kinds.sizes import size_of, with_terms
 from mapmore_cli.stages.pipeline.stage import Stage, Workspace
 from mapmore_cli.storage.run_folder import FIT
@@ -15,6 +15,7 @@ from mapmore_cli.storage.run_folder import FIT
 
 def reads(spec: ExperimentSpec) -> FitChoices:
     """The stage's slice of the spec."""
+    spec = with_definitions(spec)
     joining = spec.fuse if AUTO in (spec.model.backbone, spec.fit.max_terms) else None
     return FitChoices(spec.data.levels, spec.segment, spec.dictionary, spec.model, spec.fit, lengths_of(spec), joining)
 

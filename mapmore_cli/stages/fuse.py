@@ -7,7 +7,7 @@ from dataclasses import replace
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.stages.kinds import maker_of
-from mapmore_cli.stages.kinds.choices import ModelChoices, lengths_of
+from mapmore_cli.stages.kinds.choices import ModelChoices, lengths_of, with_definitions
 from mapmore_cli.stages.kinds.dictionary import signals_of
 from mapmore_cli.stages.kinds.sizes import with_terms
 from mapmore_cli.stages.pipeline.stage import Stage, Workspace
@@ -17,6 +17,7 @@ from mapmore_cli.storage.run_folder import MODEL
 
 def reads(spec: ExperimentSpec) -> ModelChoices:
     """The stage's slice of the spec."""
+    spec = with_definitions(spec)
     return ModelChoices(
         spec.data.levels,
         spec.segment,

@@ -10,7 +10,7 @@ from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.data import Levels
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry
 from mapmore_cli.spec.sections.model import ModelChoice
-from mapmore_cli.stages.kinds.choices import SegmentSection
+from mapmore_cli.stages.kinds.choices import SegmentSection, with_definitions
 from mapmore_cli.stages.pipeline.stage import Stage, Workspace
 from mapmore_cli.storage.run_folder import SEGMENTATION
 
@@ -36,6 +36,7 @@ class Slice:
 
 def reads(spec: ExperimentSpec) -> Slice:
     """The stage's slice of the spec."""
+    spec = with_definitions(spec)
     tries = any(isinstance(cut, Cuts) and cut.method == "optimal" for cut in spec.segment.values())
     return Slice(spec.data.levels, spec.segment, spec.fit.train_level, Trial(spec.dictionary, spec.model, spec.fit) if tries else None)
 

@@ -15,7 +15,7 @@ from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.layers import as_overrides
 from mapmore_cli.spec.sections.results import Competitor
 from mapmore_cli.stages import fuse
-from mapmore_cli.stages.kinds.choices import ModelChoices
+from mapmore_cli.stages.kinds.choices import ModelChoices, with_definitions
 from mapmore_cli.stages.pipeline.stage import Compared, Need, Stage, Variation, Workspace
 from mapmore_cli.storage.run_folder import VALIDATION
 
@@ -40,6 +40,7 @@ class Slice:
     target: str
     seen_as: str | None
     against: list[str | Competitor]
+    simple: bool
     static: str | None
     lengths: dict[str, float | None]
     normaliser: str
@@ -51,12 +52,14 @@ class Slice:
 
 def reads(spec: ExperimentSpec) -> Slice:
     """The stage's slice of the spec; what only composites and load-cycle formulas need is in it where they may stand."""
+    spec = with_definitions(spec)
     target = spec.target if isinstance(spec.target, str) else spec.target.column
     moving = target in ("damping", "dynamic")
     return Slice(
         target=spec.validation.as_ or target,
         seen_as=spec.validation.as_,
         against=spec.validation.against,
+        simple=spec.validation.simple,
         static=spec.needs.static if moving else None,
         lengths=spec.muscle.lengths,
         normaliser=spec.validation.normaliser,
@@ -118,10 +121,12 @@ def scored_as(name: str, dataset: Dataset, model: Model) -> Dataset:
 
 def _rivals(contest: Contest, part: Slice, workspace: Workspace) -> list[Rival]:
     """Every competitor, fitted to the training samples of the contest."""
+    named = {one if isinstance(one, str) else one.label for one in part.against}
+    wanted = [*part.against, *(contest.simple_beside(named) if part.simple else ())]
     rivals = []
-    for competitor in part.against:
+    for competitor in wanted:
         rivals.append(contest.rival(competitor))
-        workspace.progress("competitors", len(rivals), len(part.against))
+        workspace.progress("competitors", len(rivals), len(wanted))
     for one in rivals:
         if one.failed:
             reasons = "; ".join(note for fit in one.formulas.values() for note in fit.notes)
@@ -216,5 +221,5 @@ def sources(spec: ExperimentSpec, folder: Path) -> list[Path]:
 
 
 STAGE = Stage(
-    name="validate", revision=7, outputs=(VALIDATION, "scores.csv", "scores.json"), reads=reads, run=run, sources=sources, needs=needs
+    name="validate", revision=8, outputs=(VALIDATION, "scores.csv", "scores.json"), reads=reads, run=run, sources=sources, needs=needs
 )

@@ -42,28 +42,31 @@ ONE_CURVE = 2 / 3
 
 
 def of_comparisons(names: Sequence[str], results: Sequence[Comparison]) -> View:
-    """The last model against the first, curve by curve and term by term; every model where there are more than two."""
-    from mapmore_cli.reporting.comparison_tables import changes_table, drift_table, terms_table
+    """The last model against the first, curve by curve; every model where there are more than two. The document has every term."""
+    from mapmore_cli.reporting.comparison_tables import changes_table, drift_table
 
     last = results[-1]
     document = {"before": names[0], "after": names[-1], **_document(last)}
     if len(results) > 1:
         document["campaigns"] = [{"after": name, **_ends(one)} for name, one in zip(names[1:], results, strict=True)]
     tables = [changes_table(last), *([drift_table(names, results)] if len(results) > 1 else [])]
-    moved = terms_table(last)
-    lines = [verdict(names[0], names[-1], last), *cautions(last)]
-    return View(document, (*tables, *((moved,) if moved.rows else ())), tuple(lines))
+    return View(document, tuple(tables), (verdict(names[0], names[-1], last), *cautions(last)))
 
 
 def verdict(before: str, after: str, found: Comparison) -> str:
-    """Whether it changed, in a sentence."""
+    """One of three answers, with its numbers and where the change is largest."""
     low, high = found.interval
+    margin = f"{100 * found.margin:g} %"
     size = f"force is {found.ratio:.4f} times that of {before} (95 % interval {low:.4f} to {high:.4f}, {len(found.curves)} curves)"
-    if found.changed:
-        return f"{after} has changed: {size}."
-    certain = low > 1 or high < 1
-    why = f"no more than {100 * found.margin:g} %, which is of no interest" if certain else "which may be chance"
-    return f"{after} has not changed: {size}, {why}."
+    if found.answer == "changed":
+        largest = found.by_effect[0]
+        place = ", ".join(f"{name} {value:.4g}" for name, value in largest.place.items())
+        where = f"The largest effect is at {largest.curve}: {largest.largest:+.3g} {found.unit} at {place}"
+        return f"{after} has changed: {size}. {where}."
+    if found.answer == "same":
+        low, high = found.narrow
+        return f"{after} is the same within {margin}: {size}; two one-sided tests show it (90 % interval {low:.4f} to {high:.4f})."
+    return f"The data cannot tell whether {after} has changed by more than {margin}: {size}."
 
 
 def cautions(found: Comparison) -> list[str]:
@@ -80,7 +83,15 @@ def cautions(found: Comparison) -> list[str]:
 
 
 def _ends(found: Comparison) -> dict[str, Any]:
-    return {"changed": found.changed, "ratio": found.ratio, "interval": found.interval, "p": found.p, "p_permutation": found.p_permutation}
+    return {
+        "answer": found.answer,
+        "changed": found.changed,
+        "ratio": found.ratio,
+        "interval": found.interval,
+        "interval_90": found.narrow,
+        "p": found.p,
+        "p_permutation": found.p_permutation,
+    }
 
 
 def _document(found: Comparison) -> dict[str, Any]:

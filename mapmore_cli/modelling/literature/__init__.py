@@ -3,7 +3,7 @@
 Adding a formula is one file in `formulas/`, named after it, with a `FORMULA`.
 """
 
-from mapmore_cli.modelling.literature.catalogue import UnknownFormula, get, names
+from mapmore_cli.modelling.literature.catalogue import UnknownFormula, get, names, of
 from mapmore_cli.modelling.literature.formula import Formula
 from mapmore_cli.modelling.literature.literature_model import LOAD_CYCLES, TARGET, LiteratureModel
 from mapmore_cli.modelling.literature.problem import Nonlinear
@@ -17,4 +17,5 @@ __all__ = [
     "UnknownFormula",
     "get",
     "names",
+    "of",
 ]

@@ -58,7 +58,7 @@ def fit_formula(
         elif can_be_solved(formula):
             _keep(key, formula.fit_along(columns, columns[target], errors_in, method))
         else:
-            raise SpecError(f"{name} is fitted in a way of its own: to errors of {target}", "remove `errors_in`")
+            raise SpecError(f"{formula.name} is fitted in a way of its own: to errors of {target}", "remove `errors_in`")
     return _FITTED[key]
 
 
@@ -101,5 +101,5 @@ def residual_of(curve: Curve, target: str, backbone: FormulaFit | None) -> Curve
     """The curve with its target replaced by what the backbone leaves; unchanged without one."""
     if backbone is None:
         return curve
-    rest = curve.columns[target] - literature.get(backbone.name).predict(backbone.parameters, curve.columns)
+    rest = curve.columns[target] - literature.of(backbone).predict(backbone.parameters, curve.columns)
     return replace(curve, columns={**curve.columns, target: rest})

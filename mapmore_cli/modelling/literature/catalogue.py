@@ -7,8 +7,10 @@ import importlib
 import pkgutil
 from functools import cache
 
+from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling.literature import formulas
 from mapmore_cli.modelling.literature.literature_model import LiteratureModel
+from mapmore_cli.modelling.literature.own import formula_of, is_definition
 
 
 class UnknownFormula(KeyError):
@@ -31,8 +33,15 @@ def names() -> tuple[str, ...]:
 
 
 def get(name: str) -> LiteratureModel:
-    """The formula called `name`; raises `UnknownFormula` with the nearest name."""
+    """The formula called `name`, or defined by it; raises `UnknownFormula` with the nearest name."""
+    if is_definition(name):
+        return formula_of(name)
     if name not in names():
         raise UnknownFormula(name)
     formula: LiteratureModel = importlib.import_module(f"{formulas.__name__}.{name}").FORMULA
     return formula
+
+
+def of(fit: FormulaFit) -> LiteratureModel:
+    """The formula that was fitted."""
+    return get(fit.formula)

@@ -81,7 +81,9 @@ class Formula(LiteratureModel):
         self._check_linearity()
 
     def _check_linearity(self) -> None:
-        if not self.dimensions and substitute(self._fitted_expression, dict.fromkeys(self.linear, Number(0.0))) != Number(0.0):
+        if not (self.dimensions or self.definition) and substitute(
+            self._fitted_expression, dict.fromkeys(self.linear, Number(0.0))
+        ) != Number(0.0):
             raise ValueError(f"{self.name}: a term has no linear parameter")
         if any(derivative(self._fitted_expression, name).names & {*self.linear} for name in self.linear):
             raise ValueError(f"{self.name}: a parameter is nonlinear without being declared so")
@@ -247,6 +249,7 @@ class Formula(LiteratureModel):
             samples=len(problem.y),
             notes=(*notes, *(hints(values, errors, jacobian, problem.columns) if count and advice else ())),
             rivals=tuple(self._optimum(problem, *rival, given) for rival in solution.rivals),
+            definition=self.definition,
         )
 
     def _optimum(self, problem: Problem, beta: Array, c: Array, given: Mapping[str, float]) -> Optimum:
@@ -268,7 +271,9 @@ class Formula(LiteratureModel):
 
     def _failed(self, method: str, samples: int, notes: tuple[str, ...]) -> FormulaFit:
         nothing = dict.fromkeys(self.parameters, float("nan"))
-        return FormulaFit(self.name, nothing, nothing, "failed", method, 0, float("nan"), float("nan"), samples, notes)
+        return FormulaFit(
+            self.name, nothing, nothing, "failed", method, 0, float("nan"), float("nan"), samples, notes, definition=self.definition
+        )
 
 
 def can_be_solved(model: LiteratureModel) -> TypeGuard[Formula]:

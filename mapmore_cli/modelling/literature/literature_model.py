@@ -34,6 +34,8 @@ class LiteratureModel(ABC):
         Those of its parameters that are dimensions of the muscle (`diameter`, in m), given and not fitted.
     given
         Values of the dimensions, once `of_muscle` has put them in.
+    units, definition
+        Units of the parameters, and what defines the formula, where a spec does (`own`).
     fitted_to
         `target`: fitted by `fit`. `load_cycles`: fitted by a method of its own to another experiment than it predicts.
     """
@@ -45,6 +47,8 @@ class LiteratureModel(ABC):
     component: str = field(default="static", kw_only=True)
     dimensions: tuple[str, ...] = field(default=(), kw_only=True)
     given: Mapping[str, float] = field(default_factory=dict, kw_only=True)
+    units: Mapping[str, str] = field(default_factory=dict, kw_only=True)
+    definition: str = field(default="", kw_only=True)
 
     fitted_to: ClassVar[str] = TARGET
     side_by_side: ClassVar[int] = 0

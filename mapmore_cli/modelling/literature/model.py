@@ -27,7 +27,7 @@ def build(
     name: str, output: Quantity, fit: FormulaFit, level: str | None, training: Sequence[SegmentedCurve], quantities: Mapping[str, Quantity]
 ) -> Model:
     """A fitted formula as a model; the `training` curves, in the order of their levels, say the range of its inputs."""
-    inputs = sorted({*literature.get(fit.name).inputs, *([level] if level is not None else [])})
+    inputs = sorted({*literature.of(fit).inputs, *([level] if level is not None else [])})
     ordered = sorted(training, key=lambda curve: (curve.level is not None, curve.level))
     ranges = tuple(CurveRange(curve.curve, curve.level, {i: curve.limits[i] for i in inputs}) for curve in ordered)
     return Model(name, output, tuple(quantities[i] for i in inputs), Formula(fit, level, ranges))
@@ -54,7 +54,7 @@ def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
 
 def backbone_values(fit: FormulaFit | None, inputs: Columns, n: int) -> Array:
     """A fitted formula at n rows; zero where there is none."""
-    return np.zeros(n) if fit is None else literature.get(fit.name).predict(fit.parameters, inputs)
+    return np.zeros(n) if fit is None else literature.of(fit).predict(fit.parameters, inputs)
 
 
 def formula_equations(fit: FormulaFit | None, units: Mapping[str, float]) -> list[tuple[str, Expression]]:
@@ -62,7 +62,7 @@ def formula_equations(fit: FormulaFit | None, units: Mapping[str, float]) -> lis
     if fit is None:
         return []
     other = {name: multiply(Number(factor), Name(name)) for name, factor in units.items()}
-    return [(name, substitute(formula, other)) for name, formula in literature.get(fit.name).equations(fit).items()]
+    return [(name, substitute(formula, other)) for name, formula in literature.of(fit).equations(fit).items()]
 
 
 def printed(name: str, expression: Expression) -> Equation:

@@ -32,7 +32,7 @@ def build(
     notes: tuple[str, ...] = (),
 ) -> Model:
     """A model with memory, on the backbone that it was fitted on; the `training` curves say the range of the inputs."""
-    formula = () if backbone is None else literature.get(backbone.name).inputs
+    formula = () if backbone is None else literature.of(backbone).inputs
     inputs = sorted({*memory_inputs(memory), *formula})
     ranges = tuple(CurveRange(c.curve, c.level, {name: c.limits[name] for name in inputs}) for c in training)
     return Model(name, quantities[memory.output], tuple(quantities[name] for name in inputs), Memory(memory, ranges, backbone), notes=notes)

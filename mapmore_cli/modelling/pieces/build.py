@@ -31,7 +31,7 @@ def model_inputs(recipe: Recipe, backbone: FormulaFit | None) -> tuple[str, ...]
     if recipe.level is not None:
         names.add(recipe.level)
     if backbone is not None:
-        names.update(literature.get(backbone.name).inputs)
+        names.update(literature.of(backbone).inputs)
     return tuple(sorted(names))
 
 

@@ -73,7 +73,7 @@ def of_fold(
     model = build("fold", training, _of_fewer_samples(recipe), quantities, formula)
     rows = pooled(list(zip(curves, left_out, strict=True)))
     measured = rows[recipe.target]
-    alone = np.zeros(len(measured)) if formula is None else literature.get(formula.name).predict(formula.parameters, rows)
+    alone = np.zeros(len(measured)) if formula is None else literature.of(formula).predict(formula.parameters, rows)
     return LeftOut(measured, alone, simulate(model, rows).values - alone, 1)
 
 

@@ -41,7 +41,7 @@ def with_trusted_residual(
     folds = inner_folds(curves, recipe)
     if not folds:
         return model
-    left_out = leave_out(curves, recipe, quantities, formula.name, progress, folds)
+    left_out = leave_out(curves, recipe, quantities, formula.formula, progress, folds)
     if body.level is None:
         return _shrunken(model, left_out, shrunken_share(left_out))
     if inner_levels(curves, recipe):

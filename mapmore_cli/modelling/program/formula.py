@@ -28,7 +28,7 @@ def formula_value(m: Writer, fit: FormulaFit | None, inputs: Mapping[str, Expres
         return Number(0.0)
     if fit.failed:
         raise DataError(f"the fit of {fit.name} failed: there is no formula to export", "fit it to other data, or choose another formula")
-    model = literature.get(fit.name)
+    model = literature.of(fit)
     match model:
         case PiecewiseFormula():
             return _by_region(m, model, fit, inputs)

@@ -52,7 +52,7 @@ def _bare(model: Model, curves: Sequence[Curve], predictions: Sequence[Array]) -
     body = model.body
     if not isinstance(body, Pieces) or body.backbone is None:
         return
-    formula = literature.get(body.backbone.name)
+    formula = literature.of(body.backbone)
     if not body.segments:
         why = "because its pieces were dropped: left-out training data were predicted worse with them"
     elif all(_equal(said, formula.predict(body.backbone.parameters, c.columns)) for c, said in zip(curves, predictions, strict=True)):

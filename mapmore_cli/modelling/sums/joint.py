@@ -80,7 +80,8 @@ def split(fit: FormulaFit, summands: Sequence[Summand]) -> list[FormulaFit]:
     for i, one in enumerate(summands, 1):
         names = literature.get(one.formula).parameters
         values, errors = ({name: found[_numbered(name, i)] for name in names} for found in (fit.parameters, fit.errors))
-        parts.append(replace(fit, name=one.formula, parameters=values, errors=errors))
+        formula = literature.get(one.formula)
+        parts.append(replace(fit, name=formula.name, definition=formula.definition, parameters=values, errors=errors))
     return parts
 
 
@@ -95,7 +96,7 @@ def predict(fit: FormulaFit, summands: Sequence[Summand], columns: Columns) -> A
 def _part(summand: Summand) -> Formula:
     found = literature.get(summand.formula)
     if type(found) is not Formula or found.dimensions:
-        raise SpecError(f"{summand.formula} cannot be fitted within a sum", "take another formula, or add up models of other runs")
+        raise SpecError(f"{found.name} cannot be fitted within a sum", "take another formula, or add up models of other runs")
     return found
 
 

@@ -51,8 +51,8 @@ def model_errors(inputs: ReportInputs) -> list[ModelErrors]:
     order = np.argsort(measured, kind="stable")
     train, validate = order[~held_out[order]], order[held_out[order]]
     panels = []
-    for model, of_curves in inputs.validation.predictions.items():
-        error = np.concatenate(of_curves) - measured
+    for model in inputs.shown:
+        error = np.concatenate(inputs.validation.predictions[model]) - measured
         panels.append(ModelErrors(model, (measured[train], error[train]), (measured[validate], error[validate])))
     return panels
 

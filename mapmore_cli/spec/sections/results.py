@@ -97,12 +97,16 @@ class Validate(Section):
     `intervals: true` fits the model anew without each level of the training data in turn (without each recording, or blocks of them, where
     there are fewer than three), and keeps in the model what `predict --interval` needs.
 
+    `simple` adds competitors that need no muscle: `plane`, `quadratic` and `cubic` are polynomials in the model's own inputs, `backbone` is
+    the backbone alone, and `arx` a linear model of the next output in free run, where the model runs along recordings.
+
     `as: force` scores a model of the strain as one of the force: it is inverted for that input, and everything that it is compared with is
     of the force. In the same way, a competitor whose target is another, and which has this study's target among its inputs, is inverted.
     """
 
     as_: Quantity | None = Field(default=None, alias="as")
     against: list[Annotated[str | Competitor, Either()]] = []
+    simple: bool = True
     normaliser: Literal["max", "range"] = "max"
     intervals: bool = False
     require: dict[str, Metric] = {}

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from mapmore_cli.domain.recording import Signal
 from mapmore_cli.modelling.pieces.recipe import Fuse, Segmented
@@ -11,7 +11,9 @@ from mapmore_cli.modelling.selection import AUTO, Fit
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.data import STEP_OF, STEP_PRESSURE, Levels
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry, remembers
-from mapmore_cli.spec.sections.model import ModelChoice
+from mapmore_cli.spec.sections.model import ModelChoice, Summand
+from mapmore_cli.spec.sections.results import Competitor
+from mapmore_cli.stages.kinds.dictionary import units_of
 
 SegmentSection = Mapping[str, Segmented]
 
@@ -60,6 +62,31 @@ class ModelChoices(FitChoices):
     def joined(self) -> Fuse:
         """How pieces are joined."""
         return self.fuse
+
+
+def with_definitions(spec: ExperimentSpec) -> ExperimentSpec:
+    """The spec with the definition of each own formula in the place of its name, so that what a stage reads needs nothing else."""
+    if not spec.own_formulas:
+        return spec
+    units = units_of(spec)
+    found = {name: one.definition(units, units[spec.target_quantity]) for name, one in spec.own_formulas.items()}
+
+    def put(name: str | None) -> str | None:
+        return name if name is None else found.get(name, name)
+
+    def summed(parts: Sequence[Summand] | None) -> list[Summand] | None:
+        return None if parts is None else [replace(part, formula=put(part.formula)) for part in parts]
+
+    def rival(one: str | Competitor) -> str | Competitor:
+        if isinstance(one, str):
+            return one if one not in found else Competitor.model_validate({"model": found[one], "as": one})
+        changed = {key: put(getattr(one, key)) for key in ("model", "static", "damping")}
+        return one.model_copy(update={**changed, "sum": summed(one.sum), "as_": one.label})
+
+    model = spec.model
+    named = replace(model, backbone=put(model.backbone), name=put(model.name), sum=summed(model.sum))
+    validation = spec.validation.model_copy(update={"against": [rival(one) for one in spec.validation.against]})
+    return spec.model_copy(update={"model": named, "validation": validation})
 
 
 def lengths_of(spec: ExperimentSpec) -> dict[str, float | None]:

@@ -51,5 +51,5 @@ def fitted(name: str, part: FitChoices, dataset: Dataset) -> FormulaFit:
     found = fit_formula(name, dataset.curves, dataset.target, model.method, part.lengths, model.starts, model.errors_in)
     if found.failed:
         reasons = "; ".join(found.notes) or "no finite parameters were found"
-        raise FitError(f"the fit of {name} failed: {reasons}", "take another formula, or build the model without one")
+        raise FitError(f"the fit of {found.name} failed: {reasons}", "take another formula, or build the model without one")
     return found

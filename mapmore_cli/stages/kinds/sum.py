@@ -103,7 +103,7 @@ def formula_parts(summands: Sequence[Summand], joint: FormulaFit, dataset: Datas
         limits = {name: (float(np.min(x)), float(np.max(x))) for name, x in inputs.items()}
         quantities = tuple(Quantity(name, _unit(one.inputs.get(name, name), dataset)) for name in sorted(inputs))
         body = Formula(fit, None, (CurveRange("all", None, limits),))
-        model = Model(f"{one.formula}_{number}", dataset.quantities[dataset.target], quantities, body)
+        model = Model(f"{fit.name}_{number}", dataset.quantities[dataset.target], quantities, body)
         parts.append(Part(model, one.sign, dict(one.inputs)))
     return parts
 

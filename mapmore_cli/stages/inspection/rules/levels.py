@@ -10,9 +10,9 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Dataset
-from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.selection import AUTO
+from mapmore_cli.spec.check_study import formula_called
 from mapmore_cli.spec.sections.dictionary import entries_of, texts_in
 from mapmore_cli.stages.inspection.subject import Issue, Subject
 from mapmore_cli.stages.kinds.choices import level_of
@@ -86,8 +86,8 @@ def _inputs(subject: Subject) -> list[str]:
     """The measured quantities that the model is a function of, but the time."""
     spec = subject.spec
     texts = [text for loc, _, family in entries_of(spec.dictionary) for _, text, _ in texts_in(loc, family)]
-    formula = spec.model.backbone or spec.model.name
-    used = {*spec.segment, *(literature.get(formula).inputs if formula in literature.names() else ())}
+    formula = formula_called(spec, spec.model.backbone or spec.model.name)
+    used = {*spec.segment, *(formula.inputs if formula is not None else ())}
     used |= {name for text in texts for name in re.findall(r"[A-Za-z_]\w*", text)}
     return [name for name in _dataset(subject).quantities if name in used and name in spec.data.measured and name != "time"]
 

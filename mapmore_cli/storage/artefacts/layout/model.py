@@ -347,10 +347,14 @@ def _model_faults(model: Model) -> Iterator[Fault]:
 
 
 def _formula_faults(fit: FormulaFit, known: Sequence[str]) -> Iterator[Fault]:
-    if fit.name not in literature.names():
-        yield "body", f"has the formula {shown(fit.name)}, which nobody knows"
+    if not fit.definition and fit.name not in literature.names():
+        yield "body", f"has the formula {shown(fit.name)}, which is unknown"
         return
-    formula = literature.get(fit.name)
+    try:
+        formula = literature.of(fit)
+    except (ValueError, literature.UnknownFormula) as error:
+        yield "body", f"has a definition of {shown(fit.name)} that is none: {error}"
+        return
     for what, needed, given in (("parameter", formula.parameters, fit.parameters), ("input", formula.inputs, known)):
         if missing := [name for name in needed if name not in given]:
             yield "body", f"lacks the {what} {shown(missing[0])} of the formula {fit.name}"

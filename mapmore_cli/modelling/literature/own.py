@@ -1,0 +1,84 @@
+"""Formulas that a spec defines: an expression with its parameters, as a text that travels with the fit and the model file."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from functools import lru_cache
+
+from mapmore_cli.modelling.literature.formula import RANDOM, Formula
+from mapmore_cli.modelling.literature.problem import Nonlinear
+from mapmore_cli.modelling.terms import ExpressionError, parse
+
+GIVEN = "given"
+"""The name of starting values that a definition has."""
+
+NEAREST = 1e-4
+"""Share of the larger bound: what lies nearer to zero is not sought where the bounds lie on both sides of it."""
+
+LONGEST = 100_000
+"""Characters of a definition."""
+
+
+def is_definition(name: str) -> bool:
+    """Whether the name of a formula is a definition of one."""
+    return name.startswith("{")
+
+
+def definition(
+    name: str,
+    reference: str,
+    text: str,
+    bounds: dict[str, tuple[float, float] | None],
+    units: dict[str, str],
+    starts: dict[str, float] | None,
+) -> str:
+    """The definition as canonical JSON: `bounds` are of every parameter, None where the formula is linear in it."""
+    found = {"name": name, "reference": reference, "text": text, "bounds": bounds, "units": units, "starts": starts}
+    return json.dumps(found, sort_keys=True)
+
+
+@lru_cache(maxsize=256)
+def formula_of(text: str) -> Formula:
+    """The formula of a definition.
+
+    Raises
+    ------
+    ValueError
+        For a text that defines no formula; an expression that is none is an `ExpressionError`.
+    """
+    if len(text) > LONGEST:
+        raise ValueError(f"the definition has {len(text)} characters, more than {LONGEST}")
+    try:
+        found = json.loads(text)
+        parameters = tuple(sorted(found["bounds"]))
+        expression = parse(str(found["text"]))
+        return Formula(
+            name=str(found["name"]),
+            reference=str(found["reference"]),
+            inputs=tuple(sorted(expression.names - {*parameters})),
+            parameters=parameters,
+            text=str(found["text"]),
+            nonlinear=tuple(
+                Nonlinear(name, per=None, intervals=tuple(_intervals(*map(float, ends))))
+                for name, ends in sorted(found["bounds"].items())
+                if ends is not None
+            ),
+            published_starts={GIVEN: {name: float(value) for name, value in found["starts"].items()}} if found["starts"] else {},
+            start=RANDOM,
+            units={str(name): str(unit) for name, unit in found["units"].items()},
+            definition=text,
+        )
+    except ExpressionError:
+        raise
+    except (KeyError, TypeError, AttributeError, RecursionError, OverflowError) as error:
+        raise ValueError(f"this defines no formula: {type(error).__name__}: {error}") from error
+
+
+def _intervals(low: float, high: float) -> Iterator[tuple[float, float]]:
+    """The bounds as intervals of which none holds zero: the search is by factors."""
+    least = NEAREST * max(abs(low), abs(high))
+    if low < 0:
+        yield low, min(high, -least)
+    if high > 0:
+        yield max(low, least), high

@@ -1,0 +1,127 @@
+"""Competitors that need no muscle: polynomials in a model's own inputs, and a linear model of the next output (ARX) in free run.
+
+A reviewer asks for them first: whatever a study models, a plane through its inputs costs nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations_with_replacement
+from math import comb
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.recording import Curve, Dataset
+
+DEGREES = {"plane": 1, "quadratic": 2, "cubic": 3}
+"""Total degree of each polynomial, every monomial up to it included."""
+
+ORDERS = (1, 2, 4, 8)
+"""Samples that an ARX looks back; the free run on training data chooses."""
+
+MOST_ROWS = 50_000
+"""Training rows that a fit takes, an even share."""
+
+LARGEST = 1e3
+"""Times the largest measured output, from which a free run has diverged."""
+
+
+def polynomial(degree: int, dataset: Dataset, names: Sequence[str]) -> list[Array] | None:
+    """Least-squares polynomial in the quantities `names`, of every curve: (n_c,) each.
+
+    Inputs are scaled to [-1, 1] on the training samples; where these leave coefficients open, the solution of least norm is taken. None
+    where there are fewer training samples than coefficients, or no inputs.
+    """
+    if not names:
+        return None
+    training = [_table(curve, names)[curve.training] for curve in dataset.curves]
+    x = np.concatenate(training)
+    y = np.concatenate([curve.columns[dataset.target][curve.training] for curve in dataset.curves])
+    known = np.isfinite(x).all(axis=1) & np.isfinite(y)
+    x, y = _share(x[known]), _share(y[known])
+    if len(y) < comb(len(names) + degree, degree):
+        return None
+    low, high = x.min(axis=0), x.max(axis=0)
+    middle, half = (low + high) / 2, np.where(high > low, (high - low) / 2, 1.0)
+    theta = np.linalg.lstsq(_monomials((x - middle) / half, degree), y, rcond=None)[0]
+    return [_monomials((_table(curve, names) - middle) / half, degree) @ theta for curve in dataset.curves]
+
+
+def arx(dataset: Dataset, names: Sequence[str]) -> list[Array] | None:
+    """Free run of `y[k] = c + sum a_i y[k-i] + sum b_j u[k-j]` along every recording, (n_c,) each.
+
+    It starts from the first measured output, at rest. Least squares on one step fits it; of `ORDERS`, the one whose free run errs least on
+    the training samples is taken. None where none of them runs without diverging.
+    """
+    best: tuple[float, list[Array] | None] = (np.inf, None)
+    for order in ORDERS:
+        theta = _one_step_fit(dataset, names, order)
+        if theta is None:
+            continue
+        found = [_run(curve, dataset.target, names, order, theta) for curve in dataset.curves]
+        errors = [(said - curve.columns[dataset.target])[curve.training] for said, curve in zip(found, dataset.curves, strict=True)]
+        error = float(np.sum(np.concatenate(errors) ** 2))
+        if error < best[0]:
+            best = error, found
+    return best[1]
+
+
+def _table(curve: Curve, names: Sequence[str]) -> Array:
+    return np.column_stack([curve.columns[name] for name in names])
+
+
+def _share(rows: Array) -> Array:
+    """At most `MOST_ROWS` rows, evenly spread."""
+    return rows if len(rows) <= MOST_ROWS else rows[np.linspace(0, len(rows) - 1, MOST_ROWS).round().astype(int)]
+
+
+def _monomials(x: Array, degree: int) -> Array:
+    """Every monomial of the columns of `x`, (n, m), of total degree up to `degree`."""
+    places = (of for total in range(degree + 1) for of in combinations_with_replacement(range(x.shape[1]), total))
+    return np.column_stack([np.prod(x[:, list(of)], axis=1) for of in places])
+
+
+def _past(values: Array, order: int, first: int) -> Array:
+    """The values `first` to `order` samples before each, (n, order - first + 1); the first one stands for what was before it."""
+    places = np.arange(len(values))
+    return np.column_stack([values[np.maximum(places - step, 0)] for step in range(first, order + 1)])
+
+
+def _one_step_fit(dataset: Dataset, names: Sequence[str], order: int) -> Array | None:
+    """Coefficients: the constant, `order` of the output, then `order + 1` of each input."""
+    tables, outputs = [], []
+    for curve in dataset.curves:
+        y = curve.columns[dataset.target]
+        for rows in curve.logs:
+            columns = [np.ones((len(rows), 1)), _past(y[rows], order, 1), *(_past(curve.columns[name][rows], order, 0) for name in names)]
+            train = curve.training[rows] & (np.arange(len(rows)) >= order)
+            tables.append(np.hstack(columns)[train])
+            outputs.append(y[rows][train])
+    P, y = np.concatenate(tables), np.concatenate(outputs)
+    known = np.isfinite(P).all(axis=1) & np.isfinite(y)
+    P, y = _share(P[known]), _share(y[known])
+    if len(y) < P.shape[1]:
+        return None
+    scale = np.abs(P).max(axis=0)
+    scale[scale == 0] = 1.0
+    return np.asarray(np.linalg.lstsq(P / scale, y, rcond=None)[0] / scale)
+
+
+def _run(curve: Curve, target: str, names: Sequence[str], order: int, theta: Array) -> Array:
+    """The free run along every recording of a curve, (n,); NaN from where it diverges."""
+    from scipy.signal import lfilter
+
+    y, found = curve.columns[target], np.full(curve.size, np.nan)
+    a, b = theta[1 : order + 1], theta[order + 1 :]
+    for rows in curve.logs:
+        inputs = [_past(curve.columns[name][rows], order, 0) for name in names]
+        drive = theta[0] + (np.hstack(inputs) @ b if inputs else np.zeros(len(rows)))
+        # At rest at the first output before the record: what earlier outputs add to the samples 0, 1, ... of the filter
+        past = np.array([a[step:].sum() * y[rows[0]] for step in range(order)])
+        with np.errstate(over="ignore", invalid="ignore"):
+            values, _ = lfilter([1.0], np.concatenate([[1.0], -a]), drive, zi=past)
+        far = ~(np.abs(values) <= LARGEST * np.abs(y[np.isfinite(y)]).max(initial=1e-300))
+        values[np.maximum.accumulate(far)] = np.nan
+        found[rows] = values
+    return found

@@ -1,0 +1,156 @@
+"""Formulas of the user's own: as good as the built-in ones wherever these may stand."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import mapmore_cli as mm
+from mapmore_cli.domain.errors import DataError, SpecError
+from mapmore_cli.modelling.literature.own import formula_of
+
+SAROSI = {
+    "name": "our_sarosi",
+    "source": "M1 eq 1",
+    "expression": "(a1*pressure + a2)*exp(a3*strain) + a4*strain*pressure + a5*pressure + a6",
+    "parameters": {"a3": {"bounds": [-250, 250]}, **{name: {"unit": "N"} for name in ("a1", "a2", "a4", "a5", "a6")}},
+}
+RNG = np.random.default_rng(5)
+BAR, EPS = (grid.ravel() for grid in np.meshgrid([0.8, 1.5, 2.0, 2.5, 3.5], np.linspace(0, 0.2, 25), indexing="ij"))
+FRAME = {
+    "pressure": 100 * BAR,
+    "strain": EPS,
+    "force": (240 * BAR + 50) * np.exp(-8 * EPS) - 500 * EPS * BAR + 60 * BAR - 40 + RNG.normal(size=len(BAR)),
+}
+STUDY: dict[str, Any] = {
+    "levels": {"of": "pressure", "at": "auto"},
+    "split": {"validate": {"pressure": [200]}},
+    "dictionary": [{"polynomial": {"of": ["strain"], "order": 3}}],
+}
+
+
+def rows(fitted: Any, model: str) -> list[float]:
+    return [row["rmse"] for row in fitted.scores if row["model"] == model]
+
+
+def test_it_is_fitted_as_the_built_in_one() -> None:
+    found = mm.fit(FRAME, formulas=[SAROSI], validate={"against": ["sarosi", "our_sarosi"]}, **STUDY)
+    assert rows(found, "our_sarosi") == pytest.approx(rows(found, "sarosi"), rel=1e-6)
+
+
+def test_it_is_a_backbone_and_a_model_that_stands_alone(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    """The file needs no spec: prediction, derivatives and exports agree with those of the built-in formula."""
+    own = mm.fit(FRAME, formulas=[SAROSI], model={"backbone": "our_sarosi"}, **STUDY)
+    built_in = mm.fit(FRAME, model={"backbone": "sarosi"}, **STUDY)
+    points = {"pressure": 170.0, "strain": np.linspace(0.01, 0.19, 7)}
+    np.testing.assert_allclose(own(**points), built_in(**points), rtol=1e-5)
+    loaded = mm.load_model(own.save(tmp_path / "model.h5"))
+    np.testing.assert_array_equal(loaded(**points), own(**points))
+    for name, slope in built_in.derivatives(**points).items():
+        np.testing.assert_allclose(loaded.derivatives(**points)[name], slope, rtol=1e-4)
+    result = mapmore("export", tmp_path / "model.h5", "--to", "py", "-o", tmp_path, "-q")
+    assert result.exit_code == 0, result.stderr
+    module = importlib.util.spec_from_file_location("model", tmp_path / "model.py")
+    assert module is not None
+    assert module.loader is not None
+    code = importlib.util.module_from_spec(module)
+    module.loader.exec_module(code)
+    np.testing.assert_allclose(code.evaluate(**points), own(**points), rtol=1e-12)
+
+
+def test_a_formula_as_the_model_and_in_a_sum() -> None:
+    alone = mm.fit(FRAME, formulas=[SAROSI], model={"type": "literature", "name": "our_sarosi"}, levels=STUDY["levels"])
+    assert alone.scores.of_model(split="train")["r2"] > 0.999
+    assert "exp(-" in alone.equations[0].text
+    pair = {"formula": "our_sarosi", "inputs": {"pressure": "pressure", "strain": "strain"}}
+    other = {"formula": "linear_part", "sign": -1, "inputs": {"pressure": "pressure", "strain": "strain"}}
+    linear = {"name": "linear_part", "expression": "s*strain*pressure^2", "parameters": {"s": {}}}
+    both = mm.fit(FRAME, formulas=[SAROSI, linear], model={"sum": [pair, other]}, levels=STUDY["levels"])
+    assert both.scores.of_model(split="train")["r2"] > 0.999
+
+
+def test_it_may_be_written_in_other_units() -> None:
+    """In bar and kN: the same predictions, and parameters in those units."""
+    in_bar = {**SAROSI, "name": "in_bar", "units": {"pressure": "bar"}, "output": "kN"}
+    found = mm.fit(FRAME, formulas=[SAROSI, in_bar], validate={"against": ["our_sarosi", "in_bar"]}, **STUDY)
+    assert rows(found, "in_bar") == pytest.approx(rows(found, "our_sarosi"), rel=1e-6)
+
+
+def test_constants_are_not_fitted_and_starts_are_taken() -> None:
+    exact = {
+        "name": "exact",
+        "expression": "scale*pressure*(1 - strain/e0)^2",
+        "parameters": {"scale": {"start": 1.0}, "e0": {"value": 0.4}},
+    }
+    started = {**exact, "name": "started", "parameters": {"scale": {"start": 1.0}, "e0": {"bounds": [0.1, 2], "start": 0.3}}}
+    against = ["exact", {"model": "started", "method": "levenberg_marquardt", "starts": "given", "as": "lm"}]
+    frame = {**FRAME, "force": 2.5 * FRAME["pressure"] * (1 - EPS / 0.4) ** 2}
+    found = mm.fit(frame, formulas=[exact, started], validate={"against": against}, **STUDY)
+    assert max(rows(found, "exact")) < 1e-9
+    assert max(rows(found, "lm")) < 1e-6
+
+
+def test_a_changed_file_makes_the_fits_stale(tmp_path: Path) -> None:
+    (tmp_path / "own.json").write_text(json.dumps(SAROSI))
+    study = {**STUDY, "formulas": "own.json", "model": {"backbone": "our_sarosi"}}
+    spec = mm.fit(FRAME, **{**study, "formulas": [SAROSI]}).to_yaml(tmp_path / "study.yaml")
+    text = spec.read_text()
+    start, end = text.index("formulas:"), text.index("model:")
+    spec.write_text(text[:start] + "formulas: own.json\n" + text[end:])
+    assert set(mm.run(spec, tmp_path / "runs").stages.values()) == {"done"}
+    assert set(mm.run(spec, tmp_path / "runs").stages.values()) == {"up-to-date"}
+    (tmp_path / "own.json").write_text(json.dumps({**SAROSI, "expression": SAROSI["expression"] + " + 0.001*a6*strain"}))
+    assert mm.run(spec, tmp_path / "runs").stages["fit"] == "done"
+    assert "formulas:\n- name: our_sarosi" in (tmp_path / "runs" / "model" / "experiment.yaml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"expression": "a1*pressure +"}, "the expression ends"),
+        ({"expression": "__import__('os').system('x')"}, "unexpected character"),
+        ({"expression": "a1*pressure[k-1] + a2 + a3 + a4 + a5 + a6"}, "state with memory"),
+        ({"parameters": {**SAROSI["parameters"], "a3": {}}}, "nonlinear"),
+        ({"parameters": {**SAROSI["parameters"], "b": {}}}, "names in the text"),
+        ({"parameters": {**SAROSI["parameters"], "a3": {"bounds": [3, 1]}}}, "put the lower one first"),
+        ({"parameters": {**SAROSI["parameters"], "a3": {"bounds": [1, 3], "start": 5}}}, "outside of its bounds"),
+        ({"parameters": {**SAROSI["parameters"], "a3": {"bounds": [1, 3], "value": 2}}}, "is not sought"),
+        ({"name": "sarosi"}, "already"),
+        ({"name": "a b"}, "name"),
+        ({"units": {"pressure": "m"}}, "m"),
+        ({"author": "me"}, "unknown key"),
+    ],
+)
+def test_what_is_wrong_is_told(change: dict[str, Any], message: str) -> None:
+    own = {**SAROSI, **change}
+    with pytest.raises(SpecError, match=message):
+        mm.fit(FRAME, formulas=[own], validate={"against": [own["name"]]}, **STUDY)
+
+
+def test_a_file_that_is_not_there() -> None:
+    with pytest.raises(SpecError, match="there is no file"):
+        mm.fit(FRAME, formulas=["nowhere.yaml"], **STUDY)
+
+
+@pytest.mark.parametrize(
+    "text", ["{", "{}", '{"bounds": 3}', '{"name": "a", "reference": "", "text": "((", "bounds": {}, "units": {}, "starts": null}']
+)
+def test_a_damaged_definition_is_refused(text: str) -> None:
+    with pytest.raises(ValueError):  # noqa: PT011 - whatever it is, the reader of a model file tells it
+        formula_of(text)
+
+
+def test_a_model_file_with_another_definition_is_refused(tmp_path: Path) -> None:
+    import h5py
+
+    path = mm.fit(FRAME, formulas=[SAROSI], model={"backbone": "our_sarosi"}, **STUDY).save(tmp_path / "model.h5")
+    with h5py.File(path, "r+") as file:
+        file["body/backbone"].attrs["definition"] = "{}"
+    with pytest.raises(DataError):
+        mm.load_model(path, unverified=True)
