@@ -20,11 +20,15 @@ class Target(StrEnum):
     CSV = "csv"
     TEX = "tex"
     PY = "py"
+    NUMPY = "numpy"
+    TABLE = "table"
+    MUJOCO = "mujoco"
+    SIMULINK = "simulink"
 
 
 def export(
     model_file: Annotated[Path, typer.Argument(metavar="MODEL", help="A model.h5.", show_default=False)],
-    to: Annotated[Target, typer.Option("--to", help="C99 source, an FMU, a lookup table, equations in LaTeX, or a module of NumPy.")],
+    to: Annotated[Target, typer.Option("--to", help="What to write; see above.")],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the files.")] = Path(),
     single: Annotated[bool, typer.Option("--float", help="C in single precision.")] = False,
     grid: Annotated[
@@ -36,9 +40,14 @@ def export(
 ) -> None:
     """Write a model in another language.
 
-    The files are called after the model. C needs nothing but math.h: no allocation, no global state. A small program to try it
-    is beside it. An FMU is for co-simulation by FMI 2.0: it holds that source, and its binary for this machine where a C compiler
-    is found. C, FMUs and modules are compiled or imported and compared with `predict` on 100 points before they are written.
+    The files are called after the model.
+
+    `c` needs nothing but math.h: no allocation, no global state. `fmu` is for co-simulation by FMI 2.0. `py` is one Python file without
+    any dependency, for single samples; `numpy` is a module for arrays. `table` is the output on a grid with a mask of validity: CSV, MAT,
+    and text for Modelica's CombiTable2D. `mujoco` is C with an actuator callback, `simulink` C with a function for C Caller blocks. `csv`
+    is one lookup table, `tex` the equations.
+
+    C, FMUs and modules are compared with `predict` on 100 points before they are written.
     """
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.stages.exports import exported
@@ -47,10 +56,8 @@ def export(
 
     if single and to is not Target.C:
         raise UsageError("--float is for C alone", "leave it out, or write --to c")
-    if (grid is not None) != (to is Target.CSV):
-        raise UsageError(
-            "--grid goes with --to csv, and the other way round", "as in: --to csv --grid pressure=0:600:25,strain=0:0.25:0.01"
-        )
+    if (grid is not None and to not in (Target.CSV, Target.TABLE)) or (grid is None and to is Target.CSV):
+        raise UsageError("--grid goes with --to csv and --to table", "as in: --to csv --grid pressure=0:600:25,strain=0:0.25:0.01")
     with Reporter(quiet) as reporter:
         files = exported(
             read_model(model_file, reporter.warn), to.value, single=single, grid=grid, verify=not no_verify, warn=reporter.warn

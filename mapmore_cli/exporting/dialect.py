@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from mapmore_cli.modelling.program.statements import NOTHING
 from mapmore_cli.modelling.terms.syntax import Call, Condition, Expression, Name, Number, Power, Product, Sum
@@ -23,12 +23,15 @@ class Dialect:
         The line that gives a name to what is not assigned again, given both.
     nothing
         The value where there is none.
+    quotient
+        The text of a quotient, given dividend and divisor.
     """
 
     number: Callable[[float], str]
     functions: Mapping[str, str]
     constant: Callable[[str, str], str]
     nothing: str
+    quotient: Callable[[str, str], str] = lambda dividend, divisor: f"{dividend} / {divisor}"
 
 
 C_FUNCTIONS = {
@@ -57,6 +60,8 @@ NUMPY = Dialect(
     constant=lambda name, text: f"{name} = {text}",
     nothing="np.nan",
 )
+SCALAR = replace(NUMPY, quotient=lambda dividend, divisor: f"np.divide({dividend}, {divisor})")
+"""Of single numbers without NumPy, where Python raises for a quotient by zero."""
 
 
 @dataclass
@@ -115,7 +120,7 @@ class Expressions:
         text = "-" if first == Number(-1.0) else self._atom(first, front=True)
         for factor in others:
             if isinstance(factor, Power) and factor.exponent < 0:
-                text = ("-1.0" if text == "-" else text) + f" / {self._power(factor.base, -factor.exponent)}"
+                text = self.dialect.quotient("-1.0" if text == "-" else text, self._power(factor.base, -factor.exponent))
             else:
                 text += ("" if text == "-" else " * ") + self._atom(factor)
         return text
@@ -134,7 +139,7 @@ class Expressions:
             case Call(function, argument):
                 return function, f"{self.dialect.functions[function]}({self.text(argument)})"
             case Power(base, exponent) if exponent < 0:
-                return "inverse", f"{self.dialect.number(1.0)} / {self._power(base, -exponent)}"
+                return "inverse", self.dialect.quotient(self.dialect.number(1.0), self._power(base, -exponent))
             case Power(base, exponent) if exponent.is_integer():
                 half = exponent // 2
                 return "power", f"{self._power(base, half)} * {self._power(base, exponent - half)}"

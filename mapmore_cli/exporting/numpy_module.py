@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 from itertools import count
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.domain.foreign import docstring
+from mapmore_cli.domain.foreign import docstring, identifiers
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.exporting.c_blocks import indented
-from mapmore_cli.exporting.dialect import NUMPY, Expressions
-from mapmore_cli.exporting.names import identifier, names_of_inputs, renamed
+from mapmore_cli.exporting.dialect import NUMPY, Dialect, Expressions
+from mapmore_cli.exporting.names import PYTHON, identifier, names_of_inputs, renamed
 from mapmore_cli.modelling.kinds import program_of
 from mapmore_cli.modelling.program.statements import (
     Block,
@@ -51,13 +51,16 @@ def numpy_module(model: Model) -> tuple[str, str]:
     """
     name = identifier(model.name)
     stem = f"model_{name}" if name in sys.stdlib_module_names else name  # NumPy would import it for Python's own
-    return f"{stem}.py", _Module(model, program_of(model)).text()
+    return f"{stem}.py", Module(model, program_of(model)).text("import numpy as np", "It needs NumPy alone.")
 
 
 @dataclass
-class _Module:
+class Module:
+    """The text of a module, from the statements of a model."""
+
     model: Model
     code: Program
+    dialect: Dialect = NUMPY
     numbers: Iterator[int] = field(default_factory=lambda: count(1))
 
     @property
@@ -65,21 +68,37 @@ class _Module:
         """What each input is called as a parameter."""
         return names_of_inputs(self.model.inputs, [function.name for function in self.code.functions])
 
-    def text(self) -> str:
-        parts = [self._head(), *(self._function(function) for function in self.code.functions)]
+    @property
+    def output(self) -> str:
+        """What the output is called as a function beside those of the module."""
+        taken = [*PYTHON, "State", "step", "evaluate", "outside_range", "derivatives", "reset", "math"]
+        return identifiers([self.model.output.name], [*taken, *(function.name for function in self.code.functions)])[0]
+
+    def text(self, imports: str, needs: str, helpers: Sequence[str] = ()) -> str:
+        """The whole module, after the line that it `imports` by; `needs` says what it needs, `helpers` are functions that come first."""
+        parts = [self._head(imports, needs), *helpers, *(self._function(function) for function in self.code.functions)]
         parts += [self._state(), self._step()] if self.code.step is not None else [self._evaluate()]
         return "\n\n".join([*parts, BEYOND + "\n\n" + self._outside()])
 
-    def _head(self) -> str:
+    def derivatives(self) -> str:
+        """A function of the derivative for every input, of a program that has them behind its output."""
+        lines, results = self._block(self.code.body, self._expressions())
+        about = docstring(f"Derivatives of {self.model.output.name} for {', '.join(self.names)}.")
+        slopes = ", ".join(f"np.where(finite, {one}, np.nan)" for one in results[1:])
+        body = [*about, *self._given(), *lines, f"return ({slopes},)" if slopes else "return ()"]
+        functions = [self._function(function) for function in self.code.functions]
+        return "\n\n".join([*functions, "\n".join([f"def derivatives({', '.join(self.names.values())}):", *indented(body), ""])])
+
+    def _head(self, imports: str, needs: str) -> str:
         model = self.model
         given = ", ".join(map(_unit, model.inputs)) or "nothing"
-        about = docstring(f"{model.name}: {_unit(model.output)} from {given}. It needs NumPy alone.", *renamed(self.names))
+        about = docstring(f"{model.name}: {_unit(model.output)} from {given}. {needs}", *renamed(self.names))
         names = ", ".join(f'"{name}"' for name in self.names.values())
-        return "\n".join([*about, "", "import numpy as np", "", f"INPUTS = ({names},)", f'OUTPUT = "{model.output.name}"', ""])
+        return "\n".join([*about, "", imports, "", f"INPUTS = ({names},)", f'OUTPUT = "{model.output.name}"', ""])
 
     def _expressions(self, kept: bool = False) -> Expressions:
         named: Callable[[str], str] = lambda name: f"s.{name}" if kept and name in self.code.kept.numbers else name  # noqa: E731 - short
-        return Expressions(NUMPY, named, lambda stem: f"{stem}{next(self.numbers)}")
+        return Expressions(self.dialect, named, lambda stem: f"{stem}{next(self.numbers)}")
 
     def _function(self, function: Function) -> str:
         lines, results = self._block(function.body, self._expressions())

@@ -73,8 +73,11 @@ def verify_unit(model: Model, texts: Mapping[str, str], compiled: Sequence[str])
     _verify_library(model, {**texts, "verify-unit.c": driver}, [*compiled, "verify-unit.c"], CLOSE)
 
 
-def verify_module(model: Model, text: str) -> None:
-    """Import a module and compare it; MapmoreError where it holds what no module of ours does, or its numbers are others."""
+def verify_module(model: Model, text: str, each: bool = False) -> None:
+    """Import a module and compare it, sample by sample where it takes `each` alone.
+
+    MapmoreError where it holds what no module of ours does, or its numbers are others.
+    """
     columns = points(model)
     if not _is_ours(ast.parse(text)):
         raise _unequal(model, "the module holds statements that are not its own")
@@ -83,7 +86,7 @@ def verify_module(model: Model, text: str) -> None:
     given = [columns[quantity.name] for quantity in model.inputs]
     with np.errstate(all="ignore"):
         if program_of(model).step is None:
-            found = np.broadcast_to(module["evaluate"](*given), POINTS)
+            found = np.broadcast_to(_called(module["evaluate"], given, each), POINTS)
         else:
             found, state = np.empty(POINTS), module["State"]()
             for row in range(POINTS):
@@ -91,8 +94,13 @@ def verify_module(model: Model, text: str) -> None:
                 if np.isnan(found[row]):
                     for output in fed_back(model):
                         state.measured(columns[output][row])
-        outside = np.broadcast_to(module["outside_range"](*given), POINTS)
+        outside = np.broadcast_to(_called(module["outside_range"], given, each), POINTS)
     _compare(model, columns, found, outside, CLOSE)
+
+
+def _called(function: Any, given: Sequence[Array], each: bool) -> Any:
+    """A function of whole arrays, or of one sample after the other."""
+    return np.array([function(*row) for row in zip(*given, strict=True)]) if each and given else function(*given)
 
 
 def points(model: Model) -> Columns:
@@ -143,16 +151,24 @@ def _unequal(model: Model, what: str) -> MapmoreError:
 
 
 def _is_ours(tree: ast.Module) -> bool:
-    """Return whether a module imports NumPy alone, and calls nothing but that and its own functions."""
-    known = {"float", *(node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.ClassDef))}
+    """Return whether a module imports NumPy or `math` alone, and calls nothing but that and its own functions."""
+    known = {
+        "float",
+        "function",
+        "range",
+        "len",
+        "max",
+        "abs",
+        *(node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.ClassDef)),
+    }
     for node in ast.walk(tree):
         match node:
-            case ast.Import([ast.alias("numpy", "np")]):
+            case ast.Import([ast.alias("numpy", "np")]) | ast.Import([ast.alias("math", None)]):
                 continue
             case ast.Import() | ast.ImportFrom():
                 return False
             case ast.Call(ast.Name(name)) if name not in known:
                 return False
-            case ast.Call(ast.Attribute(ast.Name(name))) if name not in ("np", "s", "self"):
+            case ast.Call(ast.Attribute(ast.Name(name))) if name not in ("np", "s", "self", "math"):
                 return False
     return True

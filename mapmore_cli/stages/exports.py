@@ -14,11 +14,14 @@ from mapmore_cli.exporting.compiler import CompilerMissing, library_place, share
 from mapmore_cli.exporting.fmu import fmu_sources
 from mapmore_cli.exporting.names import identifier
 from mapmore_cli.exporting.numpy_module import numpy_module
+from mapmore_cli.exporting.plain_python import plain_module
+from mapmore_cli.exporting.simulators import mujoco_files, simulink_files
+from mapmore_cli.exporting.table import table_files
 from mapmore_cli.exporting.tex import tex_equations
 from mapmore_cli.exporting.verifying import verify_c, verify_module, verify_unit
 from mapmore_cli.modelling.kinds import runs_over_time
 from mapmore_cli.spec.units import base_units
-from mapmore_cli.stages.prediction.grid import grid_lines
+from mapmore_cli.stages.prediction.grid import grid_axes, grid_lines
 from mapmore_cli.stages.prediction.predict import FLAG, predicted_lines
 
 Warn = Callable[[str], None]
@@ -36,7 +39,9 @@ def exported(
     verify: bool = True,
     warn: Warn = lambda _text: None,
 ) -> dict[str, bytes]:
-    """Return the files of a model as `c` (in `single` precision or not), `fmu`, `tex`, `py`, or as `csv` at the points of a `grid`.
+    """Return the files of a model in one of the languages that `mapmore export --to` knows; C may be of `single` precision.
+
+    `csv` has the points of a `grid`; a `table` those of a `grid` or of the training range.
 
     C, units and modules are compared with `predict` where `verify` is set. `warn` is told where a unit has no binary for this machine,
     and where nothing could be compared for want of a compiler.
@@ -63,10 +68,15 @@ def exported(
             return {f"{identifier(model.name)}.fmu": _unit(model, verify, warn)}
         case "tex":
             texts = dict([tex_equations(model)])
-        case "py":
-            texts = dict([numpy_module(model)])
+        case "py" | "numpy":
+            name, text = (plain_module if to == "py" else numpy_module)(model)
+            texts = {name: text}
             if verify:
-                verify_module(model, *texts.values())
+                verify_module(model, text, each=to == "py")
+        case "mujoco" | "simulink":
+            texts = (mujoco_files if to == "mujoco" else simulink_files)(model)
+        case "table":
+            return table_files(model, None if grid is None else grid_axes(grid, [quantity.name for quantity in model.inputs]))
         case _:
             assert grid is not None
             texts = {f"{identifier(model.name)}.csv": _table(model, grid)}

@@ -46,7 +46,7 @@ def test_it_is_fitted_as_the_built_in_one() -> None:
 
 def test_it_is_a_backbone_and_a_model_that_stands_alone(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
     """The file needs no spec: prediction, derivatives and exports agree with those of the built-in formula."""
-    own = mm.fit(FRAME, formulas=[SAROSI], model={"backbone": "our_sarosi"}, **STUDY)
+    own = mm.fit(FRAME, name="muscle", formulas=[SAROSI], model={"backbone": "our_sarosi"}, **STUDY)
     built_in = mm.fit(FRAME, model={"backbone": "sarosi"}, **STUDY)
     points = {"pressure": 170.0, "strain": np.linspace(0.01, 0.19, 7)}
     np.testing.assert_allclose(own(**points), built_in(**points), rtol=1e-5)
@@ -56,7 +56,7 @@ def test_it_is_a_backbone_and_a_model_that_stands_alone(tmp_path: Path, mapmore:
         np.testing.assert_allclose(loaded.derivatives(**points)[name], slope, rtol=1e-4)
     result = mapmore("export", tmp_path / "model.h5", "--to", "py", "-o", tmp_path, "-q")
     assert result.exit_code == 0, result.stderr
-    module = importlib.util.spec_from_file_location("model", tmp_path / "model.py")
+    module = importlib.util.spec_from_file_location("model", tmp_path / "muscle.py")
     assert module is not None
     assert module.loader is not None
     code = importlib.util.module_from_spec(module)

@@ -23,6 +23,15 @@ def grid_lines(text: str, inputs: Sequence[str]) -> Iterator[str]:
         Where `text` is malformed, names an input twice or one that the model has not, leaves one out, or has a step that does not lead from
         the first value to the last.
     """
+    return _lines(_of_inputs(text, inputs))
+
+
+def grid_axes(text: str, inputs: Sequence[str]) -> dict[str, list[float]]:
+    """The places along every input of a grid; raises as `grid_lines`."""
+    return {name: list(map(float, values)) for name, values in _of_inputs(text, inputs).items()}
+
+
+def _of_inputs(text: str, inputs: Sequence[str]) -> dict[str, list[str]]:
     axes = _axes(text)
     for name in axes:
         if name not in inputs:
@@ -34,7 +43,7 @@ def grid_lines(text: str, inputs: Sequence[str]) -> Iterator[str]:
     points = math.prod(map(len, axes.values()))
     if points > MOST_POINTS:
         raise UsageError(f"--grid: asks for {points} points, more than {MOST_POINTS}", "choose larger steps, or predict a table")
-    return _lines(axes)
+    return axes
 
 
 def _lines(axes: dict[str, list[str]]) -> Iterator[str]:

@@ -1,0 +1,169 @@
+"""Tables and wrappers, read by the other side: SciPy's MAT reader, MuJoCo, a C compiler, and Python without NumPy."""
+
+from __future__ import annotations
+
+import ctypes
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.interpolate import RegularGridInterpolator
+from scipy.io import loadmat
+
+import mapmore_cli as mm
+from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.modelling.kinds import outside_range, predict, slopes
+from mapmore_cli.stages.exports import exported
+
+PLACES = np.random.default_rng(3).uniform([0.0, -0.02], [400.0, 0.3], (200, 2))
+
+
+@pytest.fixture(scope="module")
+def model() -> Any:
+    """A muscle that is stiff at first, fitted by pieces on a backbone."""
+    pressure, strain = (grid.ravel() for grid in np.meshgrid([0.0, 100, 200, 300, 400], np.linspace(0, 0.25, 40), indexing="ij"))
+    force = 1.8 * pressure * (1 - 3.0 * strain) ** 2 - 60 * strain + 20 * np.exp(-strain / 0.02)
+    frame = {"pressure": pressure, "strain": strain, "force": force}
+    terms = [{"polynomial": {"of": ["strain"], "order": 3}}]
+    levels = {"of": "pressure", "at": "auto"}
+    return mm.fit(frame, name="muscle", levels=levels, segment={"strain": {"method": "even", "count": 3}}, dictionary=terms).model
+
+
+def columns() -> dict[str, np.ndarray]:
+    return {"pressure": PLACES[:, 0], "strain": PLACES[:, 1]}
+
+
+def test_the_table_is_the_model(model: Any, tmp_path: Path) -> None:
+    """CSV, MAT and Modelica's text say the same, and what is read from the MAT file is `predict`."""
+    files = exported(model, "table")
+    assert files == exported(model, "table")  # no date in it
+    stem = next(iter(files)).removesuffix(".csv")
+    (tmp_path / "table.mat").write_bytes(files[f"{stem}.mat"])
+    table = loadmat(tmp_path / "table.mat")
+    pressure, strain = table["pressure"].ravel(), table["strain"].ravel()
+    points = {"pressure": np.repeat(pressure, len(strain)), "strain": np.tile(strain, len(pressure))}
+    np.testing.assert_array_equal(table["force"].ravel(), predict(model, points))
+    np.testing.assert_array_equal(table["valid"].ravel(), ~outside_range(model, points))
+    rows = np.genfromtxt(files[f"{stem}.csv"].decode().splitlines(), delimiter=",", names=True)
+    np.testing.assert_allclose(rows["force_predicted"], table["force"].ravel(), rtol=1e-11)
+    looked_up = RegularGridInterpolator((pressure, strain), table["force"])
+    inside = ~outside_range(model, columns()) & (PLACES[:, 0] <= pressure[-1]) & (PLACES[:, 1] <= strain[-1])
+    error = looked_up(PLACES[inside]) - predict(model, {name: x[inside] for name, x in columns().items()})
+    assert np.abs(error).max() < 0.05 * np.ptp(table["force"])
+
+
+def test_modelica_reads_both_tables(model: Any) -> None:
+    """By the grammar of ModelicaStandardTables: `#1`, then `double name(rows,columns)` and its numbers."""
+    files = exported(model, "table", grid="pressure=100:300:50,strain=0:0.2:0.05")
+    text = next(text for name, text in files.items() if name.endswith(".txt")).decode()
+    assert text.startswith("#1\n")
+    tables = {}
+    for part in text.split("\ndouble ")[1:]:
+        head, _, body = part.partition("\n")
+        name, _, size = head.partition("(")
+        shape = tuple(map(int, size.rstrip(")").split(",")))
+        tables[name] = np.array(body.split(), dtype=float).reshape(shape)
+    assert set(tables) == {"force", "valid"}
+    np.testing.assert_allclose(tables["force"][1:, 0], [100, 150, 200, 250, 300])
+    np.testing.assert_allclose(tables["force"][0, 1:], [0, 0.05, 0.1, 0.15, 0.2])
+    expected = predict(model, {"pressure": np.full(5, 150.0), "strain": np.array([0, 0.05, 0.1, 0.15, 0.2])})
+    np.testing.assert_allclose(tables["force"][2, 1:], expected, rtol=1e-14)
+
+
+def test_the_python_file_needs_nothing(model: Any, tmp_path: Path) -> None:
+    """A process that can import no NumPy has the same numbers and derivatives."""
+    files = exported(model, "py")
+    (tmp_path / "muscle.py").write_bytes(next(iter(files.values())))
+    code = (
+        "import sys; sys.modules['numpy'] = None\nimport muscle\n"
+        "for line in sys.stdin:\n"
+        "    p, e = map(float, line.split())\n"
+        "    print(repr(muscle.force(p, e)), *map(repr, muscle.derivatives(p, e)), int(muscle.outside_range(p, e)))\n"
+    )
+    given = "\n".join(f"{p!r} {e!r}" for p, e in PLACES.tolist())
+    done = subprocess.run([sys.executable, "-c", code], input=given, capture_output=True, text=True, check=True, cwd=tmp_path)
+    found = np.array([line.split() for line in done.stdout.splitlines()], dtype=float)
+    np.testing.assert_allclose(found[:, 0], predict(model, columns()), rtol=1e-12)
+    expected = slopes(model, columns())
+    np.testing.assert_allclose(found[:, 1], expected["pressure"], rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(found[:, 2], expected["strain"], rtol=1e-9, atol=1e-12)
+    np.testing.assert_array_equal(found[:, 3], outside_range(model, columns()))
+
+
+def compiled(files: dict[str, bytes], folder: Path, *extra: str) -> tuple[ctypes.CDLL, str]:
+    for name, data in files.items():
+        (folder / name).write_bytes(data)
+    sources = [name for name in files if name.endswith(".c") and "_main" not in name and "_inverse" not in name]
+    command = ["gcc", "-std=c99", "-Wall", "-Werror", "-shared", "-fPIC", "-o", "lib.so", *sources, *extra, "-lm"]
+    subprocess.run(command, cwd=folder, check=True)
+    return ctypes.CDLL(str(folder / "lib.so")), min(files, key=len).removesuffix(".c").removesuffix(".h")
+
+
+def test_simulinks_function_is_the_model(model: Any, tmp_path: Path) -> None:
+    library, name = compiled(exported(model, "simulink"), tmp_path)
+    for function in (force := getattr(library, f"{name}_force"), valid := getattr(library, f"{name}_valid")):
+        function.restype, function.argtypes = ctypes.c_double, [ctypes.c_double] * 2
+    np.testing.assert_allclose([force(*row) for row in PLACES], predict(model, columns()), rtol=1e-12)
+    np.testing.assert_array_equal([valid(*row) for row in PLACES], ~outside_range(model, columns()))
+
+
+SCENE = """
+<mujoco>
+  <size nuser_actuator="2"/>
+  <option timestep="0.0005" integrator="implicitfast"/>
+  <worldbody>
+    <site name="top" pos="0 0 1"/>
+    <body name="load" pos="0 0 0.8">
+      <joint name="z" type="slide" axis="0 0 1" damping="60"/>
+      <geom size="0.02" mass="{mass}"/>
+      <site name="hook"/>
+    </body>
+  </worldbody>
+  <tendon><spatial name="muscle"><site site="top"/><site site="hook"/></spatial></tendon>
+  <actuator><general tendon="muscle" gaintype="fixed" gainprm="0" biastype="user" user="0.2 0"/></actuator>
+</mujoco>
+"""
+
+
+def test_mujoco_lifts_a_weight_with_the_muscle(model: Any, tmp_path: Path) -> None:
+    """The C callback in MuJoCo: the weight comes to rest where `predict` has its weight, at every pressure."""
+    mujoco = pytest.importorskip("mujoco", reason="MuJoCo is an extra of development: pip install mujoco")
+    include = Path(mujoco.__file__).parent / "include"
+    library, name = compiled(exported(model, "mujoco"), tmp_path, f"-I{include}", "-Wno-pedantic")
+    callback = getattr(library, f"{name}_act_bias")
+    mass = 12.0
+    world = mujoco.MjModel.from_xml_string(SCENE.format(mass=mass))
+    data = mujoco.MjData(world)
+    callback.restype, callback.argtypes = ctypes.c_double, [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int]
+    mujoco.set_mjcb_act_bias(lambda m, d, actuator: callback(m._address, d._address, actuator))
+    try:
+        for pressure in (200.0, 300.0):
+            data.ctrl[0] = pressure
+            for _ in range(6000):
+                mujoco.mj_step(world, data)
+            strain = 1 - data.actuator_length[0] / 0.2
+            assert abs(data.qvel[0]) < 1e-3
+            assert 0.005 < strain < 0.3
+            found = predict(model, {"pressure": np.array([pressure]), "strain": np.array([strain])})[0]
+            assert found == pytest.approx(mass * 9.81, rel=1e-3)
+    finally:
+        mujoco.set_mjcb_act_bias(None)
+
+
+def test_what_a_simulator_cannot_hold() -> None:
+    u = np.sin(np.arange(300.0) / 9) + np.sin(np.arange(300.0) / 4)
+    frame = {"time": np.arange(300.0), "pressure": u, "force": np.convolve(u, [0.5, 0.3, 0.2])[:300]}
+    memory = mm.fit(
+        frame, dictionary=[{"lags": {"of": ["pressure"], "steps": [0, 1, 2], "order": 1}}], fit={"max_terms": 3, "tolerance": 0}
+    ).model
+    for target in ("table", "mujoco", "simulink"):
+        with pytest.raises(UsageError):
+            exported(memory, target)
+    code: dict[str, Any] = {}
+    exec(next(iter(exported(memory, "py").values())), code)
+    state = code["reset"]()
+    found = [code["force"](value, state) for value in u]
+    np.testing.assert_allclose(found[2:], frame["force"][2:], atol=1e-9)
