@@ -78,7 +78,7 @@ def test_the_inverted_model_stands_beside_the_direct_one(study: Path, tmp_path: 
     result = mapmore("validate", study, "--runs", runs, *given)
     assert result.exit_code == 0, result.stderr
     rows = scores(runs, "bench")
-    assert {"mapmore", "inverted"} == {model for model, _ in rows}
+    assert {"mapmore", "inverted"} <= {model for model, _ in rows}
     assert rows["inverted", "validate"]["n"] == 120
     assert 0 < rows["inverted", "validate"]["nrmse"] < 1
 

@@ -26,7 +26,7 @@ def against(spec: Path, entry: str) -> Path:
 
 def test_a_variation_scores_as_a_run_with_these_settings_does(varied: Path, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
     rmse, _ = scored_run(mapmore, varied, tmp_path / "runs")
-    assert list(rmse) == ["mapmore", "polynomial_2", "two"]
+    assert list(rmse) == ["mapmore", "polynomial_2", "two", "plane", "quadratic", "cubic"]
     alone, _ = scored_run(
         mapmore, varied, tmp_path / "alone", "--set", "fit.max_terms=2", "--set", "fuse={z_s: 0.4}", "--set", "validate={}"
     )

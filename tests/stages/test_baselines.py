@@ -125,4 +125,4 @@ def test_a_run_scores_them_beside_its_model(tmp_path: Path) -> None:
     spec = tmp_path / "bench.yaml"
     spec.write_text(SPEC.format(against="{model: gradient_boosting, as: trees}"))
     outcome = bring_up_to_date(load(spec), tmp_path / "runs", "validate")
-    assert {row.model for row in RunFiles(outcome.run_dir).validation().scores} == {"mapmore", "trees"}
+    assert {row.model for row in RunFiles(outcome.run_dir).validation().scores} == {"mapmore", "trees", "plane", "quadratic", "cubic"}

@@ -1,0 +1,9 @@
+"""Bands that hold a new curve with 95 %: each curve is left out in turn."""
+
+from muscle import STUDY, recording, save
+
+import mapmore_cli as mm
+
+model = mm.fit(recording([80, 150, 200, 250, 350], noise=6), **STUDY)
+axes = model.plot(interval=0.95)
+save(axes.figure, "bands")

@@ -1,0 +1,17 @@
+"""Forward regression by itself: which terms explain the data, in which order."""
+
+import matplotlib.pyplot as plt
+import numpy as np
+from muscle import save
+
+import mapmore_cli as mm
+
+rng = np.random.default_rng(4)
+X = rng.uniform(-1, 1, (300, 3))
+y = 2 * X[:, 0] * X[:, 1] - X[:, 2] ** 3 + 0.3 * X[:, 0] + 0.05 * rng.normal(size=300)
+model = mm.FROLS(order=3, max_terms=6).fit(X, y)
+print(model.equations_[0])
+figure, axes = plt.subplots(layout="constrained")
+axes.bar(model.terms_, model.err_)
+axes.set(ylabel="error reduction ratio", yscale="log")
+save(figure, "terms_by_ratio")

@@ -1,0 +1,18 @@
+"""Two pressures are enough for a model between them; a formula as backbone says how the force runs there."""
+
+import matplotlib.pyplot as plt
+import numpy as np
+from muscle import STUDY, force, recording, save
+
+import mapmore_cli as mm
+
+table = recording([100, 300])
+bare, on_formula = mm.fit(table, **STUDY), mm.fit(table, model={"backbone": "sarosi"}, **STUDY)
+strain = np.linspace(0, 0.2, 100)
+figure, axes = plt.subplots(layout="constrained")
+axes.plot(strain, force(np.full(100, 200.0), strain), "k", label="truth at 200 kPa")
+axes.plot(strain, bare(pressure=200, strain=strain), "--", label="pieces alone")
+axes.plot(strain, on_formula(pressure=200, strain=strain), ":", label="pieces on sarosi")
+axes.set(xlabel="strain", ylabel="force [N]")
+axes.legend()
+save(figure, "two_pressures")
