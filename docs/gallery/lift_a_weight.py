@@ -1,5 +1,7 @@
 """The exported Python file in a simulation of one's own: a weight of 12 kg on the muscle, and a step of pressure."""
 
+from typing import Any
+
 import matplotlib.pyplot as plt
 from muscle import STUDY, recording, save
 
@@ -7,7 +9,7 @@ import mapmore_cli as mm
 from mapmore_cli.stages.exports import exported
 
 model = mm.fit(recording([80, 150, 200, 250, 350]), name="muscle", **STUDY).model
-code: dict = {}
+code: dict[str, Any] = {}
 exec(exported(model, "py")["muscle.py"], code)  # in practice: import muscle
 strain, speed, step, length, course = 0.05, 0.0, 0.0005, 0.2, []
 for k in range(8000):

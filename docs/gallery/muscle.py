@@ -5,12 +5,12 @@ from __future__ import annotations
 import sys
 
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 
 
 def force(pressure: np.ndarray, strain: np.ndarray) -> np.ndarray:
     """Pull in N: a braided muscle that is stiff while it is crimped."""
-    return 3.3 * np.maximum(pressure - 25, 0) * (1 - 3.2 * strain) ** 2 - 30 + 60 * np.exp(-strain / 0.02)
+    return np.asarray(3.3 * np.maximum(pressure - 25, 0) * (1 - 3.2 * strain) ** 2 - 30 + 60 * np.exp(-strain / 0.02))
 
 
 def recording(levels: list[float], noise: float = 2.0, count: int = 60, seed: int = 1) -> dict[str, np.ndarray]:
@@ -28,6 +28,7 @@ STUDY = {
 }
 
 
-def save(figure: Figure, name: str) -> None:
+def save(figure: Figure | SubFigure, name: str) -> None:
     """Save a picture to the path on the command line, else beside the script's name."""
+    assert isinstance(figure, Figure)
     figure.savefig(sys.argv[1] if len(sys.argv) > 1 else f"{name}.svg", metadata={"Date": None})
