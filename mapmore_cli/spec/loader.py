@@ -104,7 +104,7 @@ def _valid(written: Node, path: Path, model: type[M], overrides: Sequence[str], 
     except ValidationError as error:
         later = [*explain(error, root, model), *_beyond(error, root, model, check)]
     raise_if_any([*problems, *new_places(later, problems)])
-    if isinstance(spec, ExperimentSpec):
+    if isinstance(spec, ExperimentSpec) and path.is_file():  # else no file holds it, and no comments either
         spec._unconfirmed = questions_in(path.read_text(encoding="utf-8-sig"))
     return Loaded(spec, path, path.parent, tuple(overrides), root)
 
