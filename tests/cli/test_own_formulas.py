@@ -54,7 +54,7 @@ def test_it_is_a_backbone_and_a_model_that_stands_alone(tmp_path: Path, mapmore:
     np.testing.assert_array_equal(loaded(**points), own(**points))
     for name, slope in built_in.derivatives(**points).items():
         np.testing.assert_allclose(loaded.derivatives(**points)[name], slope, rtol=1e-4)
-    result = mapmore("export", tmp_path / "model.h5", "--to", "py", "-o", tmp_path, "-q")
+    result = mapmore("export", tmp_path / "model.h5", "--to", "numpy", "-o", tmp_path, "-q")
     assert result.exit_code == 0, result.stderr
     module = importlib.util.spec_from_file_location("model", tmp_path / "muscle.py")
     assert module is not None
