@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from mapmore_cli.reporting.figures.style import fonts_may_lack_glyphs, small
 from mapmore_cli.reporting.inputs import SINGLE, FigureStyle
@@ -116,7 +117,7 @@ def _composed(drawing: Drawing, panels: Sequence[Panel], columns: int, width: fl
     grid, stack = drawing.grid, len(drawing.grid.stack)
     rows = math.ceil(len(panels) / columns)
     room = LEGEND_ROOM if drawing.legend else TITLE_ROOM
-    figure = Figure(figsize=(width, room + rows * grid.height), dpi=POINTS, layout="constrained")
+    figure = Figure(figsize=(width, room + rows * grid.height), dpi=POINTS)
     shared: Any = {"none": False, "row": "row", "all": True}[grid.common_y]
     every = figure.subplots(stack * rows, columns, height_ratios=[*grid.stack] * rows, sharex=grid.common_x, sharey=shared, squeeze=False)
     places = [list(every[row * stack : (row + 1) * stack, column]) for row in range(rows) for column in range(columns)]
@@ -132,8 +133,7 @@ def _composed(drawing: Drawing, panels: Sequence[Panel], columns: int, width: fl
         figure.legend(handles=list(drawing.legend), loc="outside upper left", ncols=_legend_columns(labels, width))
     figure.align_ylabels()
     with fonts_may_lack_glyphs():
-        figure.draw_without_rendering()
-    figure.set_layout_engine("none")  # the places are found once, and the same for every format
+        ConstrainedLayoutEngine().execute(figure)  # once, so that the places are the same in every format
     return figure
 
 
