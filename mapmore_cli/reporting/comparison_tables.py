@@ -27,7 +27,8 @@ def verdict(scores: Sequence[Score], own: str, target: Quantity, failed: Sequenc
         "validate": "on the held-out data",
         "train": "on its own training data (nothing was held out, so this says little about new data)",
     }[ours.split]
-    first = f"{own} predicts {target.name} with an NRMSE of {_percent(ours.nrmse)} (RMSE {ours.rmse:.3g} {target.unit}) {where}"
+    unit = "" if target.unit in ("", "1") else f" {target.unit}"
+    first = f"{own} predicts {target.name} with an NRMSE of {_percent(ours.nrmse)} (RMSE {ours.rmse:.3g}{unit}) {where}"
     return f"{first}; {_comparison(ours, [s for s in compared if s.model not in (own, REPEATABILITY)], failed)}{_floor(compared)}."
 
 

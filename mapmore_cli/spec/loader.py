@@ -112,16 +112,20 @@ def _valid(written: Node, path: Path, model: type[M], overrides: Sequence[str], 
 _QUESTION = re.compile(r"(?:^|(?<=\s))#[ \t]*CHECK:[ \t]*(?P<text>.*)$", re.MULTILINE)
 
 
+_KEY = re.compile(r"^[ \t]*(?:- )?\{?([A-Za-z_]\w*):", re.MULTILINE)
+
+
 def questions_in(text: str) -> tuple[str, ...]:
-    """The open questions of a spec: its comments that begin with `CHECK`, each with the comment lines that go on with it."""
+    """The open questions of a spec: its comments that begin with `CHECK`, each after the key that it is about."""
     found = []
     for match in _QUESTION.finditer(text):
         words = [match["text"]]
+        key = _KEY.search(text, text.rfind("\n", 0, match.start()) + 1)  # of its line, or of the one that the comment stands above
         if not text[text.rfind("\n", 0, match.start()) + 1 : match.start()].strip():  # a comment above its line may go on
             below = text[match.end() + 1 :].splitlines()
             after = takewhile(lambda line: line.lstrip().startswith("# ") and "CHECK:" not in line, below)
             words += [line.strip().lstrip("# ") for line in after]
-        found.append(" ".join(" ".join(words).split()))
+        found.append(" ".join([f"{key[1]}:" if key is not None else "", *words]).strip())
     return tuple(found)
 
 

@@ -144,6 +144,15 @@ def guess_others(titles: Mapping[str | int, str], raw: Raw, known: Mapping[str, 
     left = [column for column in columns if column not in drives and column not in commands]
     if not drives or not left:
         return None
+    force = known["force"].column if "force" in known and known["force"].column in left else None
+    if force is not None and position is not None and known[position].column in left and drives == pressures:
+        guesses = {} if time is None else {"time": time}
+        named = zip(_of_pressures(len(drives)), pressures_of(titles, {column: moving[column] for column in columns}, known), strict=True)
+        return (
+            {**guesses, **dict(named), position: known[position], "force": known["force"]},
+            [*_of_pressures(len(drives)), position],
+            "force",
+        )
     errors = {column: untold([raw[one] for one in drives], raw[column]) for column in left}
     first = min(errors.values())
     near = [column for column in reversed(left) if errors[column] <= first + CLOSE]

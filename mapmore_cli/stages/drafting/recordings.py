@@ -127,17 +127,20 @@ class Told:
     why: str
 
 
-def constants_of(group: Group, quantity: str, length: float | None = None) -> tuple[str, list[Told]] | None:
+def constants_of(group: Group, quantity: str, length: float | None = None, *, strict: bool = False) -> tuple[str, list[Told]] | None:
     """The held quantity by the names of the files, and its values; None where they say nothing.
 
     Strains above 1.5 are per cent, whether of the length or of the largest strain, and those of 100 are none; a name without a number
     stands for zero. Millimetres are a contraction: a strain of the muscle's `length` in m, and a `displacement` where that is not known.
+    With `strict`, numbers without a unit say nothing.
     """
     words = [part.condition for part in group.names]
     if any(word is None for word in words) or len(set(words)) < 2:
         return None
     numbers = [number_in(word or "") for word in words]
     numbered = [number for number in numbers if number is not None]
+    if strict and any(unit is None for _, unit in numbered):
+        return None
     if not numbered or any(unit is not None and _kind_of(unit) != quantity for _, unit in numbered):
         return None
     if any(unit in LENGTHS for _, unit in numbered):

@@ -72,7 +72,7 @@ def propose(
     untold = next((one for one in ("pressure", position or "strain") if one not in guesses), "") if target == "force" else ""
     second = second if {"time", "force"} <= guesses.keys() and position is not None and "pressure" not in guesses else None
     untold = untold if second is None else ""
-    found = constants_of(group, untold, answers.length) if untold else None
+    found = constants_of(group, untold, answers.length, strict=bool(answers.columns) and answers.hold != untold) if untold else None
     untold, constants = found or (untold, None)
     plain = target is not None and ("pressure" in guesses or bool(constants and untold == "pressure") or second is not None)
     known = {"time", "pressure", target, *POSITIONS, "load"}
@@ -168,7 +168,7 @@ def _followed(draft: Draft, inputs: Sequence[str], target: str, folder: Path) ->
     if memory is not None and "time" not in dataset.recordings[0].columns:
         draft = with_counted_samples(draft, memory)
         dataset = read_draft(draft, folder, target)
-    if moves(dataset.recordings, target) and (target != "force" or memory is not None):
+    if moves(dataset.recordings, target) and (target != "force" or memory is not None or len(inputs) > 2):
         return with_memory(draft, dataset.recordings, inputs, target)
     draft = draft.with_section("target", {"column": target})
     return with_model(draft, dataset, inputs)

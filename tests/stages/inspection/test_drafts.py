@@ -216,8 +216,10 @@ def test_a_backward_clock_is_left_out(tmp_path: Path) -> None:
     isobaric(tmp_path)
     path = tmp_path / "pull_100.csv"
     lines = path.read_text().splitlines()
-    lines[5], lines[6] = lines[6], lines[5]
-    path.write_text("\n".join(lines) + "\n")
+    path.write_text("\n".join([*lines[:5], lines[6], lines[5], *lines[7:]]) + "\n")
+    (glitch,) = start(tmp_path, tmp_path).drafts
+    assert written(glitch, tmp_path).spec.data.glitches == "drop"
+    path.write_text("\n".join([*lines[:5], *lines[40:5:-1], *lines[41:]]) + "\n")
     (draft,) = start(tmp_path, tmp_path).drafts
     assert "time" not in written(draft, tmp_path).spec.data.columns
     assert "time runs backwards" in draft.text()
