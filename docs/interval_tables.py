@@ -20,7 +20,7 @@ from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.modelling.forecast import forecast
-from mapmore_cli.modelling.intervals import half_width_of
+from mapmore_cli.modelling.intervals import half_widths_of
 from mapmore_cli.modelling.kinds import outside_range
 from mapmore_cli.reporting.table import Cell, Column, Table
 from mapmore_cli.rig.load_cycle import turning_strain
@@ -75,16 +75,20 @@ class Coverage:
 
 def coverage(model: Model, dataset: Dataset, level: float = LEVEL) -> Coverage:
     """What becomes of the held-out samples of a dataset."""
-    half = half_width_of(model, level)
-    errors = np.concatenate([_errors(model, curve, dataset.target) for curve in dataset.curves])
-    return Coverage(len(errors), int(np.sum(np.abs(errors) <= half)), half, float(np.sum(errors**2)))
+    found = [_errors(model, curve, dataset.target, level) for curve in dataset.curves]
+    errors, half = (np.concatenate([each[i] for each in found]) for i in range(2))
+    given = np.isfinite(half)
+    errors, half = errors[given], half[given]
+    if not len(half):
+        return Coverage(0, 0, math.nan, 0.0)
+    return Coverage(len(errors), int(np.sum(np.abs(errors) <= half)), float(np.median(half)), float(np.sum(errors**2)))
 
 
-def _errors(model: Model, curve: Curve, target: str) -> Array:
+def _errors(model: Model, curve: Curve, target: str, level: float) -> tuple[Array, Array]:
     said = forecast(model, curve)
     rows: BoolArray = curve.held_out & said.ready & ~outside_range(model, curve.columns)
-    errors: Array = np.where(np.isfinite(said.values), curve.columns[target] - said.values, np.inf)[rows]
-    return errors
+    errors: Array = np.where(np.isfinite(said.values), curve.columns[target] - said.values, np.inf)
+    return errors[rows], half_widths_of(model, curve.columns, level)[rows]
 
 
 def pooled(found: Sequence[Coverage]) -> tuple[float, float, float]:
@@ -123,8 +127,9 @@ def specimen(kind: str, curves: int, seed: int) -> Dataset:
 def covered(kind: str, model: str, curves: int, seed: int) -> Coverage:
     """Coverage of one specimen's new curves."""
     choices, dataset = reads(load(CONFIGS / f"{MUSCLES[kind].config}.yaml", MODELS[model]).spec), specimen(kind, curves, seed)
-    left_out = residuals(choices, dataset, {}, lambda _what, _done, _total: None)
-    return coverage(replace(refitted(choices, dataset), left_out=left_out), dataset)
+    model = refitted(choices, dataset)
+    left_out = residuals(choices, dataset, {}, lambda _what, _done, _total: None, model)
+    return coverage(replace(model, left_out=left_out), dataset)
 
 
 def simulated_row(kind: str, model: str, curves: int) -> tuple[Cell, ...]:

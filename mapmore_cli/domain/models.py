@@ -209,6 +209,12 @@ class LeftOut:
         Mean of measured minus predicted over each part, and standard deviation about it, (k,), in the unit of the output.
     sizes
         Quantiles of the absolute residuals of each part at q even shares from 0 to 1, (k, q).
+    places, repeats
+        The levels that train, ascending, and how many recordings have each, (K,); empty where there are none.
+    largest, residual
+        Largest |target| of the training data, and the root mean square residual of the model there, in the unit of the output.
+    astray
+        How far left-out predictions lie beyond the training data, as a share of their range.
     """
 
     kind: LeftOutKind
@@ -218,6 +224,11 @@ class LeftOut:
     offset: Array
     scatter: Array
     sizes: Array
+    places: tuple[float, ...] = ()
+    repeats: tuple[int, ...] = ()
+    largest: float = 0.0
+    residual: float = 0.0
+    astray: float = 0.0
 
 
 @dataclass(frozen=True)

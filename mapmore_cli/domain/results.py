@@ -82,11 +82,14 @@ class Forecast:
         Samples with enough history to be predicted; what is NaN among them has diverged.
     one_step
         Prediction of every sample from the measured past; None for a model without memory.
+    half
+        Half of the width of the interval at every sample, NaN where there is none; None for a model without intervals.
     """
 
     values: Array
     ready: BoolArray
     one_step: Array | None = None
+    half: Array | None = None
 
     @classmethod
     def of(cls, values: Array) -> Forecast:

@@ -38,6 +38,8 @@ METRICS: Mapping[str, str] = MappingProxyType(
         "rrse": "root relative squared error",
         "rrse_one_step": "the same of predictions from the measured past; NaN without memory",
         "r_uncentred": "correlation of measured and predicted about zero, W's index",
+        "interval_coverage": "share of the samples within their 95 % interval; NaN without intervals",
+        "interval_half_width": "half of the width of that interval, the median over the samples",
     }
 )
 """What the numbers of a score row mean."""
@@ -50,7 +52,8 @@ class Score:
     `nrmse = rmse / normaliser` is a fraction; `normaliser` is the number and `normaliser_name` says what it is, as
     `max|force| over validate`. `rmse`, `normaliser` and `max_abs_error` carry the target's unit. `rrse` is the root relative squared
     error, of a free run where the model has memory; `rrse_one_step` then that of predictions from the measured past, else NaN.
-    `r_uncentred` is the correlation about zero, `sum y yhat / sqrt(sum y^2 sum yhat^2)`, which W prints.
+    `r_uncentred` is the correlation about zero, `sum y yhat / sqrt(sum y^2 sum yhat^2)`, which W prints. `interval_coverage` and
+    `interval_half_width` are of the run's own model on held-out rows, where the spec asks for intervals.
     """
 
     model: str
@@ -68,9 +71,11 @@ class Score:
     rrse: float = math.nan
     rrse_one_step: float = math.nan
     r_uncentred: float = math.nan
+    interval_coverage: float = math.nan
+    interval_half_width: float = math.nan
 
 
-AT_LEAST = frozenset({"r2", "n"})
+AT_LEAST = frozenset({"r2", "n", "interval_coverage"})
 """Metrics whose limit is a lower one; all others are errors."""
 
 

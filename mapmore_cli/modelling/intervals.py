@@ -1,7 +1,17 @@
 """Intervals for a new curve, from what models of the rest said of each part of the training data that was left out of them.
 
 The samples of one curve err together: a sensor, a temperature, a place between two levels belong to the whole curve. So curves count, not
-samples. With K curves, half of the interval's width is the larger of
+samples. Two rules give half of the width, by the number K of levels, recordings or blocks that train.
+
+Three to six levels (`few_levels`): a rule that was calibrated on measured and simulated muscles, docs/intervals.md. With A the root mean
+square error of the left-out inner levels, F the largest training |target|, s_w the root mean square training residual, t the place in the
+gap between two levels and H that gap over the range of the levels:
+
+    half = max(1.96 s_w, c_K F max(A/F, 1e-3)^w_K max(4t(1 - t), .05)^.6 (H (K - 1))^.75)
+
+At a level that was measured in n >= 2 recordings it is that of the repeats, `t_{n-1} s_w sqrt(1 + 1/n)`.
+
+Otherwise (`many_curves`) it is the larger of
 
 - `t_{K-1} sqrt(s_b^2 (1 + 1/K) + s_w^2)`: s_b is the root mean square of the offsets of the left-out parts, s_w that of the scatter within
   them, t Student's. It takes residuals for nearly normal.
@@ -13,6 +23,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,12 +32,42 @@ from mapmore_cli.domain.errors import DataError, FitError, UsageError
 from mapmore_cli.domain.models import LeftOut, LeftOutKind, Model
 from mapmore_cli.modelling.kinds import outside_range, predict
 
+INTERVAL = 0.95
+"""The level of the intervals of scores and figures."""
+
 SHARES = np.linspace(0.0, 1.0, 101)
 """Of a part's samples: where the quantiles of its residuals are kept."""
 
+FEW: Mapping[int, tuple[float, float]] = {3: (0.063, 0.1), 4: (0.059, 0.2), 5: (0.085, 0.3)}
+"""c_K and w_K by the number of levels; six levels take those of five."""
 
-def summary(kind: LeftOutKind, curves: int, residuals: Mapping[str, Sequence[Array]]) -> LeftOut:
-    """What intervals need of the residuals (measured minus predicted) of each left-out part, where so many `curves` train.
+NORMAL = 1.959964
+"""The quantile of the normal distribution that the constants of `FEW` are for."""
+
+AT_LEVEL = 0.02
+"""A sample nearer to a level than this share of the gap is at the level."""
+
+ASTRAY = 0.25
+"""Left-out predictions further beyond the training data than this share of their range: the model is not to be trusted between levels."""
+
+
+@dataclass(frozen=True)
+class Training:
+    """What the rule for few levels needs of the training data.
+
+    `places` (K,) are the levels, `repeats` (K,) how many recordings have each; `largest` is the largest |target|, `residual` the root mean
+    square residual of the model, `astray` how far left-out predictions lie beyond the training target, as a share of its range.
+    """
+
+    places: tuple[float, ...]
+    repeats: tuple[int, ...]
+    largest: float
+    residual: float
+    astray: float
+
+
+def summary(kind: LeftOutKind, curves: int, residuals: Mapping[str, Sequence[Array]], training: Training | None = None) -> LeftOut:
+    """Return what intervals need of the residuals (measured minus predicted) of each left-out part, where so many `curves` train.
 
     Raises
     ------
@@ -46,11 +87,53 @@ def summary(kind: LeftOutKind, curves: int, residuals: Mapping[str, Sequence[Arr
         offset=np.array([r.mean() for r in parts]),
         scatter=np.array([r.std() for r in parts]),
         sizes=np.array([np.quantile(np.abs(r), SHARES) for r in parts]),
+        **({} if training is None else vars(training)),
     )
 
 
-def half_width(left_out: LeftOut, level: float) -> float:
-    """Half of the width of the interval that holds a sample of a new curve with probability `level`."""
+def refusal(left_out: LeftOut) -> str | None:
+    """Say why there is no interval; None where there is one."""
+    if left_out.astray <= ASTRAY:
+        return None
+    return (
+        f"without one of its levels, the model lies beyond the measured values by {100 * left_out.astray:.0f} % of their range: "
+        "there are no intervals"
+    )
+
+
+def half_widths(left_out: LeftOut, at: Array, level: float) -> Array:
+    """Return half of the width of the interval that holds a sample of a new curve with probability `level`, (n,).
+
+    `at` (n,) is the level quantity of each sample; it has no effect but with few levels. NaN where intervals are refused.
+    """
+    if refusal(left_out) is not None:
+        return np.full(len(at), np.nan)
+    if left_out.kind == "levels" and len(left_out.places) == left_out.curves and left_out.curves < 7:
+        return few_levels(left_out, at, level)
+    return np.full(len(at), many_curves(left_out, level))
+
+
+def few_levels(left_out: LeftOut, at: Array, level: float) -> Array:
+    """Return the half widths at the levels `at`, (n,), by the rule for three to six levels."""
+    from scipy.special import ndtri, stdtrit
+
+    places, count, largest = np.array(left_out.places), left_out.curves, left_out.largest or 1.0
+    scale, power = FEW[min(count, 5)]
+    missed = math.sqrt(float(np.mean(left_out.offset**2 + left_out.scatter**2)))
+    gap = np.clip(np.searchsorted(places, at, side="right") - 1, 0, count - 2)
+    width = np.diff(places)[gap]
+    t = np.clip((at - places[gap]) / width, 0.0, 1.0)
+    between = np.maximum(4 * t * (1 - t), 0.05) ** 0.6 * (width / np.ptp(places) * (count - 1)) ** 0.75
+    half = np.maximum(NORMAL * left_out.residual, scale * largest * max(missed / largest, 1e-3) ** power * between)
+    half *= float(ndtri(0.5 + level / 2)) / NORMAL
+    n = np.array(left_out.repeats)[gap + (t > 0.5)]
+    repeated = (n >= 2) & (np.minimum(t, 1 - t) < AT_LEVEL)
+    own = stdtrit(np.maximum(n - 1, 1), 0.5 + level / 2) * left_out.residual * np.sqrt(1 + 1 / n)
+    return np.where(repeated, own, half)
+
+
+def many_curves(left_out: LeftOut, level: float) -> float:
+    """Return half of the width by Student's t over curves, or by the quantile of the absolute residuals where that is larger."""
     from scipy.special import stdtrit
 
     new = 1 + 1 / left_out.curves
@@ -59,8 +142,8 @@ def half_width(left_out: LeftOut, level: float) -> float:
     return max(t * math.sqrt(between * new + within), float(np.quantile(left_out.sizes, level)) * new)
 
 
-def interval(model: Model, columns: Columns, level: float) -> tuple[Array, Array]:
-    """The ends of the interval at every row, (n,) each: NaN where there is no prediction, and outside of the training range.
+def half_widths_of(model: Model, columns: Columns, level: float) -> Array:
+    """Return half of the width of a model's intervals at every row, (n,); NaN where they are refused.
 
     Raises
     ------
@@ -69,21 +152,28 @@ def interval(model: Model, columns: Columns, level: float) -> tuple[Array, Array
     DataError
         For a model that holds no left-out residuals.
     """
-    half = half_width_of(model, level)
-    return ends(predict(model, columns), outside_range(model, columns), half)
+    left_out = checked(model, level)
+    count = len(next(iter(columns.values())))
+    return half_widths(left_out, columns[model.level] if model.level in columns else np.full(count, np.nan), level)
 
 
-def half_width_of(model: Model, level: float) -> float:
-    """Half of the width of a model's intervals; raises as `interval`."""
+def checked(model: Model, level: float) -> LeftOut:
+    """Return what intervals are made of; raises as `half_widths_of`."""
     if not 0 < level < 1:
         raise UsageError(f"there is no interval of level {level:g}", "give a number between 0 and 1, as 0.95")
     if model.left_out is None:
         remedy = "add `validate: {intervals: true}` to its spec, and run `mapmore run` again"
         raise DataError(f"the model {model.name} holds no left-out residuals, from which intervals are made", remedy)
-    return half_width(model.left_out, level)
+    return model.left_out
 
 
-def ends(predicted: Array, outside: BoolArray, half: float) -> tuple[Array, Array]:
-    """Low and high end around every prediction, (n,) each; NaN outside of the training range, of which left-out data say nothing."""
+def interval(model: Model, columns: Columns, level: float) -> tuple[Array, Array]:
+    """Return the ends of the interval at every row, (n,) each; NaN where there is none. Raises as `half_widths_of`."""
+    half = half_widths_of(model, columns, level)
+    return ends(predict(model, columns), outside_range(model, columns), half)
+
+
+def ends(predicted: Array, outside: BoolArray, half: Array) -> tuple[Array, Array]:
+    """Return the low and high end around every prediction, (n,) each; NaN outside of the training range."""
     middle = np.where(outside, np.nan, predicted)
     return middle - half, middle + half

@@ -189,11 +189,12 @@ class ReportInputs:
         """Ends of the run's own intervals along a curve of the dataset, (n,) each; None where the model has none."""
         if self.left_out is None:
             return None
-        from mapmore_cli.modelling.intervals import ends, half_width_of
+        from mapmore_cli.modelling.intervals import ends, half_widths_of
         from mapmore_cli.modelling.kinds import outside_range
 
-        outside = outside_range(self.model, self.dataset.curves[number].columns)
-        return ends(self.validation.predictions[self.own][number], outside, half_width_of(self.model, INTERVAL))
+        columns = self.dataset.curves[number].columns
+        half = half_widths_of(self.model, columns, INTERVAL)
+        return ends(self.validation.predictions[self.own][number], outside_range(self.model, columns), half)
 
     @property
     def motions(self) -> dict[str, MotionFit]:

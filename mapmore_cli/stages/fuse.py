@@ -53,9 +53,13 @@ def run(part: ModelChoices, workspace: Workspace) -> None:
     for note in model.notes:
         workspace.warn(note)
     if part.intervals:
+        from mapmore_cli.modelling.intervals import refusal
         from mapmore_cli.stages.left_out import residuals
 
-        model = replace(model, left_out=residuals(part, dataset, workspace.needed, workspace.progress))
+        left_out = residuals(part, dataset, workspace.needed, workspace.progress, model)
+        if (why := refusal(left_out)) is not None:
+            workspace.warn(f"validate.intervals: {why}")
+        model = replace(model, left_out=left_out)
     write_model(workspace.out / MODEL, model, _provenance(part))
 
 
@@ -68,4 +72,4 @@ def _provenance(part: ModelChoices) -> dict[str, str]:
     return {**tool_versions(), "spec": json.dumps(plain(part), indent=1)}
 
 
-STAGE = Stage(name="fuse", revision=8, outputs=(MODEL,), reads=reads, run=run, needs=needs)
+STAGE = Stage(name="fuse", revision=9, outputs=(MODEL,), reads=reads, run=run, needs=needs)

@@ -16,7 +16,7 @@ from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.results import Forecast
 from mapmore_cli.domain.scores import OWN
 from mapmore_cli.modelling.forecast import forecast
-from mapmore_cli.modelling.intervals import summary
+from mapmore_cli.modelling.intervals import Training, summary
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS, block, in_curve
 from mapmore_cli.stages import kinds
 from mapmore_cli.stages.competitors import Contest, Forecasts
@@ -88,8 +88,8 @@ def refitted(choices: ModelChoices, dataset: Dataset) -> Model:
     return kinds.refitted(choices, dataset)
 
 
-def residuals(choices: ModelChoices, dataset: Dataset, needed: Mapping[str, Path], progress: Progress) -> LeftOut:
-    """How models of the rest, everything fitted anew, miss each part of the training data.
+def residuals(choices: ModelChoices, dataset: Dataset, needed: Mapping[str, Path], progress: Progress, model: Model) -> LeftOut:
+    """Return how models of the rest, everything fitted anew, miss each part of the training data that the `model` has.
 
     `needed` are the folders of the runs that a sum adds up, which are fitted anew as well. Held-out data are in nothing of it.
 
@@ -105,23 +105,52 @@ def residuals(choices: ModelChoices, dataset: Dataset, needed: Mapping[str, Path
         found = "the runs that are added up can be fitted anew without a level or a recording, and there are fewer than three"
         raise SpecError(f"validate.intervals: {found}", "leave it out, or ask for the intervals of the parts")
 
-    def missed(part: tuple[str, tuple[BoolArray, ...]]) -> list[Array]:
-        name, outs = part
+    def missed(name: str, outs: tuple[BoolArray, ...]) -> tuple[list[Array], float]:
         curves = tuple(replace(c, held_out=c.held_out | out) for c, out in zip(dataset.curves, outs, strict=True))
         try:
-            model = made_anew(choices, replace(dataset, curves=curves), needed)
+            rest = made_anew(choices, replace(dataset, curves=curves), needed)
         except (DataError, FitError) as error:
             raise type(error)(
                 f"validate.intervals: without {name}, {error.message}", "leave it out, or change what that fit needs"
             ) from error
-        every = [(curve, out, forecast(model, curve)) for curve, out in zip(dataset.curves, outs, strict=True) if out.any()]
-        return [(curve.columns[dataset.target] - said.values)[out & said.ready] for curve, out, said in every]
+        every = [(curve, out, forecast(rest, curve)) for curve, out in zip(dataset.curves, outs, strict=True) if out.any()]
+        said = np.concatenate([found.values[out & found.ready] for _, out, found in every])
+        beyond = max(0.0, float(np.max(said - high, initial=0.0)), float(np.max(low - said, initial=0.0)))
+        return [(curve.columns[dataset.target] - found.values)[out & found.ready] for curve, out, found in every], beyond
 
+    low, high = _training_span(dataset)
+    astray = 0.0
     errors: dict[str, list[Array]] = {}
     for part in folds.items():
-        errors[part[0]] = missed(part)
+        errors[part[0]], beyond = missed(*part)
+        astray = max(astray, beyond / (high - low) if high > low else 0.0)
         progress(f"{kind} left out", len(errors), len(folds))
-    return summary(kind, count, errors)
+    return summary(kind, count, errors, _training(dataset, model, astray))
+
+
+def _training_span(dataset: Dataset) -> tuple[float, float]:
+    y = np.concatenate([curve.columns[dataset.target][curve.training] for curve in dataset.curves])
+    return float(y.min()), float(y.max())
+
+
+def _training(dataset: Dataset, model: Model, astray: float) -> Training:
+    """Return what intervals with few levels need of the training data."""
+    at: dict[float, int] = {}
+    for curve in dataset.curves:
+        if curve.level is not None and curve.training.any():
+            at[curve.level] = at.get(curve.level, 0) + len(curve.recordings)
+    missed = []
+    for curve in dataset.curves:
+        said = forecast(model, curve)
+        missed.append((curve.columns[dataset.target] - said.values)[curve.training & said.ready])
+    residual = np.concatenate(missed)
+    return Training(
+        tuple(sorted(at)),
+        tuple(at[level] for level in sorted(at)),
+        max(map(abs, _training_span(dataset))),
+        float(np.sqrt(np.mean(residual[np.isfinite(residual)] ** 2))) if np.isfinite(residual).any() else 0.0,
+        astray,
+    )
 
 
 def parts_of(dataset: Dataset, choices: ModelChoices) -> tuple[LeftOutKind, int, dict[str, tuple[BoolArray, ...]]]:

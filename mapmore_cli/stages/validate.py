@@ -21,7 +21,7 @@ from mapmore_cli.storage.run_folder import VALIDATION
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.models import Model
-    from mapmore_cli.domain.recording import Dataset
+    from mapmore_cli.domain.recording import Curve, Dataset
     from mapmore_cli.domain.results import Forecast
     from mapmore_cli.domain.scores import Score
     from mapmore_cli.modelling.scores.metrics import Normaliser
@@ -87,6 +87,8 @@ def run(part: Slice, workspace: Workspace) -> None:
     contest = Contest(dataset, model, workspace.needed, static_run, part.lengths, workspace.spec_dir)
     rivals = _rivals(contest, part, workspace)
     own = tuple(forecast(model, curve, dataset.target) for curve in dataset.curves)
+    if model.left_out is not None and part.seen_as is None:
+        own = tuple(_with_interval(model, curve, found) for curve, found in zip(dataset.curves, own, strict=True))
     forecasts = {OWN: own, **{one.name: one.forecasts for one in rivals}}
     for one in rivals:
         for told in (told for name, fit in one.formulas.items() for told in rival_minima(name, fit, dataset.unit(dataset.target))):
@@ -108,6 +110,15 @@ def run(part: Slice, workspace: Workspace) -> None:
     validation = Validation(predictions, formulas, tuple(scores), units, motions, loud)
     write_validation(workspace.out / VALIDATION, validation)
     write_scores(workspace.out, validation.table, model.name)
+
+
+def _with_interval(model: Model, curve: Curve, found: Forecast) -> Forecast:
+    """Add the half widths of the intervals to what a model says of the held-out samples of a curve."""
+    from mapmore_cli.modelling.intervals import INTERVAL, half_widths_of
+    from mapmore_cli.modelling.kinds import outside_range
+
+    half = half_widths_of(model, curve.columns, INTERVAL)
+    return replace(found, half=np.where(curve.held_out & ~outside_range(model, curve.columns), half, np.nan))
 
 
 def scored_as(name: str, dataset: Dataset, model: Model) -> Dataset:

@@ -17,7 +17,7 @@ import mapmore_cli
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.modelling.forecast import forecast
-from mapmore_cli.modelling.intervals import half_width
+from mapmore_cli.modelling.intervals import many_curves
 from mapmore_cli.spec.loader import load
 from mapmore_cli.stages.fuse import reads
 from mapmore_cli.stages.left_out import residuals
@@ -94,7 +94,7 @@ def test_a_model_with_memory_is_told_by_free_runs_over_blocks(tmp_path: Path, ma
     new = next(curve for curve in dataset.curves if curve.held_out.all())
     said = forecast(model, new)
     errors = (new.columns["displacement"] - said.values)[said.ready]
-    assert np.abs(errors).max() <= half_width(model.left_out, 0.999)
+    assert np.abs(errors).max() <= many_curves(model.left_out, 0.999)
 
 
 def test_runs_that_are_added_up_are_fitted_anew_without_a_level(tmp_path: Path, mapmore: Mapmore) -> None:
@@ -120,7 +120,7 @@ def test_runs_of_one_recording_are_added_up_without_intervals(tmp_path: Path) ->
     columns = {"pressure": np.ones(9), "strain": np.arange(9.0), "force": np.ones(9)}
     one = Dataset("force", None, {}, (), (Curve("a", None, columns, np.zeros(9, dtype=bool), ("a",)),))
     with pytest.raises(SpecError, match="fewer than three"):
-        residuals(choices, one, {"part.yaml": tmp_path}, lambda _what, _done, _total: None)
+        residuals(choices, one, {"part.yaml": tmp_path}, lambda _what, _done, _total: None, None)
 
 
 def test_a_part_that_the_fit_cannot_do_without_is_named(tmp_path: Path, mapmore: Mapmore) -> None:
@@ -153,7 +153,7 @@ def test_a_table_gains_the_ends(model_file: Path, mapmore: Mapmore) -> None:
     assert result.exit_code == 0, result.stderr
     rows = list(csv.DictReader(io.StringIO(result.stdout)))
     assert list(rows[0])[2:] == ["force_predicted", "outside_range", "force_low", "force_high", "force_by_pressure", "force_by_strain"]
-    half = half_width(read_model(model_file).left_out, 0.9)
+    half = many_curves(read_model(model_file).left_out, 0.9)
     for row in rows[:2]:
         ends = [float(row["force_low"]), float(row["force_high"])]
         assert ends == pytest.approx([float(row["force_predicted"]) - half, float(row["force_predicted"]) + half])

@@ -14,7 +14,7 @@ from mapmore_cli.domain.errors import DataError, FitError, UsageError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import CurveRange, Formula, LeftOut, Model
 from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.modelling.intervals import half_width, interval, summary
+from mapmore_cli.modelling.intervals import Training, few_levels, half_widths, interval, many_curves, refusal, summary
 
 
 def left_out(offsets: list[float], noise: float, samples: int = 200, curves: int | None = None) -> LeftOut:
@@ -29,22 +29,22 @@ def test_normal_residuals_have_the_interval_of_student(curves: int) -> None:
     found = left_out([3.0, -2.0, 1.0, -4.0], 0.5, samples=20_000, curves=curves)
     between = np.mean([9.0, 4.0, 1.0, 16.0])
     expected = stats.t(curves - 1).ppf(0.975) * np.sqrt(between * (1 + 1 / curves) + 0.25)
-    assert half_width(found, 0.95) == pytest.approx(expected, rel=0.01)
+    assert many_curves(found, 0.95) == pytest.approx(expected, rel=0.01)
 
 
 def test_heavy_tails_have_the_interval_of_their_quantiles() -> None:
     spikes = np.where(np.arange(1000) % 10 == 0, 100.0, 0.1) * np.where(np.arange(1000) % 20 < 10, 1, -1)
     found = summary("levels", 40, {f"{i}": [spikes] for i in range(40)})
-    assert half_width(found, 0.95) == pytest.approx(100 * (1 + 1 / 40), rel=1e-9)
+    assert many_curves(found, 0.95) == pytest.approx(100 * (1 + 1 / 40), rel=1e-9)
 
 
 @given(st.lists(st.floats(-50, 50), min_size=2, max_size=8), st.floats(0.01, 5), st.floats(0.1, 100))
 def test_a_wider_level_is_wider_and_the_unit_does_not_matter(offsets: list[float], noise: float, scale: float) -> None:
     found = left_out(offsets, noise, samples=50)
-    widths = [half_width(found, level) for level in (0.5, 0.8, 0.95, 0.99)]
+    widths = [many_curves(found, level) for level in (0.5, 0.8, 0.95, 0.99)]
     assert widths == sorted(widths)
     other = replace(found, offset=scale * found.offset, scatter=scale * found.scatter, sizes=scale * found.sizes)
-    assert half_width(other, 0.95) == pytest.approx(scale * widths[2], rel=1e-9)
+    assert many_curves(other, 0.95) == pytest.approx(scale * widths[2], rel=1e-9)
 
 
 @pytest.mark.parametrize("curves", [4, 7, 20])
@@ -55,7 +55,7 @@ def test_curves_with_offsets_of_their_own_are_covered(curves: int) -> None:
         offsets = 3 * rng.standard_normal(curves)
         found = summary("recordings", curves, {f"{i}": [b + rng.standard_normal(40)] for i, b in enumerate(offsets)})
         new = 3 * rng.standard_normal() + rng.standard_normal(40)
-        inside.append(np.mean(np.abs(new) <= half_width(found, 0.95)))
+        inside.append(np.mean(np.abs(new) <= many_curves(found, 0.95)))
     assert 0.92 < np.mean(inside) < 0.995
 
 
@@ -88,3 +88,44 @@ def test_what_cannot_be_is_refused() -> None:
     for level in (0.0, 1.0, 95.0, -0.5, float("nan")):
         with pytest.raises(UsageError, match="no interval"):
             interval(line(), {"pressure": np.array([150.0])}, level)
+
+
+def few(count: int, offset: float = 2.0, repeats: int = 1, residual: float = 0.5, astray: float = 0.0) -> LeftOut:
+    """`count` levels at 0, 100, ... with an error of `offset` at every inner one."""
+    training = Training(tuple(100.0 * np.arange(count)), (repeats,) * count, 400.0, residual, astray)
+    return summary("levels", count, {f"{i}": [np.full(20, offset)] for i in range(1, count - 1)}, training)
+
+
+@pytest.mark.parametrize(("count", "scale", "power"), [(3, 0.063, 0.1), (4, 0.059, 0.2), (5, 0.085, 0.3), (6, 0.085, 0.3)])
+def test_few_levels_have_the_calibrated_rule(count: int, scale: float, power: float) -> None:
+    """In the middle of a gap, even levels: `c F (A/F)^w`."""
+    assert few_levels(few(count), np.array([50.0]), 0.95) == pytest.approx([scale * 400 * (2 / 400) ** power], rel=1e-6)
+
+
+@given(st.integers(3, 6), st.floats(0, 1), st.floats(0.01, 50), st.floats(0.1, 100))
+def test_the_rule_for_few_levels_scales_with_the_unit_and_is_widest_in_the_middle(
+    count: int, t: float, offset: float, scale: float
+) -> None:
+    found, at = few(count, offset), np.array([100 * t, 50.0])
+    half = few_levels(found, at, 0.95)
+    assert half[0] <= half[1] * (1 + 1e-12)
+    larger = replace(found, offset=scale * found.offset, largest=scale * 400.0, residual=scale * found.residual)
+    assert few_levels(larger, at, 0.95) == pytest.approx(scale * half, rel=1e-9)
+
+
+def test_a_level_with_repeats_has_the_interval_of_the_repeats() -> None:
+    half = few_levels(few(4, repeats=3), np.array([100.0, 150.0]), 0.95)
+    assert half[0] == pytest.approx(stats.t(2).ppf(0.975) * 0.5 * np.sqrt(4 / 3))
+    assert half[1] == few_levels(few(4), np.array([150.0]), 0.95)[0]
+
+
+def test_from_seven_levels_on_curves_count() -> None:
+    found = few(7)
+    assert half_widths(found, np.array([50.0]), 0.95) == pytest.approx([many_curves(found, 0.95)])
+
+
+def test_a_model_that_goes_astray_without_a_level_has_no_interval() -> None:
+    found = few(4, astray=0.6)
+    assert "60 % of their range" in (refusal(found) or "")
+    assert np.isnan(half_widths(found, np.array([50.0]), 0.95)).all()
+    assert refusal(few(4, astray=0.1)) is None

@@ -51,6 +51,7 @@ def score(
     *,
     ready: BoolArray | None = None,
     one_step: Array | None = None,
+    half: Array | None = None,
 ) -> Score:
     """One row of the score table over n pooled samples.
 
@@ -60,6 +61,7 @@ def score(
 
     Samples that are not `ready` (all are, where nothing is said) are the history that a model with memory goes on from: they count in no
     number but the spread of the RRSE, as it is usual. `one_step` are predictions from the measured past.
+    `half` are half widths of intervals, NaN where there is none.
     """
     known = np.ones(len(measured), dtype=np.bool_) if ready is None else ready
     y, error = measured[known], (predicted - measured)[known]
@@ -67,6 +69,8 @@ def score(
     spread = float(np.sum(((y - y.mean()) / unit) ** 2))
     rmse = unit * float(np.sqrt(np.mean((error / unit) ** 2)))
     worst = float(np.abs(error).max())
+    width = np.full(len(y), np.nan) if half is None else half[known]
+    given = np.isfinite(width)
     return Score(
         model=model,
         target=target,
@@ -83,6 +87,8 @@ def score(
         rrse=relative(error, measured),
         rrse_one_step=float("nan") if one_step is None else relative((one_step - measured)[known], measured),
         r_uncentred=uncentred(y, predicted[known]),
+        interval_coverage=float(np.mean(np.abs(error[given]) <= width[given])) if given.any() else float("nan"),
+        interval_half_width=float(np.median(width[given])) if given.any() else float("nan"),
     )
 
 

@@ -27,10 +27,13 @@ class _Part:
     predicted: Array
     ready: BoolArray
     one_step: Array | None
+    half: Array | None
 
     def score(self, model: str, target: str, split: str, scale: Normaliser) -> Score:
         """The row of these samples."""
-        return score(model, target, split, self.curve, self.measured, self.predicted, scale, ready=self.ready, one_step=self.one_step)
+        return score(
+            model, target, split, self.curve, self.measured, self.predicted, scale, ready=self.ready, one_step=self.one_step, half=self.half
+        )
 
 
 def divisor(dataset: Dataset, normaliser: str) -> Normaliser:
@@ -95,15 +98,18 @@ def _parts(name: str, target: str, curve: Curve, found: Forecast, mask: BoolArra
     if not (mask & found.ready).any():
         return []
     one_step = None if found.one_step is None else found.one_step[mask]
-    return [_Part(name, curve.columns[target][mask], found.values[mask], found.ready[mask], one_step)]
+    half = None if found.half is None else found.half[mask]
+    return [_Part(name, curve.columns[target][mask], found.values[mask], found.ready[mask], one_step, half)]
 
 
 def _pooled(parts: Sequence[_Part]) -> _Part:
     one_steps = [part.one_step for part in parts if part.one_step is not None]
+    halves = [part.half for part in parts if part.half is not None]
     return _Part(
         "all",
         np.concatenate([part.measured for part in parts]),
         np.concatenate([part.predicted for part in parts]),
         np.concatenate([part.ready for part in parts]),
         np.concatenate(one_steps) if len(one_steps) == len(parts) else None,
+        np.concatenate(halves) if len(halves) == len(parts) else None,
     )

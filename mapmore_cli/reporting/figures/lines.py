@@ -6,16 +6,17 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from mapmore_cli.domain.models import CurveRange, Formula, Model, Pieces
+from mapmore_cli.modelling.intervals import half_widths_of
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.reporting.figures.style import level_colours
 
 POINTS = 201
 
 
-def draw_model(ax: Axes, model: Model, half: float | None = None) -> None:
+def draw_model(ax: Axes, model: Model, level: float | None = None) -> None:
     """A line for every training curve, over the input that varies most within it; other inputs are held in the middle of their ranges.
 
-    With `half`, half of the width of an interval, a band around each.
+    With `level`, as 0.95, the band of that interval around each.
 
     Raises
     ------
@@ -34,7 +35,8 @@ def draw_model(ax: Axes, model: Model, half: float | None = None) -> None:
             held[model.level] = np.full(POINTS, one.level)
         said = predict(model, {**held, along: x})
         ax.plot(x, said, color=colour, label=one.curve)
-        if half is not None:
+        if level is not None:
+            half = half_widths_of(model, {**held, along: x}, level)
             ax.fill_between(x, said - half, said + half, color=colour, alpha=0.2, linewidth=0)
     ax.set_xlabel(f"{along} [{unit[along]}]")
     ax.set_ylabel(f"{model.output.name} [{model.output.unit}]")

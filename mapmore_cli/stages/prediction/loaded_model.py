@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.models import Equation, Model
 from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.modelling.intervals import half_width_of, interval
+from mapmore_cli.modelling.intervals import interval
 from mapmore_cli.modelling.inverse import LOWEST, Inverse, invert
 from mapmore_cli.modelling.kinds import equations as model_equations
 from mapmore_cli.modelling.kinds import outside_range, predict, slopes
@@ -91,7 +91,7 @@ class LoadedModel:
             import matplotlib.pyplot as plt
 
             ax = plt.figure(layout="constrained").subplots()
-        draw_model(ax, self.model, None if interval is None else half_width_of(self.model, interval))
+        draw_model(ax, self.model, interval)
         return ax
 
     def outside_range(self, **columns: ArrayLike) -> BoolArray:

@@ -13,7 +13,7 @@ from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
 from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.results import Run
-from mapmore_cli.modelling.intervals import ends, half_width_of
+from mapmore_cli.modelling.intervals import checked, ends, half_widths_of, refusal
 from mapmore_cli.modelling.inverse import solve_for_input
 from mapmore_cli.modelling.kinds import outside_range, runs_over_time, simulate, slopes
 from mapmore_cli.modelling.memory.records import AtSample, numbered
@@ -29,19 +29,19 @@ FLAG = "outside_range"
 
 @dataclass(frozen=True)
 class Extra:
-    """What else is wanted of every row: an interval of some `half` width, and derivatives."""
+    """What else is wanted of every row: an interval of a `level`, and derivatives."""
 
-    half: float | None
+    level: float | None
     derivatives: bool
 
     def names(self, model: Model) -> tuple[str, ...]:
         """The columns."""
-        ends_of = () if self.half is None else (f"{model.output.name}_low", f"{model.output.name}_high")
+        ends_of = () if self.level is None else (f"{model.output.name}_low", f"{model.output.name}_high")
         return (*ends_of, *(f"{model.output.name}_by_{quantity.name}" for quantity in model.inputs if self.derivatives))
 
     def of(self, model: Model, inputs: Columns, predicted: Array, outside: BoolArray) -> Array:
         """Their numbers, (n, m)."""
-        columns = [] if self.half is None else [*ends(predicted, outside, self.half)]
+        columns = [] if self.level is None else [*ends(predicted, outside, half_widths_of(model, inputs, self.level))]
         columns += [*slopes(model, inputs).values()] if self.derivatives else []
         return np.stack(columns, axis=1) if columns else np.empty((len(predicted), 0))
 
@@ -81,7 +81,9 @@ def predicted_lines(
     UsageError
         For an interval that there is none of, or a model that cannot be inverted for that input.
     """
-    extra = Extra(None if interval is None else half_width_of(model, interval), derivatives)
+    if interval is not None and (why := refusal(checked(model, interval))) is not None:
+        warn(f"{model.name}: {why}")
+    extra = Extra(interval, derivatives)
     rows = records(lines, label)
     header = next(rows, None)
     if header is None:

@@ -28,12 +28,13 @@ from mapmore_cli.domain.models import (
 from mapmore_cli.domain.recording import Signal
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import kinds
-from mapmore_cli.storage.artefacts.codecs import adapted, added, named, number, numbered, optional, pairs, shown, text
+from mapmore_cli.storage.artefacts.codecs import Codec, adapted, added, named, number, numbered, optional, pairs, shown, text
 from mapmore_cli.storage.artefacts.integrity import Invalid
 from mapmore_cli.storage.artefacts.label import NO_UNIT
 from mapmore_cli.storage.artefacts.layout.cells import (
     ANY_REAL,
     ANY_REALS,
+    ASCENDING,
     CELL,
     COUNT,
     CUTS,
@@ -285,6 +286,10 @@ def _left_out_faults(left_out: LeftOut) -> Iterator[Fault]:
         yield "scatter", "is negative"
 
 
+def _tuple(codec: Codec) -> Codec:
+    return adapted(codec, store=list, load=lambda array: tuple(array.tolist()))
+
+
 LEFT_OUT = Schema(
     LeftOut,
     "How models of the rest missed each part of the training data that was left out of them: what intervals are made of.",
@@ -298,6 +303,11 @@ LEFT_OUT = Schema(
         Field("offset", REALS, "(parts) mean of measured minus predicted over each", "[target]"),
         Field("scatter", REALS, "(parts) standard deviation about the offset", "[target]"),
         Field("sizes", TABLE, "(parts, shares) quantiles of the absolute residuals of each at even shares from 0 to 1", "[target]"),
+        Field("places", added(_tuple(ASCENDING), ()), "(levels) levels that train", "that of the level"),
+        Field("repeats", added(_tuple(INDICES), ()), "(levels) recordings at each"),
+        Field("largest", added(REAL, 0.0), "largest absolute training target", "[target]"),
+        Field("residual", added(REAL, 0.0), "root mean square training residual", "[target]"),
+        Field("astray", added(REAL, 0.0), "how far left-out predictions lie beyond the training target, as a share of its range"),
     ),
     rule=_left_out_faults,
 )

@@ -96,6 +96,8 @@ SCORE = Schema(
         Field("rrse", ANY_REAL, METRICS["rrse"]),
         Field("rrse_one_step", ANY_REAL, METRICS["rrse_one_step"]),
         Field("r_uncentred", ANY_REAL, METRICS["r_uncentred"]),
+        Field("interval_coverage", ANY_REAL, METRICS["interval_coverage"]),
+        Field("interval_half_width", ANY_REAL, METRICS["interval_half_width"], "[target]"),
     ),
 )
 
