@@ -35,7 +35,7 @@ from mapmore_cli.storage.artefacts import read_dataset, read_model
 
 LEVEL = 0.95
 SEEDS = range(100, 120)
-CURVES = (4, 7, 20)
+CURVES = (3, 4, 5, 7)
 NEW, SAMPLES = 8, 60
 """New curves of each seed, and samples of a curve."""
 
@@ -91,11 +91,12 @@ def _errors(model: Model, curve: Curve, target: str, level: float) -> tuple[Arra
     return errors[rows], half_widths_of(model, curve.columns, level)[rows]
 
 
-def pooled(found: Sequence[Coverage]) -> tuple[float, float, float]:
-    """Per cent inside, mean half width, RMSE."""
+def pooled(found: Sequence[Coverage]) -> tuple[float, float, float, float]:
+    """Return the share inside in per cent, the median half width, the RMSE, and their ratio."""
     count = sum(one.samples for one in found)
     inside = 100 * sum(one.inside for one in found) / count
-    return inside, sum(one.half for one in found) / len(found), math.sqrt(sum(one.squares for one in found) / count)
+    half, rmse = float(np.median([one.half for one in found])), math.sqrt(sum(one.squares for one in found) / count)
+    return inside, half, rmse, half / rmse
 
 
 # Simulated muscles --------------------------------------------------------------------------------------------------------------------
@@ -137,7 +138,7 @@ def simulated_row(kind: str, model: str, curves: int) -> tuple[Cell, ...]:
     return (f"{kind}, {model}, {curves} curves", *pooled([covered(kind, model, curves, seed) for seed in SEEDS]))
 
 
-COLUMNS = (Column("inside", "%", ".1f"), Column("±", "N", ".3g"), Column("RMSE", "N", ".3g"))
+COLUMNS = (Column("inside", "%", ".1f"), Column("±", "N", ".3g"), Column("RMSE", "N", ".3g"), Column("± over RMSE", "", ".1f"))
 
 
 def simulated() -> Table:
@@ -173,8 +174,8 @@ def measured_row(config: str, runs: Path) -> tuple[Cell, ...]:
 def measured(runs: Path) -> Table:
     """Coverage of the held-out samples of every measured set."""
     rows = tuple(measured_row(config, runs) for config in MEASURED)
-    inside, half, rmse = (replace(column, unit=column.unit.replace("N", "")) for column in COLUMNS)
-    heads = (Column("study"), Column("training data"), Column("held out"), inside, half, rmse, Column("unit"))
+    numbers = [replace(column, unit=column.unit.replace("N", "")) for column in COLUMNS]
+    heads = (Column("study"), Column("training data"), Column("held out"), *numbers, Column("unit"))
     return Table("measured", "Held-out samples of the measured sets inside of their 95 % interval", heads, rows)
 
 
