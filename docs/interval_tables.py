@@ -92,10 +92,10 @@ def _errors(model: Model, curve: Curve, target: str, level: float) -> tuple[Arra
 
 
 def pooled(found: Sequence[Coverage]) -> tuple[float, float, float, float]:
-    """Return the share inside in per cent, the median half width, the RMSE, and their ratio."""
+    """Return the share inside in per cent, the median half width of those that have one, the RMSE, and their ratio."""
     count = sum(one.samples for one in found)
     inside = 100 * sum(one.inside for one in found) / count
-    half, rmse = float(np.median([one.half for one in found])), math.sqrt(sum(one.squares for one in found) / count)
+    half, rmse = float(np.nanmedian([one.half for one in found])), math.sqrt(sum(one.squares for one in found) / count)
     return inside, half, rmse, half / rmse
 
 
