@@ -128,9 +128,9 @@ def specimen(kind: str, curves: int, seed: int) -> Dataset:
 def covered(kind: str, model: str, curves: int, seed: int) -> Coverage:
     """Coverage of one specimen's new curves."""
     choices, dataset = reads(load(CONFIGS / f"{MUSCLES[kind].config}.yaml", MODELS[model]).spec), specimen(kind, curves, seed)
-    model = refitted(choices, dataset)
-    left_out = residuals(choices, dataset, {}, lambda _what, _done, _total: None, model)
-    return coverage(replace(model, left_out=left_out), dataset)
+    fitted = refitted(choices, dataset)
+    left_out = residuals(choices, dataset, {}, lambda _what, _done, _total: None, fitted)
+    return coverage(replace(fitted, left_out=left_out), dataset)
 
 
 def simulated_row(kind: str, model: str, curves: int) -> tuple[Cell, ...]:

@@ -129,7 +129,7 @@ def few_levels(left_out: LeftOut, at: Array, level: float) -> Array:
     n = np.array(left_out.repeats)[gap + (t > 0.5)]
     repeated = (n >= 2) & (np.minimum(t, 1 - t) < AT_LEVEL)
     own = stdtrit(np.maximum(n - 1, 1), 0.5 + level / 2) * left_out.residual * np.sqrt(1 + 1 / n)
-    return np.where(repeated, own, half)
+    return np.asarray(np.where(repeated, own, half))
 
 
 def many_curves(left_out: LeftOut, level: float) -> float:
@@ -154,7 +154,8 @@ def half_widths_of(model: Model, columns: Columns, level: float) -> Array:
     """
     left_out = checked(model, level)
     count = len(next(iter(columns.values())))
-    return half_widths(left_out, columns[model.level] if model.level in columns else np.full(count, np.nan), level)
+    at = np.full(count, np.nan) if model.level is None else columns[model.level]
+    return half_widths(left_out, at, level)
 
 
 def checked(model: Model, level: float) -> LeftOut:
