@@ -25,14 +25,14 @@ def interval_tables() -> Iterator[ModuleType]:
 def test_a_simulated_row(interval_tables: ModuleType) -> None:
     name, *values = interval_tables.simulated_row("mckibben", "sarosi", 4)
     row = numbers(page_table("simulated", PAGE)[name])
-    assert [row[key] for key in ("inside", "±", "RMSE", "± over RMSE")] == pytest.approx(values, rel=0.01)
+    assert [row[key] for key in ("inside", "±", "RMSE", "± over RMSE")] == pytest.approx(values, rel=0.02)
 
 
 @pytest.mark.parametrize("config", [pytest.param("coiled/coiled_loops", marks=pytest.mark.long), "muscle-like/antagonist-pam"])
 def test_a_measured_row(config: str, interval_tables: ModuleType, tmp_path: Path, measured_data: Path) -> None:
     name, _, *values, _ = interval_tables.measured_row(config, tmp_path)
     row = numbers(page_table("measured", PAGE)[name])
-    assert [row[key] for key in ("held out", "inside", "±", "RMSE", "± over RMSE")] == pytest.approx(values, rel=0.01)
+    assert [row[key] for key in ("held out", "inside", "±", "RMSE", "± over RMSE")] == pytest.approx(values, rel=0.02)
 
 
 def test_new_curves_are_covered_as_often_as_is_said() -> None:
