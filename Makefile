@@ -10,7 +10,7 @@ STUDIES := configs/m2/dmsp-20-88-static.yaml configs/m2/peano-static.yaml
 # The tests of one file follow each other in one process, so that what they share is made once; the folders with the long ones come first.
 TESTS := $(BIN)/pytest -q -n 2 --dist loadfile --no-loadscope-reorder
 
-.PHONY: demo test test-all lint schema datasets measured motion paper peers bench fuzz torture test-lowest audit clean
+.PHONY: demo test test-all lint schema docs datasets measured motion paper peers bench fuzz torture test-lowest audit clean
 
 demo: .venv/program
 	$(BIN)/mapmore batch $(STUDIES)
@@ -33,6 +33,9 @@ schema: .venv/program
 
 datasets: .venv/program
 	for spec in datasets/*/*.yaml; do $(BIN)/mapmore simulate $$spec --force || exit; done
+
+docs: .venv/development  # the site, into build/site; needs no network
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet --config-file docs/site/mkdocs.yml
 
 measured: .venv/program  # the tables of docs/measured-static.md, memory.md, campaigns.md, wrist.md and muscle-like.md; needs the measured recordings (docs/data.md)
 	$(BIN)/mapmore batch configs/campaigns/measured_static.yaml configs/campaigns/m1.yaml configs/campaigns/m1_terms.yaml

@@ -39,7 +39,9 @@ def polynomial(degree: int, dataset: Dataset, names: Sequence[str]) -> list[Arra
     x = np.concatenate(training)
     y = np.concatenate([curve.columns[dataset.target][curve.training] for curve in dataset.curves])
     known = np.isfinite(x).all(axis=1) & np.isfinite(y)
-    x, y = _share(x[known]), _share(y[known])
+    x, y = x[known], y[known]
+    order = np.lexsort([y, *x.T])  # the order of the rows must not change a digit
+    x, y = _share(x[order]), _share(y[order])
     if len(y) < comb(len(names) + degree, degree):
         return None
     low, high = x.min(axis=0), x.max(axis=0)

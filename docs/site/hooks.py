@@ -1,0 +1,44 @@
+"""Makes the gallery when the site is built: every script of docs/gallery is run, and becomes a page with its picture."""
+
+from __future__ import annotations
+
+import ast
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+GALLERY = Path(__file__).resolve().parents[1] / "gallery"
+PICTURES = Path(__file__).resolve().parents[2] / "build" / "gallery"
+HELPER = "muscle"
+
+
+def scripts() -> list[Path]:
+    """The examples, in the order of the alphabet."""
+    return [path for path in sorted(GALLERY.glob("*.py")) if path.stem != HELPER]
+
+
+def picture(script: Path) -> Path:
+    """The picture of an example, made where it is older than the script."""
+    place = PICTURES / f"{script.stem}.svg"
+    if not place.is_file() or place.stat().st_mtime < script.stat().st_mtime:
+        PICTURES.mkdir(parents=True, exist_ok=True)
+        subprocess.run([sys.executable, script.name, str(place)], cwd=GALLERY, check=True, env={**os.environ, "MPLBACKEND": "agg"})
+    return place
+
+
+def on_files(files: Any, config: Any) -> Any:
+    """Add a page and a picture for every example, and the page that shows all of them."""
+    from mkdocs.structure.files import File
+
+    index = ["# Gallery", "", "Each example is a script of some twenty lines in docs/gallery; the tests run it.", ""]
+    for script in scripts():
+        about = ast.get_docstring(ast.parse(script.read_text(encoding="utf-8"))) or script.stem
+        title = script.stem.replace("_", " ").capitalize()
+        text = f"# {title}\n\n{about}\n\n![{about}]({script.stem}.svg)\n\n```python\n{script.read_text(encoding='utf-8')}```\n"
+        files.append(File.generated(config, f"gallery/{script.stem}.md", content=text))
+        files.append(File.generated(config, f"gallery/{script.stem}.svg", content=picture(script).read_bytes()))
+        index += [f"## [{title}]({script.stem}.md)", "", about, "", f"[![{about}]({script.stem}.svg){{ width=360 }}]({script.stem}.md)", ""]
+    files.append(File.generated(config, "gallery/index.md", content="\n".join(index)))
+    return files
