@@ -360,7 +360,7 @@ def test_yaml_says_what_the_dictionary_says() -> None:
 
 def test_titles_with_commands_to_a_terminal_are_told_as_text(tmp_path: Path) -> None:
     """In a comment of the draft, they made it no YAML."""
-    rows = "".join(f"{i / 10},{100 + 100 * (i // 30)},{i % 30 / 200},{200 - i % 30},{i}\n" for i in range(90))
+    rows = "".join(f"{i / 10},{100 + 100 * (i // 30)},{i % 30 / 200},{200 - i % 30 - (i // 30) * (i % 7)},{i}\n" for i in range(90))
     (tmp_path / "a.csv").write_text('t,P [kPa],eps,F [N],"\x1b[2J\nb"\n' + rows)
     (draft,) = start(tmp_path, tmp_path).drafts
     assert "\\x1b[2J" in draft.text()
