@@ -10,7 +10,7 @@ STUDIES := configs/m2/dmsp-20-88-static.yaml configs/m2/peano-static.yaml
 # The tests of one file follow each other in one process, so that what they share is made once; the folders with the long ones come first.
 TESTS := $(BIN)/pytest -q -n 2 --dist loadfile --no-loadscope-reorder
 
-.PHONY: demo test test-all lint schema docs datasets measured motion paper peers bench fuzz torture test-lowest audit clean
+.PHONY: demo test test-all lint schema docs datasets measured motion paper peers bench fuzz torture test-lowest audit clean bench-id
 
 demo: .venv/program
 	$(BIN)/mapmore batch $(STUDIES)
@@ -55,6 +55,9 @@ motion: .venv/program  # the tables of docs/motion.md; one of them needs the mea
 
 peers: .venv/program .venv-bench/peers  # the table of docs/frols.md
 	$(BIN)/python docs/frols_tables.py .venv-bench/bin/python
+
+bench-id: .venv/program  # the tables of docs/benchmarks.md, which need the measured recordings (docs/data.md)
+	$(BIN)/python docs/benchmark_tables.py runs
 
 bench: .venv/program .venv-bench/peers
 	$(BIN)/python tests/bench/run.py $(BENCH)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from memory_samples import STEP, recipe_of, record, wandering
+from memory_samples import STEP, memory_model, recipe_of, record, state_set, wandering
 from scipy.integrate import solve_ivp
 
 from mapmore_cli.modelling.memory.fitting import fit_with_memory
@@ -97,3 +97,43 @@ def test_what_is_left_open_is_inside_other_states_too():
     assert [one.name for one in found.states] == ["wen(y[k-1])", "slow(wen(y[k-1]))"]
     (text,) = found.filled(["x*slow(wen(y[k-1]))[k-1]"], (1.0, 2.0, 0.5))
     assert state("slow(wen(y[k-1], 1, 2), 0.5)[k-1]").name in text
+
+
+def random_runs(count, seed):
+    """Free runs of random models of random fed-back operators under random inputs, some of them unstable."""
+    rng = np.random.default_rng(seed)
+    names = [name for name, operator in OPERATORS.items() if operator.starts is not None]
+    for _ in range(count):
+        operator = OPERATORS[rng.choice(names)]
+        ends = [parameter.between(STEP, 1.0) for parameter in operator.parameters]
+        shares = rng.uniform(size=len(ends))
+        numbers = [
+            low * (high / low) ** share if low > 0 else low + (high - low) * share**4
+            for (low, high), share in zip(ends, shares.tolist(), strict=True)
+        ]
+        name = state(f"{operator.name}(y[k-1], {', '.join(map(repr, numbers))})").name
+        ranges = {"y[k-1]": tuple(np.sort(rng.normal(0, 1, 2)).tolist())}
+        states = state_set(name, "u", "y[k-1]", ranges=ranges)
+        theta = rng.normal(0, 1, 4) * 10 ** rng.uniform(-2, 2)
+        model = memory_model(["y[k-1]", "u", name, f"u*{name}"], theta, states)
+        u = np.cumsum(rng.normal(0, 1, 30)) * 10 ** rng.uniform(-1, 3)
+        yield numbers, free_run(model, {"u": u, "y": np.full(30, rng.normal())})
+
+
+def test_no_random_model_diverges_untold():
+    """What is not finite begins where the run says that it diverged, and nowhere else."""
+    with np.errstate(all="raise", under="ignore"):
+        for numbers, run in random_runs(300, 7):
+            assert_told(numbers, run)
+
+
+@pytest.mark.long
+def test_none_of_many_random_models_diverges_untold():
+    for numbers, run in random_runs(100_000, 8):
+        assert_told(numbers, run)
+
+
+def assert_told(numbers, run):
+    lost = np.flatnonzero(~np.isfinite(run.values[1:])) + 1
+    assert (lost.min(), lost.max(), len(lost)) == (run.diverged[0], 29, 30 - run.diverged[0]) if run.diverged else not len(lost), numbers
+    assert np.nanmax(np.abs(run.values), initial=0.0) <= 202.0
