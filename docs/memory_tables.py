@@ -166,21 +166,21 @@ def bouc_wen(runs: Path) -> Table:
 
 def limits(runs: Path) -> Table:
     """What the held-out errors of the coiled muscles consist of."""
-    _, entries = load_campaign(CONFIGS / "campaigns" / "coiled.yaml")
+    spec, entries = load_campaign(CONFIGS / "campaigns" / "coiled.yaml")
     rows: list[tuple[Cell, ...]] = []
-    for entry in entries:
-        run = finished(entry, runs)
+    for variant, entry in zip(spec.runs, entries, strict=True):
+        run = finished(Entry(entry.config, (*entry.overrides, "validate.against=[]", f"name={variant.name}-alone")), runs)
         dataset, validation = read_dataset(run.run_dir / "ingest.h5"), read_validation(run.run_dir / "validate.h5")
         parts = error_parts(dataset.curves, validation.predictions["mapmore"], dataset.target, "pressure", dataset.logs)
         found = {one.split: one for one in parts}
         if "validate" not in found:
-            rows.append((run.run_dir.name, *[None] * (len(PARTS) + 3)))  # a single held-out cycle
+            rows.append((variant.name, *[None] * (len(PARTS) + 3)))  # a single held-out cycle
             continue
         held = found["validate"]
         scale = own(run).normaliser / 100
         train = math.hypot(*found["train"].rms.values()) / scale if "train" in found else None
         told = [held.rms[part] / scale for part in PARTS]
-        rows.append((run.run_dir.name, train, math.hypot(*told), *told, held.limit))
+        rows.append((variant.name, train, math.hypot(*told), *told, held.limit))
     columns = (Column("run"), Column("training", "%", ".3g"), *(Column(name, "%", ".3g") for name in ("held out", *PARTS)), Column("limit"))
     return Table("limits", "Coiled muscles: what the errors consist of, in per cent of the range", columns, tuple(rows))
 
