@@ -66,3 +66,15 @@ def test_stops_of_the_fed_back_output_help_and_those_of_the_input_do_not() -> No
     assert errors["cubic_stops"] < 0.9 * errors["cubic"]
     assert errors["mapmore"] < 0.2 * errors["cubic_stops"]
     assert errors["linear_input_stops"] > 0.9 * errors["linear"]
+
+
+@pytest.mark.parametrize("record", ["antagonist_pam", "mr_damper"])
+def test_friction_explains_what_the_page_says(record: str, tmp_path: Path, mapmore: Callable[..., Any], measured_data: Path) -> None:
+    told = numbers(page_table("friction", MEMORY.with_name("benchmarks.md"))[record])["NRMSE [%]"]
+    rows = scores(mapmore, STUDIES / f"{record}.yaml", "--set", "validate.against=[]", "--runs", tmp_path)
+    assert 100 * rows["mapmore", "validate"]["nrmse"] == pytest.approx(told, abs=0.02)
+
+
+def test_the_page_has_the_oscillator_within_its_target() -> None:
+    rows = {name: numbers(row)["RMSE"] for name, row in page_table("benchmarks", MEMORY.with_name("benchmarks.md")).items()}
+    assert rows["Bouc-Wen"] < 2e-5
