@@ -70,7 +70,7 @@ def test_stops_of_the_fed_back_output_help_and_those_of_the_input_do_not() -> No
 
 @pytest.mark.parametrize("record", ["antagonist_pam", "mr_damper"])
 def test_friction_explains_what_the_page_says(record: str, tmp_path: Path, mapmore: Callable[..., Any], measured_data: Path) -> None:
-    told = numbers(page_table("friction", MEMORY.with_name("benchmarks.md"))[record])["NRMSE [%]"]
+    told = numbers(page_table("friction", MEMORY.with_name("benchmarks.md"))[record])["NRMSE"]
     rows = scores(mapmore, STUDIES / f"{record}.yaml", "--set", "validate.against=[]", "--runs", tmp_path)
     assert 100 * rows["mapmore", "validate"]["nrmse"] == pytest.approx(told, abs=0.02)
 
