@@ -57,8 +57,11 @@ def kept(curve: Curve, rows: BoolArray) -> Curve:
     )
 
 
-def bench_of(dataset: Dataset, choices: ModelChoices, normaliser: str) -> Bench:
+def bench_of(dataset: Dataset, choices: ModelChoices, normaliser: str, by_level: bool = False) -> Bench:
     """The folds of training samples alone: inner levels where there are enough of them, else blocks.
+
+    Where the study holds levels out (`by_level`), training levels are left out also of pooled curves, and the outer ones where there are
+    fewer than three inner ones.
 
     Raises
     ------
@@ -66,10 +69,13 @@ def bench_of(dataset: Dataset, choices: ModelChoices, normaliser: str) -> Bench:
         Where there are too few samples to leave a block out.
     """
     level = None if choices.over_time else level_of(choices.levels, choices.segment)
-    inner = sorted({curve.level for curve in dataset.curves if curve.level is not None})[1:-1]
+    levels = sorted({curve.level for curve in dataset.curves if curve.level is not None})
+    if by_level and not choices.over_time:
+        level = dataset.level
+    inner = levels[1:-1] if len(levels) >= FEWEST_INNER + 2 or not by_level else levels
     if level is not None and len(inner) >= FEWEST_INNER:
         folds: Folds = [tuple(curve.training & (curve.level == value) for curve in dataset.curves) for value in inner]
-        left_out = f"each of the {len(inner)} inner training levels of {level}"
+        left_out = f"each of the {len(inner)} {'inner ' if len(inner) < len(levels) else ''}training levels of {level}"
     else:
         along = None if choices.over_time else next((name for name in choices.segment if name in dataset.quantities), None)
         blocks = [_blocks(curve, along) for curve in dataset.curves]

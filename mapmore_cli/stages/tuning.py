@@ -27,6 +27,7 @@ from mapmore_cli.stages.trials import Bench, bench_of, errors_of, training_only
 from mapmore_cli.storage.run_folder import RunFiles
 
 if TYPE_CHECKING:
+    from mapmore_cli.spec.experiment import ExperimentSpec
     from mapmore_cli.spec.loader import LoadedSpec
     from mapmore_cli.stages.pipeline.stage import Progress
 
@@ -53,9 +54,16 @@ def tune(
     """
     variants = list(_variants(loaded, over))
     outcome = bring_up_to_date(loaded, runs, "ingest", progress=progress, warn=warn, on_stage=on_stage)
-    bench = bench_of(training_only(RunFiles(outcome.run_dir).dataset()), fuse.reads(loaded.spec), loaded.spec.validation.normaliser)
+    dataset = training_only(RunFiles(outcome.run_dir).dataset())
+    bench = bench_of(dataset, fuse.reads(loaded.spec), loaded.spec.validation.normaliser, _holds_levels_out(loaded.spec))
     trials = shared_out(lambda variant: _tried(*variant, bench), variants, partial(progress, "combinations"))
     return ranked(loaded.spec.name, bench, trials)
+
+
+def _holds_levels_out(spec: ExperimentSpec) -> bool:
+    """Whether the held-out data of a study are levels."""
+    split, levels = spec.data.split, spec.data.levels
+    return levels is not None and (split.leave_one_level_out or (split.hold_out is not None and levels.of in split.hold_out.quantities))
 
 
 def _variants(loaded: LoadedSpec, over: Mapping[str, Sequence[Any]]) -> Iterator[tuple[dict[str, Any], ModelChoices]]:
