@@ -63,7 +63,7 @@ def test_the_oscillator_trained_on_little_runs_as_the_page_says(
 def test_stops_of_the_fed_back_output_help_and_those_of_the_input_do_not() -> None:
     errors = {name: numbers(row)["RRSE, free run"] for name, row in page_table("bouc_wen", MEMORY).items()}
     assert errors["linear_stops"] < 0.9 * errors["linear"]
-    assert errors["cubic_stops"] < 0.9 * errors["cubic"]
+    assert errors["cubic_stops"] < 0.95 * errors["cubic"]
     assert errors["mapmore"] < 0.2 * errors["cubic_stops"]
     assert errors["linear_input_stops"] > 0.9 * errors["linear"]
 
