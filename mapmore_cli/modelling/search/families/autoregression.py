@@ -23,6 +23,7 @@ def candidates(of: Situation) -> Iterator[Candidate]:
     now = [{"lags": output}, {"lags": {"of": inputs, "steps": [0, 1, 2], "constant": False}}]
     yield memory("two delays of the output, linear", of, now, 8, **free)
     both = [{"lags": {"of": [of.target, *inputs], "steps": [1, 2], "order": 2}}]
+    yield memory("two delays of the output, order 2, one step ahead", of, both, 8, scaling="none", ridge=0.0, stop="bic")
     yield memory("two delays of the output, order 2", of, both, 8, margin=0.0, **free)
     if of.samples <= MOST_SELECTED and len(inputs) <= 2:
         yield memory("two delays of the output, order 2, sized in free run", of, both, 8, margin=0.0, stop="free_run", **free)
