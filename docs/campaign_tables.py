@@ -17,17 +17,17 @@ from pages import write_tables
 
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Quantity
-from mapmore_cli.modelling.comparison import CHANGED, SAME, UNCLEAR, Comparison, compare
 from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import Cuts, Recipe
+from mapmore_cli.modelling.validation.comparison import CHANGED, SAME, UNCLEAR, Comparison, compare
+from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.reporting.table import Cell, Column, Table
 from mapmore_cli.rig.load_cycle import load_cycle
 from mapmore_cli.rig.sensors import Sensor, measure
 from mapmore_cli.spec.loader import load, load_as
 from mapmore_cli.spec.simulation import SimulationSpec
-from mapmore_cli.stages.pipeline.runner import bring_up_to_date
-from mapmore_cli.stages.simulation.rig_parts import KPA, hysteresis_of, load_cycle_of, muscle_of
 from mapmore_cli.storage.artefacts import read_model
+from mapmore_cli.study.simulation.rig_parts import KPA, hysteresis_of, load_cycle_of, muscle_of
 
 DOCS = Path(__file__).parent
 ROOT = DOCS.parent

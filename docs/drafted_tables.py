@@ -23,13 +23,13 @@ from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.scores import OWN, deciding
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature.backbone import fit_formula
+from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.spec.loader import LoadedSpec, load
-from mapmore_cli.stages.drafting.answers import Answers, read_columns
-from mapmore_cli.stages.drafting.draft import Draft
-from mapmore_cli.stages.drafting.start import start
-from mapmore_cli.stages.inspection.lint import inspect
-from mapmore_cli.stages.pipeline.runner import bring_up_to_date
 from mapmore_cli.storage.run_folder import RunFiles
+from mapmore_cli.study.drafting.draft import Draft
+from mapmore_cli.study.drafting.questions import Answers, read_columns
+from mapmore_cli.study.drafting.start import start
+from mapmore_cli.study.inspection.lint import inspect
 
 PAGE = Path(__file__).parent / "init-and-check.md"
 BEGIN, END = "<!-- made by python docs/drafted_tables.py -->", "<!-- end of the table -->"

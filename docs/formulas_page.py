@@ -6,8 +6,8 @@ from importlib import import_module
 from pathlib import Path
 
 from mapmore_cli.modelling import literature
+from mapmore_cli.modelling.expressions import to_text
 from mapmore_cli.modelling.literature.literature_model import LOAD_CYCLES, LiteratureModel
-from mapmore_cli.modelling.terms import to_text
 
 PAGE = Path(__file__).with_name("formulas.md")
 HEAD = """# Formulas of the literature

@@ -19,19 +19,19 @@ from pages import CONFIGS, DOCS, write_tables
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
+from mapmore_cli.fitting.left_out import refitted, residuals
 from mapmore_cli.modelling.forecast import forecast
-from mapmore_cli.modelling.intervals import half_widths_of
 from mapmore_cli.modelling.kinds import outside_range
+from mapmore_cli.modelling.validation.intervals import half_widths_of
+from mapmore_cli.pipeline.fuse import reads
+from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.reporting.table import Cell, Column, Table
 from mapmore_cli.rig.load_cycle import turning_strain
 from mapmore_cli.spec.loader import load
 from mapmore_cli.spec.simulated_experiments import LoadCycles
 from mapmore_cli.spec.simulation import SimulationSpec
-from mapmore_cli.stages.fuse import reads
-from mapmore_cli.stages.left_out import refitted, residuals
-from mapmore_cli.stages.pipeline.runner import bring_up_to_date
-from mapmore_cli.stages.simulation.rig_parts import KPA, hysteresis_of, load_cycle_of, muscle_of
 from mapmore_cli.storage.artefacts import read_dataset, read_model
+from mapmore_cli.study.simulation.rig_parts import KPA, hysteresis_of, load_cycle_of, muscle_of
 
 LEVEL = 0.95
 SEEDS = range(100, 120)

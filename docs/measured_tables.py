@@ -22,8 +22,8 @@ from mapmore_cli.reporting.campaign import CampaignScores, hindsight_table, nrms
 from mapmore_cli.reporting.score_tables import score_table
 from mapmore_cli.reporting.table import Cell, Column, Table
 from mapmore_cli.spec.campaign import Entry, load_campaign
-from mapmore_cli.stages.inspection.evidence import slack_foot
 from mapmore_cli.storage.artefacts import read_dataset, read_fit, read_model
+from mapmore_cli.study.inspection.evidence import slack_foot
 
 BACKBONES = ("on_sarosi", "on_sarosi_hinged")
 

@@ -14,13 +14,13 @@ from pages import CONFIGS, DOCS, campaign, finished, write_tables
 
 from mapmore_cli.domain.memory import MemoryFit
 from mapmore_cli.domain.scores import Score
-from mapmore_cli.modelling.scores.error_parts import PARTS, error_parts
+from mapmore_cli.modelling.validation.error_parts import PARTS, error_parts
 from mapmore_cli.reporting.campaign import CampaignScores, nrmse_table
 from mapmore_cli.reporting.memory_tables import substitutes_table
 from mapmore_cli.reporting.table import Cell, Column, Table
 from mapmore_cli.spec.campaign import Entry, load_campaign
-from mapmore_cli.stages.campaigns.batch import Finished
 from mapmore_cli.storage.artefacts import read_dataset, read_fit, read_validation
+from mapmore_cli.study.campaigns.batch import Finished
 
 REVERSALS = ("dmsp-20-88-inner-reversals", "peano-inner-reversals")
 IDENTIFICATION = ("data_for_testing", "buck", "motor_generator", "motor_generator_published")

@@ -20,11 +20,11 @@ from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature.backbone import fit_formula, pooled
 from mapmore_cli.modelling.literature.formula import Formula
 from mapmore_cli.modelling.literature.identifiability import half_width
-from mapmore_cli.modelling.scores.metrics import bands, uncentred
+from mapmore_cli.modelling.validation.metrics import bands, uncentred
+from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.reporting.table import Cell, Column, Table
 from mapmore_cli.reporting.tables import bands_table
 from mapmore_cli.spec.loader import load
-from mapmore_cli.stages.pipeline.runner import bring_up_to_date
 from mapmore_cli.storage.artefacts import read_dataset, read_validation
 
 Predict = Callable[[Mapping[str, float], Columns], Array]

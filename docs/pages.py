@@ -11,14 +11,14 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from mapmore_cli.domain.scores import Score
+from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.reporting.campaign import CampaignScores
 from mapmore_cli.reporting.table import Table, to_markdown
 from mapmore_cli.spec.campaign import Entry, load_campaign
 from mapmore_cli.spec.loader import load
-from mapmore_cli.stages.campaigns.batch import Finished, Job, run_one
-from mapmore_cli.stages.campaigns.page import scores_of
-from mapmore_cli.stages.pipeline.runner import bring_up_to_date
 from mapmore_cli.storage.artefacts import read_validation
+from mapmore_cli.study.campaigns.batch import Finished, Job, run_one
+from mapmore_cli.study.campaigns.page import scores_of
 
 DOCS = Path(__file__).parent
 CONFIGS = DOCS.parent / "configs"

@@ -25,23 +25,23 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.scores import ScoreTable
 from mapmore_cli.modelling.frols.estimator import FROLS
+from mapmore_cli.pipeline.runner import bring_up_to_date
+from mapmore_cli.pipeline.validate import limits
 from mapmore_cli.spec.experiment import ExperimentSpec
+from mapmore_cli.spec.fields import moved
 from mapmore_cli.spec.layers import as_overrides
 from mapmore_cli.spec.loader import LoadedSpec, load, load_text
-from mapmore_cli.spec.quantities import moved
 from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.spec.tree import Kind
-from mapmore_cli.spec.yaml_core import dump, escaped
-from mapmore_cli.stages.frames import canonical_columns, is_frame, names_of, quantities_of, source_of, write_frames
-from mapmore_cli.stages.pipeline.runner import bring_up_to_date
-from mapmore_cli.stages.prediction.loaded_model import LoadedModel
-from mapmore_cli.stages.prediction.records import reading_of
-from mapmore_cli.stages.validate import limits
+from mapmore_cli.spec.yaml_loader import dump, escaped
 from mapmore_cli.storage.artefacts import read_model
 from mapmore_cli.storage.atomic import refusals_told, write_bytes, write_text
 from mapmore_cli.storage.readers import READERS, suffix_of
 from mapmore_cli.storage.run_folder import MODEL, RunFiles
 from mapmore_cli.storage.score_files import score_row, scores_beside
+from mapmore_cli.study.frames import canonical_columns, is_frame, names_of, quantities_of, source_of, write_frames
+from mapmore_cli.study.prediction.loaded_model import LoadedModel
+from mapmore_cli.study.prediction.records import reading_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -4,7 +4,7 @@ import matplotlib.pyplot as plt
 from muscle import STUDY, recording, save
 
 import mapmore_cli as mm
-from mapmore_cli.modelling.comparison import compare
+from mapmore_cli.modelling.validation.comparison import compare
 
 before = mm.fit(recording([80, 150, 200, 250, 350], seed=1), **STUDY).model
 figure, axes = plt.subplots(layout="constrained")

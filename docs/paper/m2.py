@@ -9,7 +9,7 @@ import numpy as np
 from pages import printed, scores
 
 from mapmore_cli.domain.models import SegmentFunction
-from mapmore_cli.modelling.terms import evaluate, parse
+from mapmore_cli.modelling.expressions import evaluate, parse
 from mapmore_cli.reporting.table import Cell, Column, Table
 from mapmore_cli.storage.artefacts import read_dataset, read_model, read_validation
 from paper.drawing import Panel, lines

@@ -15,8 +15,8 @@ from pathlib import Path
 from pages import printed, scores
 
 from mapmore_cli.domain.scores import Score
+from mapmore_cli.pipeline.report import drawn_figure
 from mapmore_cli.reporting.table import Cell, Column, Table
-from mapmore_cli.stages.report import drawn_figure
 
 SAME_SIZE = 2.0
 """Factor within which numbers of two muscles of one type are called of one size."""

@@ -16,7 +16,7 @@ from typing import Annotated, Any, cast
 import typer
 from typer.core import TyperGroup
 
-from mapmore_cli.cli import exits
+from mapmore_cli.cli import console as exits
 
 STAGES = ("ingest", "segment", "fit", "fuse", "validate", "report", "run")
 OTHERS = (

@@ -12,17 +12,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mapmore_cli.cli.ci import CiFiles, Junit, Summary
-from mapmore_cli.cli.exits import error_document, exit_code, message
-from mapmore_cli.cli.options import NO_OVERRIDES, RUNS, AsJson, Force, Overrides, Quiet, Rehash, Runs
+from mapmore_cli.cli.console import NO_OVERRIDES, RUNS, AsJson, Force, Overrides, Quiet, Rehash, Runs, error_document, exit_code, message
 from mapmore_cli.domain.errors import LimitMissed, RunWarning, UsageError, told
 
 if TYPE_CHECKING:
     from mapmore_cli.cli.progress import Reporter
-    from mapmore_cli.cli.views.view import View
+    from mapmore_cli.cli.views.fitted import View
     from mapmore_cli.reporting.ci import RunReport
     from mapmore_cli.reporting.table import Cell, Table
-    from mapmore_cli.stages.campaigns.batch import Finished
-    from mapmore_cli.stages.campaigns.page import CampaignPage
+    from mapmore_cli.study.campaigns.batch import Finished
+    from mapmore_cli.study.campaigns.page import CampaignPage
 
     Result = Finished | BaseException
 
@@ -51,10 +50,10 @@ def batch(
     """
     from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.progress import Reporter
-    from mapmore_cli.stages.campaigns.batch import Job, planned, run_all
-    from mapmore_cli.stages.campaigns.cluster import ClusterWorkers
-    from mapmore_cli.stages.campaigns.page import expanded, refuse_foreign_folders, run_names, specs_of, write_page
-    from mapmore_cli.stages.campaigns.processes import LocalWorkers
+    from mapmore_cli.study.campaigns.batch import Job, planned, run_all
+    from mapmore_cli.study.campaigns.cluster import ClusterWorkers
+    from mapmore_cli.study.campaigns.page import expanded, refuse_foreign_folders, run_names, specs_of, write_page
+    from mapmore_cli.study.campaigns.processes import LocalWorkers
 
     if cluster is not None and cluster_file is not None:
         raise UsageError("--cluster and --cluster-file exclude each other", "leave one of them out")
@@ -114,7 +113,7 @@ def _report(name: str, result: Result) -> RunReport:
 def _joint(ordered: dict[str, Result], pages: Sequence[CampaignPage], alone: dict[str, Result], documents: list[dict[str, Any]]) -> View:
     """One document for all runs; the tables of the campaigns and one of the runs that stand `alone`; and where the pages are."""
     from mapmore_cli.cli.views.files import page_lines
-    from mapmore_cli.cli.views.view import View
+    from mapmore_cli.cli.views.fitted import View
 
     tables = [table for page in pages for table in page.tables]
     lines = [line for run in ordered.values() if not isinstance(run, BaseException) for line in page_lines(run.run_dir)]

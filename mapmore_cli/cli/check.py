@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mapmore_cli.cli.exits import exit_code, message
-from mapmore_cli.cli.options import NO_OVERRIDES, AsJson, Overrides, Quiet
+from mapmore_cli.cli.console import NO_OVERRIDES, AsJson, Overrides, Quiet, exit_code, message
 from mapmore_cli.domain.errors import MapmoreError
 
 if TYPE_CHECKING:
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.spec.campaign import Entry
     from mapmore_cli.spec.experiment import ExperimentSpec
-    from mapmore_cli.stages.inspection.lint import Inspection
+    from mapmore_cli.study.inspection.lint import Inspection
 
 
 def check(
@@ -30,7 +29,7 @@ def check(
     from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.cli.views import measured
-    from mapmore_cli.stages.campaigns.page import expanded
+    from mapmore_cli.study.campaigns.page import expanded
 
     if confirm:
         _confirm(config)
@@ -67,7 +66,7 @@ def _confirm(config: Path) -> None:
 
 def _inspected(entry: Entry, reporter: Reporter) -> tuple[ExperimentSpec, Inspection]:
     from mapmore_cli.spec.loader import load
-    from mapmore_cli.stages.inspection.lint import inspect
+    from mapmore_cli.study.inspection.lint import inspect
 
     loaded = load(entry.config, entry.overrides)
     return loaded.spec, inspect(loaded, progress=reporter.progress, warn=reporter.warn)

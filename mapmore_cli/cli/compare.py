@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from mapmore_cli.cli.options import ARCHIVE, RUNS, Archive, AsJson, Runs
+from mapmore_cli.cli.console import ARCHIVE, RUNS, Archive, AsJson, Runs
 from mapmore_cli.domain.errors import DataError, LimitMissed, UsageError
 
 FIGURES = ("svg", "pdf", "png", "pgf")
@@ -35,9 +35,9 @@ def compare(
     """
     from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.views.compared import of_comparisons
-    from mapmore_cli.modelling import comparison
-    from mapmore_cli.stages.campaigns.archive import find_model, write_drift
+    from mapmore_cli.modelling.validation import comparison
     from mapmore_cli.storage.artefacts import read_model
+    from mapmore_cli.study.campaigns.archive import find_model, write_drift
 
     if len(models) < 2:
         raise UsageError("compare needs two models", "name the earlier one first, as `mapmore compare 2025-autumn my-run`")

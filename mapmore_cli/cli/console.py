@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
+import os
+import sys
+import traceback
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
+import typer
+from rich.console import Console
+from rich.markup import escape
+
+from mapmore_cli.domain.errors import LimitMissed, MapmoreError, Stopped, UsageError, WriteError, explained, told
 from mapmore_cli.domain.foreign import printable
+from mapmore_cli.study.drafting.questions import Question
 
 if TYPE_CHECKING:
-    from mapmore_cli.cli.views.view import View
+    from mapmore_cli.cli.views.fitted import View
 
 
 def print_document(document: Mapping[str, Any]) -> None:
@@ -42,3 +53,118 @@ def print_view(view: View, as_json: bool) -> None:
     if view.lines:
         blocks.append("\n".join(view.lines))
     print(printable("\n\n".join(blocks)))
+
+
+Config = Annotated[Path, typer.Argument(metavar="CONFIG", help="The experiment spec (YAML).", show_default=False)]
+
+Runs = Annotated[Path, typer.Option("--runs", metavar="DIR", help="Folder of the runs.")]
+
+RUNS = Path("runs")
+"""Default of `Runs`."""
+
+Archive = Annotated[Path, typer.Option("--archive", metavar="DIR", help="Folder of the frozen models.")]
+
+ARCHIVE = Path("archive")
+"""Default of `Archive`."""
+
+Overrides = Annotated[
+    list[str],
+    typer.Option("--set", metavar="KEY=VALUE", help="Replace one value of the spec, as fit.max_terms=2. Repeatable.", show_default=False),
+]
+
+NO_OVERRIDES: list[str] = []
+"""Default of `Overrides`; Typer makes a new list of what the user gives."""
+
+Force = Annotated[bool, typer.Option("--force", help="Redo the stages even if they are up to date.")]
+
+Rehash = Annotated[bool, typer.Option("--rehash", help="Read every recording again to see whether it changed.")]
+
+Explain = Annotated[bool, typer.Option("--explain", help="Say which stages would run, and why; do nothing.")]
+
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document instead of tables.")]
+
+Unverified = Annotated[bool, typer.Option("--unverified", help="Read a file although its values are not those that were written.")]
+
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no warnings on stderr.")]
+
+Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Also say how long each step took.")]
+
+
+INTERNAL_FAULT = 1
+INTERRUPTED = 130  # 128 + SIGINT, as shells report it
+BROKEN_PIPE = 141  # 128 + SIGPIPE
+
+
+def settle(error: BaseException, debug: bool, as_json: bool) -> int:
+    """Say on stderr what went wrong, and return the exit code; the traceback is for `--debug` alone.
+
+    With `--json` the error is the document on stdout too, unless that has been printed: a missed limit stands in it.
+    """
+    if isinstance(error, BrokenPipeError):
+        _silence_stdout()
+        return BROKEN_PIPE
+    if isinstance(error, OSError) and error.errno == errno.ENOSPC:  # files are storage's to explain, so this is stdout
+        _silence_stdout()
+        error = WriteError("stdout: cannot be written (no space left on device)", "make room, or write elsewhere")
+    if debug:
+        traceback.print_exception(error, file=sys.stderr)
+    else:
+        print(printable(message(error)), file=sys.stderr)
+    if as_json and not isinstance(explained(error), LimitMissed | KeyboardInterrupt):
+        print_document({"error": error_document(error)})
+    return exit_code(error)
+
+
+def error_document(error: BaseException) -> dict[str, object]:
+    """An error as a member of a JSON document."""
+    error = explained(error)
+    if isinstance(error, MapmoreError):
+        return {"message": error.message, "remedy": error.remedy, "exit_code": error.exit_code}
+    return {"message": told(error), "remedy": None, "exit_code": exit_code(error)}
+
+
+def exit_code(error: BaseException) -> int:
+    """The code that a command ends with."""
+    error = explained(error)
+    if isinstance(error, MapmoreError):
+        return error.exit_code
+    if isinstance(error, Stopped):
+        return 128 + error.number
+    return INTERRUPTED if isinstance(error, KeyboardInterrupt) else INTERNAL_FAULT
+
+
+def message(error: BaseException) -> str:
+    """What a user is told; an internal fault is one line."""
+    error = explained(error)
+    if isinstance(error, KeyboardInterrupt):
+        return str(error) or "interrupted"
+    return f"error: {told(error)}" if isinstance(error, MapmoreError) else told(error)
+
+
+def _silence_stdout() -> None:
+    """Point stdout at nothing: Python would complain when it cannot flush the rest at exit."""
+    devnull = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(devnull, sys.stdout.fileno())
+
+
+console = Console(stderr=True, highlight=False)
+
+
+def ask(question: Question) -> str:
+    """Print a question with its options, and return the first answer that can be; the end of the input takes the first option."""
+    console.print(f"\n[bold]{escape(question.text)}[/bold]")
+    for number, option in enumerate(question.options, start=1):
+        console.print(f"  {number} [bold]{escape(option.text)}[/bold]  {option.course}")
+        console.print(f"    [dim]{escape(option.why)}[/dim]")
+    while True:
+        console.print(f"[dim]Enter for 1{', else ' + escape(question.form) if question.form else ''}[/dim] > ", end="")
+        try:
+            reply = input()
+        except EOFError:
+            return ""
+        try:
+            question.check(reply)
+        except UsageError as fault:
+            console.print(f"[red]{escape(fault.message)}[/red]: {escape(fault.remedy or '')}")
+            continue
+        return reply

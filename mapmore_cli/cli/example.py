@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from mapmore_cli.cli.options import AsJson, Quiet
+from mapmore_cli.cli.console import AsJson, Quiet
 
 
 def example(
@@ -21,8 +21,8 @@ def example(
     """
     from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.progress import Reporter
-    from mapmore_cli.cli.views.view import View
-    from mapmore_cli.stages.simulation.simulate import write_example
+    from mapmore_cli.cli.views.fitted import View
+    from mapmore_cli.study.simulation.simulate import write_example
 
     with Reporter(quiet) as reporter:
         paths = write_example(folder, reporter.progress)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from mapmore_cli.cli.options import Quiet
+from mapmore_cli.cli.console import Quiet
 from mapmore_cli.domain.errors import UsageError
 
 
@@ -50,9 +50,9 @@ def export(
     C, FMUs and modules are compared with `predict` on 100 points before they are written.
     """
     from mapmore_cli.cli.progress import Reporter
-    from mapmore_cli.stages.exports import exported
     from mapmore_cli.storage.artefacts import read_model
     from mapmore_cli.storage.atomic import refusals_told, write_bytes
+    from mapmore_cli.study.exports import exported
 
     if single and to is not Target.C:
         raise UsageError("--float is for C alone", "leave it out, or write --to c")

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from mapmore_cli.cli.options import NO_OVERRIDES, RUNS, Quiet, Runs
+from mapmore_cli.cli.console import NO_OVERRIDES, RUNS, Quiet, Runs
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.page import FIGURES
 
@@ -41,7 +41,7 @@ def figure(
     those of the spec's report.style, or of --set.
     """
     from mapmore_cli.cli.progress import Reporter
-    from mapmore_cli.stages.report import drawn_figure
+    from mapmore_cli.pipeline.report import drawn_figure
     from mapmore_cli.storage.atomic import write_bytes, write_text
 
     suffix = out.suffix.removeprefix(".")

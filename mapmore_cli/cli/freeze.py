@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from mapmore_cli.cli.options import ARCHIVE, RUNS, Archive, Runs
+from mapmore_cli.cli.console import ARCHIVE, RUNS, Archive, Runs
 
 
 def freeze(
@@ -20,6 +20,6 @@ def freeze(
 
     Its scores, spec and hashes go with it, to ARCHIVE/NAME@TAG, where no later run writes.
     """
-    from mapmore_cli.stages.campaigns import archive as frozen
+    from mapmore_cli.study.campaigns import archive as frozen
 
     print(frozen.freeze(run if run.is_dir() else runs / run, tag, archive))

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mapmore_cli.cli.options import Quiet
+from mapmore_cli.cli.console import Quiet
 from mapmore_cli.domain.errors import UsageError, WriteError
 
 if TYPE_CHECKING:
-    from mapmore_cli.stages.drafting.questions import Ask
+    from mapmore_cli.study.drafting.questions import Ask
 
 STDOUT = Path("-")
 
@@ -49,9 +49,9 @@ def init(
     spec for each; with -o, one for the largest.
     """
     from mapmore_cli.cli.progress import Reporter
-    from mapmore_cli.stages.drafting.answers import Answers, read_columns
-    from mapmore_cli.stages.drafting.start import start
     from mapmore_cli.storage.atomic import write_text
+    from mapmore_cli.study.drafting.questions import Answers, read_columns
+    from mapmore_cli.study.drafting.start import start
 
     if name is not None:
         _check_name(name)
@@ -64,7 +64,7 @@ def init(
     if output == STDOUT:
         print(found.drafts[0].text(), end="")
         return
-    from mapmore_cli.stages.drafting.guesses import guesses_page
+    from mapmore_cli.study.drafting.guesses import guesses_page
 
     specs = {output or Path(f"{draft.name}.yaml"): draft for draft in found.drafts}
     for path, draft in specs.items():
@@ -81,7 +81,7 @@ def _asking(silent: bool) -> Ask | None:
     """Who answers: the person at the terminal, where there is one."""
     if silent or not (sys.stdin.isatty() and sys.stderr.isatty()):
         return None
-    from mapmore_cli.cli.asking import ask
+    from mapmore_cli.cli.console import ask
 
     return ask
 

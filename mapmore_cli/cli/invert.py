@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from mapmore_cli.cli.options import Quiet
+from mapmore_cli.cli.console import Quiet
 from mapmore_cli.cli.predict import STANDARD, write_lines
 
 
@@ -30,9 +30,9 @@ def invert(
     Solutions are looked for within the training range. A flat one fills a range, as where a muscle is slack: its low end counts.
     """
     from mapmore_cli.cli.progress import Reporter
-    from mapmore_cli.stages.prediction.invert import inverted_lines
     from mapmore_cli.storage.artefacts import read_model
     from mapmore_cli.storage.text_streams import as_text, lines_of
+    from mapmore_cli.study.prediction.grid import inverted_lines
 
     with Reporter(quiet) as reporter:
         model = read_model(model_file, reporter.warn)

@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mapmore_cli.cli.ci import CiFiles, Junit, Summary
-from mapmore_cli.cli.console import print_view
-from mapmore_cli.cli.options import NO_OVERRIDES, RUNS, AsJson, Config, Explain, Force, Overrides, Quiet, Rehash, Runs, Verbose
+from mapmore_cli.cli.console import NO_OVERRIDES, RUNS, AsJson, Config, Explain, Force, Overrides, Quiet, Rehash, Runs, Verbose, print_view
 from mapmore_cli.cli.views.files import of_stage, page_lines
-from mapmore_cli.cli.views.view import View
+from mapmore_cli.cli.views.fitted import View
 from mapmore_cli.domain.errors import LimitMissed, told
 from mapmore_cli.storage.run_folder import RunFiles
 
@@ -118,8 +117,8 @@ def _failures_written(name: str, files: CiFiles) -> Iterator[None]:
 def _explain(loaded: LoadedSpec, until: str, options: Options) -> None:
     """Print which stages would run, and why; null in the document is a stage that is up to date."""
     from mapmore_cli.cli.progress import Reporter
+    from mapmore_cli.pipeline.runner import explain
     from mapmore_cli.reporting.table import Column, Table
-    from mapmore_cli.stages.pipeline.runner import explain
 
     with Reporter(options.quiet, options.verbose) as reporter:
         reasons = explain(loaded, options.runs, until, force=options.force, rehash=options.rehash, warn=reporter.warn)
@@ -131,8 +130,8 @@ def _explain(loaded: LoadedSpec, until: str, options: Options) -> None:
 def _bring_up_to_date(loaded: LoadedSpec, command: str, options: Options) -> None:
     """Do what is stale, and print what the command is for."""
     from mapmore_cli.cli.progress import Reporter
+    from mapmore_cli.pipeline.runner import bring_up_to_date
     from mapmore_cli.reporting.ci import RunReport
-    from mapmore_cli.stages.pipeline.runner import bring_up_to_date
 
     started, warnings = time.perf_counter(), list[str]()
     questions = loaded.spec.unconfirmed
@@ -161,8 +160,8 @@ def _bring_up_to_date(loaded: LoadedSpec, command: str, options: Options) -> Non
             reporter.warn(message)
     head: dict[str, Any] = {"name": outcome.name, "run_dir": str(outcome.run_dir), "stages": outcome.stages}
     if "search" in outcome.stages:
-        from mapmore_cli.cli.views.searched import document_of
-        from mapmore_cli.stages.searching import SEARCH, read_search
+        from mapmore_cli.cli.views.compared import document_of
+        from mapmore_cli.fitting.searching import SEARCH, read_search
 
         head["search"] = document_of(read_search(outcome.run_dir / SEARCH))
     if found is None:
@@ -177,7 +176,7 @@ def _print_scores(
 ) -> None:
     """Print the scores, and then fail where the spec's limits are missed."""
     from mapmore_cli.cli.views.compared import of_scores
-    from mapmore_cli.stages.validate import limits
+    from mapmore_cli.pipeline.validate import limits
 
     published = loaded.spec.report.published
     scores = of_scores(found, published.numbers if published else None)

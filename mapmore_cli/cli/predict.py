@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
-from mapmore_cli.cli.options import Quiet, Unverified
+from mapmore_cli.cli.console import Quiet, Unverified
 from mapmore_cli.domain.errors import UsageError
 
 if TYPE_CHECKING:
@@ -69,8 +69,8 @@ def predict(
     of every recording, and starts anew where the column recording changes, where time is set back, and after gaps.
     """
     from mapmore_cli.cli.progress import Reporter
-    from mapmore_cli.stages.prediction.predict import predicted_lines
     from mapmore_cli.storage.artefacts import read_model
+    from mapmore_cli.study.prediction.predict import predicted_lines
 
     if (table is None) == (grid is None):
         raise UsageError("give either a TABLE or --grid", "as in: mapmore predict model.h5 measured.csv -o predicted.csv")
@@ -86,8 +86,8 @@ def predict(
 def _input(model: Model, table: Path | None, grid: str | None, reporter: Reporter) -> tuple[Iterator[str], str]:
     """The lines to predict for, and what messages call them."""
     from mapmore_cli.modelling.kinds import runs_over_time
-    from mapmore_cli.stages.prediction.grid import grid_lines
     from mapmore_cli.storage.text_streams import as_text, lines_of
+    from mapmore_cli.study.prediction.grid import grid_lines
 
     if grid is not None and runs_over_time(model):
         columns = ", ".join(["time", *(quantity.name for quantity in model.inputs)])

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from mapmore_cli.cli.options import AsJson, Quiet, Unverified
+from mapmore_cli.cli.console import AsJson, Quiet, Unverified
 
 
 def show(

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from mapmore_cli.cli.options import NO_OVERRIDES, AsJson, Overrides, Quiet
+from mapmore_cli.cli.console import NO_OVERRIDES, AsJson, Overrides, Quiet
 
 
 def simulate(
@@ -23,10 +23,10 @@ def simulate(
     """Write recordings of a synthetic muscle."""
     from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.progress import Reporter
-    from mapmore_cli.cli.views.view import View
+    from mapmore_cli.cli.views.fitted import View
     from mapmore_cli.spec.loader import load_as
     from mapmore_cli.spec.simulation import SimulationSpec
-    from mapmore_cli.stages.simulation.simulate import simulate as run_rig
+    from mapmore_cli.study.simulation.simulate import simulate as run_rig
 
     loaded = load_as(config, SimulationSpec, overrides)
     with Reporter(quiet) as reporter:

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mapmore_cli.cli.options import NO_OVERRIDES, RUNS, AsJson, Config, Overrides, Quiet, Runs
+from mapmore_cli.cli.console import NO_OVERRIDES, RUNS, AsJson, Config, Overrides, Quiet, Runs
 from mapmore_cli.domain.errors import UsageError
 
 if TYPE_CHECKING:
-    from mapmore_cli.domain.tuning import Tuning
+    from mapmore_cli.domain.scores import Tuning
     from mapmore_cli.reporting.table import Table
 
 FIGURES, TABLES = ("svg", "pdf", "png", "pgf"), ("csv", "tex")
@@ -45,9 +45,9 @@ def tune(
     """
     from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.progress import Reporter
-    from mapmore_cli.cli.views.tuned import of_tuning
+    from mapmore_cli.cli.views.compared import of_tuning
     from mapmore_cli.spec.loader import load
-    from mapmore_cli.stages import tuning
+    from mapmore_cli.study import tuning
 
     _refuse_unknown(output or [])
     if not over:
@@ -69,10 +69,10 @@ def _search(
     """Search the structure, and print what was tried."""
     from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.progress import Reporter
-    from mapmore_cli.cli.views.searched import of_search
-    from mapmore_cli.reporting.search_table import search_table
+    from mapmore_cli.cli.views.compared import of_search
+    from mapmore_cli.fitting.searching import searched
+    from mapmore_cli.reporting.score_tables import search_table
     from mapmore_cli.spec.loader import load
-    from mapmore_cli.stages.searching import searched
 
     if wrong := next((path for path in output if path.suffix.removeprefix(".") not in TABLES), None):
         raise UsageError(f"{wrong}: a search has no figure", f"choose .{' or .'.join(TABLES)}")
@@ -122,7 +122,7 @@ def _refuse_unknown(paths: Sequence[Path]) -> None:
 
 
 def _write(path: Path, found: Tuning) -> None:
-    from mapmore_cli.cli.views.tuned import tuning_table
+    from mapmore_cli.cli.views.compared import tuning_table
     from mapmore_cli.storage.atomic import write_bytes
 
     suffix = path.suffix.removeprefix(".")

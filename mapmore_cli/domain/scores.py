@@ -6,12 +6,13 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.arrays import Array
     from mapmore_cli.domain.fits import FormulaFit
     from mapmore_cli.domain.motion import MotionFit
+
 
 OWN = "mapmore"
 """Name of the run's own model in its scores, and of the needed static model in a composite."""
@@ -157,3 +158,43 @@ def deciding(scores: Iterable[Score]) -> list[Score]:
     pooled = [score for score in scores if score.curve == "all"]
     held_out = [score for score in pooled if score.split == "validate"]
     return held_out or pooled
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One combination of settings, by their place in the spec.
+
+    Attributes
+    ----------
+    parameters
+        Free numbers of its model of all training data.
+    errors
+        NRMSE on each fold of a model without it; empty where a fit failed, for which `failure` says why.
+    error
+        Their mean.
+    excess, spread
+        Mean over the folds of the error less that of the best combination, and the standard error of that mean.
+    """
+
+    settings: Mapping[str, Any]
+    parameters: int = 0
+    errors: tuple[float, ...] = ()
+    error: float = float("nan")
+    excess: float = float("nan")
+    spread: float = float("nan")
+    failure: str = ""
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """All combinations that were tried; `best` errs least, `chosen` is the simplest within one standard error of it.
+
+    `left_out` says what each fold leaves out, `full_scale` what errors are divided by.
+    """
+
+    name: str
+    left_out: str
+    full_scale: str
+    trials: tuple[Trial, ...]
+    best: Trial
+    chosen: Trial

@@ -8,7 +8,6 @@ from itertools import count
 
 from mapmore_cli.domain.foreign import c_comment
 from mapmore_cli.exporting.dialect import Dialect, Expressions
-from mapmore_cli.modelling.program.pruning import names_in
 from mapmore_cli.modelling.program.statements import (
     Block,
     Choose,
@@ -21,6 +20,7 @@ from mapmore_cli.modelling.program.statements import (
     Statement,
     Use,
 )
+from mapmore_cli.modelling.program.writing import names_in
 
 INDENT = "    "
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
+from mapmore_cli.modelling.expressions.syntax import Call, Condition, Expression, Name, Number, Power, Product, Sum
 from mapmore_cli.modelling.program.statements import NOTHING
-from mapmore_cli.modelling.terms.syntax import Call, Condition, Expression, Name, Number, Power, Product, Sum
 
 
 @dataclass(frozen=True)

@@ -165,7 +165,7 @@ def program_of(model: Model) -> Program:
 @contextmanager
 def _numbers_in_reach(model: Model) -> Iterator[None]:
     """Name the model whose scaling and coefficients multiply to what is no number, as in a file that somebody changed."""
-    from mapmore_cli.modelling.terms import ExpressionError
+    from mapmore_cli.modelling.expressions import ExpressionError
 
     try:
         with np.errstate(over="ignore"):  # infinity is no number

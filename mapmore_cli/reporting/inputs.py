@@ -189,8 +189,8 @@ class ReportInputs:
         """Ends of the run's own intervals along a curve of the dataset, (n,) each; None where the model has none."""
         if self.left_out is None:
             return None
-        from mapmore_cli.modelling.intervals import ends, half_widths_of
         from mapmore_cli.modelling.kinds import outside_range
+        from mapmore_cli.modelling.validation.intervals import ends, half_widths_of
 
         columns = self.dataset.curves[number].columns
         half = half_widths_of(self.model, columns, INTERVAL)

@@ -10,7 +10,7 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.memory import MemoryFit, StateSet
 from mapmore_cli.modelling.memory.feedback import fed_back_states
 from mapmore_cli.modelling.memory.starts import FIRST, started
-from mapmore_cli.modelling.scores.error_parts import PARTS, error_parts
+from mapmore_cli.modelling.validation.error_parts import PARTS, error_parts
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.table import Cell, Column, Table
 

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.page import FIGURES
-from mapmore_cli.reporting.comparison_tables import verdict
 from mapmore_cli.reporting.figures.catalogue import RenderedFigure
 from mapmore_cli.reporting.inputs import ReportInputs
+from mapmore_cli.reporting.score_tables import verdict
 from mapmore_cli.reporting.table import Table, number_text, to_csv, to_html, to_latex
 from mapmore_cli.reporting.tables import all_tables
 

@@ -10,8 +10,8 @@ import numpy as np
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.modelling.memory.feedback import fed_back_states
 from mapmore_cli.modelling.memory.starts import started
-from mapmore_cli.modelling.scores.metrics import Band, bands
-from mapmore_cli.modelling.scores.repeatability import floors
+from mapmore_cli.modelling.validation.metrics import Band, bands
+from mapmore_cli.modelling.validation.repeatability import floors
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.memory_tables import (
     error_parts_table,
@@ -30,8 +30,7 @@ from mapmore_cli.reporting.model_tables import (
     terms_table,
 )
 from mapmore_cli.reporting.motion_tables import sections_table, waveforms_table
-from mapmore_cli.reporting.score_tables import curve_scores_table, score_table
-from mapmore_cli.reporting.search_table import search_table
+from mapmore_cli.reporting.score_tables import curve_scores_table, score_table, search_table
 from mapmore_cli.reporting.table import Cell, Column, Table
 
 

@@ -7,14 +7,19 @@ reverses inside of that loop, which M1 leaves as future work.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 from scipy.signal import lfilter
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.declared import NonNegative, Positive, Settings
 from mapmore_cli.rig.muscle import SLACK_WIDTH, Hysteresis, StaticMuscle, softplus, zero_force_strain
+from mapmore_cli.rig.sensors import observe
+from mapmore_cli.rig.step_response import GRAVITY
+from mapmore_cli.rig.wet_muscle import TOLERANCE, WetMuscle, integrate
 
 
 @dataclass(frozen=True)
@@ -83,3 +88,82 @@ def regulated_pressure(regulation: Regulation, sample_time: float, pressure: flo
     driven = np.sqrt(1.0 - memory**2) * shocks
     driven[0] = shocks[0]
     return np.asarray(pressure * (1.0 + regulation.ripple * lfilter([1.0], [1.0, -memory], driven)))
+
+
+@dataclass(frozen=True)
+class Loading:
+    """What hangs on the muscle, and how well its pressure is set."""
+
+    masses: Sequence[float]  # kg, one after the other
+    regulator_error: float  # standard deviation of the pressure from one repeat to the next, Pa
+
+
+def contraction_table(muscle: StaticMuscle, hysteresis: Hysteresis, loading: Loading, pressure: float, rng: np.random.Generator) -> Columns:
+    """True `pressure` (Pa), `strain` and `force` (N) of one repeat, each `(n,)` for n masses.
+
+    The regulator keeps what it happens to settle on; the force is the weight alone. Friction holds a muscle that has contracted a little
+    short of its free strain, and one that is drawn out a little less far than without it.
+    """
+    actual = max(pressure + loading.regulator_error * float(rng.standard_normal()), 0.0)
+    weights = GRAVITY * np.asarray(loading.masses, dtype=np.float64)
+    return {"pressure": np.full(len(weights), actual), "strain": resting_strains(muscle, hysteresis, actual, weights), "force": weights}
+
+
+def resting_strains(muscle: StaticMuscle, hysteresis: Hysteresis, pressure: float, weights: Array) -> Array:
+    """Strains `(n,)` at which the pull balances each weight in turn, along the path that begins relaxed at zero strain.
+
+    `F(P, e) - h = w`, with the stop operators carried along: from the strain before, each moves straight to the next.
+    """
+    strains, at, stops = [], 0.0, np.zeros(len(hysteresis.yield_strains))
+    half_width = float(hysteresis.half_width(pressure))
+    for weight in weights:
+
+        def carried(strain: float, at: float = at, stops: Array = stops) -> Array:
+            return np.clip(stops + (strain - at) / hysteresis.yield_strains, -1.0, 1.0)
+
+        def unbalanced(strain: float, weight: float = float(weight)) -> float:
+            return float(muscle.force(pressure, strain)) - half_width * float(carried(strain) @ hysteresis.shares) - weight
+
+        strain = zero_force_strain(unbalanced, STRETCHED)
+        stops, at = carried(strain), strain
+        strains.append(strain)
+    return np.array(strains)
+
+
+STRETCHED = -0.08
+"""Strain from which on an equilibrium is looked for: a weight may draw the muscle out beyond its length at rest."""
+
+
+@dataclass(frozen=True)
+class Strokes:
+    """How the actuator moves: from the contracted to the stretched end and back, smoothly, with rests between."""
+
+    stretched: float  # strain at this end, as a fraction of the free strain
+    contracted: float
+    moves: tuple[float, ...]  # duration of each stretch and of the release after it, s
+    dwell: float  # rest before, between and after the moves, s
+    sample_time: float  # s
+
+    def corners(self, free: float) -> tuple[Array, Array]:
+        """Times (s) and strains, `(4 m + 2,)` for m moves, at which rests begin and end; `free` is the free strain."""
+        spans = [self.dwell, *(span for move in self.moves for span in (move, self.dwell, move, self.dwell))]
+        ends = np.resize([free * self.contracted, free * self.stretched], 2 * len(self.moves) + 1)
+        return np.cumsum([0.0, *spans]), np.repeat(ends, 2)
+
+
+def perturbation(muscle: WetMuscle, strokes: Strokes, pressure: float, cut_off: float, tolerance: float = TOLERANCE) -> Columns:
+    """Truth of one recording, columns `(n,)` as those of `observe`, at a constant `pressure` (Pa) of the reservoir.
+
+    It begins with still water, and with friction and rubber relaxed.
+    """
+    free = zero_force_strain(lambda strain: muscle.chamber.respond(pressure, strain).tension)
+    times, ends = strokes.corners(free)
+    strain = CubicHermiteSpline(times, ends, np.zeros_like(ends))
+    strain_rate = strain.derivative()
+
+    def rates(time: float, states: Array) -> Array:
+        return muscle.respond(states, pressure, float(strain(time)), float(strain_rate(time)))[1]
+
+    clock = strokes.sample_time * np.arange(round(times[-1] / strokes.sample_time))
+    wet = integrate(rates, muscle.at_rest(pressure), clock, muscle.scales, tolerance)
+    return observe(muscle, clock, np.asarray(strain(clock)), wet, cut_off)

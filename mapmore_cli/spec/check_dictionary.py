@@ -13,7 +13,7 @@ from mapmore_cli.spec.sections.dictionary import Delays, Family, Lags, Polynomia
 from mapmore_cli.spec.tree import Loc
 
 if TYPE_CHECKING:
-    from mapmore_cli.modelling.terms.states import State
+    from mapmore_cli.modelling.expressions.states import State
 
 DERIVED = ("damping", "hysteresis")
 """Targets that no column holds: nothing of them can be fed back."""
@@ -29,7 +29,7 @@ def terms(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def _expression(text: str, loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
-    from mapmore_cli.modelling.terms import ExpressionError, parse, state
+    from mapmore_cli.modelling.expressions import ExpressionError, parse, state
 
     try:
         term = parse(text)
@@ -50,7 +50,7 @@ def _expression(text: str, loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def _state(text: str, loc: Loc, spec: ExperimentSpec, name: str, family: Family) -> Iterator[Finding]:
-    from mapmore_cli.modelling.terms import ExpressionError, Operated, state
+    from mapmore_cli.modelling.expressions import ExpressionError, Operated, state
 
     try:
         found = state(text)
@@ -77,7 +77,7 @@ def _quantity(found: State, text: str, loc: Loc, spec: ExperimentSpec) -> Iterat
 
 def _target(found: State, text: str, loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
     """A state of the target is made of the target some samples ago."""
-    from mapmore_cli.modelling.terms.states import Measured
+    from mapmore_cli.modelling.expressions.states import Measured
 
     target = spec.target_quantity
     if found.quantity != target:
@@ -96,7 +96,7 @@ def _target(found: State, text: str, loc: Loc, spec: ExperimentSpec) -> Iterator
 
 def _delayed_target(found: State, text: str, loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
     """What `lags` and `delays` delay is the target itself, where it is of the target."""
-    from mapmore_cli.modelling.terms.states import Lagged, Measured
+    from mapmore_cli.modelling.expressions.states import Lagged, Measured
 
     if found.quantity != spec.target_quantity:
         return
@@ -131,7 +131,7 @@ def _partners(loc: Loc, family: Family) -> Iterator[Finding]:
 
 def _canonical(text: str) -> str:
     """The name of a state, however it is written; what is none is reported elsewhere."""
-    from mapmore_cli.modelling.terms import ExpressionError, state
+    from mapmore_cli.modelling.expressions import ExpressionError, state
 
     try:
         return state(text).name

@@ -76,7 +76,7 @@ def _kept(conditions: Sequence[Keep], loc: Loc) -> Iterator[_Use]:
 
 def derived(spec: ExperimentSpec) -> Iterator[Finding]:
     """Derived quantities have names of their own, do not depend on themselves, and rates have a time."""
-    from mapmore_cli.modelling.terms import ExpressionError, parse
+    from mapmore_cli.modelling.expressions import ExpressionError, parse
 
     needs: dict[str, set[str]] = {}
     for name, rule in spec.data.derive.items():
@@ -135,7 +135,7 @@ def expressions(spec: ExperimentSpec) -> Iterator[Finding]:
 
 def expression_findings(text: str, loc: Loc, have: Sequence[str]) -> Iterator[Finding]:
     """What is wrong with an expression of the quantities of a study."""
-    from mapmore_cli.modelling.terms import ExpressionError, parse, state
+    from mapmore_cli.modelling.expressions import ExpressionError, parse, state
 
     try:
         names = parse(text).names

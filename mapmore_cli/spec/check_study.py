@@ -232,7 +232,7 @@ def _errors_in(spec: ExperimentSpec) -> Iterator[Finding]:
 def own_formulas(spec: ExperimentSpec) -> Iterator[Finding]:
     """A formula of the spec's own has a name of its own, is an expression, and is linear in what has no bounds."""
     from mapmore_cli.modelling import literature
-    from mapmore_cli.modelling.terms import ExpressionError
+    from mapmore_cli.modelling.expressions import ExpressionError
 
     taken = {*literature.names(), *BASELINES, *SIMPLE, OWN, REPEATABILITY, AUTO}
     for i, one in enumerate(spec.formulas):

@@ -13,8 +13,7 @@ from mapmore_cli.domain.errors import SpecError, UsageError
 from mapmore_cli.spec.diagnostics import Mistake, fail
 from mapmore_cli.spec.fields import possible_path
 from mapmore_cli.spec.tree import Node, SourceText, merged, with_child, without
-from mapmore_cli.spec.yaml_core import escaped, expand
-from mapmore_cli.spec.yaml_loader import parse, read_source
+from mapmore_cli.spec.yaml_loader import escaped, expand, parse, read_source
 
 DEEPEST = 20
 """Files that may extend each other, one the next."""

@@ -13,14 +13,12 @@ from typing import Generic, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from mapmore_cli.spec import semantics
-from mapmore_cli.spec.diagnostics import Finding, Mistake, locate, new_places, raise_if_any
+from mapmore_cli.spec.diagnostics import MOST_ERRORS, Finding, Mistake, explain, faulty, locate, new_places, raise_if_any, unknown_keys
 from mapmore_cli.spec.experiment import ExperimentSpec
-from mapmore_cli.spec.explain import MOST_ERRORS, explain, faulty, unknown_keys
-from mapmore_cli.spec.fields import PARTIAL
+from mapmore_cli.spec.fields import PARTIAL, moved, resolve
 from mapmore_cli.spec.layers import apply, read, read_text, with_formulas
-from mapmore_cli.spec.quantities import moved, resolve
 from mapmore_cli.spec.tree import Kind, Loc, Node, nearest, plain, without
-from mapmore_cli.spec.yaml_core import dump, escaped
+from mapmore_cli.spec.yaml_loader import dump, escaped
 
 M = TypeVar("M", bound=BaseModel)
 Check = Callable[[M], Iterable[Finding]]

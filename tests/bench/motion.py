@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from timing import median_seconds
 
-from mapmore_cli.modelling.motion.problem import Piece, Problem
-from mapmore_cli.modelling.motion.recipe import MotionRecipe
+from mapmore_cli.modelling.motion.problem import MotionRecipe, Piece, Problem
 from mapmore_cli.modelling.motion.simulation import response
 from mapmore_cli.modelling.motion.solvers import SOLVERS
 

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from timing import median_seconds, medians_in_turn
 
+from mapmore_cli.modelling.expressions import evaluate, parse
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces.definition import level_values, weight_of
-from mapmore_cli.modelling.terms import evaluate, parse
 from mapmore_cli.storage.artefacts import read_model
 
 STUDY = Path(__file__).parents[2] / "configs" / "m2" / "dmsp-20-88-static.yaml"

@@ -14,7 +14,7 @@ from scipy.linalg.blas import dsyrk
 from timing import medians_in_turn
 
 from mapmore_cli.modelling.frols import frols, frols_streamed
-from mapmore_cli.modelling.frols.blocks import row_blocks
+from mapmore_cli.modelling.frols.moments import row_blocks
 
 HERE = Path(__file__).parent
 PEERS_PYTHON = HERE.parents[1] / ".venv-bench" / "bin" / "python"

@@ -18,8 +18,8 @@ import numpy as np
 from timing import median_seconds
 
 from mapmore_cli.cli.progress import Reporter
+from mapmore_cli.modelling.expressions import dictionary_blocks, dictionary_matrix, parse
 from mapmore_cli.modelling.frols import frols, frols_streamed
-from mapmore_cli.modelling.terms import dictionary_blocks, dictionary_matrix, parse
 
 INPUTS = ("a", "b", "c")
 TERMS = [parse("*".join(term) or "1") for degree in range(5) for term in combinations_with_replacement(INPUTS, degree)]

@@ -12,7 +12,7 @@ import pytest
 from cli_samples import write_study
 
 from mapmore_cli.spec.campaign import load_campaign
-from mapmore_cli.stages.campaigns.page import expanded, run_names, specs_of
+from mapmore_cli.study.campaigns.page import expanded, run_names, specs_of
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 pytestmark = pytest.mark.usefixtures("batch_here")

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from page_tables import DOCS
 
-from mapmore_cli.modelling.comparison import compare
+from mapmore_cli.modelling.validation.comparison import compare
 
 PAGE = DOCS / "campaigns.md"
 

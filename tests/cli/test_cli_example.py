@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 import mapmore_cli
-from mapmore_cli.stages.prediction.loaded_model import LoadedModel
+from mapmore_cli.study.prediction.loaded_model import LoadedModel
 
 PROJECT = Path(__file__).resolve().parents[2]
 

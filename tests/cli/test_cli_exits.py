@@ -15,7 +15,7 @@ import pytest
 from cli_samples import write_study
 
 from mapmore_cli.domain import errors
-from mapmore_cli.stages.pipeline import runner
+from mapmore_cli.pipeline import runner
 
 COMMAND = [sys.executable, "-m", "mapmore_cli"]
 MENDABLE = [

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import UsageError
-from mapmore_cli.stages.prediction.grid import grid_lines
+from mapmore_cli.study.prediction.grid import grid_lines
 
 INPUTS = ("pressure", "strain")
 

@@ -16,8 +16,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.stages.prediction.predict import predicted_lines
 from mapmore_cli.storage.text_streams import lines_of
+from mapmore_cli.study.prediction.predict import predicted_lines
 
 MODEL = hand_model()
 TABLE = "pressure,note,strain\n150,first,0.05\n100,second,0.2\n"

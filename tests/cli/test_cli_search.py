@@ -42,7 +42,7 @@ def write_bare(folder: Path, permuted: bool = False) -> Path:
 @pytest.fixture(autouse=True)
 def fewer_families(monkeypatch: pytest.MonkeyPatch) -> None:
     """The list without the families that take long; their candidates are made in `test_search_families`."""
-    from mapmore_cli.stages import searching
+    from mapmore_cli.fitting import searching
 
     few = {name: family for name, family in searching.FAMILIES.items() if name in ("surface", "formula", "levels")}
     monkeypatch.setattr(searching, "FAMILIES", few)
@@ -95,7 +95,7 @@ def test_tune_without_over_is_the_same_search(tmp_path: Path, mapmore: Callable[
 
 
 def test_a_budget_that_cut_the_list_is_told(tmp_path: Path, mapmore: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
-    from mapmore_cli.stages import searching
+    from mapmore_cli.fitting import searching
 
     monkeypatch.setattr(searching.Clock, "over", property(lambda _self: next(times)))
     monkeypatch.setattr(searching, "shared_out", lambda work, items, *_: [work(item) for item in items])

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from mapmore_cli.modelling.kinds import equations as model_equations
+from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.spec.loader import load
-from mapmore_cli.stages.pipeline.runner import bring_up_to_date
 from mapmore_cli.storage.artefacts import read_model
 
 TIME = np.arange(0.0, 4.0, 0.001)

@@ -16,11 +16,11 @@ from cli_samples import write_study
 import mapmore_cli
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.fitting.left_out import residuals
 from mapmore_cli.modelling.forecast import forecast
-from mapmore_cli.modelling.intervals import many_curves
+from mapmore_cli.modelling.validation.intervals import many_curves
+from mapmore_cli.pipeline.fuse import reads
 from mapmore_cli.spec.loader import load
-from mapmore_cli.stages.fuse import reads
-from mapmore_cli.stages.left_out import residuals
 from mapmore_cli.storage.artefacts import read_dataset, read_model
 
 HELD = "  split: {validate: {pressure: [200]}}\n"

@@ -13,8 +13,8 @@ from cli_samples import hand_model, write_study
 
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.recording import Curve, Dataset
-from mapmore_cli.modelling.scores.alarms import alarms
-from mapmore_cli.stages.campaigns.batch import Job, run_one
+from mapmore_cli.modelling.validation.residuals import alarms
+from mapmore_cli.study.campaigns.batch import Job, run_one
 
 Call = Callable[..., Any]
 

@@ -14,7 +14,7 @@ from mapmore_cli.domain.memory import MemoryModel, StateSet
 from mapmore_cli.domain.models import CurveRange, Memory, Model, Part, Sum
 from mapmore_cli.domain.recording import Quantity, Signal
 from mapmore_cli.modelling.kinds import predict
-from mapmore_cli.stages.prediction.predict import predicted_lines
+from mapmore_cli.study.prediction.predict import predicted_lines
 
 STEP = 0.01
 STATES = StateSet(("force[k-2]", "slow(pressure, 0.05)", "pressure[k-1]"), STEP, {}, {}, np.empty(0), np.empty(0), 0.15)

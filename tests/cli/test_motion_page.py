@@ -13,7 +13,7 @@ from page_tables import DOCS, numbers, page_table
 
 from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.motion.fitting import fit_motion
-from mapmore_cli.modelling.motion.recipe import Bounds, MotionRecipe
+from mapmore_cli.modelling.motion.problem import Bounds, MotionRecipe
 from mapmore_cli.modelling.motion.simulation import simulate
 from mapmore_cli.spec.campaign import load_campaign
 from mapmore_cli.spec.loader import load

@@ -11,9 +11,9 @@ import pytest
 from cli_samples import scored_run, write_study
 
 from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.fitting.stage import Stage
+from mapmore_cli.pipeline.needs import needed_runs
 from mapmore_cli.spec.loader import load
-from mapmore_cli.stages.pipeline.needs import needed_runs
-from mapmore_cli.stages.pipeline.stage import Stage
 
 
 @pytest.fixture

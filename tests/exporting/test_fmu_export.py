@@ -25,7 +25,7 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.exporting.fmu import fmu_sources
 from mapmore_cli.modelling.kinds import fed_back, predict, program_of
-from mapmore_cli.stages.exports import exported
+from mapmore_cli.study.exports import exported
 
 needs_compiler = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler here")
 

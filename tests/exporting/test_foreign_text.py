@@ -24,7 +24,7 @@ from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.models import Model, Part, Sum
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.exporting import verifying
-from mapmore_cli.stages.exports import exported
+from mapmore_cli.study.exports import exported
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "fuzz"))
 from hostile_texts import COMMANDS, ESCAPES, tex_commands

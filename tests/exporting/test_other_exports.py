@@ -16,7 +16,7 @@ from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.exporting.numpy_module import numpy_module
 from mapmore_cli.modelling.kinds import fed_back, outside_range, predict
-from mapmore_cli.stages.exports import exported
+from mapmore_cli.study.exports import exported
 
 
 def imported(model: Model, folder: Path) -> ModuleType:

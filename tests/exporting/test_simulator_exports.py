@@ -16,7 +16,7 @@ from scipy.io import loadmat
 import mapmore_cli as mm
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.modelling.kinds import outside_range, predict, slopes
-from mapmore_cli.stages.exports import exported
+from mapmore_cli.study.exports import exported
 
 PLACES = np.random.default_rng(3).uniform([0.0, -0.02], [400.0, 0.3], (200, 2))
 

@@ -16,9 +16,9 @@ from specs import is_yaml
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.spec.loader import load
 from mapmore_cli.spec.units import convert
-from mapmore_cli.stages.drafting import proof
-from mapmore_cli.stages.drafting.answers import Answers
-from mapmore_cli.stages.drafting.start import start
+from mapmore_cli.study.drafting import proof
+from mapmore_cli.study.drafting.questions import Answers
+from mapmore_cli.study.drafting.start import start
 
 TITLES = (
     *("time", "t [s]", "Zeit (ms)", "P", "pressure (kPa)", "Druck [bar]", "p_psi", "eps", "strain", "contraction (%)", "F", "force [N]"),
@@ -80,4 +80,4 @@ def warm(folder: Path) -> None:
     start(folder / "warm.csv", folder)
 
 
-TARGET = Target("init", attempt, ("stages/drafting",), past=("drafted",), longest=10, traced=20, warm=warm)
+TARGET = Target("init", attempt, ("study/drafting",), past=("drafted",), longest=10, traced=20, warm=warm)

@@ -27,7 +27,7 @@ from mapmore_cli.domain.motion import MotionSection
 from mapmore_cli.domain.recording import Quantity, Signal
 from mapmore_cli.exporting import compiler
 from mapmore_cli.reporting.table import Column, Table, to_csv, to_html, to_latex, to_markdown
-from mapmore_cli.stages.exports import exported
+from mapmore_cli.study.exports import exported
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "exporting"))
 
@@ -209,8 +209,7 @@ def try_text(chance: random.Random, number: int, folder: Path) -> str:
 
 def _figure(title: str, label: str, entry: str, maths: bool) -> None:
     """Fault where a figure is no XML, or TeX obeys more of it than of one whose texts are plain."""
-    from mapmore_cli.reporting.figures.pgf import to_pgf
-    from mapmore_cli.reporting.figures.saving import to_svg
+    from mapmore_cli.reporting.figures.saving import to_pgf, to_svg
     from mapmore_cli.reporting.figures.style import fonts_may_lack_glyphs, wrong_formula
 
     ElementTree.fromstring(to_svg(_drawn(title, label, entry, False), "a", title))
@@ -234,7 +233,7 @@ def _drawn(title: str, label: str, entry: str, maths: bool) -> Any:
 @cache
 def tex_of_figures() -> frozenset[str]:
     """The commands of a figure with plain texts."""
-    from mapmore_cli.reporting.figures.pgf import to_pgf
+    from mapmore_cli.reporting.figures.saving import to_pgf
 
     return frozenset(tex_commands(to_pgf(_drawn("a", "b", "c", False))))
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from driver import Fault, Target, changed_text
 
-from mapmore_cli.modelling import terms
-from mapmore_cli.modelling.terms.functions import FUNCTIONS
+from mapmore_cli.modelling import expressions as terms
+from mapmore_cli.modelling.expressions.functions import FUNCTIONS
 
 NAMES = ("pressure", "strain", "x1", "_", "pi", "exp2", "force", "exponent")
 NUMBERS = ("0", "1", "2", "0.5", "1e-300", "1e300", "4.9e-324", "1e999", ".5", "3.", "1e", "007", "9" * 400, "0x10", "1_0", "1e-999")
@@ -88,13 +88,13 @@ TARGET = Target(
     "expressions",
     attempt,
     (
-        "modelling/terms/parsing.py",
-        "modelling/terms/states.py",
-        "modelling/terms/syntax.py",
-        "modelling/terms/printing.py",
-        "modelling/terms/calculus.py",
-        "modelling/terms/evaluation.py",
-        "modelling/terms/compiled.py",
+        "modelling/expressions/parsing.py",
+        "modelling/expressions/states.py",
+        "modelling/expressions/syntax.py",
+        "modelling/expressions/printing.py",
+        "modelling/expressions/calculus.py",
+        "modelling/expressions/evaluation.py",
+        "modelling/expressions/evaluation.py",
     ),
     past=("computed", "printed"),
 )

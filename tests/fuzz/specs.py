@@ -22,10 +22,10 @@ import yaml
 from driver import Fault, Target, changed_text, refused
 
 from mapmore_cli.domain.errors import MapmoreError
-from mapmore_cli.modelling import terms
+from mapmore_cli.modelling import expressions as terms
+from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.spec.loader import load
 from mapmore_cli.spec.units import convert
-from mapmore_cli.stages.pipeline.runner import bring_up_to_date
 
 PROJECT = Path(__file__).resolve().parents[2]
 

@@ -35,9 +35,9 @@ from mapmore_cli.domain.errors import DataError, MapmoreError
 from mapmore_cli.domain.foreign import printable
 from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling.kinds import equations
-from mapmore_cli.stages.exports import exported
-from mapmore_cli.stages.prediction.predict import predicted_lines
 from mapmore_cli.storage import artefacts
+from mapmore_cli.study.exports import exported
+from mapmore_cli.study.prediction.predict import predicted_lines
 
 ARCHIVES = Path(__file__).resolve().parents[1] / "storage" / "archives"
 FILES = {"ingest.h5": "dataset", "segment.h5": "segmentation", "fit.h5": "fit", "model.h5": "model", "validate.h5": "validation"}

@@ -14,12 +14,12 @@ from scipy import stats
 
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Quantity
-from mapmore_cli.modelling.comparison import common_curves, compare, grid, reference_points, term_changes
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import Cuts, Recipe
-from mapmore_cli.modelling.scores.intervals import sign_permutation, weighted_mean
 from mapmore_cli.modelling.selection import Fit
+from mapmore_cli.modelling.validation.comparison import common_curves, compare, grid, reference_points, term_changes
+from mapmore_cli.modelling.validation.significance import sign_permutation, weighted_mean
 
 QUANTITIES = {q.name: q for q in (Quantity("pressure", "kPa"), Quantity("strain", "1"), Quantity("force", "N"))}
 RECIPE = Recipe(

@@ -14,7 +14,7 @@ from mapmore_cli.domain.errors import DataError, FitError, UsageError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import CurveRange, Formula, LeftOut, Model
 from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.modelling.intervals import Training, few_levels, half_widths, interval, many_curves, refusal, summary
+from mapmore_cli.modelling.validation.intervals import Training, few_levels, half_widths, interval, many_curves, refusal, summary
 
 
 def left_out(offsets: list[float], noise: float, samples: int = 200, curves: int | None = None) -> LeftOut:
@@ -73,7 +73,7 @@ def line() -> Model:
 
 
 def test_there_is_no_interval_outside_of_the_training_range(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mapmore_cli.modelling.intervals.predict", lambda _model, columns: columns["pressure"])
+    monkeypatch.setattr("mapmore_cli.modelling.validation.intervals.predict", lambda _model, columns: columns["pressure"])
     model = replace(line(), left_out=left_out([1.0, -1.0, 2.0], 0.1))
     low, high = interval(model, {"pressure": np.array([99.0, 100.0, 150.0, 201.0, np.nan])}, 0.95)
     assert np.isnan(low[[0, 3, 4]]).all()

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
+from mapmore_cli.fitting.searching import Slice, choices_of
 from mapmore_cli.modelling.pieces.recipe import Fuse
 from mapmore_cli.modelling.search.choice import chosen_of
 from mapmore_cli.modelling.search.families import FAMILIES
 from mapmore_cli.modelling.search.situation import Situation, situation_of
 from mapmore_cli.spec.sections.model import ModelChoice
-from mapmore_cli.stages.searching import Slice, choices_of
 
 SITUATIONS = {
     "map": Situation("force", ("strain", "pressure"), "pressure", frozenset({"strain", "pressure", "force"}), 60, 5),

@@ -6,7 +6,7 @@ import pytest
 
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.scores import Score
-from mapmore_cli.reporting.comparison_tables import verdict
+from mapmore_cli.reporting.score_tables import verdict
 
 FORCE = Quantity("force", "N")
 

@@ -15,7 +15,7 @@ from mapmore_cli.rig.mckibben import volume
 from mapmore_cli.rig.muscle import effective_pressure, effective_pressure_slope
 from mapmore_cli.rig.peano import geometric_slope_ratio, geometric_strain, opening, opening_angle
 from mapmore_cli.spec.muscle_rigs import McKibbenMuscle, PeanoMuscle
-from mapmore_cli.stages.simulation.rig_parts import braid_of, chamber_of, tube_of
+from mapmore_cli.study.simulation.rig_parts import braid_of, chamber_of, tube_of
 
 BRAID = Braid(braid_of(McKibbenMuscle(kind="mckibben")))
 TUBES = Tubes(tube_of(PeanoMuscle(kind="peano")), 4)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mapmore_cli.rig.closed_loop import GRAVITY, Lift, Loop, closed_loop, wanted_force
 from mapmore_cli.rig.muscle import Hysteresis
+from mapmore_cli.rig.waveform import GRAVITY, Lift, Loop, closed_loop, wanted_force
 
 LIFT = Lift(mass=10.0, length=0.1, damping=300.0, lag=0.02, highest=4e5, step=1e-3)
 NO_FRICTION = Hysteresis(0.0, 0.0, np.array([0.01]), np.array([1.0]))

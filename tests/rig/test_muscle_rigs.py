@@ -15,15 +15,15 @@ from scipy.interpolate import CubicSpline
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.rig.antagonists import driven, swung
 from mapmore_cli.rig.chamber import ATMOSPHERE
-from mapmore_cli.rig.contraction_table import resting_strains
+from mapmore_cli.rig.closed_muscle import random_velocity
+from mapmore_cli.rig.load_cycle import resting_strains
 from mapmore_cli.rig.mckibben import volume
 from mapmore_cli.rig.muscle import Hysteresis
-from mapmore_cli.rig.random_velocity import random_velocity
 from mapmore_cli.rig.sensors import recording_generator
 from mapmore_cli.spec.loader import load_as
 from mapmore_cli.spec.simulation import SimulationSpec
-from mapmore_cli.stages.simulation import rig_parts
-from mapmore_cli.stages.simulation.simulate import csv_text, decimals, recording
+from mapmore_cli.study.simulation import rig_parts
+from mapmore_cli.study.simulation.simulate import csv_text, decimals, recording
 
 DATASETS = Path(__file__).parents[2] / "datasets"
 LENGTHS = ("22", "16", "12")

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from spec_examples import load_text, refusal
 
+from mapmore_cli.fitting.kinds.dictionary import signals_of, units_of
+from mapmore_cli.fitting.kinds.pieces import recipe_of
 from mapmore_cli.modelling.pieces.recipe import CutByDirection
-from mapmore_cli.stages.kinds.dictionary import signals_of, units_of
-from mapmore_cli.stages.kinds.pieces import recipe_of
 
 DAMPING = """\
 schema_version: 1

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from spec_examples import MEASURED, STATIC, load_text, refusal
 
+from mapmore_cli.fitting.kinds.pieces import cuts_of, recipe_of
 from mapmore_cli.modelling.pieces.recipe import Cuts
-from mapmore_cli.stages.kinds.pieces import cuts_of, recipe_of
-from mapmore_cli.stages.segment import reads
+from mapmore_cli.pipeline.segment import reads
 
 EVEN = "{method: even, count: 4}"
 FUSE = "fuse: {transition: linear, z_s: 0.25,"

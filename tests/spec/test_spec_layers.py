@@ -13,7 +13,7 @@ from mapmore_cli.domain.errors import SpecError, UsageError
 from mapmore_cli.spec.layers import as_overrides
 from mapmore_cli.spec.loader import LoadedSpec, load
 from mapmore_cli.spec.sections.results import Competitor
-from mapmore_cli.spec.yaml_core import escaped, expand
+from mapmore_cli.spec.yaml_loader import escaped, expand
 
 # Environment -------------------------------------------------------------------------------------------------------------------------
 

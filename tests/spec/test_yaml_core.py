@@ -15,8 +15,7 @@ from spec_examples import STATIC, refusal
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.spec.tree import Node, SourceText, nearest, plain
-from mapmore_cli.spec.yaml_core import dump
-from mapmore_cli.spec.yaml_loader import parse
+from mapmore_cli.spec.yaml_loader import dump, parse
 
 
 def tree(text: str) -> Node:

@@ -14,8 +14,8 @@ from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.models import Memory, Model
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.domain.scores import BASELINES
+from mapmore_cli.fitting import baselines
 from mapmore_cli.spec.loader import load
-from mapmore_cli.stages import baselines
 
 QUANTITIES = {"pressure": Quantity("pressure", "kPa"), "strain": Quantity("strain", "1"), "force": Quantity("force", "N")}
 SPEC = """\
@@ -109,14 +109,14 @@ def test_what_a_baseline_is_not(against: str, told: str, tmp_path: Path) -> None
 def test_scikit_learn_is_imported_only_to_fit_one(tmp_path: Path) -> None:
     spec = tmp_path / "bench.yaml"
     spec.write_text(SPEC.format(against="mlp"))
-    script = "import sys; from pathlib import Path; import mapmore_cli.stages.baselines; from mapmore_cli.spec.loader import load; "
+    script = "import sys; from pathlib import Path; import mapmore_cli.fitting.baselines; from mapmore_cli.spec.loader import load; "
     script += f"load(Path({str(spec)!r})); assert 'sklearn' not in sys.modules"
     subprocess.run([sys.executable, "-c", script], check=True)
 
 
 def test_a_run_scores_them_beside_its_model(tmp_path: Path) -> None:
     pytest.importorskip("sklearn")
-    from mapmore_cli.stages.pipeline.runner import bring_up_to_date
+    from mapmore_cli.pipeline.runner import bring_up_to_date
     from mapmore_cli.storage.run_folder import RunFiles
 
     columns = dataset().curves[0].columns

@@ -13,10 +13,10 @@ from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.models import CurveRange, Formula, Model
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult
+from mapmore_cli.fitting.competitors import Contest
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.spec.sections.results import Competitor
-from mapmore_cli.stages.competitors import Contest
 from mapmore_cli.storage.artefacts import write_fit, write_model
 
 QUANTITIES = {name: Quantity(name, unit) for name, unit in {"pressure": "kPa", "strain": "1", "force": "N"}.items()}

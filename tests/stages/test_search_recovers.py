@@ -9,11 +9,11 @@ import pytest
 
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.domain.search import Search
+from mapmore_cli.fitting import searching
+from mapmore_cli.fitting.searching import Slice, search
 from mapmore_cli.modelling.pieces.recipe import Fuse
 from mapmore_cli.modelling.search.families import autoregression as autoregression_family
 from mapmore_cli.spec.sections.model import ModelChoice
-from mapmore_cli.stages import searching
-from mapmore_cli.stages.searching import Slice, search
 
 Columns = dict[str, np.ndarray]
 STEP = 0.02

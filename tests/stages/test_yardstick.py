@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
-from mapmore_cli.stages.yardstick import black_boxes, note_of, strongest
+from mapmore_cli.fitting.yardstick import black_boxes, note_of, strongest
 
 
 def record(y: np.ndarray, **inputs: np.ndarray) -> Dataset:

@@ -40,7 +40,7 @@ def test_one_new_file_adds_a_format(tmp_path: Path) -> None:
     code = """
 from pathlib import Path
 from mapmore_cli.spec.schema import schema_text
-from mapmore_cli.stages.drafting.preview import preview
+from mapmore_cli.study.drafting.preview import preview
 from mapmore_cli.storage.globs import unique_ids
 assert '"bars"' in schema_text()
 assert preview(Path("log.bar")).columns == ("strain", "pressure", "force")

@@ -6,12 +6,17 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from mapmore_cli.cli.views.view import View
+from mapmore_cli.cli.views.fitted import View
+from mapmore_cli.domain.scores import Trial, Tuning
+from mapmore_cli.domain.search import Search, Tried
+from mapmore_cli.reporting.score_tables import search_table
+from mapmore_cli.reporting.table import Cell, Column, Table
+from mapmore_cli.spec.layers import as_overrides
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.scores import Published, ScoreTable, Validation
 if TYPE_CHECKING:
-    from mapmore_cli.modelling.comparison import Comparison
+    from mapmore_cli.modelling.validation.comparison import Comparison
 
 
 def of_scores(table: ScoreTable, published: Published | None = None) -> View:
@@ -43,7 +48,7 @@ ONE_CURVE = 2 / 3
 
 def of_comparisons(names: Sequence[str], results: Sequence[Comparison]) -> View:
     """The last model against the first, curve by curve; every model where there are more than two. The document has every term."""
-    from mapmore_cli.reporting.comparison_tables import changes_table, drift_table
+    from mapmore_cli.reporting.score_tables import changes_table, drift_table
 
     last = results[-1]
     document = {"before": names[0], "after": names[-1], **_document(last)}
@@ -97,3 +102,107 @@ def _ends(found: Comparison) -> dict[str, Any]:
 def _document(found: Comparison) -> dict[str, Any]:
     terms = [{**asdict(term), "moved": term.moved} for term in found.terms]
     return {**_ends(found), "margin": found.margin, "unit": found.unit, "curves": [asdict(curve) for curve in found.curves], "terms": terms}
+
+
+def of_tuning(tuning: Tuning) -> View:
+    """A row for every combination, and the settings to use."""
+    document = {
+        "name": tuning.name,
+        "left_out": tuning.left_out,
+        "full_scale": tuning.full_scale,
+        "trials": [_tuning_document(trial) for trial in tuning.trials],
+        "best": tuning.best.settings,
+        "chosen": tuning.chosen.settings,
+        "set": as_overrides(tuning.chosen.settings),
+    }
+    words = "the best itself" if tuning.chosen is tuning.best else "within one standard error of the best"
+    use = " ".join(f"--set {_quoted(setting)}" for setting in as_overrides(tuning.chosen.settings))
+    failed = [f"failed: {_words(trial)}: {trial.failure}" for trial in tuning.trials if trial.failure]
+    return View(document, (tuning_table(tuning),), (*failed, f"simplest ({words}): {use}"))
+
+
+def tuning_table(tuning: Tuning) -> Table:
+    """Settings, size and left-out error of every combination; the best and the chosen one are marked."""
+    keys = list(tuning.trials[0].settings)
+    errors = (Column("left-out NRMSE", "%", ".3f"), Column("above the best", "%", ".3f"), Column("standard error", "%", ".3f"))
+    rows: list[tuple[Cell, ...]] = []
+    for trial in tuning.trials:
+        settings = (_cell(trial.settings[key]) for key in keys)
+        found = (100 * trial.error, 100 * trial.excess, 100 * trial.spread)
+        rows.append((*settings, trial.parameters or None, *found, _mark(trial, tuning)))
+    notes = (
+        f"Left out in turn: {tuning.left_out}. NRMSE: mean over the folds of RMSE / FS, FS = {tuning.full_scale}.",
+        "Simplest: the fewest parameters of those that err above the best by no more than the standard error of that difference.",
+        "Held-out data were not used.",
+    )
+    columns = (*map(Column, keys), Column("parameters"), *errors, Column(""))
+    return Table("tuning", f"Settings of {tuning.name}, tried on training data", columns, tuple(rows), notes)
+
+
+def _tuning_document(trial: Trial) -> dict[str, Any]:
+    return {
+        "set": trial.settings,
+        "parameters": trial.parameters,
+        "error": trial.error,
+        "above_best": trial.excess,
+        "standard_error": trial.spread,
+        "folds": trial.errors,
+        "failure": trial.failure or None,
+    }
+
+
+def _mark(trial: Trial, tuning: Tuning) -> str:
+    marks = [word for word, one in (("best", tuning.best), ("simplest", tuning.chosen)) if one is trial]
+    return "failed" if trial.failure else ", ".join(marks)
+
+
+def _words(trial: Trial) -> str:
+    return ", ".join(f"{key}={_cell(value)}" for key, value in trial.settings.items())
+
+
+def _cell(value: Any) -> Cell:
+    return value if isinstance(value, str | int | float) and not isinstance(value, bool) else str(value)
+
+
+def _quoted(text: str) -> str:
+    import shlex
+
+    return shlex.quote(text)
+
+
+def of_search(search: Search, spec: str) -> View:
+    """Every structure that was tried, and where the spec with the one that was taken lies."""
+    words = "the best itself" if search.chosen == search.best else "within one standard error of the best"
+    lines = (*search.notes, f"found: {search.found.words} ({words})", f"spec: {spec}")
+    return View({**document_of(search), "spec": spec}, (search_table(search),), lines)
+
+
+def document_of(search: Search) -> dict[str, Any]:
+    """The search as JSON has it."""
+    return {
+        "target": search.target,
+        "left_out": search.left_out,
+        "parts_left_out": search.parts,
+        "scale": search.scale,
+        "found": search.found.words,
+        "sections": dict(search.found.sections),
+        "tried": [_search_document(one) for one in search.tried],
+        "cut": search.cut,
+        "black_boxes": search.black_boxes,
+        "notes": list(search.notes),
+    }
+
+
+def _search_document(one: Tried) -> dict[str, Any]:
+    return {
+        "family": one.family,
+        "structure": one.words,
+        "sections": one.sections,
+        "parameters": one.parameters,
+        "error": one.error,
+        "standard_error": one.spread,
+        "above_best": one.excess,
+        "parts_error": one.parts,
+        "seconds": one.seconds,
+        "failure": one.failure or None,
+    }

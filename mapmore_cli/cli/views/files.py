@@ -9,7 +9,7 @@ from pathlib import Path
 from types import NoneType
 from typing import TYPE_CHECKING, Any
 
-from mapmore_cli.cli.views.view import View
+from mapmore_cli.cli.views.fitted import View
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.page import RUN_PAGE
 from mapmore_cli.storage.run_folder import RESULTS

@@ -1,17 +1,32 @@
-"""Views of fits, and what fits and models have in common."""
+"""What a command has to show, in both forms."""
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 from mapmore_cli.cli.views import moving, remembering
-from mapmore_cli.cli.views.view import View
 
+if TYPE_CHECKING:
+    from mapmore_cli.reporting.table import Table
 if TYPE_CHECKING:
     from mapmore_cli.domain.fits import FormulaFit, SegmentFit, Selection
     from mapmore_cli.domain.models import SegmentFunction
     from mapmore_cli.domain.results import FitResult
+
+
+@dataclass(frozen=True)
+class View:
+    """A result as the members of one JSON document, as tables, and as closing lines for people."""
+
+    document: Mapping[str, Any]
+    tables: tuple[Table, ...] = ()
+    lines: tuple[str, ...] = ()
+
+    def under(self, head: Mapping[str, Any]) -> View:
+        """The same view with `head` in front of its document."""
+        return View({**head, **self.document}, self.tables, self.lines)
 
 
 def of_fit(result: FitResult) -> View:

@@ -7,12 +7,12 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from mapmore_cli.cli.views import measured
-from mapmore_cli.cli.views.view import View
+from mapmore_cli.cli.views.fitted import View
 from mapmore_cli.domain.errors import MapmoreError
 
 if TYPE_CHECKING:
-    from mapmore_cli.stages.inspection.lint import Inspection
-    from mapmore_cli.stages.inspection.subject import Issue
+    from mapmore_cli.study.inspection.lint import Inspection
+    from mapmore_cli.study.inspection.subject import Issue
 if TYPE_CHECKING:
     from mapmore_cli.domain.fits import Segment, SegmentedCurve
     from mapmore_cli.domain.recording import Curve, Dataset

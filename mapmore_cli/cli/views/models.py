@@ -7,8 +7,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mapmore_cli.cli.views import remembering
-from mapmore_cli.cli.views.fitted import formula_document, formula_lines, segment_document
-from mapmore_cli.cli.views.view import View
+from mapmore_cli.cli.views.fitted import View, formula_document, formula_lines, segment_document
 from mapmore_cli.domain.models import CurveFunction, CurveRange, Formula, Fusion, Memory, Model, Pieces, StateSpace, Sum
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ and the tests hold it to the textbook. One greedy choice (`select`); two forms o
 `engine` decides which.
 """
 
-from mapmore_cli.modelling.frols.blocks import Blocks
 from mapmore_cli.modelling.frols.engine import frols, frols_streamed, reads_once
+from mapmore_cli.modelling.frols.moments import Blocks
 from mapmore_cli.modelling.frols.select import TIE_TOLERANCE
 from mapmore_cli.modelling.frols.textbook import textbook
 

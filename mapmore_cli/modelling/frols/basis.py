@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, IntArray
-from mapmore_cli.modelling.frols.blocks import Blocks
+from mapmore_cli.modelling.frols.moments import Blocks
 from mapmore_cli.modelling.frols.select import ratios
 from mapmore_cli.modelling.frols.textbook import RANK_TOLERANCE
 

@@ -11,10 +11,9 @@ from numpy.typing import ArrayLike
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import Selection
 from mapmore_cli.modelling.frols.basis import SMALL, BasisRemainders, column_squares, triangle
-from mapmore_cli.modelling.frols.blocks import Blocks, checked, gathered, row_blocks, safe_scale, scaled
+from mapmore_cli.modelling.frols.criteria import finished
 from mapmore_cli.modelling.frols.gram import GramRemainders
-from mapmore_cli.modelling.frols.moments import Gram, gram
-from mapmore_cli.modelling.frols.result import finished
+from mapmore_cli.modelling.frols.moments import Blocks, Gram, checked, gathered, gram, row_blocks, safe_scale, scaled
 from mapmore_cli.modelling.frols.select import DigitsLost, Stopping, greedy
 
 GRAM_COLUMNS_PER_TERM = 16

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mapmore_cli.domain.arrays import Array
+from mapmore_cli.modelling.expressions.evaluation import dictionary_matrix
+from mapmore_cli.modelling.expressions.families import monomials, refuse_beyond_memory
+from mapmore_cli.modelling.expressions.printing import to_text
+from mapmore_cli.modelling.expressions.syntax import IDENTIFIER
 from mapmore_cli.modelling.frols.engine import frols
-from mapmore_cli.modelling.terms.evaluation import dictionary_matrix
-from mapmore_cli.modelling.terms.families import monomials, refuse_beyond_memory
-from mapmore_cli.modelling.terms.printing import to_text
-from mapmore_cli.modelling.terms.syntax import IDENTIFIER
 
 
 class NotFitted(ValueError, AttributeError):

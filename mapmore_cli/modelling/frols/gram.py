@@ -8,8 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.modelling.frols.blocks import Blocks
-from mapmore_cli.modelling.frols.moments import residual_products
+from mapmore_cli.modelling.frols.moments import Blocks, residual_products
 from mapmore_cli.modelling.frols.select import TIE_TOLERANCE, DigitsLost, ratios
 
 PIVOT_TOLERANCE = 1e-6

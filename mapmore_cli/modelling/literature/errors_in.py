@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
+from mapmore_cli.modelling.expressions import Expression, derivative, evaluate
 from mapmore_cli.modelling.literature import linear
 from mapmore_cli.modelling.literature.descent import descend, onto_bounds
 from mapmore_cli.modelling.literature.problem import Problem, Solution
-from mapmore_cli.modelling.terms import Expression, derivative, evaluate
 
 REACH = 1.0
 """Roots are looked for beyond the measured range by this share of it on each side."""

@@ -13,12 +13,12 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.fits import FormulaFit, Optimum
+from mapmore_cli.modelling.expressions import Expression, Number, derivative, dictionary_matrix, evaluate, parse, substitute
 from mapmore_cli.modelling.literature import errors_in, levenberg_marquardt, linear, simplex, varpro
 from mapmore_cli.modelling.literature.cells import finite, needed
 from mapmore_cli.modelling.literature.identifiability import hints
 from mapmore_cli.modelling.literature.literature_model import LiteratureModel
 from mapmore_cli.modelling.literature.problem import Nonlinear, Problem, Solution
-from mapmore_cli.modelling.terms import Expression, Number, derivative, dictionary_matrix, evaluate, parse, substitute
 
 VARIABLE_PROJECTION = "variable_projection"
 LEVENBERG_MARQUARDT = "levenberg_marquardt"

@@ -10,9 +10,16 @@ order of `NAMES`, but for ln w in place of w.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from dataclasses import astuple, dataclass, replace
+
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
+from mapmore_cli.modelling.literature import hinge, linear
+from mapmore_cli.modelling.literature.cells import condensed
+from mapmore_cli.modelling.literature.descent import Bounds, End, descend_each, onto_bounds
+from mapmore_cli.modelling.literature.multistart import lowest, rivals
 
 NAMES = ("a1", "a2", "a3", "a4", "a5", "a6", "b0", "b1", "b2", "w")
 A, A3, B, B1, LN_W = [0, 1, 3, 4, 5], 2, [6, 7, 8], 7, 9
@@ -70,3 +77,201 @@ def _sides(q: Array, p: Array, x: Array) -> tuple[Array, Array, Array]:
 def _each(q: Array, place: int) -> Array:
     """One coordinate of every place, to be multiplied with rows."""
     return np.asarray(q[..., place, np.newaxis])
+
+
+START_A3 = (-8.0, -4.0, -2.0, -0.7, 1.5)
+START_W = 0.02
+UPPER, FOOT = 0.12, 0.06  # normalised targets above and below which the starts of `hi` and `lo` are fitted
+LIMITS = {A3: (-15.0, 15.0), B1: (0.0, np.inf), LN_W: (np.log(0.004), np.log(0.3))}
+PRIOR_WEIGHTS = (0.01, 0.003, np.nan, 0.003, 0.003, 0.003, 0.001, 0.03, 0.03, 0.001)  # that of a3 depends on the largest strain:
+DECAY, DECAY_SPREAD, DECAY_WEIGHT, STEEPEST = -33.0, 15.0, 0.03, -12.0  # a3/max|strain| is near DECAY, a3 above STEEPEST
+PRIOR_W = 0.03
+INDEPENDENT = 300
+"""Most samples that the data count as against the priors. Neighbouring samples of a slow recording repeat each other: counted one by one,
+100 000 of them leave the priors no weight, and a3, which three strain levels do not show, runs to its bounds again. On the Festo muscles
+any number from 30 to 1000 predicts left-out strains about as well."""
+TOLERANCE = 1e-13
+SIDE_BY_SIDE = 1000
+"""Most rows with which several tables are fitted side by side: of larger ones, the arithmetic outweighs the calls that are saved."""
+
+ROWS = 16
+"""Tables are filled up to a multiple of it, by rows without weight: so folds of nearly one size are of one."""
+
+
+@dataclass(frozen=True)
+class HingeFit:
+    """Parameters of the hinged formula and how they were found.
+
+    Attributes
+    ----------
+    parameters, errors
+        In the units of the data, `(10,)` each, as `hinge.NAMES`; the errors with the priors taken as observations.
+    a3, w, prior
+        Normalised curvature and width, and the centre of the curvature's prior.
+    limits
+        Names of the parameters that end at a bound.
+    rank, condition
+        Of the data without the priors.
+    agreement
+        How many starts came to it.
+    others
+        Parameters of other minima that are nearly as deep, `(10,)` each.
+    """
+
+    parameters: Array
+    errors: Array
+    a3: float
+    w: float
+    prior: float
+    limits: tuple[str, ...]
+    rank: int
+    condition: float
+    agreement: str
+    converged: bool
+    others: tuple[Array, ...]
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """Normalised rows with the roots of their weights, each `(n,)`, and the centres and weights of the priors, `(10,)`.
+
+    Of several tables, all have a first axis for these.
+    """
+
+    p: Array
+    x: Array
+    f: Array
+    root: Array
+    centre: Array
+    weight: Array
+
+    def filled_up(self) -> _Problem:
+        """The same problem with rows without weight at its end, a number that depends on its own alone."""
+        more = -len(self.f) % ROWS
+        return replace(self, **{name: np.pad(getattr(self, name), (0, more)) for name in ("p", "x", "f", "root")})
+
+    def of(self, tables: IntArray) -> _Problem:
+        """Those of the tables with these numbers."""
+        return _Problem(*(part[tables] for part in (self.p, self.x, self.f, self.root, self.centre, self.weight)))
+
+    def of_data(self, q: Array) -> tuple[Array, Array]:
+        """Residuals of the rows and their derivatives, `(n,)` and `(n, 10)`; of several places `(s, n)` and `(s, n, 10)`."""
+        force, slopes = hinge.linearised(q, self.p, self.x)
+        return self.root * (force - self.f), self.root[..., None] * slopes
+
+    def system(self, q: Array) -> tuple[Array, Array]:
+        """The same with the priors below, for a `descent`: `(s, n + 10)` and `(s, n + 10, 10)`."""
+        residual, slopes = self.of_data(q)
+        priors = np.broadcast_to(self.weight[..., None] * _EACH, (*q.shape, len(NAMES)))
+        return np.concatenate([residual, self.weight * (q - self.centre)], axis=-1), np.concatenate([slopes, priors], axis=-2)
+
+
+_EACH = np.eye(len(NAMES))
+
+
+def fit(columns: Columns, y: Array) -> HingeFit:
+    """Fit `hinge.force` to `pressure`, `strain` (a fraction) and the target `y`, `(n,)` each and finite.
+
+    Of five starts that differ in the curvature, the lowest penalised sum of squares wins. Deterministic; the units of pressure and target
+    are no matter. Above some thousand samples the search goes over means of neighbouring ones (`cells.condensed`).
+    """
+    return fit_each([(columns, y)])[0]
+
+
+def fit_each(tables: Sequence[tuple[Columns, Array]]) -> list[HingeFit]:
+    """`fit` of several tables: small ones of nearly as many rows side by side, to the same digits as one by one."""
+    scales = [(_scale(columns["pressure"]), _scale(columns["strain"]), _scale(y)) for columns, y in tables]
+    problems = [_normalised(*table, *scale) for table, scale in zip(tables, scales, strict=True)]
+    ends = _descents(problems)
+    return [_found(*one) for one in zip(problems, ends, (hinge.units(*scale) for scale in scales), strict=True)]
+
+
+def _descents(problems: Sequence[_Problem]) -> list[list[End]]:
+    """Where the descents of every problem end."""
+    groups: dict[tuple[int, int], list[int]] = {}
+    filled = [problem.filled_up() for problem in problems]
+    for number, problem in enumerate(filled):
+        rows = len(problem.f)
+        groups.setdefault((rows, number if rows > SIDE_BY_SIDE else 0), []).append(number)
+    ends: dict[int, list[End]] = {}
+    for numbers in groups.values():
+        every = _Problem(*map(np.stack, zip(*(astuple(filled[number]) for number in numbers), strict=True)))
+        starts = [list(_starts(problems[number])) for number in numbers]
+        found = descend_each(lambda q, tables, every=every: every.of(tables).system(q), starts, _bounds(), TOLERANCE)  # type: ignore[misc]
+        ends |= dict(zip(numbers, found, strict=True))
+    return [ends[number] for number in range(len(problems))]
+
+
+def _found(problem: _Problem, ends: list[End], units: Array) -> HingeFit:
+    best, agreement = lowest(ends, len(START_A3))
+    q, touched = onto_bounds(best.x, _bounds())
+    _, rank, condition = linear.standard_errors(problem.of_data(q)[1], 0.0)
+    natural, errors = _natural(q), _errors(problem, q)
+    errors[LN_W] *= natural[LN_W]
+    return HingeFit(
+        parameters=natural * units,
+        errors=errors * units,
+        a3=float(natural[A3]),
+        w=float(natural[LN_W]),
+        prior=float(problem.centre[A3]),
+        limits=tuple(NAMES[i] for i in touched),
+        rank=rank,
+        condition=condition,
+        agreement=agreement,
+        converged=best.converged,
+        others=tuple(_natural(end.x) * units for end in rivals([end for end in ends if end.converged], best)),
+    )
+
+
+def _natural(q: Array) -> Array:
+    """The normalised parameters, with w in place of its logarithm."""
+    return np.concatenate([q[:LN_W], [np.exp(q[LN_W])]])
+
+
+def _scale(column: Array) -> float:
+    return float(np.abs(column).max()) or 1.0
+
+
+def _normalised(columns: Columns, y: Array, pressure: float, strain: float, target: float) -> _Problem:
+    cells = condensed({name: columns[name] for name in ("pressure", "strain")}, y)
+    centre, weight = np.zeros(len(NAMES)), np.array(PRIOR_WEIGHTS)
+    centre[A3], weight[A3] = max(DECAY * strain, STEEPEST), DECAY_WEIGHT / (DECAY_SPREAD * strain)
+    centre[LN_W] = np.log(PRIOR_W)
+    root = np.sqrt(cells.counts * min(len(y), INDEPENDENT) / len(y))
+    return _Problem(cells.columns["pressure"] / pressure, cells.columns["strain"] / strain, cells.y / target, root, centre, weight)
+
+
+def _bounds() -> Bounds:
+    lower, upper = np.full(len(NAMES), -np.inf), np.full(len(NAMES), np.inf)
+    for i, (low, high) in LIMITS.items():
+        lower[i], upper[i] = low, high
+    return lower, upper
+
+
+def _starts(problem: _Problem) -> Iterator[Array]:
+    """For every starting curvature, `hi` through the upper targets and `lo` through the lowest ones, by least squares."""
+    for a3 in START_A3:
+        q = np.zeros(len(NAMES))
+        q[A3], q[LN_W] = a3, np.log(START_W)
+        q[A] = _least_squares(problem, hinge.upper_regressors(a3, problem.p, problem.x), problem.f > UPPER)
+        q[B] = _least_squares(problem, hinge.foot_regressors(problem.p, problem.x), problem.f < FOOT)
+        q[B1] = max(q[B1], 0.0)
+        yield q
+
+
+def _least_squares(problem: _Problem, phi: Array, chosen: BoolArray) -> Array:
+    if not chosen.any():
+        return np.zeros(phi.shape[1])
+    root = problem.root[chosen]
+    return linear.solve(root[:, None] * phi[chosen], root * problem.f[chosen]).beta
+
+
+def _errors(problem: _Problem, q: Array) -> Array:
+    """Standard errors of q, `(10,)`; NaN where there are no more independent samples than parameters, or the data do not show one."""
+    (data, _), (_, slopes) = problem.of_data(q), problem.system(q)
+    freedom = float(problem.root @ problem.root) - len(NAMES)
+    variance = float(data @ data) / freedom if freedom > 0.5 else np.nan
+    try:
+        return np.asarray(np.sqrt(variance * np.diag(np.linalg.inv(slopes.T @ slopes))))
+    except np.linalg.LinAlgError:
+        return np.full(len(q), np.nan)

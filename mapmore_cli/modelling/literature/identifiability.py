@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.modelling.expressions import NotFinite
 from mapmore_cli.modelling.literature import linear
-from mapmore_cli.modelling.terms import NotFinite
 
 ROWS = 2000
 """Rows that the search looks at, an even share of all."""

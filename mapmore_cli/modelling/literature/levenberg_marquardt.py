@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
+from mapmore_cli.modelling.expressions import NotFinite
 from mapmore_cli.modelling.literature.multistart import draw, lowest, rivals
 from mapmore_cli.modelling.literature.problem import Problem, Solution, failure
-from mapmore_cli.modelling.terms import NotFinite
 
 if TYPE_CHECKING:
     from scipy.optimize import OptimizeResult

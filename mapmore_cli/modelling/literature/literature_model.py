@@ -10,7 +10,7 @@ from typing import ClassVar, Self
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.fits import FormulaFit, Optimum
-from mapmore_cli.modelling.terms import Expression
+from mapmore_cli.modelling.expressions import Expression
 
 TARGET = "target"
 LOAD_CYCLES = "load_cycles"

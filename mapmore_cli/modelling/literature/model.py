@@ -12,9 +12,9 @@ from mapmore_cli.domain.models import CurveRange, Equation, Formula, Model
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling import literature
+from mapmore_cli.modelling.expressions import Expression, Name, Number, multiply, substitute, to_latex, to_text
 from mapmore_cli.modelling.program.formula import formula_value
 from mapmore_cli.modelling.program.writing import Inputs, Writer, limit
-from mapmore_cli.modelling.terms import Expression, Name, Number, multiply, substitute, to_latex, to_text
 
 BLOCK = 2**18
 """Rows at a time: few enough to stay in the processor's cache, and enough for every region to have many."""

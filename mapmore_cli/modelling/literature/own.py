@@ -6,9 +6,9 @@ import json
 from collections.abc import Iterator
 from functools import lru_cache
 
+from mapmore_cli.modelling.expressions import ExpressionError, parse
 from mapmore_cli.modelling.literature.formula import RANDOM, Formula
 from mapmore_cli.modelling.literature.problem import Nonlinear
-from mapmore_cli.modelling.terms import ExpressionError, parse
 
 GIVEN = "given"
 """The name of starting values that a definition has."""

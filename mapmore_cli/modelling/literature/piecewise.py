@@ -10,10 +10,10 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import FormulaFit
+from mapmore_cli.modelling.expressions import Expression
 from mapmore_cli.modelling.literature.cells import Region, finite, needed
 from mapmore_cli.modelling.literature.formula import Formula
 from mapmore_cli.modelling.literature.literature_model import LiteratureModel, merged, renamed
-from mapmore_cli.modelling.terms import Expression
 
 
 @dataclass(frozen=True)

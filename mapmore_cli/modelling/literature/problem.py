@@ -10,9 +10,9 @@ from functools import cached_property
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.modelling.expressions import Expression, Number, dictionary_matrix, evaluate, stacked_matrices, substitute
 from mapmore_cli.modelling.literature import linear
 from mapmore_cli.modelling.literature.cells import condensed, nominal
-from mapmore_cli.modelling.terms import Expression, Number, dictionary_matrix, evaluate, stacked_matrices, substitute
 
 SMOOTH = 0.01  # of a range: what bends over less is lost in means of neighbouring samples
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
+from mapmore_cli.modelling.expressions import NotFinite
 from mapmore_cli.modelling.literature.multistart import SEED, STARTS, draw, lowest
 from mapmore_cli.modelling.literature.problem import Problem, Solution, failure
-from mapmore_cli.modelling.terms import NotFinite
 
 METHOD = "simplex"
 TOLERANCE = 1e-4  # of coordinates and of the sum of squares, fminsearch's

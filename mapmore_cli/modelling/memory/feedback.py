@@ -11,12 +11,12 @@ import numpy as np
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.memory import StateSet
-from mapmore_cli.modelling.memory.evaluation import setting_of
-from mapmore_cli.modelling.terms import Expression, Name, compiled, derivative, multiply, parse, to_text
-from mapmore_cli.modelling.terms.operator import Recursion
-from mapmore_cli.modelling.terms.operators import OPERATORS
-from mapmore_cli.modelling.terms.states import Lagged, Measured, Operated, State, state
-from mapmore_cli.modelling.terms.syntax import ONE, Power, Product
+from mapmore_cli.modelling.expressions import Expression, Name, compiled, derivative, multiply, parse, to_text
+from mapmore_cli.modelling.expressions.operator import Recursion
+from mapmore_cli.modelling.expressions.operators import OPERATORS
+from mapmore_cli.modelling.expressions.states import Lagged, Measured, Operated, State, state
+from mapmore_cli.modelling.expressions.syntax import ONE, Power, Product
+from mapmore_cli.modelling.memory.states import setting_of
 
 Own = Callable[[Sequence[float]], float]
 """The part of a term that depends on fed-back states, as a function of their values at one sample."""

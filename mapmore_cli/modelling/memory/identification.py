@@ -14,9 +14,9 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.memory import Identified
-from mapmore_cli.modelling.terms import Name, parse, substitute, to_text
-from mapmore_cli.modelling.terms.operators import OPERATORS
-from mapmore_cli.modelling.terms.states import Measured, Operated, State, state
+from mapmore_cli.modelling.expressions import Name, parse, substitute, to_text
+from mapmore_cli.modelling.expressions.operators import OPERATORS
+from mapmore_cli.modelling.expressions.states import Measured, Operated, State, state
 
 DIGITS = 10
 """Significant digits of a number that was found; its standard error is far larger."""

@@ -13,14 +13,14 @@ from mapmore_cli.domain.models import CurveRange, Equation, Memory, Model
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling import literature
+from mapmore_cli.modelling.expressions import Expression, Name, Number, add, affine, multiply, parse, state, substitute
 from mapmore_cli.modelling.literature.model import backbone_values, by_blocks, formula_equations, printed
 from mapmore_cli.modelling.memory.feedback import fed_back_states
 from mapmore_cli.modelling.memory.free_run import free_run, one_step_ahead
-from mapmore_cli.modelling.memory.resolution import memory_inputs
+from mapmore_cli.modelling.memory.states import memory_inputs
 from mapmore_cli.modelling.program.formula import formula_value
 from mapmore_cli.modelling.program.memory import memory_value
 from mapmore_cli.modelling.program.writing import Inputs, Writer, limit
-from mapmore_cli.modelling.terms import Expression, Name, Number, add, affine, multiply, parse, state, substitute
 
 
 def build(

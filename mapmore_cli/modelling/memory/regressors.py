@@ -10,9 +10,9 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.memory import StateSet
-from mapmore_cli.modelling.memory.evaluation import evaluate_states
+from mapmore_cli.modelling.expressions import Expression, dictionary_blocks, dictionary_matrix
 from mapmore_cli.modelling.memory.records import Record
-from mapmore_cli.modelling.terms import Expression, dictionary_blocks, dictionary_matrix
+from mapmore_cli.modelling.memory.states import evaluate_states
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Selection
+from mapmore_cli.modelling.expressions.families import fits_whole, refuse_beyond_memory
 from mapmore_cli.modelling.frols import frols, frols_streamed
 from mapmore_cli.modelling.frols.criteria import fewest, information_criterion
 from mapmore_cli.modelling.frols.moments import Moments, Standard, moments, standard, standardised, uncentred
@@ -19,7 +20,6 @@ from mapmore_cli.modelling.frols.ridge import LEAST_RIDGE, Regularised, choose_r
 from mapmore_cli.modelling.memory.recipe import MemoryRecipe
 from mapmore_cli.modelling.memory.regressors import Regressors
 from mapmore_cli.modelling.selection import Stop
-from mapmore_cli.modelling.terms.families import fits_whole, refuse_beyond_memory
 
 FOLDS = 4
 """Blocks of samples that are left out in turn where the ridge is chosen."""

@@ -11,16 +11,16 @@ import numpy as np
 from mapmore_cli.domain.arrays import BoolArray, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.memory import MemoryFit, MemoryModel, StateSet
+from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.modelling.memory.feedback import Feedback, fed_back_states, feedback_of, parted
 from mapmore_cli.modelling.memory.identification import Unknown, unknown
 from mapmore_cli.modelling.memory.recipe import MemoryRecipe
 from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.memory.refinement import Coefficients, Problem, standard_errors
 from mapmore_cli.modelling.memory.regressors import regressors
-from mapmore_cli.modelling.memory.resolution import resolve
 from mapmore_cli.modelling.memory.selectors import Choice, selector
 from mapmore_cli.modelling.memory.simulation import Course, Piece, bounds_of, course_of, piece_of, refuse_unknown_beginning
-from mapmore_cli.modelling.terms import parse
+from mapmore_cli.modelling.memory.states import resolve
 
 
 class Training:

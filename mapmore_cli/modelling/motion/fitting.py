@@ -12,9 +12,8 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.motion import BUMPLESS, Motion, MotionFit, MotionSection, SectionSearch
 from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.motion.bumpless import Trace, joined
-from mapmore_cli.modelling.motion.problem import Found, Piece, Problem
-from mapmore_cli.modelling.motion.recipe import MotionRecipe
-from mapmore_cli.modelling.motion.regimes import active, extent, named, spread
+from mapmore_cli.modelling.motion.problem import Found, MotionRecipe, Piece, Problem
+from mapmore_cli.modelling.motion.sections import active, extent, named, spread
 from mapmore_cli.modelling.motion.simulation import driven
 from mapmore_cli.modelling.motion.solvers import solve
 

@@ -12,11 +12,11 @@ from mapmore_cli.domain.models import CurveRange, Equation, Model, StateSpace
 from mapmore_cli.domain.motion import Motion, MotionSection
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.results import Run
+from mapmore_cli.modelling.expressions import Expression, Name, Number, add, multiply, parse, substitute
 from mapmore_cli.modelling.literature.model import printed
 from mapmore_cli.modelling.motion.simulation import simulate as simulated
 from mapmore_cli.modelling.program.motion import motion_value
 from mapmore_cli.modelling.program.writing import Inputs, Writer, limit
-from mapmore_cli.modelling.terms import Expression, Name, Number, add, multiply, parse, substitute
 
 
 def build(

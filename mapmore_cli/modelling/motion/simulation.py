@@ -7,10 +7,9 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, Columns, IntArray
 from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.motion import HARD, REST, Motion
+from mapmore_cli.modelling.expressions import evaluate, parse
 from mapmore_cli.modelling.memory.records import uninterrupted
-from mapmore_cli.modelling.motion.plane import unstable_sections
-from mapmore_cli.modelling.motion.regimes import active
-from mapmore_cli.modelling.terms import evaluate, parse
+from mapmore_cli.modelling.motion.sections import active, unstable_sections
 
 
 def simulate(motion: Motion, columns: Columns) -> Array:

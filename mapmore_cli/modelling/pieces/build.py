@@ -17,12 +17,12 @@ from mapmore_cli.domain.models import CurveFunction, Fusion, Model, Pieces, Segm
 from mapmore_cli.domain.recording import Curve, Quantity, united
 from mapmore_cli.domain.results import FitResult, PiecesFit
 from mapmore_cli.modelling import literature
+from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.modelling.literature.backbone import residual_of
 from mapmore_cli.modelling.pieces.fit import dictionary_inputs, fit_segment, fit_segments
+from mapmore_cli.modelling.pieces.levels import threshold
 from mapmore_cli.modelling.pieces.recipe import Recipe
 from mapmore_cli.modelling.pieces.segmentation import samples_of, segment_curve, training_curves
-from mapmore_cli.modelling.pieces.threshold import threshold
-from mapmore_cli.modelling.terms import parse
 
 
 def model_inputs(recipe: Recipe, backbone: FormulaFit | None) -> tuple[str, ...]:

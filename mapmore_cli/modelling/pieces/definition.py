@@ -18,12 +18,12 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.models import CurveFunction, Fusion, Pieces, SegmentFunction, Side
 from mapmore_cli.domain.words import Transition
+from mapmore_cli.modelling.expressions import Expression, Name, Number, add, derivative, parse
+from mapmore_cli.modelling.expressions.syntax import ONE, ZERO, Condition
 from mapmore_cli.modelling.pieces.levels import across_levels, aligned
 from mapmore_cli.modelling.program.statements import Program
 from mapmore_cli.modelling.program.values import INPUT, evaluator
 from mapmore_cli.modelling.program.writing import Inputs, Writer, renamed_all
-from mapmore_cli.modelling.terms import Expression, Name, Number, add, derivative, parse
-from mapmore_cli.modelling.terms.syntax import ONE, ZERO, Condition
 
 TRANSITIONS: Mapping[str, Callable[[Writer, Expression], Expression]] = {
     "linear": lambda _m, t: t,

@@ -7,13 +7,13 @@ from collections.abc import Mapping, Sequence
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling import literature
+from mapmore_cli.modelling.expressions import Expression, Name, Number
+from mapmore_cli.modelling.expressions.syntax import Call, Condition, Power, Product, Sum
 from mapmore_cli.modelling.literature import cells
 from mapmore_cli.modelling.literature.formula import Formula
 from mapmore_cli.modelling.literature.hysteresis_loss import HysteresisLoss
 from mapmore_cli.modelling.literature.piecewise import PiecewiseFormula
 from mapmore_cli.modelling.program.writing import Writer, times, total
-from mapmore_cli.modelling.terms import Expression, Name, Number
-from mapmore_cli.modelling.terms.syntax import Call, Condition, Power, Product, Sum
 
 
 def formula_value(m: Writer, fit: FormulaFit | None, inputs: Mapping[str, Expression]) -> Expression:

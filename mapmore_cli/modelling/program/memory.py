@@ -6,16 +6,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from mapmore_cli.domain.memory import MemoryModel
-from mapmore_cli.modelling.memory.evaluation import setting_of
+from mapmore_cli.modelling.expressions import Expression, Name, Number, parse, substitute
+from mapmore_cli.modelling.expressions.operator import Recursion
+from mapmore_cli.modelling.expressions.operators import OPERATORS
+from mapmore_cli.modelling.expressions.states import Lagged, Measured, Operated, State, state
+from mapmore_cli.modelling.expressions.syntax import ONE, ZERO, Condition
 from mapmore_cli.modelling.memory.feedback import fed_back_states, parted
 from mapmore_cli.modelling.memory.simulation import bounds_of
+from mapmore_cli.modelling.memory.states import setting_of
 from mapmore_cli.modelling.program.statements import NOTHING, Queue, Recall
 from mapmore_cli.modelling.program.writing import Writer, times, total
-from mapmore_cli.modelling.terms import Expression, Name, Number, parse, substitute
-from mapmore_cli.modelling.terms.operator import Recursion
-from mapmore_cli.modelling.terms.operators import OPERATORS
-from mapmore_cli.modelling.terms.states import Lagged, Measured, Operated, State, state
-from mapmore_cli.modelling.terms.syntax import ONE, ZERO, Condition
 
 
 @dataclass

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Model
+from mapmore_cli.modelling.expressions import Expression, Name
 from mapmore_cli.modelling.kinds import kind_of
 from mapmore_cli.modelling.memory.records import UNEVEN
 from mapmore_cli.modelling.program.statements import Program
 from mapmore_cli.modelling.program.values import INPUT
 from mapmore_cli.modelling.program.writing import Inputs, Writer
-from mapmore_cli.modelling.terms import Expression, Name
 
 
 def program_of(model: Model) -> Program:

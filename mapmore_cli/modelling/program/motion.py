@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 
 from mapmore_cli.domain.motion import BUMPLESS, HARD, REST, Motion, MotionSection
+from mapmore_cli.modelling.expressions import Expression, Number, parse
+from mapmore_cli.modelling.expressions.syntax import ZERO, Condition
 from mapmore_cli.modelling.program.writing import Side, Writer, renamed_all, total
-from mapmore_cli.modelling.terms import Expression, Number, parse
-from mapmore_cli.modelling.terms.syntax import ZERO, Condition
 
 
 def motion_value(m: Writer, motion: Motion, inputs: Mapping[str, Expression]) -> Expression:

@@ -12,13 +12,12 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Value
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.modelling.program.pruning import pruned
+from mapmore_cli.modelling.expressions import Expression, Name, add, derivative, multiply
+from mapmore_cli.modelling.expressions.operator import Recursion
+from mapmore_cli.modelling.expressions.syntax import ONE, ZERO
 from mapmore_cli.modelling.program.statements import Block, Choose, Function, Let, Program, Statement, Use
 from mapmore_cli.modelling.program.values import INPUT, block_values
-from mapmore_cli.modelling.program.writing import Writer
-from mapmore_cli.modelling.terms import Expression, Name, add, derivative, multiply
-from mapmore_cli.modelling.terms.operator import Recursion
-from mapmore_cli.modelling.terms.syntax import ONE, ZERO
+from mapmore_cli.modelling.program.writing import Writer, pruned
 
 Slopes = tuple[Expression, ...]
 """Derivatives by each direction."""

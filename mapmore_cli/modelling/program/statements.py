@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.modelling.terms import Expression, Name
-from mapmore_cli.modelling.terms.syntax import Condition
+from mapmore_cli.modelling.expressions import Expression, Name
+from mapmore_cli.modelling.expressions.syntax import Condition
 
 NOTHING = Name("not_a_number")
 """NaN: no value."""

@@ -12,10 +12,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, Value
-from mapmore_cli.modelling.program.pruning import names_in
+from mapmore_cli.modelling.expressions.evaluation import Known, Part, Shared, part_of
+from mapmore_cli.modelling.expressions.syntax import Condition, Name, Number
 from mapmore_cli.modelling.program.statements import Block, Choose, Function, Let, Program, Statement, Use
-from mapmore_cli.modelling.terms.compiled import Known, Part, Shared, part_of
-from mapmore_cli.modelling.terms.syntax import Condition, Name, Number
+from mapmore_cli.modelling.program.writing import names_in
 
 INPUT = "x_"
 """How the names of inputs begin in a program, so that no other name equals them."""

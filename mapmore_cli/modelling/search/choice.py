@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.modelling.scores.simplest import Ranked
+from mapmore_cli.modelling.validation.significance import Ranked
 
 NOTHING = 1e-6
 """Of the range: smaller errors are rounding, or noise that no structure is about."""

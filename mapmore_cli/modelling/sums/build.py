@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.models import Model, Part, Sum
 from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.modelling.terms import Name, parse
+from mapmore_cli.modelling.expressions import Name, parse
 
 
 def sum_of(name: str, parts: Sequence[Part], output: Quantity, quantities: Mapping[str, Quantity]) -> Model:

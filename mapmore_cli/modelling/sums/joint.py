@@ -11,8 +11,8 @@ from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling import literature
+from mapmore_cli.modelling.expressions import Expression, Name, Number, add, evaluate, multiply, parse, substitute, to_text
 from mapmore_cli.modelling.literature.formula import Formula, LinearForm
-from mapmore_cli.modelling.terms import Expression, Name, Number, add, evaluate, multiply, parse, substitute, to_text
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from mapmore_cli.modelling.scores.metrics import Band, bands
+from mapmore_cli.modelling.validation.metrics import Band, bands
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
 from mapmore_cli.reporting.figures.style import ModelStyle, model_styles, shortened
 from mapmore_cli.reporting.inputs import SINGLE, ReportInputs

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 
+from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.scores import REPEATABILITY
+from mapmore_cli.modelling.validation.comparison import ReferencePoint
 from mapmore_cli.reporting.campaign import CampaignScores
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
-from mapmore_cli.reporting.figures.style import DOUBLE, GREY, LIGHT, ModelStyle, best_of, model_styles, shortened
-from mapmore_cli.reporting.inputs import MOST_LINES
+from mapmore_cli.reporting.figures.style import DOUBLE, GREY, LIGHT, ModelStyle, best_of, level_colours, model_styles, shortened
+from mapmore_cli.reporting.inputs import MOST_LINES, FigureStyle
 
 FEWEST_RUNS = 2
 ROUNDING = 1e-10
@@ -95,3 +97,27 @@ def _label_logarithm(ax: Axes) -> None:
     formatter.set_scientific(False)
     ax.xaxis.set_major_formatter(formatter)
     ax.xaxis.set_minor_formatter(NullFormatter())
+
+
+def drift_drawing(names: Sequence[str], points: Sequence[ReferencePoint], output: Quantity) -> Drawing:
+    """A line for each reference point, a dot for each campaign, in per cent of the first."""
+    colours = level_colours(len(points))
+    labels = [_label(point) for point in points]
+    data: dict[str, Values] = {"campaign": list(names)}
+    data |= {f"{label} [{output.unit}]": point.outputs for label, point in zip(labels, points, strict=True)}
+
+    def on(axes: Sequence[Axes]) -> None:
+        for point, colour in zip(points, colours, strict=True):
+            relative = [100 * value / point.outputs[0] for value in point.outputs]
+            axes[0].plot(range(len(names)), relative, color=colour, marker="o", markersize=3, linewidth=1.1)
+        axes[0].set_xticks(range(len(names)), [shortened(name, 22) for name in names])
+
+    handles = zip(labels, colours, strict=True)
+    legend = tuple(Line2D([], [], color=colour, marker="o", markersize=3, label=label) for label, colour in handles)
+    what = FigureStyle().axis_label(Quantity(output.name, "% of the first"))
+    caption = f"{output.name} at reference points over campaigns, in per cent of the first."
+    return Drawing("drift", caption, caption, (Panel("", on, "Campaign", (what,), data),), Grid(height=2.6), legend)
+
+
+def _label(point: ReferencePoint) -> str:
+    return ", ".join(f"{name} {value:.3g}" for name, value in point.inputs.items())

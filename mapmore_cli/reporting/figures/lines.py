@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from mapmore_cli.domain.models import CurveRange, Formula, Model, Pieces
-from mapmore_cli.modelling.intervals import half_widths_of
 from mapmore_cli.modelling.kinds import predict
+from mapmore_cli.modelling.validation.intervals import half_widths_of
 from mapmore_cli.reporting.figures.style import level_colours
 
 POINTS = 201

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.modelling.scores.residuals import Correlation, PartMeans, autocorrelation, cross_correlation, means_over
+from mapmore_cli.modelling.validation.residuals import Correlation, PartMeans, autocorrelation, cross_correlation, means_over
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
 from mapmore_cli.reporting.figures.style import LIGHT, columns_for, model_styles, width_for, zero_line
 from mapmore_cli.reporting.inputs import ReportInputs

@@ -8,9 +8,10 @@ from collections.abc import Callable, Mapping
 from html import escape
 
 from matplotlib import rc_context
+from matplotlib.backends.backend_pgf import RendererPgf
 from matplotlib.figure import Figure
 
-from mapmore_cli.domain.foreign import xml_text
+from mapmore_cli.domain.foreign import tex_label, tex_text, xml_text
 from mapmore_cli.reporting.figures.style import fonts_may_lack_glyphs
 
 SVG_PROLOGUE = '<?xml version="1.0" encoding="utf-8"?>\n'
@@ -53,7 +54,6 @@ def _png_file(figure: Figure, _name: str, alt: str) -> bytes:
 
 
 def _pgf_file(figure: Figure, _name: str, _alt: str) -> bytes:
-    from mapmore_cli.reporting.figures.pgf import to_pgf
 
     with fonts_may_lack_glyphs():
         return to_pgf(figure).encode()
@@ -61,3 +61,27 @@ def _pgf_file(figure: Figure, _name: str, _alt: str) -> bytes:
 
 WRITERS: Mapping[str, Callable[[Figure, str, str], bytes]] = {"svg": _svg_file, "pdf": _pdf_file, "png": _png_file, "pgf": _pgf_file}
 """The bytes of a figure with its name and its description, by format."""
+
+
+class _Renderer(RendererPgf):
+    """Needs no TeX: letters are measured by the fonts of the other formats. Names are escaped, so that TeX obeys none of them."""
+
+    def get_text_width_height_descent(self, s, prop, ismath):  # type: ignore[no-untyped-def]
+        return super(RendererPgf, self).get_text_width_height_descent(s, prop, ismath)
+
+    def draw_text(self, gc, x, y, s, prop, angle, ismath=False, mtext=None):  # type: ignore[no-untyped-def]
+        super().draw_text(gc, x, y, tex_label(s) if ismath else tex_text(s), prop, angle, ismath, mtext)  # type: ignore[no-untyped-call]
+
+
+def to_pgf(figure: Figure) -> str:
+    """A `pgfpicture` to be read with `\\input`; its letters are set in the fonts of the document."""
+    text = io.StringIO()
+    width, height = figure.get_size_inches()
+    text.write("% \\usepackage{pgf} in the preamble, then \\input this file\n")
+    text.write("\\begingroup\n\\makeatletter\n\\begin{pgfpicture}\n")
+    text.write(
+        f"\\pgfpathrectangle{{\\pgfpointorigin}}{{\\pgfqpoint{{{width:f}in}}{{{height:f}in}}}}\n\\pgfusepath{{use as bounding box, clip}}\n"
+    )
+    figure.draw(_Renderer(figure, text))  # type: ignore[no-untyped-call]
+    text.write("\\end{pgfpicture}\n\\makeatother\n\\endgroup\n")
+    return text.getvalue()

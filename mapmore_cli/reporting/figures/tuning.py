@@ -8,7 +8,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from mapmore_cli.domain.tuning import Trial, Tuning
+from mapmore_cli.domain.scores import Trial, Tuning
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
 from mapmore_cli.reporting.figures.style import GREY, LIGHT, level_colours
 

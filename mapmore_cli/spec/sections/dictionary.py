@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 from pydantic import Field, create_model, model_validator
 
 from mapmore_cli.domain.declared import Contradiction, Either, InUnit, Seconds
-from mapmore_cli.modelling.terms.operator import Operator, Parameter
-from mapmore_cli.modelling.terms.operators import families
+from mapmore_cli.modelling.expressions.operator import Operator, Parameter
+from mapmore_cli.modelling.expressions.operators import families
 from mapmore_cli.spec.fields import Section
 from mapmore_cli.spec.tree import Loc
 
@@ -211,7 +211,7 @@ def feeds_back(dictionary: Sequence[DictionaryEntry], target: str) -> bool:
 
 def _quantities(text: str) -> list[str]:
     """Quantities that an expression or a state is made of; text that is neither is reported elsewhere."""
-    from mapmore_cli.modelling.terms import ExpressionError, parse, state
+    from mapmore_cli.modelling.expressions import ExpressionError, parse, state
 
     try:
         return [state(name).quantity for name in parse(text).names]
@@ -221,7 +221,7 @@ def _quantities(text: str) -> list[str]:
 
 def _has_memory(text: str) -> bool:
     """Whether an expression or the name of a state has memory; text that is neither is reported elsewhere."""
-    from mapmore_cli.modelling.terms import ExpressionError, parse
+    from mapmore_cli.modelling.expressions import ExpressionError, parse
 
     try:
         return any(not name.isidentifier() for name in parse(text).names)

@@ -58,8 +58,8 @@ class OwnFormula(Section):
         ExpressionError, SpecError, ValueError
             For an expression that is none, a unit that does not fit, or a parameter in which it is not linear.
         """
+        from mapmore_cli.modelling.expressions import Name, Number, multiply, parse, substitute, to_text
         from mapmore_cli.modelling.literature.own import definition
-        from mapmore_cli.modelling.terms import Name, Number, multiply, parse, substitute, to_text
         from mapmore_cli.spec.units import convert
 
         own = {name: convert(1.0, units[name], unit) for name, unit in self.units.items() if name in units and units[name] != unit}

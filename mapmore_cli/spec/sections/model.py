@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from annotated_types import Len
 
 from mapmore_cli.domain.declared import Contradiction, Seconds, Settings
-from mapmore_cli.modelling.motion.recipe import MotionSettings
+from mapmore_cli.modelling.motion.problem import MotionSettings
 from mapmore_cli.spec.fields import Quantity, SpecPath
 
 

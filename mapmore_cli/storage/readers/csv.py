@@ -26,14 +26,16 @@ from mapmore_cli.storage.tables.lines import (
     open_quote,
     quote_left_open,
 )
-from mapmore_cli.storage.tables.numbers import cut_short, seconds_of_stamp, shortened
 from mapmore_cli.storage.tables.table import RawTable, Reader, TableRequest, Top, locate_columns
 from mapmore_cli.storage.tables.text import (
     DELIMITERS,
     WHITESPACE,
     Layout,
     Numbered,
+    cut_short,
+    seconds_of_stamp,
     separator_hint,
+    shortened,
     values_of_lines,
     values_of_records,
 )

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.tables.numbers import NotANumber, number_of
 from mapmore_cli.storage.tables.table import (
     RawTable,
     Reader,
@@ -26,6 +25,7 @@ from mapmore_cli.storage.tables.table import (
     optional_library,
     reading,
 )
+from mapmore_cli.storage.tables.text import NotANumber, number_of
 
 BOMB_RATIO = 200  # sheets of measurements shrink to a fifth or a tenth when zipped
 BOMB_SIZE = 100_000_000  # bytes unpacked, from which the ratio matters

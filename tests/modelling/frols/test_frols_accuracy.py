@@ -10,7 +10,7 @@ import pytest
 from exact_frols import exact_frols
 
 from mapmore_cli.modelling.frols import basis, frols, frols_streamed, reads_once
-from mapmore_cli.modelling.frols.blocks import row_blocks
+from mapmore_cli.modelling.frols.moments import row_blocks
 
 TARGETS = {
     "sine": lambda x: np.sin(5 * x) + 2,

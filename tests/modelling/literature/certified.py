@@ -14,9 +14,9 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import FormulaFit
+from mapmore_cli.modelling.expressions import evaluate, parse
 from mapmore_cli.modelling.literature import Formula, Nonlinear
 from mapmore_cli.modelling.literature.formula import LinearForm
-from mapmore_cli.modelling.terms import evaluate, parse
 
 FOLDER = Path(__file__).parent / "nist"
 LEVELS = ("Lower", "Average", "Higher")

@@ -11,8 +11,8 @@ from scipy.optimize import least_squares
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.modelling.expressions import evaluate, to_text
 from mapmore_cli.modelling.literature import get
-from mapmore_cli.modelling.terms import evaluate, to_text
 
 PLANTED = {
     "none": {},

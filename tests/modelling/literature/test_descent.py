@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.modelling.literature import descent, hinge_fit, linear
+from mapmore_cli.modelling.literature import descent, linear
+from mapmore_cli.modelling.literature import hinge as hinge_fit
 from mapmore_cli.modelling.literature.descent import descend, descend_each, onto_bounds
 
 STEP = descent._step

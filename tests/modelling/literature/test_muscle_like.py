@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.arrays import Array
+from mapmore_cli.modelling.expressions import to_text
 from mapmore_cli.modelling.literature import get
-from mapmore_cli.modelling.terms import to_text
 
 NAMES = ("F", "a0", "a1", "a2", "b0", "c0", "c1")
 TABLE_I = {

@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from literature_cases import noisy_wrist, slack_muscle, wrist_points
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.modelling.literature import cells, get, hinge, hinge_fit
-from mapmore_cli.modelling.terms import evaluate, to_text
+from mapmore_cli.modelling.expressions import evaluate, to_text
+from mapmore_cli.modelling.literature import cells, get, hinge
+from mapmore_cli.modelling.literature import hinge as hinge_fit
 
 HINGED, PLAIN = get("sarosi_hinged"), get("sarosi")
 FOUR = np.array([0.0, 0.04, 0.08, 0.12])

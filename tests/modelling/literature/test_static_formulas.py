@@ -12,8 +12,8 @@ from literature_cases import STATIC, WRIST, grid, noisy_wrist, wrist_force
 from scipy.optimize import brentq
 
 from mapmore_cli.domain.fits import FormulaFit
+from mapmore_cli.modelling.expressions import evaluate, to_latex, to_text
 from mapmore_cli.modelling.literature import UnknownFormula, get, names
-from mapmore_cli.modelling.terms import evaluate, to_latex, to_text
 
 WRIST_GRID = grid(np.arange(1.0, 8.0), np.linspace(0.0, 0.2, 13))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.modelling.scores.metrics import relative
+from mapmore_cli.modelling.validation.metrics import relative
 
 
 def rrse(measured: Array, predicted: Array) -> float:

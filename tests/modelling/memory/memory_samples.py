@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from mapmore_cli.domain.memory import MemoryModel, StateSet
+from mapmore_cli.modelling.expressions.operator import Setting
+from mapmore_cli.modelling.expressions.operators import OPERATORS
+from mapmore_cli.modelling.expressions.recursion import along
 from mapmore_cli.modelling.memory.recipe import MemoryRecipe
 from mapmore_cli.modelling.memory.records import Record
-from mapmore_cli.modelling.terms.operator import Setting
-from mapmore_cli.modelling.terms.operators import OPERATORS
-from mapmore_cli.modelling.terms.recursion import along
 
 STEP = 0.01
 

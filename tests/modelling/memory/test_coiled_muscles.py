@@ -8,12 +8,12 @@ import pytest
 from closeness import nrmse_by_range
 from memory_samples import recipe_of, record
 
+from mapmore_cli.modelling.expressions import to_text
+from mapmore_cli.modelling.expressions.families import operated, products
 from mapmore_cli.modelling.memory.fitting import fit_with_memory
 from mapmore_cli.modelling.memory.free_run import free_run
 from mapmore_cli.modelling.signals.cycles import last_cycles
 from mapmore_cli.modelling.signals.sampling import find_gaps, pieces, resample
-from mapmore_cli.modelling.terms import to_text
-from mapmore_cli.modelling.terms.families import operated, products
 
 STEP, GAP = 0.01, 0.1  # s
 STATES = (

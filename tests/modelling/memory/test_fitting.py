@@ -11,12 +11,12 @@ from closeness import nrmse_by_range, rmse, rrse
 from memory_samples import STEP, narx_truth, recipe_of, record, slow, wandering
 
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.modelling.expressions import evaluate, families, to_text
+from mapmore_cli.modelling.expressions.families import lags, operated, products
+from mapmore_cli.modelling.expressions.operators.play import play
 from mapmore_cli.modelling.memory.fitting import fit_with_memory
 from mapmore_cli.modelling.memory.free_run import free_run
 from mapmore_cli.modelling.memory.model import memory_equation
-from mapmore_cli.modelling.terms import evaluate, families, to_text
-from mapmore_cli.modelling.terms.families import lags, operated, products
-from mapmore_cli.modelling.terms.operators.play import play
 
 NARX = tuple(to_text(term) for term in products(lags(["y", "x"], [1, 2]), 2))
 LAGGED = recipe_of("y", NARX, STEP, max_terms=4)

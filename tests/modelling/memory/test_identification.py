@@ -7,13 +7,13 @@ import pytest
 from memory_samples import STEP, memory_model, recipe_of, record, state_set, wandering
 from scipy.integrate import solve_ivp
 
+from mapmore_cli.modelling.expressions import state
+from mapmore_cli.modelling.expressions.operator import Setting
+from mapmore_cli.modelling.expressions.operators import OPERATORS
+from mapmore_cli.modelling.expressions.recursion import FLOATS, along
 from mapmore_cli.modelling.memory.fitting import fit_with_memory
 from mapmore_cli.modelling.memory.free_run import free_run
 from mapmore_cli.modelling.memory.identification import unknown
-from mapmore_cli.modelling.terms import state
-from mapmore_cli.modelling.terms.operator import Setting
-from mapmore_cli.modelling.terms.operators import OPERATORS
-from mapmore_cli.modelling.terms.recursion import FLOATS, along
 
 
 @pytest.mark.parametrize("rates", [(2.0, 8.0), (0.0, 3.0), (5.0, 0.0), (-1.4, 9.0), (30.0, 30.0)])

@@ -10,10 +10,10 @@ import pytest
 from closeness import rmse, rrse
 from memory_samples import recipe_of, record
 
+from mapmore_cli.modelling.expressions import to_text
+from mapmore_cli.modelling.expressions.families import lags, products
 from mapmore_cli.modelling.memory.fitting import fit_with_memory
 from mapmore_cli.modelling.memory.free_run import free_run, one_step_ahead
-from mapmore_cli.modelling.terms import to_text
-from mapmore_cli.modelling.terms.families import lags, products
 
 
 @pytest.fixture(scope="module")

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from memory_samples import resonance, slow
 
-from mapmore_cli.modelling.memory.evaluation import delayed
-from mapmore_cli.modelling.terms.operator import Setting
-from mapmore_cli.modelling.terms.operators import OPERATORS as DECLARED
-from mapmore_cli.modelling.terms.recursion import along
+from mapmore_cli.modelling.expressions.operator import Setting
+from mapmore_cli.modelling.expressions.operators import OPERATORS as DECLARED
+from mapmore_cli.modelling.expressions.recursion import along
+from mapmore_cli.modelling.memory.states import delayed
 from mapmore_cli.rig.muscle import stop as rig_stop
 
 PATHS = arrays(float, st.integers(1, 60), elements=st.floats(-10, 10, width=32))

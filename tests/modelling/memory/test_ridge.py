@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.modelling.frols import frols
 from mapmore_cli.modelling.frols.moments import moments, standard, standardised
 from mapmore_cli.modelling.frols.ridge import RIDGES, Regularised, choose_ridge, prune, ridge_press, select, substitutes
 from mapmore_cli.modelling.memory.recipe import MemoryRecipe
 from mapmore_cli.modelling.memory.regressors import Regressors
 from mapmore_cli.modelling.memory.selectors import Plain
-from mapmore_cli.modelling.terms import parse
 
 
 def blocks_of(P, y, *cuts):

@@ -10,11 +10,10 @@ from memory_samples import STEP, record, resonance, slow, state_set, wandering
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
-from mapmore_cli.modelling.memory.evaluation import evaluate_states
+from mapmore_cli.modelling.expressions.operators.play import play
 from mapmore_cli.modelling.memory.feedback import fed_back_states
 from mapmore_cli.modelling.memory.records import records_of, time_step, uninterrupted
-from mapmore_cli.modelling.memory.resolution import resolve
-from mapmore_cli.modelling.terms.operators.play import play
+from mapmore_cli.modelling.memory.states import evaluate_states, resolve
 
 NAMES = ("x", "x[k-2]", "slow(play(x, 0.2), 0.05)", "stop(slow(x, 0.1), 0.1)", "slow(saturate(x), 0.1)", "resonance(x, 3, 0.2)")
 

@@ -11,8 +11,8 @@ from motion_samples import BOUNDARIES, ROWS, STEP, looped, made_by, published, r
 from mapmore_cli.domain.errors import DataError, FitError, SpecError
 from mapmore_cli.domain.motion import BUMPLESS
 from mapmore_cli.modelling.motion.fitting import fit_motion
-from mapmore_cli.modelling.motion.plane import stable
-from mapmore_cli.modelling.motion.recipe import Bounds
+from mapmore_cli.modelling.motion.problem import Bounds
+from mapmore_cli.modelling.motion.sections import stable
 from mapmore_cli.modelling.motion.simulation import simulate
 from mapmore_cli.modelling.motion.solvers import NAMES
 from mapmore_cli.modelling.motion.solvers.swarm import fly

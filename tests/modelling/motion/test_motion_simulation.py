@@ -14,8 +14,7 @@ from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.motion import BUMPLESS, CARRIED, REST, ZERO
 from mapmore_cli.modelling.memory.records import AtSample
 from mapmore_cli.modelling.motion.bumpless import continued
-from mapmore_cli.modelling.motion.plane import EDGE, of_oscillator, of_reflections, radius, reflections, stable
-from mapmore_cli.modelling.motion.regimes import active, rising, spread
+from mapmore_cli.modelling.motion.sections import EDGE, active, of_oscillator, of_reflections, radius, reflections, rising, spread, stable
 from mapmore_cli.modelling.motion.simulation import response, shared, simulate
 
 MODELS = ("linear", "inflate_deflate", "piecewise", "piecewise_inflate_deflate")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.terms import derivative, evaluate, parse
+from mapmore_cli.modelling.expressions import derivative, evaluate, parse
 
 S = {
     "linear": lambda t: t,

@@ -12,14 +12,14 @@ from hypothesis import strategies as st
 from surfaces import QUANTITIES, curves, recipe
 
 from mapmore_cli.domain.recording import Curve
+from mapmore_cli.modelling.expressions import Name, Number
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces import levels as between
 from mapmore_cli.modelling.pieces.build import build
+from mapmore_cli.modelling.pieces.levels import threshold
 from mapmore_cli.modelling.pieces.recipe import Cuts
-from mapmore_cli.modelling.pieces.threshold import threshold
 from mapmore_cli.modelling.program.values import evaluator
 from mapmore_cli.modelling.program.writing import Writer
-from mapmore_cli.modelling.terms import Name, Number
 
 STRAINS = (0.0, 0.05, 0.1, 0.15)
 

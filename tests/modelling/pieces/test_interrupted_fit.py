@@ -6,8 +6,8 @@ import h5py
 import numpy as np
 import pytest
 
+from mapmore_cli.modelling.expressions import dictionary_blocks, dictionary_matrix, monomials
 from mapmore_cli.modelling.frols import frols, frols_streamed
-from mapmore_cli.modelling.terms import dictionary_blocks, dictionary_matrix, monomials
 
 TERMS = monomials(["a", "b"], 3)
 ROWS, CHUNK = 20_000, 1_000

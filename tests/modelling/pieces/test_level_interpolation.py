@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from scipy.interpolate import PchipInterpolator
 
 from mapmore_cli.domain.models import Fusion
+from mapmore_cli.modelling.expressions import Name
 from mapmore_cli.modelling.pieces.levels import across_levels
 from mapmore_cli.modelling.program.values import evaluator
 from mapmore_cli.modelling.program.writing import Writer
-from mapmore_cli.modelling.terms import Name
 
 levels = (
     st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=7, unique=True).map(sorted).filter(lambda b: min(np.diff(b)) > 1e-2).map(np.array)

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from surfaces import QUANTITIES, curves, recipe
 
+from mapmore_cli.modelling.expressions import dictionary_matrix, parse
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.definition import weight_of
 from mapmore_cli.modelling.pieces.recipe import Cuts
-from mapmore_cli.modelling.terms import dictionary_matrix, parse
 
 UNEVEN = {"strain": Cuts("breakpoints", at=(0.01, 0.07))}
 

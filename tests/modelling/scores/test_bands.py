@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
-from mapmore_cli.modelling.scores.metrics import EDGES, bands, max_abs, score, uncentred
+from mapmore_cli.modelling.validation.metrics import EDGES, bands, max_abs, score, uncentred
 
 
 def dataset(measured: np.ndarray, held_out: np.ndarray) -> Dataset:

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.recording import Curve
-from mapmore_cli.modelling.scores.error_parts import error_parts
+from mapmore_cli.modelling.validation.error_parts import error_parts
 
 CYCLES, LONG = 8, 200
 X = np.tile(1 - np.cos(np.linspace(0, 2 * np.pi, LONG, endpoint=False)), CYCLES)

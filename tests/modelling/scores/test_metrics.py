@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from mapmore_cli.modelling.scores.metrics import extent, max_abs, score
+from mapmore_cli.modelling.validation.metrics import extent, max_abs, score
 
 
 def test_a_row_by_hand():

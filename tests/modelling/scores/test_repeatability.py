@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.recording import Curve
-from mapmore_cli.modelling.scores.repeatability import WORTH, floors, monotone_floor, repeats, rising
+from mapmore_cli.modelling.validation.repeatability import WORTH, floors, monotone_floor, repeats, rising
 
 UP_AND_DOWN = np.concatenate([np.linspace(50, 600, 400), np.linspace(600, 50, 400)])
 

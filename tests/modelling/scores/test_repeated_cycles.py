@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.recording import Curve
-from mapmore_cli.modelling.scores.repeatability import repeated_cycles
 from mapmore_cli.modelling.signals.cycles import last_cycles
+from mapmore_cli.modelling.validation.repeatability import repeated_cycles
 
 ONE = np.interp(np.arange(80), [0, 10, 40, 80], [0, 0, 100, 0])
 BEGIN = 11

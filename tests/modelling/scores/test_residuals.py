@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mapmore_cli.modelling.scores.residuals import PARTS, autocorrelation, cross_correlation, means_over
+from mapmore_cli.modelling.validation.residuals import PARTS, autocorrelation, cross_correlation, means_over
 
 
 @given(st.integers(0, 10**6), st.integers(40, 120))

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from mapmore_cli.modelling.scores.simplest import simplest_of
+from mapmore_cli.modelling.validation.significance import simplest_of
 
 TABLES = st.tuples(st.integers(1, 6), st.integers(2, 5)).flatmap(
     lambda shape: st.tuples(

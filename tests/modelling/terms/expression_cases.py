@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 
-from mapmore_cli.modelling.terms.functions import FUNCTIONS
+from mapmore_cli.modelling.expressions.functions import FUNCTIONS
 
 NAMES = ("x", "y", "z")
 _NUMBERS = st.one_of(

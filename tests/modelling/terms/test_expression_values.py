@@ -12,7 +12,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.modelling.terms import (
+from mapmore_cli.modelling.expressions import (
     Name,
     NotFinite,
     affine,
@@ -24,8 +24,8 @@ from mapmore_cli.modelling.terms import (
     substitute,
     to_text,
 )
-from mapmore_cli.modelling.terms.calculus import SLOPES
-from mapmore_cli.modelling.terms.functions import FUNCTIONS
+from mapmore_cli.modelling.expressions.calculus import SLOPES
+from mapmore_cli.modelling.expressions.functions import FUNCTIONS
 
 POINTS = st.fixed_dictionaries({name: st.floats(-3, 3).map(lambda v: round(v, 3)) for name in NAMES})
 

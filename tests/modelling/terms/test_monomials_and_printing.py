@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.mathtext import MathTextParser
 
-from mapmore_cli.modelling.terms import ExpressionError, Name, Number, add, call, monomials, multiply, parse, power, to_latex, to_text
+from mapmore_cli.modelling.expressions import ExpressionError, Name, Number, add, call, monomials, multiply, parse, power, to_latex, to_text
 
 
 @settings(deadline=None)

@@ -13,11 +13,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from mapmore_cli.modelling.expressions import operators
+from mapmore_cli.modelling.expressions.operator import Setting
+from mapmore_cli.modelling.expressions.operators import OPERATORS, families
+from mapmore_cli.modelling.expressions.recursion import FLOATS, along, followed
 from mapmore_cli.modelling.program.slopes import recursion_slopes
-from mapmore_cli.modelling.terms import operators
-from mapmore_cli.modelling.terms.operator import Setting
-from mapmore_cli.modelling.terms.operators import OPERATORS, families
-from mapmore_cli.modelling.terms.recursion import FLOATS, along, followed
 
 sys.path.append(str(Path(__file__).parents[2] / "exporting"))
 
@@ -82,7 +82,7 @@ def test_a_family_writes_the_operators_that_name_it():
 
 NEW = '''
 """Rate-limited following: a valve that opens no faster than its motor."""
-from mapmore_cli.modelling.terms.operator import Operator, Parameter, Recursion
+from mapmore_cli.modelling.expressions.operator import Operator, Parameter, Recursion
 
 
 def recursion(setting):

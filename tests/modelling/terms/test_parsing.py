@@ -6,7 +6,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from mapmore_cli.modelling.terms import ExpressionError, parse, to_text
+from mapmore_cli.modelling.expressions import ExpressionError, parse, to_text
 
 
 @pytest.mark.parametrize(

@@ -7,16 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.modelling.terms import families, monomials, to_text
-from mapmore_cli.modelling.terms.families import (
-    count_products,
-    delays,
-    lags,
-    operated,
-    products,
-)
-from mapmore_cli.modelling.terms.operators.play import spread_widths
-from mapmore_cli.modelling.terms.operators.slow import spread_times
+from mapmore_cli.modelling.expressions import families, monomials, to_text
+from mapmore_cli.modelling.expressions.families import count_products, delays, lags, operated, products
+from mapmore_cli.modelling.expressions.operators.play import spread_widths
+from mapmore_cli.modelling.expressions.operators.slow import spread_times
 
 
 def test_names_are_written_as_a_person_would():

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.mathtext import MathTextParser
 
-from mapmore_cli.modelling.terms import OPERATORS, ExpressionError, Lagged, Measured, Name, Operated, parse, state, to_latex, to_text
+from mapmore_cli.modelling.expressions import OPERATORS, ExpressionError, Lagged, Measured, Name, Operated, parse, state, to_latex, to_text
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,8 @@ import pytest
 from ingest_samples import Ingest, spec_of
 
 from mapmore_cli.domain.recording import Dataset
-from mapmore_cli.stages.ingestion.dataset import build_dataset
-from mapmore_cli.stages.ingestion.files import slice_of
+from mapmore_cli.ingestion.dataset import build_dataset
+from mapmore_cli.ingestion.files import slice_of
 
 
 @pytest.fixture

@@ -10,10 +10,10 @@ from ingest_samples import Ingest, csv_text, spec_of, steps
 
 from mapmore_cli.domain.errors import DataError, MapmoreError, SpecError
 from mapmore_cli.domain.recording import Dataset
-from mapmore_cli.stages.ingest import STAGE
-from mapmore_cli.stages.ingestion.dataset import build_dataset
-from mapmore_cli.stages.ingestion.files import slice_of
-from mapmore_cli.stages.pipeline.staleness import plain
+from mapmore_cli.ingestion.dataset import build_dataset
+from mapmore_cli.ingestion.files import slice_of
+from mapmore_cli.pipeline.ingest import STAGE
+from mapmore_cli.pipeline.staleness import plain
 
 REPEATS = {f"{level}_{repeat}.csv": steps(level, F=100 * level + repeat) for level in (80, 150, 250) for repeat in (1, 2)}
 LEVELS = {"of": "pressure", "at": "auto"}
@@ -173,7 +173,7 @@ def test_slice_holds_what_ingest_depends_on_and_no_more() -> None:
 
 
 def test_stage_names_its_sources_and_reports_progress(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mapmore_cli.stages.ingestion.files.MEGABYTE", 1)
+    monkeypatch.setattr("mapmore_cli.ingestion.files.MEGABYTE", 1)
     for name in ("b.csv", "a.csv"):
         (tmp_path / name).write_text(steps(80))
     size = len(steps(80))

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.signals.sampling import longest_ascent
-from mapmore_cli.stages.drafting.recordings import dataset_of
-from mapmore_cli.stages.drafting.start import start
+from mapmore_cli.study.drafting.recordings import dataset_of
+from mapmore_cli.study.drafting.start import start
 
 COLUMNS = {"time": {"column": "t", "unit": "s"}, "force": {"column": "F", "unit": "N"}}
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.spec.loader import load
-from mapmore_cli.stages.pipeline.runner import bring_up_to_date
 from mapmore_cli.storage.artefacts import read_dataset
 from mapmore_cli.storage.run_record import load_records
 

@@ -17,9 +17,9 @@ from ingest_samples import COLUMNS, csv_text, spec_of
 
 from mapmore_cli.domain import blocks
 from mapmore_cli.domain.errors import MapmoreError
+from mapmore_cli.ingestion.dataset import build_dataset
+from mapmore_cli.ingestion.files import slice_of
 from mapmore_cli.modelling.signals.sampling import find_gaps, find_resets, typical_step
-from mapmore_cli.stages.ingestion.dataset import build_dataset
-from mapmore_cli.stages.ingestion.files import slice_of
 from mapmore_cli.storage import spool
 from mapmore_cli.storage.artefacts import codecs, read_dataset, write_dataset
 from mapmore_cli.storage.artefacts.integrity import Digest

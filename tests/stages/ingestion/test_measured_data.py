@@ -11,8 +11,8 @@ from ingest_samples import spec_of
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Dataset
-from mapmore_cli.stages.ingestion.dataset import build_dataset
-from mapmore_cli.stages.ingestion.files import slice_of
+from mapmore_cli.ingestion.dataset import build_dataset
+from mapmore_cli.ingestion.files import slice_of
 
 PROJECT = Path(__file__).resolve().parents[3]
 CLAMPED = {"Unkink": 0.182, "kinked25": 0.1745, "kinked50": 0.167, "kinked75": 0.1595}  # m; 0.182 m at rest

@@ -10,9 +10,9 @@ import pytest
 from ingest_samples import spec_of
 
 from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.ingestion.dataset import build_dataset
+from mapmore_cli.ingestion.files import slice_of
 from mapmore_cli.spec.loader import load
-from mapmore_cli.stages.ingestion.dataset import build_dataset
-from mapmore_cli.stages.ingestion.files import slice_of
 
 CONFIGS = Path(__file__).resolve().parents[3] / "configs"
 

@@ -13,9 +13,9 @@ from ingest_samples import COLUMNS, csv_text, spec_of
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.models import CurveRange, Formula, Model
 from mapmore_cli.domain.recording import Dataset, Quantity
+from mapmore_cli.ingestion.dataset import build_dataset
+from mapmore_cli.ingestion.files import slice_of
 from mapmore_cli.modelling import literature
-from mapmore_cli.stages.ingestion.dataset import build_dataset
-from mapmore_cli.stages.ingestion.files import slice_of
 from mapmore_cli.storage.artefacts import write_model
 
 TIME = np.arange(0.0, 3.0, 0.005)

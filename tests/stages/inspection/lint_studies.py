@@ -10,9 +10,9 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.spec.loader import load
-from mapmore_cli.spec.yaml_core import dump
-from mapmore_cli.stages.inspection.lint import Inspection, inspect
-from mapmore_cli.stages.inspection.subject import Issue
+from mapmore_cli.spec.yaml_loader import dump
+from mapmore_cli.study.inspection.lint import Inspection, inspect
+from mapmore_cli.study.inspection.subject import Issue
 
 Table = dict[str, Array]
 Spoil = Callable[[float, Table], Table]

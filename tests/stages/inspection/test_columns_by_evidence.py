@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from lint_studies import inspected, only
 
 from mapmore_cli.domain.errors import UsageError
-from mapmore_cli.stages.drafting.answers import Answers, ToldColumn, read_columns
-from mapmore_cli.stages.drafting.columns import guess_columns
-from mapmore_cli.stages.drafting.groups import number_in
-from mapmore_cli.stages.drafting.moving import guess_others
-from mapmore_cli.stages.inspection.evidence import leads, same_signals, untold
+from mapmore_cli.study.drafting.columns import guess_columns
+from mapmore_cli.study.drafting.groups import number_in
+from mapmore_cli.study.drafting.moving import guess_others
+from mapmore_cli.study.drafting.questions import Answers, ToldColumn, read_columns
+from mapmore_cli.study.inspection.evidence import leads, same_signals, untold
 
 LEVELS = (1.0, 2.0, 3.0, 4.0)  # bar
 TIME = np.arange(400) * 0.01

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
-from mapmore_cli.stages.drafting.draft import Draft
-from mapmore_cli.stages.drafting.model import CHOOSING_LEVELS, FEWEST_ON_A_CURVE, SAMPLES_OF_A_SEGMENT, with_model
-from mapmore_cli.stages.drafting.proof import _chosen
+from mapmore_cli.study.drafting.draft import Draft
+from mapmore_cli.study.drafting.model import CHOOSING_LEVELS, FEWEST_ON_A_CURVE, SAMPLES_OF_A_SEGMENT, with_model
+from mapmore_cli.study.drafting.proof import _chosen
 
 QUANTITIES = {"pressure": Quantity("pressure", "kPa"), "strain": Quantity("strain", "1"), "force": Quantity("force", "N")}
 

@@ -12,17 +12,17 @@ import yaml
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
+from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.spec.experiment import TargetColumn
 from mapmore_cli.spec.loader import LoadedSpec, load
-from mapmore_cli.stages.drafting.answers import Answers
-from mapmore_cli.stages.drafting.draft import Draft, Note, to_yaml
-from mapmore_cli.stages.drafting.groups import patterns
-from mapmore_cli.stages.drafting.model import segment_count
-from mapmore_cli.stages.drafting.preview import preview
-from mapmore_cli.stages.drafting.proof import proven
-from mapmore_cli.stages.drafting.start import start
-from mapmore_cli.stages.inspection.lint import inspect
-from mapmore_cli.stages.pipeline.runner import bring_up_to_date
+from mapmore_cli.study.drafting.draft import Draft, Note, to_yaml
+from mapmore_cli.study.drafting.groups import patterns
+from mapmore_cli.study.drafting.model import segment_count
+from mapmore_cli.study.drafting.preview import preview
+from mapmore_cli.study.drafting.proof import proven
+from mapmore_cli.study.drafting.questions import Answers
+from mapmore_cli.study.drafting.start import start
+from mapmore_cli.study.inspection.lint import inspect
 
 PLAIN = "1,10\n2,20\n3,30\n4,40\n"
 

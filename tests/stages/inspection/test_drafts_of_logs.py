@@ -13,13 +13,12 @@ import pytest
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.scores import Score
-from mapmore_cli.stages.drafting import start as drafting
-from mapmore_cli.stages.drafting.answers import Answers
-from mapmore_cli.stages.drafting.columns import guess_columns
-from mapmore_cli.stages.drafting.draft import Draft
-from mapmore_cli.stages.drafting.proof import proven
-from mapmore_cli.stages.drafting.trial import Trial
-from mapmore_cli.stages.inspection.evidence import remembered
+from mapmore_cli.study.drafting import start as drafting
+from mapmore_cli.study.drafting.columns import guess_columns
+from mapmore_cli.study.drafting.draft import Draft
+from mapmore_cli.study.drafting.proof import Trial, proven
+from mapmore_cli.study.drafting.questions import Answers
+from mapmore_cli.study.inspection.evidence import remembered
 
 K = np.arange(600)
 DRIVE = 3 + 2 * np.sin(0.031 * K) * np.cos(0.012 * K)

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from mapmore_cli.stages.drafting.groups import find_groups
-from mapmore_cli.stages.drafting.second_logs import second_of
 from mapmore_cli.storage.readers import reader_of
+from mapmore_cli.study.drafting.groups import find_groups
+from mapmore_cli.study.drafting.second_logs import second_of
 
 DOCS = Path(__file__).parents[3] / "docs"
 PAGE = (DOCS / "init-and-check.md").read_text(encoding="utf-8")

@@ -8,11 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.recording import Curve, Recording
-from mapmore_cli.stages.drafting.columns import guess_columns
-from mapmore_cli.stages.drafting.experiment import find_held, goes_in_cycles, inner_levels, staircase
-from mapmore_cli.stages.drafting.groups import number_in, read_names
-from mapmore_cli.stages.inspection.evidence import neighbourhood, set_in_steps, slack_foot
-from mapmore_cli.stages.inspection.labels import read_label
+from mapmore_cli.study.drafting.columns import guess_columns
+from mapmore_cli.study.drafting.experiment import find_held, goes_in_cycles, inner_levels, staircase
+from mapmore_cli.study.drafting.groups import number_in, read_names
+from mapmore_cli.study.inspection.evidence import neighbourhood, read_label, set_in_steps, slack_foot
 
 STRAINS = np.array([0.0, 0.05, 0.1, 0.15])
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.stages.drafting import start as drafting
-from mapmore_cli.stages.drafting.draft import Draft
-from mapmore_cli.stages.drafting.preview import preview
-from mapmore_cli.stages.drafting.recordings import dataset_of
+from mapmore_cli.study.drafting import start as drafting
+from mapmore_cli.study.drafting.draft import Draft
+from mapmore_cli.study.drafting.preview import preview
+from mapmore_cli.study.drafting.recordings import dataset_of
 
 N = 60
 T = 0.05 * np.arange(N)

@@ -15,12 +15,12 @@ from hypothesis import HealthCheck, Phase, given, settings
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.loader import load
-from mapmore_cli.stages.drafting.answers import Answers
-from mapmore_cli.stages.drafting.start import start
-from mapmore_cli.stages.inspection.lint import inspect
-from mapmore_cli.stages.pipeline.runner import bring_up_to_date
+from mapmore_cli.study.drafting.questions import Answers
+from mapmore_cli.study.drafting.start import start
+from mapmore_cli.study.inspection.lint import inspect
 
 MORE = os.environ.get("MAPMORE_EXAMPLES")
 UNUSABLE = ("no table of numbers", "no two columns of numbers move", "too few training samples", "a single column, and no other")

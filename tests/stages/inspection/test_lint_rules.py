@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from lint_studies import LEVELS, SPEC, Spoil, Table, found, inspected, merged, only, table
 
 from mapmore_cli.domain.errors import DataError, SpecError
-from mapmore_cli.modelling.scores.repeatability import monotone_floor
+from mapmore_cli.modelling.validation.repeatability import monotone_floor
 from mapmore_cli.spec.loader import load
-from mapmore_cli.spec.yaml_core import dump
-from mapmore_cli.stages.inspection.lint import inspect
+from mapmore_cli.spec.yaml_loader import dump
+from mapmore_cli.study.inspection.lint import inspect
 
 
 def scaled(**factors: float) -> Spoil:

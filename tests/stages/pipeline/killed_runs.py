@@ -18,7 +18,7 @@ from pathlib import Path
 
 from fake_study import Study, contents, fake_stages, make_data, study
 
-from mapmore_cli.stages.pipeline.runner import bring_up_to_date
+from mapmore_cli.pipeline.runner import bring_up_to_date
 
 EVENTS = {"open", "os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.scandir", "shutil.rmtree", "tempfile.mkdtemp", "fake.step"}
 

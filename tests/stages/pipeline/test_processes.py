@@ -13,7 +13,7 @@ import pytest
 from fake_study import fake_stages, make_data, study
 
 from mapmore_cli.domain.errors import WriteError
-from mapmore_cli.stages.pipeline.runner import bring_up_to_date
+from mapmore_cli.pipeline.runner import bring_up_to_date
 
 HERE = Path(__file__).parent
 ENVIRONMENT = {**os.environ, "OPENBLAS_NUM_THREADS": "2", "PYTHONPATH": str(HERE)}
@@ -37,7 +37,7 @@ LOCKED = """
 import sys, time
 from pathlib import Path
 from fake_study import fake_stages, study
-from mapmore_cli.stages.pipeline.runner import bring_up_to_date
+from mapmore_cli.pipeline.runner import bring_up_to_date
 
 def wait(step):
     print(step, flush=True)
@@ -67,7 +67,7 @@ UP_TO_DATE = """
 import json, sys
 from pathlib import Path
 from fake_study import fake_stages, study
-from mapmore_cli.stages.pipeline.runner import bring_up_to_date
+from mapmore_cli.pipeline.runner import bring_up_to_date
 
 folder = Path(sys.argv[1])
 outcome = bring_up_to_date(study(folder), folder / "runs", stages=fake_stages())
@@ -85,7 +85,7 @@ def test_an_up_to_date_run_loads_nothing_heavy(tmp_path: Path) -> None:
 
 PIPELINE = """
 import json, sys
-from mapmore_cli.stages.pipeline.runner import pipeline
+from mapmore_cli.pipeline.runner import pipeline
 
 names = [stage.name for stage in pipeline()]
 print(json.dumps([names, sorted({name.split(".")[0] for name in sys.modules})]))
@@ -103,7 +103,7 @@ import json, sys
 from dataclasses import replace
 from pathlib import Path
 from fake_study import fake_stages, study
-from mapmore_cli.stages.pipeline.runner import bring_up_to_date
+from mapmore_cli.pipeline.runner import bring_up_to_date
 
 threads = []
 

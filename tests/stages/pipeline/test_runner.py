@@ -16,8 +16,8 @@ import pytest
 from fake_study import Study, contents, fake_stages, make_data, study
 
 from mapmore_cli.domain.errors import DataError, FitError, WriteError
-from mapmore_cli.stages.pipeline.runner import RunOutcome, bring_up_to_date, explain
-from mapmore_cli.stages.pipeline.stage import Stage, Workspace
+from mapmore_cli.fitting.stage import Stage, Workspace
+from mapmore_cli.pipeline.runner import RunOutcome, bring_up_to_date, explain
 
 ALL = ["ingest", "fit", "fuse", "report"]
 

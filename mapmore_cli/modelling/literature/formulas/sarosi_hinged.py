@@ -19,11 +19,12 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.fits import FormulaFit, Optimum
-from mapmore_cli.modelling.literature import hinge, hinge_fit
+from mapmore_cli.modelling.expressions import Expression, Number, parse, substitute
+from mapmore_cli.modelling.literature import hinge
+from mapmore_cli.modelling.literature import hinge as hinge_fit
 from mapmore_cli.modelling.literature.formula import Formula, dependence
 from mapmore_cli.modelling.literature.formulas.sarosi import FORMULA as PLAIN
-from mapmore_cli.modelling.literature.hinge_fit import HingeFit
-from mapmore_cli.modelling.terms import Expression, Number, parse, substitute
+from mapmore_cli.modelling.literature.hinge import HingeFit
 
 METHOD = "penalised least squares"
 GOOD_ENOUGH = 0.01  # RMSE/max|F| below which better is no longer a reason for a larger share

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from mapmore_cli.modelling.motion.problem import Found, Problem
-from mapmore_cli.modelling.motion.recipe import MotionRecipe
+from mapmore_cli.modelling.motion.problem import Found, MotionRecipe, Problem
 from mapmore_cli.modelling.motion.solvers import differential_evolution, least_squares, swarm, swarm_projected
 
 Solver = Callable[[Problem, MotionRecipe], Found]

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.modelling.motion.plane import EDGE, of_reflections
-from mapmore_cli.modelling.motion.problem import Found, Problem
-from mapmore_cli.modelling.motion.recipe import MotionRecipe
+from mapmore_cli.modelling.motion.problem import Found, MotionRecipe, Problem
+from mapmore_cli.modelling.motion.sections import EDGE, of_reflections
 
 POPULATION = 10
 """Members for each coordinate."""

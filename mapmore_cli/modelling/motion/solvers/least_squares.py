@@ -7,9 +7,8 @@ import cmath
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.modelling.motion.plane import angles, of_angles
-from mapmore_cli.modelling.motion.problem import Found, Piece, Problem
-from mapmore_cli.modelling.motion.recipe import MotionRecipe
+from mapmore_cli.modelling.motion.problem import Found, MotionRecipe, Piece, Problem
+from mapmore_cli.modelling.motion.sections import angles, of_angles
 
 STRIDES = (1, 3, 10, 30)
 """Samples between those that a linear start compares: noise hides in short strides what long ones show, and long ones miss fast poles."""

@@ -9,9 +9,8 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import FitError, SpecError
-from mapmore_cli.modelling.motion.plane import stable
-from mapmore_cli.modelling.motion.problem import Found, Problem
-from mapmore_cli.modelling.motion.recipe import Bounds, MotionRecipe
+from mapmore_cli.modelling.motion.problem import Bounds, Found, MotionRecipe, Problem
+from mapmore_cli.modelling.motion.sections import stable
 
 INERTIA, OWN, COMMON = 0.9, 2.0, 2.0
 """P's W, C1 and C2. They lie outside of the region in which a swarm settles: it needs `C1 + C2 < 24 (1 - W^2)/(7 - 5 W)`, here 1.8."""

@@ -7,9 +7,8 @@ import math
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.modelling.motion.plane import FASTEST, LEAST_DAMPED, MOST_DAMPED, SLOWEST, of_oscillator
-from mapmore_cli.modelling.motion.problem import Found, Problem
-from mapmore_cli.modelling.motion.recipe import MotionRecipe
+from mapmore_cli.modelling.motion.problem import Found, MotionRecipe, Problem
+from mapmore_cli.modelling.motion.sections import FASTEST, LEAST_DAMPED, MOST_DAMPED, SLOWEST, of_oscillator
 from mapmore_cli.modelling.motion.solvers.swarm import fly
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.modelling.terms import ExpressionError, parse
+from mapmore_cli.modelling.expressions import ExpressionError, parse
 from mapmore_cli.storage.artefacts.codecs import adapted, named, number, numbers, optional, shown, text, texts
 from mapmore_cli.storage.artefacts.integrity import Invalid
 from mapmore_cli.storage.artefacts.schema import Fault

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from mapmore_cli.domain.memory import Identified, MemoryFit, MemoryModel, StateSet
-from mapmore_cli.modelling.terms import ExpressionError, state
+from mapmore_cli.modelling.expressions import ExpressionError, state
 from mapmore_cli.storage.artefacts.codecs import added, named, number, numbers, optional, shown, text
 from mapmore_cli.storage.artefacts.label import NO_UNIT
 from mapmore_cli.storage.artefacts.layout.cells import (

@@ -1,0 +1,236 @@
+"""What a model is compared with: formulas, other runs, and sums of a static and a damping formula."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from math import comb
+from pathlib import Path
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.domain.fits import FormulaFit, Optimum
+from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.motion import MotionFit
+from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.domain.results import Forecast
+from mapmore_cli.domain.scores import BASELINES, OWN, SIMPLE
+from mapmore_cli.fitting.kinds.sum import summands_of
+from mapmore_cli.ingestion.steps import DAMPING, STATIC_FORCE
+from mapmore_cli.modelling import literature, simple
+from mapmore_cli.modelling.forecast import forecast
+from mapmore_cli.modelling.kinds import runs_over_time
+from mapmore_cli.modelling.literature.backbone import fit_formula, pooled, pooled_training
+from mapmore_cli.modelling.literature.hysteresis_loss import HysteresisLoss
+from mapmore_cli.modelling.signals.plateau import damping_component
+from mapmore_cli.modelling.sums import joint
+from mapmore_cli.modelling.sums.joint import fit_jointly
+from mapmore_cli.spec.sections.results import Competitor
+from mapmore_cli.storage.artefacts import read_model
+from mapmore_cli.storage.run_folder import RunFiles
+
+Forecasts = tuple[Forecast, ...]
+"""Of one model, for every curve of the dataset."""
+
+
+@dataclass(frozen=True)
+class Rival:
+    """A competitor with what it says of every curve; `formulas` are the fits behind it by the name they are shown under."""
+
+    name: str
+    forecasts: Forecasts
+    formulas: Mapping[str, FormulaFit] = field(default_factory=dict)
+    motion: MotionFit | None = None
+
+    @property
+    def failed(self) -> bool:
+        """True where a fit gave no usable parameters."""
+        return any(fit.failed for fit in self.formulas.values())
+
+
+@dataclass(frozen=True)
+class Contest:
+    """The data and the other runs of a comparison: `model` is the run's own, `static_run` the needed run of the static force.
+
+    `lengths` are the muscle's `length` and `diameter` (m); `spec_dir` is the folder that paths of frozen models start at. Where the dataset
+    is a fold of a cross-validation, `refit` makes the model of another run anew on its training samples.
+    """
+
+    dataset: Dataset
+    model: Model
+    needed: Mapping[str, Path]
+    static_run: Path | None
+    lengths: Mapping[str, float | None]
+    spec_dir: Path
+    refit: Callable[[Path, Dataset], Model] | None = None
+
+    def rival(self, competitor: str | Competitor) -> Rival:
+        """Fit a competitor to the same training data and predict every sample.
+
+        Raises
+        ------
+        SpecError, DataError
+            Where another run is of other quantities, or a formula lacks what it is fitted to.
+        """
+        if isinstance(competitor, str):
+            competitor = Competitor(model=competitor)
+        if competitor.run is not None or competitor.set is not None:
+            folder = self.needed[competitor.run or competitor.label]
+            return Rival(competitor.label, self._of_run(folder), motion=RunFiles(folder).fit().motion)
+        if competitor.is_file:
+            return Rival(competitor.label, self._of_model(read_model(self.spec_dir / str(competitor.model))))
+        if competitor.static is not None:
+            return self._composite(competitor)
+        if competitor.sum is not None:
+            return self._sum(competitor)
+        assert competitor.model is not None
+        if competitor.model in SIMPLE:
+            return Rival(competitor.label, _forecasts(self._of_simple(competitor.model)))
+        if competitor.model in BASELINES:
+            from mapmore_cli.fitting.baselines import predictions
+
+            return Rival(competitor.label, _forecasts(predictions(competitor.model, self.dataset, self.model)))
+        found = self._fitted(
+            competitor.model, self.dataset.curves, self.dataset.target, competitor.method, competitor.starts, competitor.errors_in
+        )
+        fit = self._with_held_out(found)
+        return Rival(competitor.label, _forecasts(_predicted(fit, self.dataset.curves)), {competitor.label: fit})
+
+    def simple_beside(self, named: Collection[str]) -> tuple[str, ...]:
+        """The simple competitors that the model allows and that are not `named` already.
+
+        They are polynomials of its inputs, its backbone, and an ARX where it runs over time.
+        """
+        coefficients = {name: comb(len(self._inputs) + degree, degree) for name, degree in simple.DEGREES.items() if self._inputs}
+        samples = sum(int(curve.training.sum()) for curve in self.dataset.curves)
+        polynomials = [name for name, count in coefficients.items() if count < samples]
+        backbone = ["backbone"] if self._backbone is not None and self._backbone.name not in named else []
+        found = (*polynomials, *backbone, *(["arx"] if runs_over_time(self.model) else []))
+        return tuple(name for name in found if name not in named)
+
+    def _of_simple(self, name: str) -> Sequence[Array]:
+        """Predictions of a simple competitor for every curve; NaN where it has none."""
+        if name == "arx":
+            found = simple.arx(self.dataset, self._inputs)
+        elif name == "backbone":
+            found = None if self._backbone is None else _predicted(self._backbone, self.dataset.curves)
+        else:
+            found = simple.polynomial(simple.DEGREES[name], self.dataset, self._inputs)
+        return found or [np.full(curve.size, np.nan) for curve in self.dataset.curves]
+
+    @property
+    def _inputs(self) -> list[str]:
+        """What the scored quantity is predicted from: the model's inputs, and its output where it is inverted."""
+        return [q.name for q in (self.model.output, *self.model.inputs) if q.name != self.dataset.target]
+
+    @property
+    def _backbone(self) -> FormulaFit | None:
+        """The backbone of the model where it predicts the scored quantity."""
+        fit: FormulaFit | None = getattr(self.model.body, "backbone", None)
+        return fit if self.model.output.name == self.dataset.target else None
+
+    def _with_held_out(self, fit: FormulaFit) -> FormulaFit:
+        """The fit with the held-out error of each of its rivals."""
+        formula, held_out = literature.of(fit), pooled([(curve, curve.held_out) for curve in self.dataset.curves])
+        measured = held_out[self.dataset.target]
+        if not len(measured):
+            return fit
+
+        def scored(rival: Optimum) -> Optimum:
+            error = formula.predict(rival.parameters, held_out) - measured
+            return replace(rival, held_out_rmse=float(np.sqrt(np.mean(error**2))))
+
+        return replace(fit, rivals=tuple(scored(rival) for rival in fit.rivals))
+
+    def _of_run(self, run_dir: Path) -> Forecasts:
+        return self._of_model(RunFiles(run_dir).model() if self.refit is None else self.refit(run_dir, self.dataset))
+
+    def _of_model(self, other: Model) -> Forecasts:
+        quantities, target = self.dataset.quantities, self.dataset.target
+        differing = [q.name for q in (other.output, *other.inputs) if quantities.get(q.name) != q]
+        if target not in (q.name for q in (other.output, *other.inputs)) or differing:
+            what = ", ".join(differing) or other.output.name
+            raise SpecError(
+                f"validate.against: the model of {other.name} is of other quantities or units ({what})",
+                "compare runs of the same quantities in the same units",
+            )
+        return tuple(forecast(other, curve, target) for curve in self.dataset.curves)
+
+    def _sum(self, competitor: Competitor) -> Rival:
+        """Formulas with signs and inputs of their own, fitted together to the training data."""
+        summands = summands_of(competitor.sum or [])
+        training = pooled_training(self.dataset.curves)
+        fit = fit_jointly(summands, training, training[self.dataset.target], competitor.method)
+        values = [joint.predict(fit, summands, curve.columns) for curve in self.dataset.curves]
+        return Rival(competitor.label, _forecasts(values), {competitor.label: fit})
+
+    def _composite(self, competitor: Competitor) -> Rival:
+        """A static formula fitted to the static run's training data, and a damping formula fitted to what it leaves here.
+
+        Against a damping model, the sum is treated as the measured force is: less the study's static force, less its mean on the plateau.
+        """
+        assert competitor.static is not None
+        assert competitor.damping is not None
+        curves, force = self.dataset.curves, self._force
+        fits: dict[str, FormulaFit] = {}
+        if competitor.static == OWN:
+            static = [forecast(self._static_model, curve).values for curve in curves]
+        else:
+            training = self._static_dataset
+            fits["static"] = fit_formula(competitor.static, training.curves, training.target, competitor.method, self.lengths)
+            static = _predicted(fits["static"], curves)
+        left = [damping_component(c.columns[force] - s, c) for c, s in zip(curves, static, strict=True)]
+        leaving = [replace(c, columns={**c.columns, DAMPING: rest}) for c, rest in zip(curves, left, strict=True)]
+        fits["damping"] = self._fitted(competitor.damping, leaving, DAMPING, competitor.method)
+        total = [s + d for s, d in zip(static, _predicted(fits["damping"], curves), strict=True)]
+        if self.dataset.target == DAMPING:
+            total = [damping_component(y - c.columns[STATIC_FORCE], c) for y, c in zip(total, curves, strict=True)]
+        return Rival(competitor.label, _forecasts(total), {f"{competitor.label} ({part})": fit for part, fit in fits.items()})
+
+    def _fitted(
+        self,
+        name: str,
+        curves: Sequence[Curve],
+        target: str,
+        method: str | None,
+        starts: str | None = None,
+        errors_in: str | None = None,
+    ) -> FormulaFit:
+        formula = literature.get(name)
+        if not isinstance(formula, HysteresisLoss):
+            return fit_formula(name, curves, target, method, self.lengths, starts, errors_in)
+        length = self.lengths["length"]
+        if length is None:
+            raise SpecError(f"validate.against: {name} needs the length of the muscle", "add `length: 88 mm` to `muscle`")
+        return formula.fit_cycles(pooled_training(self._static_dataset.curves), length)
+
+    @property
+    def _force(self) -> str:
+        return self._static_model.output.name
+
+    @cached_property
+    def _static_dataset(self) -> Dataset:
+        return RunFiles(self._static_folder).dataset()
+
+    @cached_property
+    def _static_model(self) -> Model:
+        return RunFiles(self._static_folder).model()
+
+    @property
+    def _static_folder(self) -> Path:
+        if self.static_run is None:
+            raise SpecError("validate.against: a competitor is fitted to the data of a static run", "add `needs: {static: my-static.yaml}`")
+        return self.static_run
+
+
+def _predicted(fit: FormulaFit, curves: Sequence[Curve]) -> list[Array]:
+    if fit.failed:
+        return [np.full(curve.size, np.nan) for curve in curves]
+    return [literature.of(fit).predict(fit.parameters, curve.columns) for curve in curves]
+
+
+def _forecasts(predictions: Sequence[Array]) -> Forecasts:
+    return tuple(Forecast.of(values) for values in predictions)

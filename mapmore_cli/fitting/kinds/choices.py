@@ -1,0 +1,108 @@
+"""The sections of a spec by which a model is made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from mapmore_cli.domain.recording import Signal
+from mapmore_cli.fitting.kinds.dictionary import units_of
+from mapmore_cli.modelling.pieces.recipe import Fuse, Segmented
+from mapmore_cli.modelling.selection import AUTO, Fit
+from mapmore_cli.spec.experiment import ExperimentSpec
+from mapmore_cli.spec.sections.data import STEP_OF, STEP_PRESSURE, Levels
+from mapmore_cli.spec.sections.dictionary import DictionaryEntry, remembers
+from mapmore_cli.spec.sections.model import ModelChoice, Summand
+from mapmore_cli.spec.sections.results import Competitor
+
+SegmentSection = Mapping[str, Segmented]
+
+
+@dataclass(frozen=True)
+class FitChoices:
+    """What a fit depends on."""
+
+    levels: Levels | None
+    segment: SegmentSection
+    dictionary: list[DictionaryEntry]
+    model: ModelChoice
+    fit: Fit
+    lengths: Mapping[str, float | None]  # dimensions of the muscle (m) that the formula needs
+    joining: Fuse | None  # how pieces are joined, where the choice of a backbone depends on it
+
+    @property
+    def kind(self) -> str:
+        """The kind of model, by its name: that of `model.type`, where the kind has no other."""
+        if self.model.type == "mapmore":
+            return "memory" if remembers(self.dictionary) else "pieces"
+        return "formula" if self.model.type == "literature" else self.model.type
+
+    @property
+    def joined(self) -> Fuse:
+        """How pieces are joined, as far as the fit has to know."""
+        return self.joining or Fuse()
+
+    @property
+    def over_time(self) -> bool:
+        """Whether the model runs along recordings, and is fitted to them whole."""
+        return self.kind in ("memory", "state_space")
+
+
+@dataclass(frozen=True)
+class ModelChoices(FitChoices):
+    """What the model depends on: cross-validation of a backbone repeats the fit; a sum is made of the models of needed runs."""
+
+    name: str
+    fuse: Fuse
+    signals: tuple[Signal, ...]
+    summands: tuple[str, ...]
+    intervals: bool = False  # whether models are made without each part of the training data in turn
+
+    @property
+    def joined(self) -> Fuse:
+        """How pieces are joined."""
+        return self.fuse
+
+
+def with_definitions(spec: ExperimentSpec) -> ExperimentSpec:
+    """The spec with the definition of each own formula in the place of its name, so that what a stage reads needs nothing else."""
+    if not spec.own_formulas:
+        return spec
+    units = units_of(spec)
+    found = {name: one.definition(units, units[spec.target_quantity]) for name, one in spec.own_formulas.items()}
+
+    def put(name: str | None) -> str | None:
+        return name if name is None else found.get(name, name)
+
+    def summed(parts: Sequence[Summand] | None) -> list[Summand] | None:
+        return None if parts is None else [replace(part, formula=put(part.formula)) for part in parts]
+
+    def rival(one: str | Competitor) -> str | Competitor:
+        if isinstance(one, str):
+            return one if one not in found else Competitor.model_validate({"model": found[one], "as": one})
+        changed = {key: put(getattr(one, key)) for key in ("model", "static", "damping")}
+        return one.model_copy(update={**changed, "sum": summed(one.sum), "as_": one.label})
+
+    model = spec.model
+    named = replace(model, backbone=put(model.backbone), name=put(model.name), sum=summed(model.sum))
+    validation = spec.validation.model_copy(update={"against": [rival(one) for one in spec.validation.against]})
+    return spec.model_copy(update={"model": named, "validation": validation})
+
+
+def lengths_of(spec: ExperimentSpec) -> dict[str, float | None]:
+    """The muscle's dimensions (m) where the formula that is the model or its backbone has one."""
+    from mapmore_cli.modelling import literature
+
+    name = spec.model.name or spec.model.backbone
+    needed = literature.get(name).dimensions if name not in (None, AUTO) else ()
+    return {name: length for name, length in spec.muscle.lengths.items() if name in needed}
+
+
+def level_of(levels: Levels | None, segment: SegmentSection) -> str | None:
+    """The quantity whose curves are interpolated: that of `levels`, unless `segment: {<quantity>: none}` pools its curves.
+
+    Curves of step responses stand at the pressure of their plateau; the weights go by the pressure itself, which is known at any time.
+    """
+    if levels is None or segment.get(levels.of) == "none":
+        return None
+    return STEP_OF if levels.of == STEP_PRESSURE else levels.of

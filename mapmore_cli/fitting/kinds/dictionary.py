@@ -1,0 +1,121 @@
+"""From the dictionary of a spec to the names of its candidate terms, and from its derivations to signals that a model can repeat."""
+
+from __future__ import annotations
+
+import graphlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.domain.recording import Signal
+from mapmore_cli.modelling.pieces.recipe import CutByDirection
+from mapmore_cli.spec.experiment import ExperimentSpec
+from mapmore_cli.spec.sections.data import Direction, Rate
+from mapmore_cli.spec.sections.dictionary import Delays, DictionaryEntry, Lags, Polynomial, Products
+from mapmore_cli.spec.units import convert, default_unit
+
+
+def signal_of(name: str, rule: Rate | Direction, units: Mapping[str, str]) -> Signal:
+    """The signal that a rule derives, in the model's `units`."""
+    if isinstance(rule, Direction):
+        return Signal(name, "direction", rule.direction_of, dead_band=rule.dead_band)
+    return Signal(
+        name,
+        "rate",
+        rule.rate_of,
+        window=rule.window,
+        order=rule.order,
+        factor=convert(1.0, f"{units[rule.rate_of]}/s", units[name]),
+        seconds=convert(1.0, units["time"], "s"),
+    )
+
+
+def derivations_of(spec: ExperimentSpec) -> dict[str, str | Rate | Direction]:
+    """What the spec derives, with the direction that segments are cut by."""
+    cuts = {name: cut for name, cut in spec.segment.items() if isinstance(cut, CutByDirection)}
+    return {**spec.data.derive, **{name: Direction(direction_of=cut.of, dead_band=cut.dead_band) for name, cut in cuts.items()}}
+
+
+def units_of(spec: ExperimentSpec) -> dict[str, str]:
+    """The model's unit of every quantity; a rate by any name has the unit of its quantity per unit of time."""
+    rates = {name: rule.rate_of for name, rule in spec.data.derive.items() if isinstance(rule, Rate)}
+    return {name: default_unit(name, spec.units, rates) for name in spec.quantities}
+
+
+def signals_of(spec: ExperimentSpec) -> tuple[Signal, ...]:
+    """All rates and directions of a study, each after the one that it follows from."""
+    units = units_of(spec)
+    signals = {name: signal_of(name, rule, units) for name, rule in derivations_of(spec).items() if not isinstance(rule, str)}
+    order = graphlib.TopologicalSorter({name: {signal.of} for name, signal in signals.items()}).static_order()
+    return tuple(signals[name] for name in order if name in signals)
+
+
+@dataclass(frozen=True)
+class Clock:
+    """What terms with memory go by, in s: the time between samples, and the duration of the longest piece that trains."""
+
+    step: float
+    longest: float
+
+
+def terms_of(dictionary: Sequence[DictionaryEntry], clock: Clock | None = None) -> tuple[str, ...]:
+    """Names of all candidate terms in the order of the dictionary, each once; terms with memory need a `clock`.
+
+    Raises
+    ------
+    SpecError
+        Where products are wanted with a term that is none of theirs.
+    DataError
+        Where there would be more of them than memory allows.
+    """
+    return tuple(dict.fromkeys(term for entry in dictionary for term in _terms(entry, clock, constant=True)))
+
+
+def _terms(entry: DictionaryEntry, clock: Clock | None, *, constant: bool) -> Sequence[str]:
+    """The terms of one family; within products, where `constant` is false, without the constant."""
+    from mapmore_cli.modelling.expressions import parse, to_text
+
+    name, family = entry.family
+    if isinstance(family, list):
+        return [to_text(parse(text)) for text in family]
+    if isinstance(family, Products):
+        return _products(family, clock, constant=constant)
+    of = list(dict.fromkeys(_canonical(text) for text in family.of))
+    if isinstance(family, Polynomial):
+        return _monomials(of, family, constant=constant)
+    if isinstance(family, Lags):
+        from mapmore_cli.modelling.expressions.families import lags
+
+        return _monomials(lags(of, list(dict.fromkeys(family.steps))), family, constant=constant)
+    from mapmore_cli.modelling.expressions.families import delays, operated
+
+    assert clock is not None
+    if isinstance(family, Delays):
+        return delays(of, family.times, clock.step)
+    return operated(name, of, family.numbers(clock.step, clock.longest))
+
+
+def _canonical(text: str) -> str:
+    from mapmore_cli.modelling.expressions import state
+
+    return state(text).name
+
+
+def _monomials(of: Sequence[str], family: Polynomial | Lags, *, constant: bool) -> list[str]:
+    from mapmore_cli.modelling.expressions import to_text
+    from mapmore_cli.modelling.expressions.families import products
+
+    return [to_text(term) for term in products(of, family.order, constant=family.constant and constant)]
+
+
+def _products(family: Products, clock: Clock | None, *, constant: bool) -> list[str]:
+    from mapmore_cli.modelling.expressions import to_text
+    from mapmore_cli.modelling.expressions.families import products
+
+    parts = [[_canonical(part)] if isinstance(part, str) else _terms(part, clock, constant=False) for part in family.of]
+    of = list(dict.fromkeys(term for part in parts for term in part))
+    partners = None if family.partners is None else [_canonical(text) for text in family.partners]
+    for partner in partners or ():
+        if partner not in of:
+            raise SpecError(f"products: `{partner}` of `with` is none of the terms `of` them", f"there are {', '.join(of)}")
+    return [to_text(term) for term in products(of, family.order, partners, family.constant and constant)]

@@ -1,0 +1,55 @@
+"""A formula of the literature as the model, or as the backbone of another."""
+
+from __future__ import annotations
+
+from mapmore_cli.domain.errors import FitError
+from mapmore_cli.domain.fits import FormulaFit
+from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.domain.results import FitResult
+from mapmore_cli.fitting.kinds.choices import FitChoices, ModelChoices, level_of
+from mapmore_cli.fitting.stage import Workspace
+from mapmore_cli.modelling.literature import model as formula
+from mapmore_cli.modelling.literature.backbone import fit_formula
+from mapmore_cli.modelling.pieces.segmentation import trained_at, uncut
+
+
+def fit(part: FitChoices, dataset: Dataset, workspace: Workspace) -> FitResult:
+    """The formula, fitted to all training samples; raises as `fitted`."""
+    del workspace
+    assert part.model.name is not None
+    return FitResult(fitted(part.model.name, part, dataset))
+
+
+def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:
+    """The fitted formula as a model."""
+    found = workspace.files.fit().formula
+    assert found is not None
+    training = workspace.files.segmentation()
+    level = level_of(part.levels, part.segment)
+    return formula.build(part.name, dataset.quantities[dataset.target], found, level, training, dataset.quantities)
+
+
+def refit(part: ModelChoices, dataset: Dataset) -> Model:
+    """The formula fitted to the training samples of a dataset, as a model; raises as `fitted`."""
+    assert part.model.name is not None
+    level = level_of(part.levels, part.segment)
+    training = uncut(trained_at(dataset.curves, part.fit.train_level), level is not None, dataset.target)
+    found = fitted(part.model.name, part, dataset)
+    return formula.build(part.name, dataset.quantities[dataset.target], found, level, training, dataset.quantities)
+
+
+def fitted(name: str, part: FitChoices, dataset: Dataset) -> FormulaFit:
+    """A formula fitted to all training samples of a dataset.
+
+    Raises
+    ------
+    FitError
+        Where it did not converge to anything usable: the model stands on it.
+    """
+    model = part.model
+    found = fit_formula(name, dataset.curves, dataset.target, model.method, part.lengths, model.starts, model.errors_in)
+    if found.failed:
+        reasons = "; ".join(found.notes) or "no finite parameters were found"
+        raise FitError(f"the fit of {found.name} failed: {reasons}", "take another formula, or build the model without one")
+    return found

@@ -1,0 +1,225 @@
+"""Time stamps: resets, repeated stamps, gaps, and even time steps. What is wrong is reported, and mended only as the spec says."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.ingestion.samples import Samples
+from mapmore_cli.modelling.signals.sampling import (
+    Gaps,
+    average_repeated,
+    find_gaps,
+    find_repeats,
+    find_resets,
+    longest_ascent,
+    pieces,
+    resample,
+    spread_repeated,
+    typical_step,
+)
+from mapmore_cli.modelling.signals.shift import Shift, find_shift
+from mapmore_cli.spec.sections.data import Data
+from mapmore_cli.spec.sections.logs import Join
+from mapmore_cli.spec.units import convert
+
+MOST_GLITCHES = 0.01  # of the samples; a clock that was set back loses more
+CONSPICUOUS = 10  # times the usual step: a gap that is worth a warning where the spec does not say what a gap is
+
+MOST_SAMPLES, MOST_TIMES = 10_000_000, 100
+"""Samples of a resampled recording, and how many times those that were measured: beyond both, a slip of the pen would fill the memory."""
+
+
+@dataclass(frozen=True)
+class Clocked:
+    """A log whose stamps increase within each of its `pieces`, and what was found in it."""
+
+    pieces: tuple[Samples, ...]
+    notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+
+def clocked(samples: Samples, data: Data, units: Mapping[str, str]) -> Clocked:
+    """Return the samples in order of time: cut where the clock was set back and at gaps, and on even steps, as the spec says.
+
+    A piece that is shorter than a time step of `resample` is left without samples. Raises DataError for what the spec does not mend.
+    """
+    if "time" not in samples.columns:
+        return Clocked((samples,))
+    unit = units["time"]
+    split = data.gaps is not None and data.gaps.action == "split"
+    samples = without_glitches(samples, data.glitches)
+    runs = _cut_at_resets(samples, unit) if split else Clocked((samples,))
+    ordered = [in_time_order(run, data.repeated_time) for run in runs.pieces]
+    cut = [_at_gaps(run, data, unit) for run in ordered]
+    found = [piece for run in cut for piece in run.pieces]
+    if data.resample is not None:
+        step = convert(data.resample, "s", unit)
+        found = [_resampled(piece, step) for piece in found]
+    notes = (*runs.notes, *(note for run in cut for note in run.notes))
+    return Clocked(tuple(found), notes, tuple(warning for run in cut for warning in run.warnings))
+
+
+def without_glitches(samples: Samples, rule: str) -> Samples:
+    """Leave out the fewest samples without which the stamps never decrease, where the spec says `drop`; where many would go, none."""
+    time = samples.columns["time"]
+    if rule != "drop" or not len(find_resets(time)):
+        return samples
+    kept = longest_ascent(time)
+    return samples.keep(kept, "glitch of the clock") if np.mean(~kept) <= MOST_GLITCHES else samples
+
+
+def in_time_order(samples: Samples, repeated: str) -> Samples:
+    """Refuse time that runs backwards, and treat stamps that repeat as the spec says."""
+    time = samples.columns["time"]
+    resets = find_resets(time)
+    if len(resets):
+        at = int(resets[0]) + 1
+        raise DataError(
+            f"{samples.at(at)}: time runs backwards, from {time[at - 1]:.9g} to {time[at]:.9g}",
+            "Sort the file by time; where single stamps are wrong, `glitches: drop` leaves them out; where the clock was set back, "
+            "`gaps: {longer_than: ..., action: split}` splits the recording.",
+        )
+    repeats = find_repeats(time)
+    if not len(repeats):
+        return samples
+    if repeated == "error":
+        at = int(repeats[0]) + 1
+        raise DataError(
+            f"{samples.at(at)}: the time {time[at]:.9g} stands twice ({len(repeats)} stamps repeat)",
+            "Set `repeated_time: average` or `repeated_time: spread`.",
+        )
+    if repeated == "spread":
+        return samples.with_columns({"time": spread_repeated(time)})
+    first = np.concatenate([[True], np.diff(time) > 0])
+    _, averaged = average_repeated(time, samples.columns)
+    return samples.keep(first, "repeated time").with_columns({**averaged, "time": time[first]})
+
+
+def _cut_at_resets(samples: Samples, unit: str) -> Clocked:
+    time = samples.columns["time"]
+    resets = find_resets(time)
+    if not len(resets):
+        return Clocked((samples,))
+    at = int(resets[0]) + 1
+    again = f", and {len(resets) - 1} times more" if len(resets) > 1 else ""
+    note = f"{samples.at(at)}: the clock was set back, from {time[at - 1]:.9g} to {time[at]:.9g} {unit}{again}: split"
+    return Clocked(tuple(samples.cut(pieces(samples.size, resets))), (note,))
+
+
+def _at_gaps(samples: Samples, data: Data, unit: str) -> Clocked:
+    time = samples.columns["time"]
+    limit = CONSPICUOUS * typical_step(time) if data.gaps is None else convert(data.gaps.longer_than, "s", unit)
+    gaps = find_gaps(time, limit)
+    if not len(gaps):
+        return Clocked((samples,))
+    found = _described(samples, gaps, limit, unit)
+    if data.gaps is None:
+        return Clocked((samples,), warnings=(f"{found}; say in `gaps` what to do about it",))
+    if data.gaps.action == "error":
+        raise DataError(found, "Say `gaps: {longer_than: ..., action: split}` to make a recording of each piece, or raise `longer_than`.")
+    return Clocked(tuple(samples.cut(pieces(samples.size, gaps.after))), (f"{found}: split",))
+
+
+def _described(samples: Samples, gaps: Gaps, limit: float, unit: str) -> str:
+    longest = int(np.argmax(gaps.lengths))
+    which = "a gap" if len(gaps) == 1 else f"the first of {len(gaps)} gaps"
+    return (
+        f"{samples.at(int(gaps.after[0]))}: {which} longer than {limit:.4g} {unit} follows; the longest takes {gaps.lengths[longest]:.4g} "
+        f"{unit}, after {samples.place} {samples.rows[gaps.after[longest]]}; about {gaps.samples_missing} samples are missing"
+    )
+
+
+def _resampled(samples: Samples, step: float) -> Samples:
+    """Return the samples on even steps; the row of each is that of the sample which it follows."""
+    time = samples.columns["time"]
+    wanted = np.ptp(time) / step
+    if wanted > max(MOST_SAMPLES, MOST_TIMES * samples.size):
+        raise DataError(
+            f"{samples.label}: `resample` would make {wanted:.3g} samples of {samples.size}",
+            f"write a longer time step; {np.ptp(time) / samples.size:.3g} would keep the number of samples",
+        )
+    stamps, columns = resample(time, samples.columns, step)
+    rows = samples.rows[(np.searchsorted(time, stamps, side="right") - 1).clip(0)]
+    if len(stamps):
+        return replace(samples, rows=rows, columns={**columns, "time": stamps}, merged=samples.size - len(stamps))
+    return samples.keep(np.zeros(samples.size, dtype=np.bool_), "piece shorter than a step of `resample`")
+
+
+BY_HAND = "or write the shift, as `shift: -40.2 s`"
+
+
+def found_shift(first: Samples, second: Samples, join: Join, units: Mapping[str, str]) -> tuple[float, str]:
+    """The shift in the model's unit of time, and a note that says how sure it is.
+
+    Two records of one unit are taken to rise together; of different units, one may fall while the other rises.
+
+    Raises
+    ------
+    DataError
+        Where nothing changes, where noise would do as well, and where another shift is nearly as good.
+    """
+    match = join.match
+    assert match is not None
+    time, values = _in_order(first, match.first)
+    within = None if match.within is None else convert(match.within, "s", units["time"])
+    same_sign = units[match.first] == units[match.second]
+    found = find_shift(time, values, second.columns["time"], second.columns[match.second], within, same_sign=same_sign)
+    pair = f"{match.second} of {second.label} and {match.first} of {first.label}"
+    if found is None:
+        raise DataError(
+            f"no shift can be found from {pair}: nothing changes in one of them", f"name other quantities in `match`, {BY_HAND}"
+        )
+    _refuse_unsure(found, pair, units["time"])
+    lag = "" if same_sign else f"; where {match.second} lags behind {match.first} by nature, that is part of it"
+    next_best = "no other shift comes near" if math.isinf(found.ratio) else f"{found.ratio:.2f} times that of the next best shift"
+    return found.value, (
+        f"{second.label}: shift {_digits(found)} ± {found.half_width:.2g} {units['time']}, found from {match.second} and {match.first} "
+        f"(correlation of their changes {found.correlation:.3f}, {next_best}){lag}"
+    )
+
+
+def _refuse_unsure(found: Shift, pair: str, unit: str) -> None:
+    best = f"{_digits(found)} {unit} (correlation of their changes {found.correlation:.3f})"
+    if found.lost_in_noise:
+        raise DataError(
+            f"no shift can be found from {pair}: the best, {best}, is no better than noise", f"name other quantities in `match`, {BY_HAND}"
+        )
+    if found.ambiguous:
+        assert found.rival is not None
+        raise DataError(
+            f"the shift is ambiguous by {pair}: {found.rival:.6g} {unit} ({found.next_best:.3f}) is nearly as good as {best}",
+            f"say in `match` within which time the shift lies, as `within: {_within(found):.3g} {unit}`, name other quantities, {BY_HAND}",
+        )
+
+
+def _digits(found: Shift) -> str:
+    """The shift with one digit more than is sure."""
+    return f"{found.value:.{max(0, 1 - math.floor(math.log10(found.half_width)))}f}"
+
+
+def _within(found: Shift) -> float:
+    """Half of the way from the best shift to the next one, beyond the best: an example that leaves one of them."""
+    assert found.rival is not None
+    return (abs(found.value) + abs(found.rival)) / 2
+
+
+def _in_order(samples: Samples, name: str) -> tuple[Array, Array]:
+    """Stamps and values of the first log, without missing ones; of stamps that repeat the first."""
+    time, values = samples.columns["time"], samples.columns[name]
+    there = np.flatnonzero(np.isfinite(time) & np.isfinite(values))
+    time, values = time[there], values[there]
+    steps = np.diff(time)
+    if (steps < 0).any():
+        at = int(np.argmax(steps < 0)) + 1
+        raise DataError(
+            f"{samples.at(int(there[at]))}: time runs backwards, so that no shift of a second log can be found",
+            "sort the file by time, cut it where the clock was set back, or write the shift itself, as `shift: -40.2 s`",
+        )
+    new = np.concatenate([[True], steps > 0]) if len(time) else np.zeros(0, dtype=np.bool_)
+    return time[new], values[new]

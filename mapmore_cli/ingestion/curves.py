@@ -1,0 +1,190 @@
+"""From recordings to curves: samples sorted by level, their branches joined where cycles were run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
+from mapmore_cli.domain.blocks import in_blocks
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.recording import Curve, Recording, united
+from mapmore_cli.ingestion.samples import located
+from mapmore_cli.ingestion.steps import PLATEAU
+from mapmore_cli.modelling.signals.cycles import split_cycles
+from mapmore_cli.modelling.signals.plateau import default_within, find_levels, match_levels
+from mapmore_cli.spec.sections.data import Cycles, Levels
+from mapmore_cli.storage.spool import by_blocks, chosen, counted, joined
+
+CLOSE, MEANT = 0.01, 0.25
+"""Of the smallest distance between levels, within which a value names one of them: of those that the spec gives, and of those found."""
+
+
+@dataclass(frozen=True)
+class LevelSet:
+    """The values `(m,)`, ascending, at which the quantity `of` was held, and how far a sample may be from one.
+
+    `scatter` is `(m,)`, the standard deviation of the samples at each level; None before they are known. `found` is True where the data
+    told the levels (`at: auto`).
+    """
+
+    of: str
+    at: Array
+    within: float
+    scatter: Array | None = None
+    found: bool = False
+
+    def match(self, values: Array) -> Array:
+        """Return the level of every value, NaN where there is none."""
+        index = match_levels(values, self.at, self.within)
+        return np.where(index >= 0, self.at[index], np.nan)
+
+    def named(self, value: float) -> float | None:
+        """Return the level that a user means by `value`; None where it is further off than 1 % of the distance of levels and their scatter.
+
+        Any sample belongs to a level, but 171 is no name for the level 150. Where levels were found, nobody knows their digits: 500 is the
+        level 504, and a name reaches a quarter of the distance of levels, so that no other is as near.
+        """
+        place = int(np.argmin(np.abs(self.at - value)))
+        distance = 2 * default_within(self.at) if len(self.at) > 1 else abs(float(self.at[0]))
+        reach = max((MEANT if self.found else CLOSE) * distance, 0.0 if self.scatter is None else float(self.scatter[place]))
+        return float(self.at[place]) if abs(self.at[place] - value) <= reach * (1 + 1e-9) + 1e-12 * abs(value) else None
+
+    def describe(self) -> str:
+        """Name the levels in one line."""
+        return f"levels of {self.of}: {', '.join(f'{value:g}' for value in self.at)} (within {self.within:g})"
+
+
+@dataclass(frozen=True)
+class Part:
+    """Samples of one recording at one level, `(n,)` each; `position` runs from 0 to 1 in the order of the log of that number.
+
+    `measured` is the range of each quantity where the samples are branches resampled.
+    """
+
+    recording: Recording
+    level: float | None
+    columns: Columns
+    position: Array
+    log: int
+    measured: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    @property
+    def size(self) -> int:
+        """Number of samples, n."""
+        return len(self.position)
+
+
+def level_set(levels: Levels, recordings: Sequence[Recording]) -> LevelSet:
+    """Return the levels that the spec gives, or those at which its quantity dwells in the recordings taken together."""
+    of = levels.of
+    if levels.at == "auto":
+        at = find_levels(joined([recording.columns[of] for recording in recordings]))
+        if not at.size:
+            raise DataError(f"levels: {of} is nowhere held constant, so no levels can be found", "Give them, as `at: [80, 150]`.")
+    else:
+        at = np.sort(np.array(levels.at, dtype=float)) + 0.0  # no -0 in curve ids
+    return LevelSet(of, at, levels.within if levels.within is not None else default_within(at), found=levels.at == "auto")
+
+
+def with_scatter(levels: LevelSet, parts: Sequence[Part]) -> LevelSet:
+    """Return the levels with the scatter of the samples of `parts`."""
+    pools = [[part.columns[levels.of] for part in parts if part.level == level] for level in levels.at]
+    return replace(levels, scatter=np.array([_deviation(pool) for pool in pools]))
+
+
+def _deviation(columns: Sequence[Array]) -> float:
+    """The standard deviation of the values of all columns."""
+    size = sum(map(len, columns))
+    mean = sum(float(block.sum()) for column in columns for block in in_blocks(column)) / size
+    return math.sqrt(sum(float(((block - mean) ** 2).sum()) for column in columns for block in in_blocks(column)) / size)
+
+
+def cut_by_level(logs: Sequence[Sequence[Recording]], levels: LevelSet | None) -> tuple[list[Recording], list[Part]]:
+    """Return the recordings without the samples that are at no level, and their parts, each in the order of the levels.
+
+    A log is the pieces of one recording in order of time. Without levels every piece is one part. Raises DataError for a level that no
+    sample is at.
+    """
+    placed = [(piece, place, number) for number, log in enumerate(logs) for piece, place in zip(log, _places(log), strict=True)]
+    recordings = [recording for recording, _, _ in placed]
+    if levels is None:
+        return recordings, [Part(recording, None, recording.columns, place, number) for recording, place, number in placed]
+    pairs = [_cut(recording, place, number, levels) for recording, place, number in placed]
+    parts = [part for _, cut in pairs for part in cut]
+    empty = [level for level in levels.at if not any(part.level == level for part in parts)]
+    if empty:
+        values = np.concatenate([recording.columns[levels.of] for recording in recordings])
+        raise DataError(
+            f"levels: no sample is within {levels.within:g} of {levels.of}={empty[0]:g}",
+            f"{levels.of} runs from {values.min():g} to {values.max():g}; give other levels or a wider `within`.",
+        )
+    return [recording for recording, _ in pairs], parts
+
+
+def _cut(recording: Recording, place: Array, log: int, levels: LevelSet) -> tuple[Recording, list[Part]]:
+    level = by_blocks(levels.match, recording.columns[levels.of])
+    at_one = by_blocks(np.isfinite, level)
+    at_none = int(np.count_nonzero(~at_one))
+    reason = f"no level within {levels.within:g} of {levels.of}"
+    columns = {name: chosen(values, at_one) for name, values in recording.columns.items()}
+    kept = replace(recording, columns=columns, dropped={**recording.dropped, reason: at_none} if at_none else recording.dropped)
+    masks = [(float(value), by_blocks(partial(np.equal, value), level)) for value in np.unique(levels.at)]
+    return kept, [
+        Part(kept, value, {name: chosen(values, mask) for name, values in recording.columns.items()}, chosen(place, mask), log)
+        for value, mask in masks
+        if mask.any()
+    ]
+
+
+def _places(log: Sequence[Recording]) -> list[Array]:
+    """Where each sample stands in its log, from 0 to 1 over all pieces."""
+    sizes = [piece.rows_kept for piece in log]
+    whole, starts = max(sum(sizes), 1), np.cumsum([0, *sizes[:-1]])
+    return [counted(partial(_place, start, whole), size) for start, size in zip(starts.tolist(), sizes, strict=True)]
+
+
+def _place(start: int, whole: int, rows: IntArray) -> Array:
+    place: Array = (start + rows + 0.5) / whole
+    return place
+
+
+def join_branches(part: Part, cycles: Cycles, target: str) -> Part:
+    """Replace the load cycles of a part by their static and hysteresis components on common values of `cycles.over` (M1 IV.A).
+
+    Every quantity becomes the mean of its branches; `hysteresis` is added for the target. Time has no meaning afterwards.
+    """
+    over = cycles.over
+    where = part.recording.source if part.level is None else f"{part.recording.source}, level {part.level:g}"
+    others = {name: values for name, values in part.columns.items() if name not in (over, "time")}
+    with located(f"{where} ({part.size} samples)"):
+        branches = split_cycles(part.columns[over], others, cycles.samples)
+    columns = {over: branches.over, **branches.static(), "hysteresis": branches.hysteresis(target)}
+    measured = {name: (float(x.min()), float(x.max())) for name, x in part.columns.items() if name in columns}
+    return Part(part.recording, part.level, columns, np.linspace(0, 1, cycles.samples), part.log, measured)
+
+
+def joined_curves(parts: Sequence[Part], held_out: Sequence[BoolArray], levels: LevelSet | None) -> tuple[Curve, ...]:
+    """Join the parts at one level, in the order of the levels; without levels every recording is a curve."""
+    groups: dict[str, list[int]] = {}
+    for number, part in sorted(enumerate(parts), key=lambda pair: 0.0 if pair[1].level is None else pair[1].level):
+        key = part.recording.id if levels is None or part.level is None else f"{levels.of}={part.level:g}"
+        groups.setdefault(key, []).append(number)
+    return tuple(_joined(key, [parts[i] for i in group], [held_out[i] for i in group]) for key, group in groups.items())
+
+
+def _joined(key: str, parts: Sequence[Part], masks: Sequence[BoolArray]) -> Curve:
+    columns = dict(parts[0].columns)
+    if len(parts) > 1:  # else the samples themselves: a long recording is not copied without need
+        columns = {name: joined([part.columns[name] for part in parts]) for name in columns}
+    plateau = columns.pop(PLATEAU, None)
+    at_rest = None if plateau is None else plateau == 1.0
+    ends = np.cumsum([part.size for part in parts])
+    origin = counted(lambda rows: np.searchsorted(ends, rows, side="right"), int(ends[-1]))
+    training = [part.measured for part, mask in zip(parts, masks, strict=True) if not mask.all()]
+    names = tuple(part.recording.id for part in parts)
+    return Curve(key, parts[0].level, columns, np.concatenate(masks), names, at_rest, origin, united(training))

@@ -1,0 +1,119 @@
+"""From recordings to a dataset: read, cleaned, converted to the model's units and sorted into curves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.recording import Dataset, Quantity, Recording
+from mapmore_cli.fitting.stage import Progress
+from mapmore_cli.ingestion.curves import cut_by_level, join_branches, joined_curves, level_set, with_scatter
+from mapmore_cli.ingestion.files import IngestSlice, Meter, Source, find_sources
+from mapmore_cli.ingestion.recording import ReadLog, read_recordings
+from mapmore_cli.ingestion.split import held_out, meant_levels
+from mapmore_cli.ingestion.steps import DAMPING, PLATEAU, STATIC_FORCE, static_model, with_damping, with_plateau
+from mapmore_cli.spec.sections.data import Data
+from mapmore_cli.spec.sections.logs import FileEntry
+
+FEW = 10  # samples kept, below which a recording is worth a warning
+MUCH = 0.5  # fraction dropped, above which it is
+
+
+def build_dataset(
+    slice_: IngestSlice,
+    spec_dir: Path,
+    *,
+    static_run: Path | None = None,
+    progress: Progress = lambda *_: None,
+    warn: Callable[[str], None] = lambda _: None,
+) -> Dataset:
+    """Read all recordings and sort their samples into curves; writes nothing.
+
+    `static_run` is the run whose model leaves the damping force; without it, the measured quantity itself is the target.
+
+    Raises
+    ------
+    DataError
+        Files that are missing or broken, levels without samples, held-out data that do not exist.
+    SpecError
+        Choices that contradict each other, or units of different dimension.
+    """
+    data = slice_.data
+    _check(data)
+    readings = _read_all(find_sources(data.files, spec_dir, data.join), slice_, progress)
+    units = dict(slice_.units)
+    if data.plateau is not None:
+        measured = Quantity(slice_.measured, slice_.units[slice_.measured])
+        static = None if static_run is None else static_model(static_run, measured, slice_.units)
+        readings = [_stepped(reading, slice_, static, warn) for reading in readings]
+        units[PLATEAU] = "1"
+    levels = level_set(data.levels, [piece for reading in readings for piece in reading.pieces]) if data.levels else None
+    recordings, parts = cut_by_level([reading.pieces for reading in readings], levels)
+    levels = None if levels is None else with_scatter(levels, parts)
+    for warning in (warning for reading in readings for warning in reading.warnings):
+        warn(warning)
+    for recording in recordings:
+        _warn_of_losses(recording, warn)
+    target = slice_.measured
+    if static_run is not None:
+        target = DAMPING
+        units |= dict.fromkeys((STATIC_FORCE, DAMPING), units[slice_.measured])
+    if data.cycles:
+        parts = [join_branches(part, data.cycles, slice_.measured) for part in parts]
+        units["hysteresis"] = units[slice_.measured]
+        target = "hysteresis" if slice_.component == "hysteresis" else target
+    masks = held_out(parts, data.split.hold_out, levels, spec_dir)
+    return Dataset(
+        target=target,
+        level=levels.of if levels else None,
+        quantities={name: Quantity(name, unit) for name, unit in units.items()},
+        recordings=tuple(recordings),
+        curves=joined_curves(parts, masks, levels),
+        notes=(
+            *(note for reading in readings for note in reading.notes),
+            *([levels.describe()] if levels else []),
+            *meant_levels(data.split.hold_out, levels),
+        ),
+    )
+
+
+def _check(data: Data) -> None:
+    """Refuse constants that not every recording has, or that are columns or derived as well, and an order of time that is given up."""
+    constants = [set(entry.set) if isinstance(entry, FileEntry) else set() for entry in data.files]
+    for name in sorted(set().union(*constants)):
+        if name in data.measured or name in data.derive:
+            raise SpecError(f"files: '{name}' is set for a file and measured or derived as well", "Keep one of both.")
+        if not all(name in given for given in constants):
+            raise SpecError(f"files: '{name}' is set for some entries only", "Set it for every entry of `files`.")
+    for key in ("last", "last_cycles"):
+        if data.cycles and data.split.hold_out and getattr(data.split.hold_out, key) is not None:
+            raise SpecError(
+                f"split.validate: `{key}` needs samples in the order of time, which `cycles` gives up", "Hold out levels or files."
+            )
+
+
+def _read_all(sources: Sequence[Source], slice_: IngestSlice, progress: Progress) -> list[ReadLog]:
+    meter = Meter(sources, progress)
+    return [reading for source in sources for reading in read_recordings(source, slice_.data, slice_.units, meter)]
+
+
+def _stepped(reading: ReadLog, slice_: IngestSlice, static: Model | None, warn: Callable[[str], None]) -> ReadLog:
+    """The pieces of a log with their plateau, and with the damping force where a static model is at hand."""
+    assert slice_.data.plateau is not None
+    pieces = [with_plateau(piece, slice_.data.plateau, slice_.units) for piece in reading.pieces]
+    if static is not None:
+        pieces = [with_damping(piece, slice_.measured, static, warn) for piece in pieces]
+    return replace(reading, pieces=tuple(pieces))
+
+
+def _warn_of_losses(recording: Recording, warn: Callable[[str], None]) -> None:
+    kept, lost = recording.rows_kept, sum(recording.dropped.values())
+    reasons = "; ".join(f"{count}: {reason}" for reason, count in recording.dropped.items())
+    name = f"{recording.source} ({recording.id})" if recording.log else recording.source
+    if kept < FEW:
+        warn(f"{name}: only {kept} of {kept + lost} samples are left ({reasons})" if lost else f"{name}: holds only {kept} samples")
+    elif kept < (1 - MUCH) * (kept + lost):
+        warn(f"{name}: {lost / (kept + lost):.0%} of {kept + lost} samples left out ({reasons})")

@@ -1,0 +1,183 @@
+"""From a file to samples in the model's units, with everything that is left out kept in mind."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.ingestion.files import Log, Meter
+from mapmore_cli.spec.sections.data import MissingRule
+from mapmore_cli.spec.sections.logs import Logs, SourceColumn
+from mapmore_cli.spec.units import convert
+from mapmore_cli.storage.readers import READERS, RawTable, TableRequest
+from mapmore_cli.storage.spool import by_blocks, chosen, counted, joined
+from mapmore_cli.storage.tables.remembered import read_with
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Samples of one table.
+
+    Attributes
+    ----------
+    label, place, rows
+        Where they stand, for messages: the file (and part of it), and `(n,)` rows or indices in it.
+    columns
+        Quantities by name, each `(n,)`.
+    left_out
+        The rows of samples that were left out, by reason.
+    element
+        Number of the recording in its file, or the title of its sheet; None where the file holds a single one.
+    merged
+        How many samples fewer there are since resampling.
+    doubts
+        What its reader warns of.
+    """
+
+    label: str
+    place: str
+    rows: IntArray
+    columns: Mapping[str, Array]
+    left_out: Mapping[str, IntArray]
+    element: int | str | None = None
+    merged: int = 0
+    doubts: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def size(self) -> int:
+        """Number of samples, n."""
+        return len(self.rows)
+
+    @property
+    def rows_read(self) -> int:
+        """Number of samples that there were, those left out included."""
+        return self.size + self.merged + sum(len(rows) for rows in self.left_out.values())
+
+    @property
+    def losses(self) -> str:
+        """How many samples were left out and why, in one line."""
+        return "; ".join(f"{len(rows)}: {reason}" for reason, rows in self.left_out.items())
+
+    def at(self, sample: int) -> str:
+        """Where a sample stands: `a.csv:row 17`."""
+        return f"{self.label}:{self.place} {self.rows[sample]}"
+
+    def keep(self, mask: BoolArray, reason: str) -> Samples:
+        """Return the samples where `mask`, the others noted under `reason`."""
+        if mask.all():
+            return self
+        rows = joined([self.left_out.get(reason, np.zeros(0, dtype=np.int64)), chosen(self.rows, ~mask)])
+        columns = {name: chosen(values, mask) for name, values in self.columns.items()}
+        return replace(self, columns=columns, rows=chosen(self.rows, mask), left_out={**self.left_out, reason: rows})
+
+    def some(self) -> Samples:
+        """Return the samples; DataError where none is left."""
+        if self.size:
+            return self
+        raise DataError(f"{self.label}: no sample is left ({self.losses})", "Loosen `keep` or `missing`, or leave the file out.")
+
+    def with_columns(self, columns: Mapping[str, Array]) -> Samples:
+        """Return the samples with quantities added or replaced."""
+        return replace(self, columns={**self.columns, **columns})
+
+    def cut(self, parts: Sequence[slice]) -> list[Samples]:
+        """Return the samples of each part; what was left out before belongs to the part that it stands in."""
+        owners = {reason: np.searchsorted(self.rows[[part.start for part in parts[1:]]], rows) for reason, rows in self.left_out.items()}
+        return [
+            replace(
+                self,
+                rows=self.rows[part],
+                columns={name: values[part] for name, values in self.columns.items()},
+                left_out={reason: rows[owners[reason] == i] for reason, rows in self.left_out.items() if (owners[reason] == i).any()},
+            )
+            for i, part in enumerate(parts)
+        ]
+
+
+@contextmanager
+def located(label: str) -> Iterator[None]:
+    """Put the file's name before the message of a DataError from within."""
+    try:
+        yield
+    except DataError as error:
+        raise DataError(f"{label}: {error.message}", error.remedy) from error
+
+
+def read_tables(log: Log, table: Logs, missing: MissingRule, units: Mapping[str, str], meter: Meter) -> list[Samples]:
+    """Return the samples of each recording in a file, NaN where a value is missing.
+
+    Where missing values are dropped, records that break off are such values as well. Raises DataError for what cannot be read.
+    """
+    request = TableRequest(
+        label=log.name,
+        columns=tuple(dict.fromkeys(column.column for column in table.columns.values())),
+        header=int(table.header),
+        skip_rows=table.skip_rows,
+        delimiter=table.delimiter,
+        decimal=table.decimal,
+        encoding=table.encoding,
+        sheet=log.sheet or table.sheet,
+        root=table.root,
+        missing=missing.texts,
+        incomplete=missing.action == "drop",
+        progress=meter.within(log),
+    )
+    tables = read_with(READERS[table.reader], log.path, request)
+    return [_in_model_units(raw, table, missing.numbers, units) for raw in tables]
+
+
+def _in_model_units(raw: RawTable, table: Logs, missing: Sequence[float], units: Mapping[str, str]) -> Samples:
+    """Return `value * scale + offset` in the model's unit, less its mean at rest; NaN for the numbers that stand for `missing` values."""
+    taken = slice(None, None, table.every)
+    columns: dict[str, Array] = {}
+    for name, column in table.columns.items():
+        as_is = not missing and (column.scale, column.offset) == (1.0, 0.0) and column.unit in (None, units[name])
+        values = raw.columns[column.column][taken]
+        columns[name] = values if as_is else by_blocks(partial(_converted, column=column, missing=missing, unit=units[name]), values)
+    if table.sample_time is not None:
+        step = convert(table.sample_time, "s", units["time"])
+        columns["time"] = counted(lambda rows: table.every * rows * step, len(raw.rows[taken]))
+    for name, column in table.columns.items():
+        if column.rest is not None:
+            rest = _mean_at_rest(columns[name], columns["time"], convert(column.rest, "s", units["time"]))
+            if rest is None:
+                raise DataError(f"{raw.label}: {name} has no value in the first {column.rest:g} s", "Lengthen `rest`, or mend the file.")
+            columns[name] = by_blocks(partial(np.add, -rest), columns[name])
+    return Samples(raw.label, raw.place, raw.rows[taken], columns, {}, raw.element, doubts=raw.doubts)
+
+
+def _converted(values: Array, column: SourceColumn, missing: Sequence[float], unit: str) -> Array:
+    """`value * scale + offset` in the model's unit; NaN for the numbers that stand for `missing` values."""
+    if missing:
+        values = np.where(np.isin(values, missing), np.nan, values)
+    if (column.scale, column.offset) != (1.0, 0.0):
+        values = values * column.scale + column.offset
+    return values if column.unit is None else convert(values, column.unit, unit)
+
+
+def _mean_at_rest(values: Array, time: Array, rest: float) -> float | None:
+    """The mean over the first `rest` of a recording; None where there is no value in it."""
+    first = next(iter(time[np.isfinite(time)]), np.nan)
+    resting = np.isfinite(values) & (time - first <= rest)
+    return float(values[resting].mean()) if resting.any() else None
+
+
+def without_missing(samples: Samples, table: Logs, missing: str) -> Samples:
+    """Treat NaN and infinity as the spec says: an error, or samples to leave out. DataError where none is left."""
+    complete = by_blocks(lambda *columns: np.logical_and.reduce([np.isfinite(values) for values in columns]), *samples.columns.values())
+    if missing == "error" and not complete.all():
+        sample = int(np.argmin(complete))
+        name = next(name for name, values in samples.columns.items() if not np.isfinite(values[sample]))
+        place = f", column {table.columns[name].column}" if name in table.columns else ""
+        raise DataError(
+            f"{samples.at(sample)}{place}: the value of {name} is missing",
+            f"Set `missing: drop` to leave out such samples ({np.count_nonzero(~complete)} of {len(complete)} in this file).",
+        )
+    return samples.keep(complete, "missing value").some()

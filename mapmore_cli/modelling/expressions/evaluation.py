@@ -1,0 +1,236 @@
+"""Values of expressions on columns of samples."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, Columns, Value
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.modelling.expressions.errors import NotFinite
+from mapmore_cli.modelling.expressions.functions import FUNCTIONS
+from mapmore_cli.modelling.expressions.printing import to_text
+from mapmore_cli.modelling.expressions.syntax import Call, Expression, Name, Number, Power, Product, Sum
+
+BLOCK = 8192
+"""Rows at a time in a dictionary: shared powers of a block stay in the processor's cache, and memory stays bounded."""
+
+
+def evaluate(expression: Expression, columns: Columns, n: int | None = None) -> Array:
+    """Value of `expression` on every row, `(n,)`; a new array.
+
+    Parameters
+    ----------
+    columns
+        Quantities by name, each `(n,)`, or `()` for a parameter that holds for every row.
+    n
+        Number of rows; the length of the first column where it is left out.
+
+    Values that are not finite (a logarithm of a negative number, a division by zero) are left in, without a warning.
+    Raises `DataError` where a column is absent or of another length.
+    """
+    rows = _length(columns) if n is None else n
+    values = _needed(expression.names, columns, rows)
+    with np.errstate(all="ignore"):
+        (value,) = compiled((expression,)).values(values)
+        return np.array(np.broadcast_to(value, (rows,)), dtype=float)
+
+
+def dictionary_matrix(terms: Sequence[Expression], columns: Columns, n: int) -> Array:
+    """Regressors `P`, `(n, M)` in Fortran order: column j is term j on every row (M2 eq 2).
+
+    Powers and function values that several terms share are computed once.
+    Raises `NotFinite` with the first row where a term has no finite value, `DataError` as `evaluate` does.
+    """
+    matrix = np.empty((n, len(terms)), order="F")
+    for rows, block in dictionary_blocks(terms, columns, n):
+        matrix[rows] = block
+    return matrix
+
+
+def dictionary_blocks(terms: Sequence[Expression], columns: Columns, n: int) -> Iterator[tuple[slice, Array]]:
+    """The rows of `dictionary_matrix` in blocks, `(b, M)`, with where they stand; the whole is never there. Raises as it does."""
+    values = _needed(frozenset[str]().union(*(term.names for term in terms)), columns, n)
+    program = compiled(tuple(terms))
+    for start in range(0, n, BLOCK):
+        rows = slice(start, min(start + BLOCK, n))
+        block = np.empty((rows.stop - start, len(terms)), order="F")
+        held = {name: value[rows] if value.ndim else value for name, value in values.items()}
+        with np.errstate(all="ignore"):
+            for column, value in zip(block.T, program.values(held), strict=True):
+                column[:] = value
+        _refuse_not_finite(block, terms, values, start)
+        yield rows, block
+
+
+def stacked_matrices(terms: Sequence[Expression], columns: Columns, parameters: Columns, n: int) -> Array:
+    """Regressors of several sets of parameters at once, `(s, n, M)`; values that are not finite are left in.
+
+    `columns` are `(n,)` each, `parameters` `(s,)` each. Raises `DataError` where a column is absent or of another length.
+    """
+    (sets,) = {len(values) for values in parameters.values()}
+    names = frozenset[str]().union(*(term.names for term in terms))
+    values = _needed(names - parameters.keys(), columns, n) | {name: parameters[name][:, None] for name in names & parameters.keys()}
+    stack = np.empty((sets, n, len(terms)))
+    with np.errstate(all="ignore"):
+        for place, value in enumerate(compiled(tuple(terms)).values(values)):
+            stack[:, :, place] = value
+    return stack
+
+
+def constant_value(expression: Expression) -> float:
+    """Value of an expression without names; NaN or infinite where it has none."""
+    if isinstance(expression, Number):
+        return expression.value
+    with np.errstate(all="ignore"):
+        (value,) = compiled((expression,)).values({})
+        return float(value)
+
+
+def _length(columns: Columns) -> int:
+    lengths = [len(column) for column in columns.values() if np.ndim(column)]
+    if not lengths:
+        raise DataError("the number of rows is unknown: there is no column of samples")
+    return lengths[0]
+
+
+def _needed(names: frozenset[str], columns: Columns, n: int) -> dict[str, Array]:
+    missing = sorted(names - columns.keys())
+    if missing:
+        raise DataError(f"there is no column `{missing[0]}`", f"there are: {', '.join(columns) or 'none'}")
+    needed = {name: np.asarray(columns[name], dtype=float) for name in sorted(names)}
+    for name, column in needed.items():
+        if column.shape not in ((n,), ()):
+            raise DataError(f"the column `{name}` has the shape {column.shape}, expected ({n},)")
+    return needed
+
+
+def _refuse_not_finite(block: Array, terms: Sequence[Expression], columns: Columns, start: int) -> None:
+    for term, column in zip(terms, block.T, strict=True):
+        if not np.isfinite(column).all():
+            row = start + int(np.argmin(np.isfinite(column)))
+            inputs = ", ".join(
+                f"{name} = {columns[name] if columns[name].ndim == 0 else columns[name][row]:.6g}" for name in sorted(term.names)
+            )
+            raise NotFinite(to_text(term), row, inputs)
+
+
+Shared = list[Value | None]
+"""What was computed so far of the parts that may occur again."""
+
+Part = Callable[[Mapping[str, Value], Shared], Value]
+"""A node with everything below it, as a function of columns."""
+
+Known = dict[Expression, Part]
+
+
+@dataclass(frozen=True)
+class Compiled:
+    """Several expressions, to be evaluated together; `slots` is the number of powers and function values in them."""
+
+    parts: tuple[Part, ...]
+    slots: int
+
+    def values(self, columns: Mapping[str, Value]) -> Iterator[Value]:
+        """The expressions' values one after the other; an array may be a column itself, or shared with a later value: not to be changed."""
+        shared: Shared = [None] * self.slots
+        for part in self.parts:
+            yield part(columns, shared)
+
+
+@lru_cache(maxsize=4096)
+def compiled(expressions: tuple[Expression, ...]) -> Compiled:
+    """The program that evaluates `expressions`; powers and function values that several share are computed once."""
+    known: Known = {}
+    parts = tuple(part_of(expression, known) for expression in expressions)
+    return Compiled(parts, len(known))
+
+
+def part_of(expression: Expression, known: Known) -> Part:
+    """Return a node ready to be evaluated; `known` has the powers and function values of those that it is evaluated with."""
+    match expression:
+        case Number(value):
+            constant = np.float64(value)
+            return lambda _columns, _shared: constant
+        case Name(name):
+            return lambda columns, _shared: columns[name]
+        case Sum(terms):
+            return _sum([part_of(term, known) for term in terms])
+        case Product(factors):
+            return _product(factors, known)
+        case Power() | Call():
+            return _once(expression, known)
+    raise TypeError(f"not an expression: {expression!r}")
+
+
+def _sum(terms: Sequence[Part]) -> Part:
+    first, *others = terms
+
+    def total(columns: Mapping[str, Value], shared: Shared) -> Value:
+        value = first(columns, shared)
+        for term in others:
+            value = value + term(columns, shared)
+        return value
+
+    return total
+
+
+def _product(factors: Sequence[Expression], known: Known) -> Part:
+    first = part_of(factors[0], known)
+    others = [(_divides(factor), _divisor(factor, known) if _divides(factor) else part_of(factor, known)) for factor in factors[1:]]
+
+    def total(columns: Mapping[str, Value], shared: Shared) -> Value:
+        value = first(columns, shared)
+        for divides, factor in others:
+            value = value / factor(columns, shared) if divides else value * factor(columns, shared)
+        return value
+
+    return total
+
+
+def _divides(factor: Expression) -> bool:
+    return isinstance(factor, Power) and factor.exponent < 0
+
+
+def _divisor(factor: Expression, known: Known) -> Part:
+    assert isinstance(factor, Power)
+    return _power(factor.base, -factor.exponent, known)
+
+
+def _once(expression: Power | Call, known: Known) -> Part:
+    """Computed at its first occurrence, and looked up at every other."""
+    if expression not in known:
+        compute, slot = _computed(expression, known), len(known)
+
+        def value(columns: Mapping[str, Value], shared: Shared) -> Value:
+            found = shared[slot]
+            if found is None:
+                found = shared[slot] = compute(columns, shared)
+            return found
+
+        known[expression] = value
+    return known[expression]
+
+
+def _computed(expression: Power | Call, known: Known) -> Part:
+    match expression:
+        case Call(function, argument):
+            compute, inner = FUNCTIONS[function].compute, part_of(argument, known)
+            return lambda columns, shared: compute(inner(columns, shared))
+        case Power(base, exponent) if exponent < 0:
+            divisor = _power(base, -exponent, known)
+            return lambda columns, shared: np.float64(1.0) / divisor(columns, shared)
+        case Power(base, exponent) if exponent.is_integer():
+            half = exponent // 2  # x^5 = x^2 x^3: a few multiplications, shared between terms, where a general power costs fifty
+            left, right = _power(base, half, known), _power(base, exponent - half, known)
+            return lambda columns, shared: left(columns, shared) * right(columns, shared)
+        case Power(base, exponent):
+            raised = part_of(base, known)
+            return lambda columns, shared: np.power(raised(columns, shared), exponent)
+
+
+def _power(base: Expression, exponent: float, known: Known) -> Part:
+    return part_of(base if exponent == 1.0 else Power(base, exponent), known)

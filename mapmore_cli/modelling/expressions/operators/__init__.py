@@ -1,0 +1,25 @@
+"""Operators with memory (and `saturate`, which has none). One file each: adding an operator is adding a file with `OPERATORS`."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
+
+from mapmore_cli.modelling.expressions.operator import Operator
+
+
+def _found() -> Iterator[Operator]:
+    for module in sorted(found.name for found in pkgutil.iter_modules(__path__)):
+        yield from importlib.import_module(f"{__name__}.{module}").OPERATORS
+
+
+OPERATORS: Mapping[str, Operator] = MappingProxyType({operator.name: operator for operator in _found()})
+"""Every operator by its name."""
+
+
+def families() -> Mapping[str, tuple[Operator, ...]]:
+    """The operators that each family of a spec writes, by its key."""
+    keys = dict.fromkeys(operator.family or operator.name for operator in OPERATORS.values())
+    return {key: tuple(one for one in OPERATORS.values() if (one.family or one.name) == key) for key in keys}

@@ -1,0 +1,265 @@
+"""The syntax tree of expressions, and the constructors that keep it in a light canonical form.
+
+Build trees with `add`, `multiply`, `power` and `call`; they flatten nested sums and products, drop zeros and ones, and fold the numbers
+of a product into one in front. Subtraction is a factor of -1 and division an exponent of -1, so six kinds of node are enough. The folding
+never changes a value that is finite without it, but for rounding.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import sys
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, TypeVar, dataclass_transform
+
+from mapmore_cli.modelling.expressions.errors import ExpressionError
+from mapmore_cli.modelling.expressions.functions import FUNCTIONS
+from mapmore_cli.modelling.expressions.states import state
+
+MAX_EXPONENT = 20
+IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+
+
+Class = TypeVar("Class", bound=type)
+
+
+@dataclass_transform(frozen_default=True)
+def _node(cls: Class) -> Class:
+    """A frozen dataclass that keeps its hash: trees are looked up often, and to hash one walks all of it."""
+    made: Any = dataclass(frozen=True)(cls)
+    walked = made.__hash__
+
+    def kept(self: object) -> int:
+        held = vars(self)
+        if "_hash" not in held:
+            held["_hash"] = walked(self)
+        return int(held["_hash"])
+
+    made.__hash__ = kept
+    return cls  # which the decorator of dataclasses has changed in place
+
+
+@_node
+class Expression:
+    """Base of the nodes; immutable, comparable and hashable."""
+
+    def __getstate__(self) -> dict[str, object]:
+        """Without the hash, which is another one in another process."""
+        return {name: value for name, value in self.__dict__.items() if name != "_hash"}
+
+    @property
+    def parts(self) -> tuple[Expression, ...]:
+        """The expressions that this one is made of."""
+        return ()
+
+    @cached_property
+    def names(self) -> frozenset[str]:
+        """Every quantity that occurs."""
+        return frozenset[str]().union(*(part.names for part in self.parts))
+
+    __array_ufunc__ = None  # a number of NumPy's leaves arithmetic with an expression to the expression
+
+    def __add__(self, other: Operand) -> Expression:
+        return add(self, expression(other))
+
+    def __radd__(self, other: Operand) -> Expression:
+        return add(expression(other), self)
+
+    def __sub__(self, other: Operand) -> Expression:
+        return add(self, negate(expression(other)))
+
+    def __rsub__(self, other: Operand) -> Expression:
+        return add(expression(other), negate(self))
+
+    def __mul__(self, other: Operand) -> Expression:
+        return multiply(self, expression(other))
+
+    def __rmul__(self, other: Operand) -> Expression:
+        return multiply(expression(other), self)
+
+    def __truediv__(self, other: Operand) -> Expression:
+        return multiply(self, power(expression(other), -1))
+
+    def __rtruediv__(self, other: Operand) -> Expression:
+        return multiply(expression(other), power(self, -1))
+
+    def __pow__(self, exponent: float) -> Expression:
+        return power(self, exponent)
+
+    def __neg__(self) -> Expression:
+        return negate(self)
+
+    def __lt__(self, other: Operand) -> Condition:
+        return Condition(self, "<", expression(other))
+
+    def __le__(self, other: Operand) -> Condition:
+        return Condition(self, "<=", expression(other))
+
+    def __gt__(self, other: Operand) -> Condition:
+        return Condition(self, ">", expression(other))
+
+    def __ge__(self, other: Operand) -> Condition:
+        return Condition(self, ">=", expression(other))
+
+
+@_node
+class Number(Expression):
+    """A finite constant."""
+
+    value: float
+
+    def __post_init__(self) -> None:
+        if not math.isfinite(self.value):
+            raise ExpressionError(f"{self.value} is not a finite number")
+        object.__setattr__(self, "value", self.value + 0.0)  # there is one zero: -0.0 would have a sign that its text cannot keep
+
+
+@_node
+class Name(Expression):
+    """A quantity or a parameter, by an identifier that is not a function's name; or a state with memory, by its canonical text."""
+
+    name: str
+
+    def __post_init__(self) -> None:
+        if not IDENTIFIER.fullmatch(self.name):
+            if state(self.name).name != self.name:
+                raise ExpressionError(f"`{self.name}` is written `{state(self.name).name}`")
+        elif self.name in FUNCTIONS:
+            raise ExpressionError(f"`{self.name}` cannot name a quantity in an expression")
+
+    @cached_property
+    def names(self) -> frozenset[str]:
+        """The name itself."""
+        return frozenset({self.name})
+
+
+@_node
+class Sum(Expression):
+    """Two or more terms."""
+
+    terms: tuple[Expression, ...]
+
+    @property
+    def parts(self) -> tuple[Expression, ...]:
+        """The terms."""
+        return self.terms
+
+
+@_node
+class Product(Expression):
+    """Two or more factors; a factor with a negative exponent divides."""
+
+    factors: tuple[Expression, ...]
+
+    @property
+    def parts(self) -> tuple[Expression, ...]:
+        """The factors."""
+        return self.factors
+
+
+@_node
+class Power(Expression):
+    """A constant power, of at most `MAX_EXPONENT` in magnitude."""
+
+    base: Expression
+    exponent: float
+
+    def __post_init__(self) -> None:
+        if not abs(self.exponent) <= MAX_EXPONENT:
+            raise ExpressionError(f"the exponent {self.exponent:g} is beyond {MAX_EXPONENT} in magnitude")
+
+    @property
+    def parts(self) -> tuple[Expression, ...]:
+        """The base."""
+        return (self.base,)
+
+
+@_node
+class Call(Expression):
+    """One of `FUNCTIONS` applied to an argument."""
+
+    function: str
+    argument: Expression
+
+    @property
+    def parts(self) -> tuple[Expression, ...]:
+        """The argument."""
+        return (self.argument,)
+
+
+@dataclass(frozen=True)
+class Condition:
+    """`left comparison right`, with `<`, `<=`, `>`, `>=` or `==`; false where a side is not a number."""
+
+    left: Expression
+    comparison: str
+    right: Expression
+
+    def __bool__(self) -> bool:
+        raise TypeError("a condition of a program is neither true nor false before the program runs: branch by `where`")
+
+
+Operand = Expression | float
+"""What stands beside an expression in arithmetic."""
+
+ZERO, ONE = Number(0.0), Number(1.0)
+
+
+def expression(value: Operand) -> Expression:
+    """Return the value itself, or a number as an expression."""
+    return value if isinstance(value, Expression) else Number(float(value))
+
+
+def add(*terms: Expression) -> Expression:
+    """Sum of `terms`, nested sums flattened and zeros dropped."""
+    flat = [part for term in terms for part in (term.terms if isinstance(term, Sum) else (term,)) if part != ZERO]
+    if len(flat) < 2:
+        return flat[0] if flat else ZERO
+    return Sum(tuple(flat))
+
+
+def multiply(*factors: Expression) -> Expression:
+    """Product of `factors`, nested products flattened, ones dropped, and all numbers folded into one in front."""
+    flat = [part for factor in factors for part in (factor.factors if isinstance(factor, Product) else (factor,))]
+    if ZERO in flat:
+        return ZERO
+    numbers = _folded([part.value for part in flat if isinstance(part, Number)])
+    kept = [*map(Number, numbers), *(part for part in flat if not isinstance(part, Number))]
+    if len(kept) < 2:
+        return kept[0] if kept else ONE
+    return Product(tuple(kept))
+
+
+def power(base: Expression, exponent: float) -> Expression:
+    """`base^exponent`, where the reciprocal of a power is a power."""
+    if exponent == 1.0:
+        return base
+    if exponent == 0.0:
+        return ONE
+    if exponent == -1.0 and isinstance(base, Power):
+        return power(base.base, -base.exponent)
+    return Power(base, float(exponent))
+
+
+def call(function: str, argument: Expression) -> Expression:
+    """`function(argument)`, for one of `FUNCTIONS`."""
+    if function not in FUNCTIONS:
+        raise ExpressionError(f"there is no function `{function}`; there are {', '.join(FUNCTIONS)}")
+    return Call(function, argument)
+
+
+def negate(expression: Expression) -> Expression:
+    """`-expression`."""
+    return multiply(Number(-1.0), expression)
+
+
+def _folded(numbers: list[float]) -> list[float]:
+    """The product of the numbers, as none where it is one; as their magnitudes where it would overflow or lose digits."""
+    product = math.prod(numbers)
+    if sys.float_info.min <= abs(product) < math.inf:
+        return [] if product == 1.0 else [product]
+    magnitudes = [abs(number) for number in numbers if abs(number) != 1.0]
+    sign = math.prod(math.copysign(1.0, number) for number in numbers)
+    return [sign * magnitudes[0], *magnitudes[1:]]

@@ -1,0 +1,304 @@
+"""Has a muscle changed? Two models of it, compared on a common grid inside both training ranges.
+
+Samples of one curve are not independent of each other: a load cell that is off is off along the whole curve. The unit of every statement is
+therefore the curve: one number for each, and what these scatter by says how sure their mean is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.models import CurveRange, Model, Pieces
+from mapmore_cli.modelling.kinds import predict
+from mapmore_cli.modelling.validation.significance import sign_permutation, weighted_mean
+
+CONFIDENCE = 0.95
+EQUIVALENCE = 0.90
+"""Level of the interval that has to lie within the margin: two one-sided tests of 5 % each."""
+
+CHANGED, SAME, UNCLEAR = "changed", "same", "cannot tell"
+"""Answers of a comparison."""
+
+MARGIN = 0.01
+"""Relative change of force that is of no interest: repeats of one measurement differ by about as much."""
+
+GRID, COARSE_GRID = 41, 11
+"""Points along the input that varies within a curve; along each of them where there are several."""
+SAME_LEVEL = 0.05
+"""Share of the distance to the next level within which two levels are the same."""
+
+FEWEST_CURVES = 2
+MOST_POINTS = 6
+
+
+@dataclass(frozen=True)
+class CurveChange:
+    """How a curve of the later model differs from that of the earlier one.
+
+    Attributes
+    ----------
+    ratio, weight
+        `sum(a b)/sum(a^2)` of the earlier output a and the later b at the points of the grid: the factor that turns the one into the other.
+        Its weight in the factor of all curves is the curve's share of `sum(a^2)`.
+    difference, rms
+        Mean and root mean square of `b - a`, in the unit of the output.
+    largest
+        The largest `b - a` by size, and `place` where it is.
+    interpolated
+        True where one of the models has no curve at this level.
+    """
+
+    curve: str
+    level: float | None
+    points: int
+    ratio: float
+    weight: float
+    difference: float
+    rms: float
+    largest: float
+    place: Mapping[str, float]
+    interpolated: bool = False
+
+
+@dataclass(frozen=True)
+class TermChange:
+    """A term of one segment in both models; None where it was not chosen. Coefficients are in the unit of the output."""
+
+    segment: str
+    term: str
+    before: float | None
+    after: float | None
+    error: float  # root of the sum of squares of the standard errors, NaN where one of the two is missing
+
+    @property
+    def moved(self) -> bool:
+        """Whether the coefficient moved by more than twice the standard error of the difference, or the term came or went."""
+        if self.before is None or self.after is None:
+            return True
+        return not abs(self.after - self.before) <= 2 * self.error
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What two models say about one muscle.
+
+    `ratio` is the factor that turns the earlier output into the later one over all curves, by least squares: the mean of the curves' own,
+    weighted by the squares of the output. `interval` is its t-interval with K - 1 degrees of freedom for K curves, `p` is of the test that
+    it is one, and `p_permutation` of the signs of the curves' changes in every combination, None where K is too small for a small p.
+    `narrow` is the interval of the level `EQUIVALENCE`.
+    """
+
+    before: str
+    after: str
+    unit: str
+    curves: tuple[CurveChange, ...]
+    ratio: float
+    interval: tuple[float, float]
+    narrow: tuple[float, float]
+    p: float
+    p_permutation: float | None
+    margin: float
+    terms: tuple[TermChange, ...] = ()
+
+    @property
+    def changed(self) -> bool:
+        """Whether there is a change that is both certain (the interval excludes one) and of interest (larger than the margin)."""
+        low, high = self.interval
+        return (low > 1 or high < 1) and abs(self.ratio - 1) > self.margin
+
+    @property
+    def answer(self) -> str:
+        """`changed`; `same`, where two one-sided tests show that the change is within the margin; or that the data `cannot tell`."""
+        if self.changed:
+            return CHANGED
+        low, high = self.narrow
+        return SAME if 1 - self.margin < low <= high < 1 + self.margin else UNCLEAR
+
+    @property
+    def by_effect(self) -> tuple[CurveChange, ...]:
+        """The curves by the size of their difference (root mean square), the largest first."""
+        return tuple(sorted(self.curves, key=lambda curve: -curve.rms))
+
+
+def compare(before: Model, after: Model, margin: float = MARGIN) -> Comparison:
+    """Compare two models on the curves that both were trained on.
+
+    Raises
+    ------
+    ValueError
+        Where they are of other quantities, or have fewer than two curves in common; the message says which.
+    """
+    if before.output != after.output or set(before.inputs) != set(after.inputs):
+        raise ValueError(f"{before.name} and {after.name} are models of other quantities, or in other units")
+    curves = tuple(_change(before, after, place) for place in common_curves(before, after))
+    ratios, weights = (np.array([getattr(curve, name) for curve in curves]) for name in ("ratio", "weight"))
+    found = weighted_mean(ratios, weights, CONFIDENCE)
+    return Comparison(
+        before=before.name,
+        after=after.name,
+        unit=before.output.unit,
+        curves=tuple(replace(curve, weight=float(share)) for curve, share in zip(curves, weights / weights.sum(), strict=True)),
+        ratio=found.value,
+        interval=found.interval,
+        narrow=weighted_mean(ratios, weights, EQUIVALENCE).interval,
+        p=weighted_mean(ratios - 1, weights, CONFIDENCE).p,
+        p_permutation=sign_permutation(weights * (ratios - 1)),
+        margin=margin,
+        terms=term_changes(before, after),
+    )
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a curve of one model is held against the other: its name, its level, and whether a model is interpolated to get there."""
+
+    curve: str
+    level: float | None
+    interpolated: bool = False
+
+
+def common_curves(before: Model, after: Model) -> list[Place]:
+    """The curves of both models at the same level, or of the same name where there are no levels.
+
+    Where the levels of the two differ, those of the model that has fewer of them inside of both ranges are taken, to which the other is
+    interpolated: no more curves are counted than there are.
+    """
+    first, second = _ranges(before), _ranges(after)
+    if before.level != after.level:
+        raise ValueError(f"the curves of {before.name} and {after.name} are at levels of different quantities")
+    if before.level is None:
+        names = {one.curve for one in second}
+        found = [Place(one.curve, None) for one in first if one.curve in names]
+    else:
+        pairs = _same_levels(first, second)
+        found = [Place(one.curve, (_level(one) + _level(other)) / 2) for one, other in pairs]
+        if len(found) < FEWEST_CURVES:
+            found = min((_inside(first, second), _inside(second, first)), key=len)
+    if len(found) < FEWEST_CURVES:
+        raise ValueError(f"{before.name} and {after.name} have {len(found)} curves in common; a comparison needs at least {FEWEST_CURVES}")
+    return found
+
+
+def _same_levels(first: Sequence[CurveRange], second: Sequence[CurveRange]) -> list[tuple[CurveRange, CurveRange]]:
+    distances = [np.diff(np.sort([_level(one) for one in ranges])) for ranges in (first, second)]
+    near = SAME_LEVEL * float(min(np.concatenate([*distances, [math.inf]])))
+    return [(one, other) for one in first for other in second if abs(_level(one) - _level(other)) <= near]
+
+
+def _inside(ranges: Sequence[CurveRange], others: Sequence[CurveRange]) -> list[Place]:
+    levels = [_level(one) for one in others]
+    return [Place(one.curve, one.level, True) for one in ranges if min(levels) <= _level(one) <= max(levels)]
+
+
+def _ranges(model: Model) -> tuple[CurveRange, ...]:
+    ranges: tuple[CurveRange, ...] = getattr(model.body, "ranges", ())
+    if not ranges or model.memories:
+        raise ValueError(f"{model.name} has no curves to compare: it runs along recordings, or is a sum")
+    return ranges
+
+
+def _level(one: CurveRange) -> float:
+    assert one.level is not None
+    return one.level
+
+
+def grid(before: Model, after: Model, place: Place) -> dict[str, Array]:
+    """Points inside of the ranges of both models by input: evenly spread along every one that varies, in every combination, (m,) each.
+
+    Raises
+    ------
+    ValueError
+        Where the ranges do not overlap.
+    """
+    limits = {name: (_limits(before, place, name), _limits(after, place, name)) for name in (q.name for q in before.inputs)}
+    ends = {name: (max(a[0], b[0]), min(a[1], b[1])) for name, (a, b) in limits.items() if name != before.level}
+    for name, (low, high) in ends.items():
+        if high < low:
+            raise ValueError(f"{place.curve}: the ranges of {name} in {before.name} and {after.name} do not overlap")
+    varying = sum(high > low for low, high in ends.values())
+    count = GRID if varying < 2 else COARSE_GRID
+    axes = {name: np.linspace(low, high, count if high > low else 1) for name, (low, high) in ends.items()}
+    if before.level is not None:
+        axes[before.level] = np.array([place.level])
+    points = np.array(list(product(*axes.values())))
+    return {name: points[:, number] for number, name in enumerate(axes)}
+
+
+def _limits(model: Model, place: Place, name: str) -> tuple[float, float]:
+    """Training range of an input at a place, interpolated between the curves."""
+    ranges = _ranges(model)
+    if place.level is None:
+        return next(one.limits[name] for one in ranges if one.curve == place.curve)
+    levels = [_level(one) for one in ranges]
+    low, high = (float(np.interp(place.level, levels, [one.limits[name][end] for one in ranges])) for end in (0, 1))
+    return low, high
+
+
+def _change(before: Model, after: Model, place: Place) -> CurveChange:
+    points = grid(before, after, place)
+    a, b = predict(before, points), predict(after, points)
+    d = b - a
+    worst = int(np.argmax(np.abs(d)))
+    return CurveChange(
+        place.curve,
+        place.level,
+        len(a),
+        float(a @ b / (a @ a)),
+        float(a @ a),
+        float(d.mean()),
+        float(np.sqrt(np.mean(d**2))),
+        float(d[worst]),
+        {name: float(values[worst]) for name, values in points.items()},
+        place.interpolated,
+    )
+
+
+@dataclass(frozen=True)
+class ReferencePoint:
+    """A place that all models were trained at, and the output of each of them there."""
+
+    inputs: Mapping[str, float]
+    outputs: tuple[float, ...]
+
+
+def reference_points(models: Sequence[Model]) -> list[ReferencePoint]:
+    """The middle of every curve that the first model has in common with the last, inside of the ranges of both; at most `MOST_POINTS`."""
+    first, last = models[0], models[-1]
+    places = common_curves(first, last)
+    shown = sorted({round(place) for place in np.linspace(0, len(places) - 1, min(len(places), MOST_POINTS))})
+    points = []
+    for number in shown:
+        columns = grid(first, last, places[number])
+        middle = {name: values[len(values) // 2 : len(values) // 2 + 1] for name, values in columns.items()}
+        outputs = tuple(float(predict(model, middle)[0]) for model in models)
+        points.append(ReferencePoint({name: float(value[0]) for name, value in middle.items()}, outputs))
+    return points
+
+
+def term_changes(before: Model, after: Model) -> tuple[TermChange, ...]:
+    """Every term of every segment that both models have, with its coefficients `y_slope theta`; none where one has no segments.
+
+    Scalings differ from fit to fit by their ranges, so that a coefficient also moves with the ends of its segment.
+    """
+    if not isinstance(before.body, Pieces) or not isinstance(after.body, Pieces):
+        return ()
+    later = {one.id: one for one in after.body.segments}
+    changes = []
+    for one in before.body.segments:
+        if (other := later.get(one.id)) is None:
+            continue
+        found = [
+            dict(zip(s.terms, zip(s.theta * s.scaling.y_slope, s.theta_error * abs(s.scaling.y_slope), strict=True), strict=True))
+            for s in (one, other)
+        ]
+        for term in dict.fromkeys((*one.terms, *other.terms)):
+            (a, a_error), (b, b_error) = (terms.get(term, (None, math.nan)) for terms in found)
+            error = math.hypot(a_error, b_error)
+            changes.append(TermChange(one.id, term, None if a is None else float(a), None if b is None else float(b), error))
+    return tuple(changes)

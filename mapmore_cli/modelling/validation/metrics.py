@@ -1,0 +1,257 @@
+"""How far predictions lie from measurements, on the whole and by the size of what is measured."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.domain.recording import DIRECTION, Curve, Dataset
+from mapmore_cli.domain.results import Forecast
+from mapmore_cli.domain.scores import Score
+from mapmore_cli.modelling.signals.rates import FALL, RISE
+
+
+@dataclass(frozen=True)
+class Normaliser:
+    """What errors are divided by; a table always names it."""
+
+    name: str
+    value: float
+
+    def fraction(self, error: float) -> float:
+        """The error as a fraction; NaN where there is nothing to divide by."""
+        return error / self.value if self.value > 0 else float("nan")
+
+
+def max_abs(y: Array, quantity: str, split: str) -> Normaliser:
+    """`max |y|` over the samples of a split (M2 eq 13)."""
+    return Normaliser(f"max|{quantity}| over {split}", float(np.abs(y).max()))
+
+
+def extent(y: Array, quantity: str, split: str) -> Normaliser:
+    """`max y - min y` over the samples of a split, for quantities whose zero is arbitrary."""
+    return Normaliser(f"range of {quantity} over {split}", float(np.ptp(y)))
+
+
+NORMALISERS = {"max": max_abs, "range": extent}
+"""By the names that specs have for them."""
+
+
+def score(
+    model: str,
+    target: str,
+    split: str,
+    curve: str,
+    measured: Array,
+    predicted: Array,
+    scale: Normaliser,
+    *,
+    ready: BoolArray | None = None,
+    one_step: Array | None = None,
+    half: Array | None = None,
+) -> Score:
+    """One row of the score table over n pooled samples.
+
+    `RMSE = sqrt(mean (y - yhat)^2)`, `NRMSE = RMSE / scale` (M2 eq 13), `R^2 = 1 - SSE / sum (y - mean y)^2`, which is NaN for a
+    constant y, and `RRSE = sqrt(SSE / sum (y - mean y)^2)`. `scale` is the normaliser over all samples of the split, so that the rows of
+    its curves can be compared.
+
+    Samples that are not `ready` (all are, where nothing is said) are the history that a model with memory goes on from: they count in no
+    number but the spread of the RRSE, as it is usual. `one_step` are predictions from the measured past.
+    `half` are half widths of intervals, NaN where there is none.
+    """
+    known = np.ones(len(measured), dtype=np.bool_) if ready is None else ready
+    y, error = measured[known], (predicted - measured)[known]
+    unit = _unit_of(error, y)
+    spread = float(np.sum(((y - y.mean()) / unit) ** 2))
+    rmse = unit * float(np.sqrt(np.mean((error / unit) ** 2)))
+    worst = float(np.abs(error).max())
+    width = np.full(len(y), np.nan) if half is None else half[known]
+    given = np.isfinite(width)
+    return Score(
+        model=model,
+        target=target,
+        split=split,
+        curve=curve,
+        n=len(y),
+        rmse=rmse,
+        nrmse=scale.fraction(rmse),
+        normaliser=scale.value,
+        normaliser_name=scale.name,
+        max_abs_error=worst,
+        max_abs_error_fs=scale.fraction(worst),
+        r2=1 - float(np.sum((error / unit) ** 2)) / spread if spread > 0 else float("nan"),
+        rrse=relative(error, measured),
+        rrse_one_step=float("nan") if one_step is None else relative((one_step - measured)[known], measured),
+        r_uncentred=uncentred(y, predicted[known]),
+        interval_coverage=float(np.mean(np.abs(error[given]) <= width[given])) if given.any() else float("nan"),
+        interval_half_width=float(np.median(width[given])) if given.any() else float("nan"),
+    )
+
+
+def uncentred(measured: Array, predicted: Array) -> float:
+    """`sum y yhat / sqrt(sum y^2 sum yhat^2)`: W's correlation index, not Pearson's; NaN where either is zero throughout."""
+    measured, predicted = measured / _unit_of(measured), predicted / _unit_of(predicted)
+    size = float(np.linalg.norm(measured) * np.linalg.norm(predicted))
+    return float(measured @ predicted) / size if size > 0 else float("nan")
+
+
+def relative(error: Array, measured: Array) -> float:
+    """`sqrt(sum error^2 / sum (y - mean y)^2)`, of errors of some or all of the measured samples; NaN for a constant y."""
+    unit = _unit_of(error, measured)
+    spread = float(np.sum(((measured - measured.mean()) / unit) ** 2))
+    return float(np.sqrt(np.sum((error / unit) ** 2) / spread)) if spread > 0 else float("nan")
+
+
+EDGES = (0.0, 0.1, 0.25, 0.5, 1.0)
+"""Of the bands, as shares of the largest absolute value of the samples that are compared; low values have the narrower ones."""
+
+
+@dataclass(frozen=True)
+class Band:
+    """Samples whose absolute value lies in one band."""
+
+    low: float  # in the target's unit
+    high: float
+    samples: int
+    rmse: Mapping[str, float]  # by model; NaN where the model has no prediction there
+
+
+def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tuple[Band, ...]:
+    """RMSE of every model in each band, over the held-out samples where there are any, else the training samples.
+
+    `predictions` are by model, for every curve of the dataset. A band without samples is left out.
+    """
+    some_held_out = any(curve.held_out.any() for curve in dataset.curves)
+    masks = [curve.held_out if some_held_out else curve.training for curve in dataset.curves]
+    measured = np.concatenate([curve.columns[dataset.target][mask] for curve, mask in zip(dataset.curves, masks, strict=True)])
+    errors = {
+        model: np.concatenate([values[mask] for values, mask in zip(of_curves, masks, strict=True)]) - measured
+        for model, of_curves in predictions.items()
+    }
+    size = np.abs(measured)
+    edges = np.array(EDGES) * float(size.max(initial=0.0))
+    inside = np.digitize(size, edges[1:-1], right=True)
+    found = []
+    for number, (low, high) in enumerate(pairwise(edges)):
+        rows = inside == number
+        if rows.any():
+            found.append(Band(float(low), float(high), int(rows.sum()), {model: _rmse(error[rows]) for model, error in errors.items()}))
+    return tuple(found)
+
+
+def _rmse(error: Array) -> float:
+    known = error[np.isfinite(error)]
+    return float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")
+
+
+def _unit_of(*values: Array) -> float:
+    """A power of two next to the largest value, in which squares neither vanish nor overflow; dividing by it changes no digit."""
+    largest = max(float(np.abs(array).max(initial=0.0)) for array in values)
+    return math.ldexp(0.5, math.frexp(largest)[1]) if 0 < largest < math.inf else 1.0
+
+
+SPLITS = (("train", False), ("validate", True))
+"""Names of the splits, and whether their samples are held out."""
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Samples of a curve, as measured and as a model says, (n,) each."""
+
+    curve: str
+    measured: Array
+    predicted: Array
+    ready: BoolArray
+    one_step: Array | None
+    half: Array | None
+
+    def score(self, model: str, target: str, split: str, scale: Normaliser) -> Score:
+        """The row of these samples."""
+        return score(
+            model, target, split, self.curve, self.measured, self.predicted, scale, ready=self.ready, one_step=self.one_step, half=self.half
+        )
+
+
+def divisor(dataset: Dataset, normaliser: str) -> Normaliser:
+    """What all errors of a study are divided by: a measure of the validation rows, as in the papers; of the training rows without these.
+
+    `normaliser` is one of `metrics.NORMALISERS`.
+    """
+    held_out = any(curve.held_out.any() for curve in dataset.curves)
+    measured = np.concatenate([curve.columns[dataset.target][curve.held_out == held_out] for curve in dataset.curves])
+    return NORMALISERS[normaliser](measured, dataset.target, "validate" if held_out else "train")
+
+
+def on_common_rows(forecasts: Mapping[str, Sequence[Forecast]]) -> dict[str, tuple[Forecast, ...]]:
+    """The forecasts of every model on the rows that all of them predict: models that need a history would else be scored on fewer rows."""
+    common = [np.logical_and.reduce([found.ready for found in curve]) for curve in zip(*forecasts.values(), strict=True)]
+    return {name: tuple(replace(one, ready=ready) for one, ready in zip(found, common, strict=True)) for name, found in forecasts.items()}
+
+
+def score_rows(
+    model: str,
+    target: str,
+    forecasts: Sequence[Forecast],
+    dataset: Dataset,
+    scale: Normaliser,
+    *,
+    partial: bool = False,
+    group: str | None = None,
+) -> Iterator[Score]:
+    """Rows of one model, whose `forecasts` are those of the dataset's curves; with `partial`, of the samples that it predicts.
+
+    `scale` is the `divisor` of the study. `group` is a quantity: the samples of each of its values also have a row of their own.
+    """
+    every = list(zip(dataset.curves, forecasts, strict=True))
+    for split, held_out in SPLITS:
+        masks = [curve.held_out == held_out for curve, _ in every]
+        counted = [mask & found.ready if partial else mask for mask, (_, found) in zip(masks, every, strict=True)]
+        parts, ways = [], []
+        for (curve, found), mask in zip(every, counted, strict=True):
+            parts += _parts(curve.id, dataset.target, curve, found, mask)
+            for word, sign in (("rise", RISE), ("fall", FALL)):
+                if DIRECTION in curve.columns:
+                    name = f"{curve.id};direction={word}"
+                    ways += _parts(name, dataset.target, curve, found, mask & (curve.columns[DIRECTION] == sign))
+        if not parts:
+            continue
+        yield _pooled(parts).score(model, target, split, scale)
+        for part in (*parts, *ways, *(_of_groups(group, dataset.target, every, counted) if group is not None else ())):
+            yield part.score(model, target, split, scale)
+
+
+def _of_groups(of: str, target: str, every: Sequence[tuple[Curve, Forecast]], masks: Sequence[BoolArray]) -> Iterator[_Part]:
+    """The samples of each group, of all curves together."""
+    for value in np.unique(np.concatenate([curve.columns[of][mask] for (curve, _), mask in zip(every, masks, strict=True)])):
+        chosen = [(curve, found, mask & (curve.columns[of] == value)) for (curve, found), mask in zip(every, masks, strict=True)]
+        found = [part for curve, said, mask in chosen for part in _parts("", target, curve, said, mask)]
+        if found:
+            yield replace(_pooled(found), curve=f"{of}={value:g}")
+
+
+def _parts(name: str, target: str, curve: Curve, found: Forecast, mask: BoolArray) -> list[_Part]:
+    """The samples of a mask; nothing where none of them could be predicted."""
+    if not (mask & found.ready).any():
+        return []
+    one_step = None if found.one_step is None else found.one_step[mask]
+    half = None if found.half is None else found.half[mask]
+    return [_Part(name, curve.columns[target][mask], found.values[mask], found.ready[mask], one_step, half)]
+
+
+def _pooled(parts: Sequence[_Part]) -> _Part:
+    one_steps = [part.one_step for part in parts if part.one_step is not None]
+    halves = [part.half for part in parts if part.half is not None]
+    return _Part(
+        "all",
+        np.concatenate([part.measured for part in parts]),
+        np.concatenate([part.predicted for part in parts]),
+        np.concatenate([part.ready for part in parts]),
+        np.concatenate(one_steps) if len(one_steps) == len(parts) else None,
+        np.concatenate(halves) if len(halves) == len(parts) else None,
+    )

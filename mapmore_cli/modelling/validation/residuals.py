@@ -1,0 +1,193 @@
+"""Is anything left in the errors of a model that a better one could explain? The residual tests of system identification.
+
+Ljung, System Identification (2nd ed., 1999), section 16.6: residuals of a model that explains everything but noise are correlated neither
+with their own past nor with the inputs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.models import Model, Pieces
+from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.domain.scores import OWN, Score
+from mapmore_cli.modelling import literature
+from mapmore_cli.modelling.kinds import outside_range
+
+LAGS = 25
+"""Longest lag, samples; less where records are short."""
+
+PARTS = 10
+"""Parts of the range of an input, each with as many samples, in which the mean residual is told."""
+
+NORMAL_95 = 1.959964
+"""Half the width of the interval that holds 95 % of a standard normal variable."""
+
+
+@dataclass(frozen=True)
+class Correlation:
+    """Correlations `values` (m,) at some `lags` (m,); of noise 95 % lie within `bound` of zero."""
+
+    lags: Array
+    values: Array
+    bound: float
+
+    @property
+    def beyond(self) -> int:
+        """How many lie outside; that of a residual with itself does not count."""
+        return int((np.abs(self.values[self.values < 1.0]) > self.bound).sum())
+
+    @property
+    def tested(self) -> int:
+        """How many could lie outside."""
+        return int((self.values < 1.0).sum())
+
+
+@dataclass(frozen=True)
+class PartMeans:
+    """Mean residual `values` (m,) in parts of an input's range around `places` (m,); of noise 95 % lie within `bounds` (m,) of zero."""
+
+    places: Array
+    values: Array
+    bounds: Array
+
+    @property
+    def beyond(self) -> int:
+        """How many lie outside."""
+        return int((np.abs(self.values) > self.bounds).sum())
+
+    @property
+    def tested(self) -> int:
+        """How many there are."""
+        return len(self.values)
+
+
+def longest_lag(pieces: Sequence[Array]) -> int:
+    """`LAGS`, or a quarter of the longest piece."""
+    return min(LAGS, max(len(piece) for piece in pieces) // 4)
+
+
+def autocorrelation(residuals: Sequence[Array]) -> Correlation:
+    """`r_k = sum_t e_t e_(t+k) / sum_t e_t^2` of residuals less their mean, over pieces that follow one another in time or place.
+
+    Bounds are `1.96/sqrt(n)` for n residuals in all pieces.
+
+    Parameters
+    ----------
+    residuals
+        One array a piece, NaN where there is none.
+    """
+    (e,), n = _centred([residuals])
+    lags = np.arange(longest_lag(residuals) + 1)
+    power = sum(float(piece @ piece) for piece in e)
+    values = np.array([sum(float(piece[: len(piece) - k] @ piece[k:]) for piece in e if len(piece) > k) for k in lags]) / power
+    return Correlation(lags.astype(np.float64), values, NORMAL_95 / np.sqrt(n))
+
+
+def cross_correlation(residuals: Sequence[Array], inputs: Sequence[Array]) -> Correlation:
+    """`r_k = sum_t u_t e_(t+k) / sqrt(sum u^2 sum e^2)`, both less their means: at a positive lag k the input came k samples before."""
+    (e, u), n = _centred([residuals, inputs])
+    most = longest_lag(residuals)
+    lags = np.arange(-most, most + 1)
+    scale = np.sqrt(sum(float(piece @ piece) for piece in e) * sum(float(piece @ piece) for piece in u))
+    values = np.array([sum(_shifted(a, b, int(k)) for a, b in zip(u, e, strict=True)) for k in lags]) / scale
+    return Correlation(lags.astype(np.float64), values, NORMAL_95 / np.sqrt(n))
+
+
+def _shifted(u: Array, e: Array, k: int) -> float:
+    if abs(k) >= len(u):
+        return 0.0
+    return float(u[: len(u) - k] @ e[k:]) if k >= 0 else float(u[-k:] @ e[:k])
+
+
+def _centred(series: Sequence[Sequence[Array]]) -> tuple[list[list[Array]], int]:
+    """Every series less its mean over all pieces, zero at samples where any of them is missing; and how many samples remain."""
+    known = [np.logical_and.reduce([np.isfinite(piece) for piece in pieces]) for pieces in zip(*series, strict=True)]
+    centred = []
+    for one in series:
+        mean = np.concatenate([piece[rows] for piece, rows in zip(one, known, strict=True)]).mean()
+        centred.append([np.where(rows, piece - mean, 0.0) for piece, rows in zip(one, known, strict=True)])
+    return centred, sum(int(rows.sum()) for rows in known)
+
+
+def means_over(residuals: Array, x: Array) -> PartMeans:
+    """Mean residual in parts of the range of an input x: a part for each value where there are few, else `PARTS` of as many samples each.
+
+    Bounds are `1.96 s/sqrt(n_part)`, s the standard deviation of all residuals.
+    """
+    known = np.isfinite(residuals) & np.isfinite(x)
+    e, x = residuals[known], x[known]
+    order = np.argsort(x, kind="stable")
+    starts = np.flatnonzero(np.diff(x[order], prepend=np.nan) != 0)
+    parts = np.split(order, starts[1:]) if len(starts) <= PARTS else np.array_split(order, PARTS)
+    places = np.array([x[part].mean() for part in parts])
+    values = np.array([e[part].mean() for part in parts])
+    return PartMeans(places, values, NORMAL_95 * float(e.std()) / np.sqrt([len(part) for part in parts]))
+
+
+SAME = 1e-9
+"""Relative difference of two predictions, below which they say the same."""
+
+MOSTLY = 0.5
+"""Share of the held-out samples outside of the training range, above which scores are of extrapolation."""
+
+ROWS = {"train": "training data", "validate": "held-out data"}
+
+
+def alarms(model: Model, dataset: Dataset, predictions: Sequence[Array], scores: Sequence[Score]) -> tuple[str, ...]:
+    """Everything that a reader of the scores of the run's own model has to know first, one sentence each.
+
+    Parameters
+    ----------
+    predictions
+        Of the model, for every curve of the dataset.
+    """
+    own = [row for row in scores if row.model == OWN and row.curve == "all"]
+    found = [told for row in own for told in _of_scores(row)]
+    return (*found, *_bare(model, dataset.curves, predictions), *_beyond(model, dataset.curves))
+
+
+def _of_scores(row: Score) -> Iterator[str]:
+    where = ROWS[row.split]
+    if not np.isfinite(row.rmse):
+        yield f"the model has no finite error on the {where}: it is of no use"
+        return
+    if row.r2 <= 0:
+        what = "no better than" if row.r2 == 0 else "worse than"
+        yield f"R² on the {where} is {row.r2:.3g}: the model is {what} the mean of what was measured"
+    if row.max_abs_error_fs > 1:
+        yield f"the largest error on the {where} is {row.max_abs_error_fs:.3g} times the full scale ({row.normaliser_name})"
+
+
+def _bare(model: Model, curves: Sequence[Curve], predictions: Sequence[Array]) -> Iterator[str]:
+    """Pieces that add nothing to their backbone."""
+    body = model.body
+    if not isinstance(body, Pieces) or body.backbone is None:
+        return
+    formula = literature.of(body.backbone)
+    if not body.segments:
+        why = "because its pieces were dropped: left-out training data were predicted worse with them"
+    elif all(_equal(said, formula.predict(body.backbone.parameters, c.columns)) for c, said in zip(curves, predictions, strict=True)):
+        why = "on every sample: its pieces add nothing"
+    else:
+        return
+    yield f"the model says the same as its backbone {formula.name}, {why}"
+
+
+def _equal(a: Array, b: Array) -> bool:
+    return bool(np.allclose(a, b, rtol=SAME, atol=SAME * float(np.abs(b).max(initial=0.0)), equal_nan=True))
+
+
+def _beyond(model: Model, curves: Sequence[Curve]) -> Iterator[str]:
+    """Held-out samples that no training sample surrounds."""
+    held_out = [curve for curve in curves if curve.held_out.any()]
+    every = sum(int(curve.held_out.sum()) for curve in held_out)
+    outside = sum(int(outside_range(model, curve.columns)[curve.held_out].sum()) for curve in held_out)
+    if outside == every > 0:
+        yield "all held-out samples lie outside of the training range: every score of theirs is of extrapolation"
+    elif outside > MOSTLY * every:
+        yield f"{outside} of {every} held-out samples lie outside of the training range: their scores are mostly of extrapolation"

@@ -1,0 +1,263 @@
+"""Write what people look at: `report/index.html`, its figures and tables."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mapmore_cli.domain.errors import DataError, SpecError, UsageError
+from mapmore_cli.domain.foreign import is_one_line
+from mapmore_cli.fitting.stage import Stage, Workspace
+from mapmore_cli.spec.experiment import ExperimentSpec, Muscle
+from mapmore_cli.spec.sections.results import Report, Style, Validate
+from mapmore_cli.storage.run_folder import VALIDATION, RunFiles
+
+if TYPE_CHECKING:
+    from mapmore_cli.domain.models import Equation, Model
+    from mapmore_cli.domain.search import Search
+    from mapmore_cli.reporting.inputs import FigureStyle, ReportInputs
+    from mapmore_cli.reporting.table import Table
+
+METRES_PER_INCH = 0.0254
+
+TABLES = "MAPMORE_TABLES"
+"""The variable that lists folders, beside that of the spec, in which published tables may lie; `--tables` adds to it."""
+
+LARGEST_TABLE = 100_000
+"""Bytes of a published table."""
+
+
+LEFT_OUT = (
+    "Every {0} is left out in turn: the validation scores are those of models of the other {0}s at the one left out. The saved model, "
+    "and the training scores, are of all data."
+)
+
+
+@dataclass(frozen=True)
+class Slice:
+    """What the report shows beyond the results: everything else in the resolved spec makes an earlier stage stale."""
+
+    name: str
+    muscle: Muscle
+    validate: Validate
+    report: Report
+    left_out: str  # what is left out in turn: level, group or nothing
+    unconfirmed: tuple[str, ...] = ()
+
+
+def reads(spec: ExperimentSpec) -> Slice:
+    """The stage's slice of the spec."""
+    return Slice(spec.name, spec.muscle, spec.validation, spec.report, _folds(spec), spec.unconfirmed)
+
+
+def _folds(spec: ExperimentSpec) -> str:
+    split = spec.data.split
+    return "level" if split.leave_one_level_out else "group" if split.leave_one_group_out else ""
+
+
+def run(part: Slice, workspace: Workspace) -> None:
+    """Collect the results of the run and write the page."""
+    from mapmore_cli.reporting.report import write_report
+
+    tables = [published_table(workspace.spec_dir / path) for path in _published(part.report)]
+    inputs = replace(collected(part, workspace.run_dir, workspace.spec_text), published_tables=tuple(tables), search=_search(workspace))
+    for warning in faults_of(inputs.style):
+        workspace.warn(warning)
+    write_report(inputs, workspace.out / "report", part.report.figures, part.report.formats)
+
+
+def _search(workspace: Workspace) -> Search | None:
+    """What was tried, where the structure was searched."""
+    if not workspace.searched:
+        return None
+    from mapmore_cli.fitting.searching import SEARCH, read_search
+
+    return read_search(workspace.run_dir / SEARCH)
+
+
+def _published(report: Report) -> list[str]:
+    return report.published.tables if report.published else []
+
+
+def sources(spec: ExperimentSpec, folder: Path) -> list[Path]:
+    """Return the tables of a publication.
+
+    Raises
+    ------
+    SpecError
+        Where one is missing, is no CSV file, or lies neither below the spec's folder nor below one of `--tables`: a page shows it whole.
+    """
+    paths = [folder / path for path in _published(spec.report)]
+    allowed = [folder, *(Path(place) for place in os.environ.get(TABLES, "").split(os.pathsep) if place)]
+    for path in paths:
+        if not path.is_file():
+            raise SpecError(f"report.published.tables: {path}: no such file", "give a CSV file with a line of headings")
+        if path.suffix != ".csv" or not any(path.resolve().is_relative_to(place.resolve()) for place in allowed):
+            raise SpecError(f"report.published.tables: {path}: is no CSV file below the folder of the spec", "see `--tables`")
+        if path.stat().st_size > LARGEST_TABLE:
+            raise SpecError(f"report.published.tables: {path}: larger than {LARGEST_TABLE // 1000} kB", "give the table of a publication")
+    return paths
+
+
+def published_table(path: Path) -> Table:
+    """A table of a publication as it was transcribed, every cell as text.
+
+    Raises
+    ------
+    SpecError
+        Where the file is no table.
+    """
+    import csv
+
+    from mapmore_cli.reporting.table import Column, Table
+
+    try:
+        with path.open(newline="", encoding="utf-8") as lines:
+            header, *rows = list(csv.reader(lines))
+    except (OSError, UnicodeDecodeError, ValueError) as fault:
+        raise SpecError(f"report.published.tables: {path} cannot be read ({fault})", "give a CSV file with a line of headings") from fault
+    uneven = next((number for number, row in enumerate(rows, start=2) if len(row) != len(header)), None)
+    if not all(is_one_line(cell) for row in (header, *rows) for cell in row):
+        raise SpecError(f"report.published.tables: {path}: has cells with control characters or several lines", "mend the table")
+    if uneven is not None:
+        raise SpecError(f"report.published.tables: {path}: line {uneven} has not {len(header)} cells", "mend the line")
+    return Table(f"published_{path.stem}", f"Published: {path.stem}", tuple(map(Column, header)), tuple(tuple(row) for row in rows))
+
+
+def collected(part: Slice, run_dir: Path, spec_text: str = "") -> ReportInputs:
+    """The results of the stages before, with what the spec says of the report."""
+    from mapmore_cli.modelling.kinds import equations as model_equations
+    from mapmore_cli.reporting.inputs import ReportInputs
+    from mapmore_cli.storage.run_record import tool_versions
+
+    dataset = RunFiles(run_dir).dataset()
+    model = RunFiles(run_dir).model()
+    validation = RunFiles(run_dir).validation()
+    turned = part.validate.as_
+    if turned is not None:
+        dataset = replace(dataset, target=turned)
+    published = part.report.published
+    return ReportInputs(
+        name=part.name,
+        muscle=_labels(part.muscle),
+        target=dataset.quantities[dataset.target],
+        dataset=dataset,
+        segmentation=RunFiles(run_dir).segmentation(),
+        fit=RunFiles(run_dir).fit(),
+        model=model,
+        validation=validation,
+        equations=model_equations(model),
+        other_equations=_in_units(model, part.report.units),
+        published=published.numbers if published else None,
+        spec_text=spec_text,
+        provenance=tool_versions(),
+        warnings=validation.warnings,
+        unconfirmed=part.unconfirmed,
+        notes=(
+            *([LEFT_OUT.format(part.left_out)] if part.left_out else []),
+            *([f"The model predicts {model.output.name}; it is inverted, and scored as {turned}."] if turned is not None else []),
+            *dataset.notes,
+            *model.notes,
+        ),
+        style=_style(part.report.style),
+    )
+
+
+def _style(style: Style) -> FigureStyle:
+    from mapmore_cli.reporting.inputs import FigureStyle
+
+    return FigureStyle(style.width / METRES_PER_INCH, style.font, style.size, style.labels, tuple(style.palette))
+
+
+def faults_of(style: FigureStyle) -> list[str]:
+    """Warnings about a font that this machine does not have; SpecError where the formula in a label is wrong."""
+    if style.font is None and not style.labels:
+        return []
+    from mapmore_cli.reporting.figures.style import has_font, wrong_formula
+
+    for quantity, label in style.labels.items():
+        if fault := wrong_formula(label):
+            remedy = "mend the formula between the dollars, or remove the dollars"
+            raise SpecError(f"report.style.labels.{quantity}: {label!r} cannot be set ({fault})", remedy)
+    if style.font is not None and not has_font(style.font):
+        return [f"report.style.font: {style.font!r} is not installed here; PDF and PNG figures are set in another font"]
+    return []
+
+
+LOOKS = "report.style."
+"""What of a run's spec may be replaced to draw its results anew."""
+
+
+def drawn_figure(
+    run_dir: Path, name: str, key: str | None, suffix: str, warn: Callable[[str], None], looks: Sequence[str] = ()
+) -> tuple[bytes, str | None]:
+    """A figure of a run as a file: all of it, or the panel of one curve (or model) as wide as the spec says, with its numbers as CSV.
+
+    Parameters
+    ----------
+    warn
+        Is told of a font that this machine does not have.
+    looks
+        Values that replace those of the run's spec, as `report.style.width=120 mm`.
+
+    Raises
+    ------
+    DataError
+        Where the folder holds no finished run.
+    UsageError
+        Where there is no such panel (the message names those that there are), or `looks` are about anything else.
+    """
+    from mapmore_cli.reporting.figures.catalogue import drawings, panel_of
+    from mapmore_cli.reporting.figures.drawing import alone, compose
+    from mapmore_cli.reporting.figures.saving import WRITERS
+    from mapmore_cli.reporting.figures.style import figure_style
+    from mapmore_cli.reporting.report import data_csv
+    from mapmore_cli.spec.loader import load
+
+    if not (run_dir / VALIDATION).is_file():
+        raise DataError(f"{run_dir}: holds no finished run", "give a folder that `mapmore run` wrote, as runs/NAME")
+    if other := next((one for one in looks if not one.startswith(LOOKS)), None):
+        raise UsageError(f"--set {other}: changes more than looks", f"set a key of {LOOKS.rstrip('.')}, or run the study anew")
+    inputs = collected(reads(load(run_dir / "experiment.yaml", looks).spec), run_dir)
+    for warning in faults_of(inputs.style):
+        warn(warning)
+    with figure_style(inputs.style):
+        if key is None:
+            found = drawings(name, inputs)
+            if not found:
+                raise UsageError(f"{run_dir}: has nothing to draw as {name!r}", "choose another figure")
+            figure = compose(found[0], inputs.style)
+            return WRITERS[suffix](figure, found[0].name, found[0].alt), None
+        drawing, panel = panel_of(name, inputs, key)
+        figure = alone(drawing, panel, inputs.style)
+        return WRITERS[suffix](figure, drawing.name, drawing.alt), data_csv(panel.data)
+
+
+def _in_units(model: Model, units: Mapping[str, str]) -> dict[str, tuple[Equation, ...]]:
+    """The equations in other units of some quantities, and of the rates that follow from these."""
+    from mapmore_cli.modelling.kinds import equations as model_equations
+    from mapmore_cli.spec.units import convert, default_unit
+
+    if not units:
+        return {}
+    rates = {signal.name: signal.of for signal in model.signals if signal.kind == "rate"}
+    known = {**{quantity.name: quantity.unit for quantity in model.inputs if quantity.name not in rates}, **units}
+    named = {quantity.name: default_unit(quantity.name, known, rates) for quantity in model.inputs}
+    factors = {quantity.name: convert(1.0, named[quantity.name], quantity.unit) for quantity in model.inputs}
+    changed = {quantity.name: factors[quantity.name] for quantity in model.inputs if named[quantity.name] != quantity.unit}
+    words = ", ".join(f"{name} in {named[name]}" for name in changed)
+    return {words: model_equations(model, changed)} if changed else {}
+
+
+def _labels(muscle: Muscle) -> dict[str, str]:
+    words = {"name": muscle.name, "kind": muscle.kind}
+    return {
+        **{key: word for key, word in words.items() if word is not None},
+        **{key: f"{value * 1000:g} mm" for key, value in muscle.lengths.items() if value is not None},
+    }
+
+
+STAGE = Stage(name="report", revision=5, outputs=("report",), reads=reads, run=run, sources=sources)

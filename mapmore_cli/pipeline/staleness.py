@@ -1,0 +1,216 @@
+"""Which stages of a run are up to date, and why the others are not."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pydantic import BaseModel
+
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.fitting.stage import Stage
+from mapmore_cli.pipeline.needs import MODEL_STAGE, Needed, needed_runs
+from mapmore_cli.spec.experiment import ExperimentSpec
+from mapmore_cli.spec.tree import keys_at
+from mapmore_cli.storage.run_record import StageRecord, Stamp, load_records, take_stamp
+
+if TYPE_CHECKING:
+    from mapmore_cli.spec.loader import LoadedSpec
+
+SHORT_MARK = 12
+"""Digits of the fingerprint of another run that a reason shows."""
+
+LONGEST_REASON = 6
+"""Changes that a reason lists before it only counts the rest."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a stage would be made from now, beside what it was made from.
+
+    `part` is the slice of the spec, `slice` the same as JSON values. `outputs` are the stamps of the committed files that still exist.
+    `reason` says why the stage has to run, None where it is up to date.
+    """
+
+    stage: Stage
+    part: Any
+    slice: Any
+    fingerprint: str
+    before: str
+    inputs: Mapping[str, Stamp]
+    outputs: Mapping[str, Stamp]
+    needed: tuple[Needed, ...] = ()
+    reason: str | None = None
+
+
+def plan_stages(
+    stages: Sequence[Stage],
+    until: str,
+    loaded: LoadedSpec,
+    run_dir: Path,
+    records: Mapping[str, StageRecord],
+    rehash: bool,
+    force: bool,
+    heirs: tuple[Path, ...] = (),
+) -> Iterator[Plan]:
+    """The plan of every stage up to `until`, in order, from the files as they are now; `heirs` are the specs that need this one.
+
+    Raises
+    ------
+    DataError
+        Where a source is missing or cannot be read.
+    """
+    previous: Plan | None = None
+    for stage in stages:
+        known = records.get(stage.name)
+        part = stage.reads(loaded.spec)
+        needed = needed_runs(stage, loaded, heirs)
+        chosen = {**plain(part), **{f"run {run.key}": _mark_of(run, stages, run_dir.parent, rehash) for run in needed}}
+        before = previous.fingerprint if previous else ""
+        inputs = _source_stamps(stage, loaded, known, rehash)
+        mark = fingerprint(stage.name, stage.revision, chosen, before, {path: stamp.sha256 for path, stamp in inputs.items()})
+        outputs = _output_stamps(run_dir, known, rehash)
+        plan = Plan(stage, part, chosen, mark, before, inputs, outputs, tuple(needed))
+        reasons = ["forced"] if force else _reasons(plan, known, previous)
+        previous = replace(plan, reason=_joined(reasons) if reasons else None)
+        yield previous
+        if stage.name == until:
+            return
+
+
+def as_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
+    """The spec with the structure that the search of its run has found; as it is where it asks for none, or nothing was found yet."""
+    if loaded.spec.model.type != "auto":
+        return loaded
+    from mapmore_cli.fitting.searching import as_found
+
+    return as_found(loaded, run_dir)
+
+
+def _mark_of(run: Needed, stages: Sequence[Stage], runs: Path, rehash: bool) -> str:
+    """Fingerprint of the model of another run, whether it exists yet or not; of a compared run, of the model that it has."""
+    run_dir = runs / run.loaded.spec.name
+    records = load_records(run_dir, lambda _message: None)
+    if run.role == "compared" and MODEL_STAGE in records:
+        return records[MODEL_STAGE].fingerprint[:SHORT_MARK]
+    *_, last = plan_stages(stages, MODEL_STAGE, as_found(run.loaded, run_dir), run_dir, records, rehash, False, run.heirs)
+    return last.fingerprint[:SHORT_MARK]
+
+
+def _reasons(plan: Plan, known: StageRecord | None, previous: Plan | None) -> list[str]:
+    """Everything that differs from the committed entry."""
+    if known is None:
+        return ["never ran"]
+    reasons = [f"stage revision {known.revision} -> {plan.stage.revision}"] if known.revision != plan.stage.revision else []
+    reasons += slice_differences(plan.stage.name, known.slice, plan.slice)
+    reasons += _file_differences("source", known.inputs, plan.inputs)
+    if previous and known.before != plan.before:
+        reasons.append(f"follows from {previous.stage.name}")
+    if not reasons and known.fingerprint != plan.fingerprint:
+        reasons.append("run.json does not fit its own entries")
+    return [*reasons, *_output_differences(plan.stage, known.outputs, plan.outputs)]
+
+
+def _output_differences(stage: Stage, known: Mapping[str, Stamp], found: Mapping[str, Stamp]) -> list[str]:
+    changed = _file_differences("output", known, found)
+    recorded = {path for name in known for path in (name, name.split("/", 1)[0])}
+    return [*changed, *(f"output missing: {output}" for output in stage.outputs if output not in recorded)]
+
+
+def _file_differences(what: str, known: Mapping[str, Stamp], found: Mapping[str, Stamp]) -> list[str]:
+    gone = "missing" if what == "output" else "removed"
+    return [
+        *(f"{what} {gone}: {path}" for path in known if path not in found),
+        *(f"{what} changed: {path}" for path, stamp in found.items() if path in known and known[path].sha256 != stamp.sha256),
+        *(f"{what} added: {path}" for path in found if path not in known),
+    ]
+
+
+def _source_stamps(stage: Stage, loaded: LoadedSpec, known: StageRecord | None, rehash: bool) -> dict[str, Stamp]:
+    old = known.inputs if known else {}
+    stamps = {}
+    for source in stage.sources(loaded.spec, loaded.folder):
+        path = Path(os.path.relpath(source, loaded.folder)).as_posix()
+        try:
+            stamps[path] = take_stamp(source, old.get(path), rehash)
+        except OSError as fault:
+            raise DataError(f"{path}: cannot be read ({fault.strerror})", "check the file and its permissions") from fault
+    return dict(sorted(stamps.items()))
+
+
+def _output_stamps(run_dir: Path, known: StageRecord | None, rehash: bool) -> dict[str, Stamp]:
+    old = known.outputs if known else {}
+    return {path: take_stamp(run_dir / path, stamp, rehash) for path, stamp in old.items() if (run_dir / path).is_file()}
+
+
+def _joined(reasons: Sequence[str]) -> str:
+    shown = list(reasons[:LONGEST_REASON])
+    rest = len(reasons) - len(shown)
+    return "; ".join([*shown, f"and {rest} more"] if rest else shown)
+
+
+LONGEST_VALUE = 60
+"""Characters of a value that a difference shows."""
+
+NOT_SET = "not set"
+
+
+def plain(value: Any) -> Any:
+    """A slice (frozen dataclasses, spec models and what they hold) as JSON values, under the names of the YAML file."""
+    if isinstance(value, BaseModel):
+        return {field.alias or name: plain(getattr(value, name)) for name, field in type(value).model_fields.items()} | plain(
+            value.model_extra or {}
+        )
+    if is_dataclass(value):
+        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
+    if isinstance(value, Mapping):
+        return {str(key): plain(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(part) for part in value]
+    return value
+
+
+def fingerprint(name: str, revision: int, part: Any, before: str, contents: Mapping[str, str]) -> str:
+    """SHA-256 of a stage's name and revision, its slice `part`, the fingerprint `before` it, and the hashes of its sources by path."""
+    whole = {"stage": name, "revision": revision, "slice": part, "before": before, "sources": contents}
+    canonical = json.dumps(whole, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+def slice_differences(stage: str, old: Any, new: Any) -> list[str]:
+    """Every changed key of a stage's slice with both values, as `fuse.z_s: 0.25 -> 0.3`."""
+    if not isinstance(old, dict) or not isinstance(new, dict):
+        return list(_differences(stage, old, new))
+    keys = [*new, *(key for key in old if key not in new)]
+    return [text for key in keys for text in _differences(place_in_spec(key, stage), old.get(key, NOT_SET), new.get(key, NOT_SET))]
+
+
+def place_in_spec(key: str, stage: str) -> str:
+    """Where a key of a stage's slice stands in the YAML file: `levels` is `data.levels`, `against` is `validate.against`."""
+    sections = {field.alias or name: field.annotation for name, field in ExperimentSpec.model_fields.items()}
+    if key in sections:
+        return key
+    homes = [name for name, section in sections.items() if isinstance(section, type) and key in keys_at(section, ())]
+    return f"{homes[0] if homes else stage}.{key}"  # `levels` of fuse stands inside its own section, so the first home is the one
+
+
+def _differences(place: str, old: Any, new: Any) -> Iterator[str]:
+    if isinstance(old, dict) and isinstance(new, dict):
+        for key in [*new, *(key for key in old if key not in new)]:
+            yield from _differences(f"{place}.{key}", old.get(key, NOT_SET), new.get(key, NOT_SET))
+    elif isinstance(old, list) and isinstance(new, list) and len(old) == len(new) and any(isinstance(part, dict) for part in new):
+        for number, (before, after) in enumerate(zip(old, new, strict=True)):
+            yield from _differences(f"{place}[{number}]", before, after)
+    elif old != new:
+        was, now = _shown(old), _shown(new)
+        yield f"{place}: {was} -> {now}" if was != now else f"{place} changed"
+
+
+def _shown(value: Any) -> str:
+    text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= LONGEST_VALUE else f"{text[: LONGEST_VALUE - 1]}…"

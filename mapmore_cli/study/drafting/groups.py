@@ -1,0 +1,192 @@
+"""Which files belong to one study, by their layout and by what their names say."""
+
+from __future__ import annotations
+
+import glob
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.storage.globs import expand, relative_name
+from mapmore_cli.storage.readers import READERS, reader_of, suffix_of
+from mapmore_cli.storage.text_streams import lines_of
+from mapmore_cli.study.drafting.preview import Preview, preview, shared_start
+
+_REPEAT = re.compile(r"(?:test|run|rep|repeat|trial|take|try|no|nr|cycle)?\d{1,2}", re.IGNORECASE)
+_REPEAT_WORD = re.compile(r"test|run|rep|repeat|trial|take|try|no|nr", re.IGNORECASE)
+_SIZE = re.compile(r"\d+(?:[.,]\d+)?(?:mm|cm|m|in)", re.IGNORECASE)
+_NUMBER = re.compile(r"(\d+(?:[.,]\d+)?)\s*(?:(kpa|pa|mpa|bar|mbar|psi|pct|percent|%|mm|cm)(?![a-z])|(?![a-z0-9]))", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class NameParts:
+    """What one name says among the others.
+
+    `group` holds the words that tell studies apart (sizes of a muscle, kinds), `condition` the one that may say what was held; `is_repeat`
+    says whether a number of a repeat is part of it.
+    """
+
+    group: tuple[str, ...]
+    condition: str | None
+    is_repeat: bool
+
+
+def words_of(name: str) -> list[str]:
+    """The words of a file's name, without its suffixes."""
+    stem = name[:-3] if name.casefold().endswith(".gz") else name
+    stem = stem[: len(stem) - len(suffix_of(Path(name)))]
+    return [word for word in re.split(r"[_\s]+", stem) if word]
+
+
+def read_names(names: Sequence[str]) -> list[NameParts]:
+    """Compare names word by word; where they have different numbers of words they say nothing.
+
+    Among the words that vary, sizes (`10cm`) and words without numbers tell groups apart, `Test8` is a repeat, and the last one of the
+    others that some of the names have a number in is the condition.
+    """
+    split = [words_of(name) for name in names]
+    if len({len(words) for words in split}) != 1:
+        return [NameParts((), None, False) for _ in names]
+    kinds = [
+        "constant" if len(set(column)) == 1 else _kind(column, split[0][:place]) for place, column in enumerate(zip(*split, strict=True))
+    ]
+    numbered = [place for place, kind in enumerate(kinds) if kind == "condition"]
+    held = numbered[-1] if numbered else None
+    return [
+        NameParts(
+            tuple(word for word, kind in zip(words, kinds, strict=True) if kind == "group"),
+            None if held is None else words[held],
+            "repeat" in kinds,
+        )
+        for words in split
+    ]
+
+
+def number_in(word: str) -> tuple[float, str | None] | None:
+    """The number of a word with its unit of pressure or length, or `%`: (25, None) of `kinked25`, (19, "mm") of `kinked19mm2`."""
+    found = _NUMBER.search(word)
+    if found is None:
+        return None
+    units = {"kpa": "kPa", "pa": "Pa", "mpa": "MPa", "pct": "%", "percent": "%"}
+    return float(found[1].replace(",", ".")), units.get(found[2].casefold(), found[2].casefold()) if found[2] else None
+
+
+def _kind(column: Sequence[str], before: Sequence[str]) -> str:
+    if all(_REPEAT.fullmatch(word) and (not word.isdigit() or _follows_repeat_word(before)) for word in column):
+        return "repeat"
+    if all(_SIZE.fullmatch(word) for word in column):
+        return "group"
+    return "condition" if any(number_in(word) for word in column) else "group"
+
+
+def _follows_repeat_word(before: Sequence[str]) -> bool:
+    return bool(before) and _REPEAT_WORD.fullmatch(before[-1]) is not None
+
+
+@dataclass(frozen=True)
+class Group:
+    """Files of one layout with what their names say; `alone` where the folder has no other group.
+
+    `beside` is the file whose one column belongs beside the one column of this.
+    """
+
+    files: tuple[Path, ...]
+    names: tuple[NameParts, ...]
+    layout: Preview
+    alone: bool = True
+    beside: Group | None = None
+
+    @property
+    def label(self) -> str:
+        """A name for the study: that of the folder where it has no other, else the words that all its files share."""
+        words = [words_of(path.name) for path in self.files]
+        common = [word for word in words[0] if all(word in other for other in words)]
+        return self.files[0].parent.name if (self.alone and len(self.files) > 1) or not common else "_".join(common)
+
+
+def find_groups(path: Path) -> tuple[list[Group], list[str]]:
+    """The groups of files under a path, the largest first, and for every other file why it is left out.
+
+    Raises DataError where the path does not exist.
+    """
+    if not path.exists():
+        raise DataError(f"{path}: no such file or folder", "give a recording, or a folder of recordings")
+    files = [path] if path.is_file() else sorted(file for file in path.rglob("*") if _is_recording(file, path))
+    left_out = []
+    columns: dict[Path, Preview] = {}
+    layouts: dict[tuple[Path, str], tuple[Preview, list[Path]]] = {}
+    for file in files:
+        try:
+            layout = preview(file)
+        except DataError as fault:
+            try:
+                columns[file] = preview(file, least=1)
+            except DataError:
+                left_out.append(fault.message)
+            continue
+        layouts.setdefault((file.parent, repr(layout)), (layout, []))[1].append(file)
+    groups = [group for layout, members in layouts.values() for group in _by_names(members, layout)]
+    pairs = _pairs(columns)
+    paired = {file for group in pairs for file in (*group.files, *(group.beside.files if group.beside else ()))}
+    left_out += [f"{file.name}: a single column, and no other of as many rows beside it" for file in columns if file not in paired]
+    groups += pairs
+    folders = Counter(group.files[0].parent for group in groups)
+    groups = [replace(group, alone=folders[group.files[0].parent] == 1) for group in groups]
+    return sorted(groups, key=lambda group: (-len(group.files), group.files[0])), left_out
+
+
+def _pairs(columns: Mapping[Path, Preview]) -> list[Group]:
+    """Two files of a single column in one folder, of as many lines: the first one by its name, with the other beside it."""
+    found = []
+    for folder in dict.fromkeys(file.parent for file in columns):
+        files = sorted(file for file in columns if file.parent == folder and reader_of(file) == READERS["csv"])
+        if len(files) == 2 and (count := _lines(files[0])) is not None and count == _lines(files[1]):
+            first, other = (Group((file,), (NameParts((), None, False),), columns[file]) for file in files)
+            found.append(replace(first, beside=other))
+    return found
+
+
+def _lines(file: Path) -> int | None:
+    """The number of lines; None of a damaged file."""
+    try:
+        return sum(1 for _ in lines_of(file))
+    except DataError:
+        return None
+
+
+def _is_recording(file: Path, folder: Path) -> bool:
+    """True for a file of a known format that is neither hidden nor the result of a run."""
+    inside = file.relative_to(folder)
+    ours = any((folder / parent / "run.json").is_file() for parent in inside.parents)
+    return file.is_file() and reader_of(file) is not None and not ours and not any(p.startswith(".") for p in inside.parts)
+
+
+def _by_names(files: Sequence[Path], layout: Preview) -> list[Group]:
+    """Files whose names have equally many words and the same words where these tell groups apart."""
+    members: dict[tuple[int, tuple[str, ...]], list[tuple[Path, NameParts]]] = {}
+    for count in dict.fromkeys(len(words_of(file.name)) for file in files):
+        alike = [file for file in files if len(words_of(file.name)) == count]
+        for file, part in zip(alike, read_names([file.name for file in alike]), strict=True):
+            members.setdefault((count, part.group), []).append((file, part))
+    return [Group(tuple(file for file, _ in group), tuple(part for _, part in group), layout) for group in members.values()]
+
+
+def patterns(files: Sequence[Path], folder: Path) -> list[str]:
+    """Globs from `folder` that match these files and no others: one where there is one, else the files themselves."""
+    parent = relative_name(files[0].parent, folder)
+    where = "" if parent == "." else f"{glob.escape(parent)}/"
+    for pattern in _candidates([file.name for file in files]):
+        if len(files) > 1 and {path.resolve() for path in expand(where + pattern, folder)} == {path.resolve() for path in files}:
+            return [where + pattern]
+    return [relative_name(file, folder) for file in files]
+
+
+def _candidates(names: Sequence[str]) -> list[str]:
+    """Patterns made of the words at which all names begin and end; the shortest are tried first."""
+    begin = shared_start(names).rstrip("0123456789")
+    end = shared_start([name[::-1] for name in names])[::-1]
+    words = [end[mark.start() :] for mark in re.finditer(r"(?:\.[A-Za-z]\w*)+$|[_\s-]", end)][::-1]
+    return [f"{glob.escape(start)}*{glob.escape(stop)}" for stop in words for start in (begin, "")]

@@ -1,0 +1,394 @@
+"""What the name of a column says: which quantity it holds, in which unit."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.recording import Curve
+from mapmore_cli.modelling.expressions.operator import linear
+from mapmore_cli.modelling.expressions.recursion import followed
+from mapmore_cli.modelling.signals.cycles import bin_means
+from mapmore_cli.modelling.signals.rates import rate
+
+_WORDS = {
+    "time": ("t", "time", "times", "timestamp", "seconds", "elapsed", "zeit", "clock"),
+    "pressure": ("p", "press", "pressure", "druck", "pression", "gauge"),
+    "strain": ("eps", "epsilon", "e", "strain", "contraction", "dehnung", "kontraktion", "ε"),
+    "force": ("f", "force", "kraft", "tension", "pull", "loadcell"),
+    "displacement": ("d", "x", "disp", "displacement", "position", "pos", "stroke", "extension", "weg"),
+    "length": ("l", "len", "length"),
+    "load": ("load", "weight", "mass"),
+    "input": ("u", "v", "input", "command", "cmd", "voltage", "setpoint"),
+}
+_UNITS = {
+    "time": {"s": "s", "sec": "s", "secs": "s", "seconds": "s", "ms": "ms", "msec": "ms", "us": "us", "min": "min", "h": "h"},
+    "pressure": {"pa": "Pa", "hpa": "hPa", "kpa": "kPa", "mpa": "MPa", "bar": "bar", "mbar": "mbar", "psi": "psi", "mmhg": "mmHg"},
+    "strain": {"pct": "%", "percent": "%", "perc": "%", "%": "%", "frac": "1", "fraction": "1", "ratio": "1", "1": "1"},
+    "force": {"n": "N", "kn": "kN", "mn": "mN", "lbf": "lbf", "kgf": "kgf"},
+    "displacement": {"um": "um", "mm": "mm", "cm": "cm", "m": "m", "in": "in"},
+    "length": {"um": "um", "mm": "mm", "cm": "cm", "m": "m", "in": "in"},
+    "load": {"n": "N", "kn": "kN", "lbf": "lbf", "kgf": "kgf"},
+    "input": {"v": "V", "mv": "mV", **dict.fromkeys(("pa", "kpa", "bar", "psi"), "")},
+}
+_OF_WORD = {word: quantity for quantity, words in _WORDS.items() for word in words}
+_ONLY_PRESSURE = {unit for unit in _UNITS["pressure"] if len(unit) > 2}
+
+
+@dataclass(frozen=True)
+class ColumnTitle:
+    """A column's name, read: the `quantity` it names, and its `unit` where the name has one.
+
+    `plain` is True where nothing else stands in the name: `force_N` is plainer than `force_N_total`.
+    """
+
+    quantity: str
+    unit: str | None
+    plain: bool
+
+
+def read_label(name: str) -> ColumnTitle | None:
+    """What a column's name says: `pressure_kPa` and `P [kPa]` are pressures in kPa; None for a name that says nothing.
+
+    The first word that names a quantity decides, and a unit is looked for behind it; without such a word, a unit of pressure does.
+    """
+    words = [word.casefold() for word in re.findall(r"%|[^\W\d_]+|\d+", _apart(name))]
+    place = next((i for i, word in enumerate(words) if word in _OF_WORD), None)
+    if place is None:
+        unit = next((word for word in words if word in _ONLY_PRESSURE), None)
+        return ColumnTitle("pressure", _UNITS["pressure"][unit], plain=False) if unit else None
+    quantity = "input" if {"cmd", "command", "setpoint"} & set(words) else _OF_WORD[words[place]]
+    units = _UNITS[quantity]
+    found = [i for i in range(place + 1, len(words)) if words[i] in units]
+    unit = units[words[found[0]]] if found else None
+    return ColumnTitle(quantity, unit or None, plain=len(words) == 1 + bool(found))
+
+
+def unit_in(quantity: str, text: str) -> str | None:
+    """The unit of a quantity that a text holds, as `[kN]` under a column's name; None for none."""
+    words = [word.casefold() for word in re.findall(r"%|[^\W\d_]+|\d+", text)]
+    return next((_UNITS[quantity][word] or None for word in words if word in _UNITS.get(quantity, {})), None)
+
+
+def _apart(name: str) -> str:
+    """The name with its camel-case words apart; units as kPa and MPa stay whole."""
+    return re.sub(r"(?<=[a-z]{3})(?=[A-Z])", " ", name)
+
+
+HINGED = "sarosi_hinged"
+"""The formula that is made for it."""
+
+GROUPS = 8  # of strain, where it is not held at fewer values
+BINS = 24  # of pressure
+FEWEST_BINS = 8  # that must hold samples: at a few held pressures no threshold can be seen
+SLACK = 0.05  # of the largest force
+WIDTH = 0.15  # of the pressure range, that a foot has at least
+BEND = 3.0  # times the slope of the foot, which the force must rise by beyond it
+
+
+@dataclass(frozen=True)
+class Foot:
+    """Threshold pressures `(m,)` at the strains `(m,)` that have a foot, in the units of the samples."""
+
+    strain: Array
+    threshold: Array
+
+
+def slack_foot(pressure: Array, strain: Array, force: Array) -> Foot | None:
+    """Find the slack foot of samples `(n,)` at many pressures; None where there is none.
+
+    Samples are grouped by strain and averaged in bins of pressure. A group has a foot where the force stays within 5 % of its largest value
+    from the lowest pressure over at least 15 % of the range, and rises three times as steeply beyond. (A plain formula that is linear
+    in pressure crosses this band at a constant slope.) There is a foot where two groups have one and the threshold rises with strain.
+    """
+    span, full = float(np.ptp(pressure)), float(np.max(np.abs(force), initial=0.0))
+    if not span or not full:
+        return None
+    found = []
+    for middle, members in _groups(strain):
+        p, f = _binned((pressure[members] - pressure.min()) / span, force[members] / full)
+        end = _end_of_foot(p, f)
+        if end is not None:
+            found.append((middle, pressure.min() + span * end))
+    if len(found) < 2:
+        return None
+    at, threshold = np.array(found).T
+    return Foot(at, threshold) if threshold[-1] > threshold[0] and np.corrcoef(at, threshold)[0, 1] > 0 else None
+
+
+def _groups(strain: Array) -> list[tuple[float, IntArray]]:
+    """The middle of each group of strains in ascending order, with the rows that belong to it."""
+    low, span = float(strain.min()), float(np.ptp(strain)) or 1.0
+    place = np.round((strain - low) / span * 200).astype(int)  # strains within half a per cent of the range are one
+    if len(np.unique(place)) > GROUPS:
+        place = np.minimum((strain - low) / span * GROUPS, GROUPS - 1).astype(int)
+    return [(float(np.median(strain[place == group])), np.flatnonzero(place == group)) for group in np.unique(place)]
+
+
+def _binned(p: Array, f: Array) -> tuple[Array, Array]:
+    """Mean pressure and mean force of every bin that holds samples."""
+    place = np.minimum(p * BINS, BINS - 1).astype(int)
+    counts = np.bincount(place, minlength=BINS)
+    filled = counts > 0
+    p_mean, f_mean = (np.bincount(place, values, minlength=BINS)[filled] / counts[filled] for values in (p, f))
+    return p_mean, f_mean
+
+
+def _end_of_foot(p: Array, f: Array) -> float | None:
+    """Pressure at which the foot ends, given the binned force of one group; both relative to their ranges."""
+    taut = np.flatnonzero(np.abs(f) > SLACK)
+    if len(p) < FEWEST_BINS or not taut.size:
+        return None
+    end = int(taut[0]) - 1
+    if end < 1 or p[end] - p[0] < WIDTH:
+        return None
+    slope_of_foot = abs(f[end] - f[0]) / (p[end] - p[0])
+    slope_beyond = (f[-1] - f[end]) / (p[-1] - p[end])
+    return float(p[end]) if slope_beyond > BEND * slope_of_foot else None
+
+
+SLOW = 0.04  # of the pressure range per second
+SHORTEST = 0.1  # s, width of the window in which the rate is found
+SAMPLES = 8  # that the window must hold
+MIDDLE = (0.1, 0.9)  # of the pressure range
+
+
+@dataclass(frozen=True)
+class Settling:
+    """How a pressure settles.
+
+    Attributes
+    ----------
+    limit
+        Rate per second, a round number, below which a sample counts as settled.
+    share
+        Part of all samples that is settled.
+    share_between
+        Part of the samples in the middle of the pressure range that is settled: staircases rest there, and sweeps do not.
+    window
+        Width of the window in which the rate was found, in s.
+    """
+
+    limit: float
+    share: float
+    share_between: float
+    window: float
+
+
+def settling(records: Sequence[tuple[Array, Array]]) -> Settling | None:
+    """Find which share of the samples is settled, of records given as time in s and pressure, each `(n,)`.
+
+    None where the pressure does not move, or the time stamps do not let a rate be found.
+    """
+    pressures = np.concatenate([pressure for _, pressure in records])
+    steps = np.concatenate([np.diff(time) for time, _ in records])
+    if not np.ptp(pressures) or not (steps > 0).any() or (steps < 0).any():
+        return None
+    window = max(SHORTEST, two_digits(SAMPLES * float(np.mean(steps))))
+    limit = two_digits(SLOW * float(np.ptp(pressures)))
+    try:
+        rates = np.concatenate([rate(time, pressure, window, order=2) for time, pressure in records])
+    except DataError:  # gaps that are wider than the window
+        return None
+    settled = np.abs(rates) < limit
+    low, high = (pressures.min() + place * np.ptp(pressures) for place in MIDDLE)
+    between = settled[(pressures > low) & (pressures < high)]
+    return Settling(limit, float(np.mean(settled)), float(np.mean(between)) if between.size else 0.0, window)
+
+
+def two_digits(value: float) -> float:
+    """A positive number, rounded to two digits, as a person would choose it."""
+    return float(f"{round(value, 1 - math.floor(math.log10(value))):.6g}")
+
+
+# What is remembered ----------------------------------------------------------------------------------------------------------
+
+KNOTS = 12  # of the curve over the input of now
+DELAYS = (1, 2)  # samples
+LAGS = (4, 16, 64)  # samples
+TENTHS = 10  # parts of each record, of which every second one is learnt from
+MOST_SHOWN = 20_000  # samples that are looked at, one in so many of longer records
+RIDGE = 1e-6
+THERE_AND_BACK = 1.9  # ranges that an input travels at least
+
+
+@dataclass(frozen=True)
+class Remembered:
+    """Errors of a response, relative to its standard deviation: `now` by the input of the same sample, `before` by earlier ones as well."""
+
+    now: float
+    before: float
+
+
+def remembered(records: Sequence[tuple[Array, Array]]) -> Remembered | None:
+    """How much better earlier samples of an input tell the response, of records given as input and response, each `(n,)`, in order.
+
+    Two least-squares fits learn from every second tenth of each record and are tried on the others: a curve of 12 pieces over the input of
+    now, and the same with the input delayed and followed slowly. None where the input does not go there and back: nothing then tells the
+    two from each other.
+    """
+    every = -(-sum(len(u) for u, _ in records) // MOST_SHOWN)
+    records = [(u[::every], y[::every]) for u, y in records]
+    drive = np.concatenate([u for u, _ in records])
+    response = np.concatenate([y for _, y in records])
+    scale = float(np.ptp(drive)) or 1.0
+    if sum(float(np.abs(np.diff(u)).sum()) for u, _ in records) < THERE_AND_BACK * scale:
+        return None
+    knots = np.unique(np.quantile(drive, np.linspace(0, 1, KNOTS + 1)))
+    hats = np.column_stack([np.interp(drive, knots, row) for row in np.eye(len(knots))])
+    past = np.concatenate([_earlier((u - drive.min()) / scale) for u, _ in records])
+    learn = np.concatenate([np.arange(len(u)) * TENTHS // len(u) % 2 == 0 for u, _ in records])
+    spread = float(np.std(response[~learn])) or 1.0
+    errors = [_tried(columns, response, learn) / spread for columns in (hats, np.column_stack([hats, past]))]
+    return Remembered(*errors)
+
+
+def untold(drives: Sequence[Sequence[Array]], response: Sequence[Array]) -> float:
+    """The RMSE, relative to its spread, of a response by several inputs now and before; the arrays `(n,)` are those of each record.
+
+    Least squares on the inputs, their squares, delayed and slowly followed copies; it learns from every second tenth of each record.
+    1 where the lengths of columns differ.
+    """
+    every = -(-sum(map(len, response)) // MOST_SHOWN)
+    columns = []
+    if any([len(one) for one in drive] != [len(one) for one in response] for drive in drives):
+        return 1.0  # one of them lacks values
+    for drive in drives:
+        pooled = np.concatenate(drive)
+        scaled = [(values[::every] - pooled.min()) / (float(np.ptp(pooled)) or 1.0) for values in drive]
+        columns.append(np.concatenate([np.column_stack([one, one**2, _earlier(one)]) for one in scaled]))
+    y = np.concatenate([values[::every] for values in response])
+    learn = np.concatenate([np.arange(len(one[::every])) * TENTHS // len(one[::every]) % 2 == 0 for one in response])
+    if learn.all() or not learn.any():
+        return 1.0
+    return _tried(np.column_stack([np.ones(len(y)), *columns]), y, learn) / (float(np.std(y[~learn])) or 1.0)
+
+
+def _earlier(u: Array) -> Array:
+    """The input delayed and followed slowly, and the square of the latter, `(n, 8)`."""
+    delayed = [np.concatenate([np.full(min(k, len(u)), u[0]), u[:-k]])[: len(u)] for k in DELAYS]
+    slow = [followed(linear([1 - 1 / lag], [1 / lag]), u) for lag in LAGS]
+    return np.column_stack([*delayed, *slow, *(one**2 for one in slow)])
+
+
+def _tried(columns: Array, y: Array, learn: BoolArray) -> float:
+    """RMSE on the rows that a ridge regression has not learnt from."""
+    gram = columns[learn].T @ columns[learn]
+    weights = np.linalg.solve(gram + RIDGE * np.trace(gram) / len(gram) * np.eye(len(gram)), columns[learn].T @ y[learn])
+    return float(np.sqrt(np.mean((y[~learn] - columns[~learn] @ weights) ** 2)))
+
+
+# One signal in two units ------------------------------------------------------------------------------------------------------
+
+SAME = 0.9999  # correlation, from which two columns are one signal
+FEWEST_SAME = 30  # samples, below which a straight line may be chance
+
+
+def same_signals(columns: Sequence[Array]) -> list[list[int]]:
+    """The places of columns `(n,)` that are one another times a constant, plus one, a list for each signal that is there more than once.
+
+    Columns of different lengths, as where one lacks values, are not compared.
+    """
+    families: list[list[int]] = []
+    for place, column in enumerate(columns):
+        if len(column) < FEWEST_SAME or not np.ptp(column):
+            continue
+        family = next((one for one in families if _one_signal(columns[one[0]], column)), None)
+        families.append([place]) if family is None else family.append(place)
+    return [family for family in families if len(family) > 1]
+
+
+def _one_signal(first: Array, second: Array) -> bool:
+    if len(first) != len(second):
+        return False
+    every = -(-len(first) // MOST_SHOWN)
+    return abs(float(np.corrcoef(first[::every], second[::every])[0, 1])) >= SAME
+
+
+TOGETHER, FARTHEST = 0.9, 30  # correlation of a command with what it commands, and samples that this may lag behind
+
+
+def leads(first: Array, second: Array) -> bool:
+    """True where the second column `(n,)` repeats the first one later: a command, and what was measured of it."""
+    n = len(first)
+    if n != len(second) or n < 4 * FARTHEST or not np.ptp(first) or not np.ptp(second):
+        return False
+    inner = first[FARTHEST : n - FARTHEST]
+    later = [second[FARTHEST + lag : n - FARTHEST + lag] for lag in range(-FARTHEST, FARTHEST + 1)]
+    alike = [np.corrcoef(inner, one)[0, 1] if np.ptp(inner) and np.ptp(one) else 0.0 for one in later]
+    return bool(np.max(alike) > TOGETHER and int(np.argmax(alike)) > FARTHEST)
+
+
+# What was set ----------------------------------------------------------------------------------------------------------------
+
+EVEN = 0.8  # of the steps from sample to sample, that are one step up or down where a quantity was set
+ALIKE = 0.02  # of the step, that these may differ
+
+
+def set_in_steps(records: Sequence[Array]) -> float | None:
+    """Return the step by which a quantity was set from sample to sample, given `(n,)` of each recording; None where it was measured.
+
+    A logger's resolution makes values even as well, but not the way from one sample to the next.
+    """
+    steps = np.abs(np.concatenate([np.empty(0), *(np.diff(values) for values in records)]))
+    steps = steps[steps > 0]
+    if steps.size < FEWEST_BINS:
+        return None
+    step = float(np.median(steps))
+    return step if np.mean(np.abs(steps - step) <= ALIKE * step) >= EVEN else None
+
+
+# Levels that tell of each other ----------------------------------------------------------------------------------------------
+
+PLACES = 100  # along a curve, at which levels are compared
+FEWEST_LEVELS = 4
+TELLS = 0.5  # times the error of the mean of all other levels, that the neighbours leave at most where they tell of a level
+
+
+@dataclass(frozen=True)
+class Neighbourhood:
+    """RMSE at inner levels of what lies between their two `neighbours`, and of the mean of all `others`, by the largest value."""
+
+    neighbours: float
+    others: float
+
+    @property
+    def tells(self) -> bool:
+        """True where a level follows from its neighbours, as models that go from curve to curve have it."""
+        return self.neighbours <= TELLS * self.others
+
+    def __str__(self) -> str:
+        return f"an error of {self.neighbours:.0%} of the largest, and {self.others:.0%} by the mean of all others"
+
+
+def neighbourhood(curves: Sequence[Curve], along: str, target: str) -> Neighbourhood | None:
+    """Leave each inner level out, and see what the curves at the others say of its target over `along`; None with fewer than four levels.
+
+    Each curve is averaged in 100 bins and interpolated between them, and held beyond its ends; there is no model in it.
+    """
+    found = {curve.level: _course(curve.columns[along], curve.columns[target]) for curve in curves if curve.level is not None}
+    levels = sorted(found)
+    largest = max((float(np.abs(y).max()) for _, y in found.values()), default=0.0)
+    if len(levels) < FEWEST_LEVELS or not largest:
+        return None
+    near, far = [], []
+    for i in range(1, len(levels) - 1):
+        x, y = found[levels[i]]
+        said = np.array([np.interp(x, *found[level]) for level in levels])
+        part = (levels[i] - levels[i - 1]) / (levels[i + 1] - levels[i - 1])
+        near.append((1 - part) * said[i - 1] + part * said[i + 1] - y)
+        far.append(np.delete(said, i, axis=0).mean(axis=0) - y)
+    errors = (float(np.sqrt(np.mean(np.concatenate(one) ** 2))) / largest for one in (near, far))
+    return Neighbourhood(*errors)
+
+
+def _course(x: Array, y: Array) -> tuple[Array, Array]:
+    """Places along a curve in ascending order, and the means there."""
+    places, means = bin_means(x, {"y": y}, np.linspace(x.min(), x.max(), PLACES + 1))
+    return places, means["y"]

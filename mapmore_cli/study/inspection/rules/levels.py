@@ -1,0 +1,106 @@
+"""Rules about curves and segments: enough samples to fit, and validation data within reach."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.fitting.kinds.choices import level_of
+from mapmore_cli.modelling.pieces.recipe import Cuts
+from mapmore_cli.modelling.selection import AUTO
+from mapmore_cli.spec.check_study import formula_called
+from mapmore_cli.spec.sections.dictionary import entries_of, texts_in
+from mapmore_cli.study.inspection.subject import Issue, Subject
+
+FEWEST = 5  # samples that show the shape of a curve
+SOME = 0.05  # of the validation samples, that may lie beyond a range that the split does not go by
+BEYOND = 0.01  # of the training range, that held-out samples may lie outside
+
+
+def few_samples(subject: Subject) -> Iterator[Issue]:
+    """A curve of three samples has no shape."""
+    for curve in _dataset(subject).curves:
+        if curve.size < FEWEST:
+            message = f"{curve.id} has {curve.size} sample{'s' if curve.size > 1 else ''}"
+            remedy = "leave the level out, widen `levels.within`, or loosen `keep`"
+            yield Issue("warning", "few-samples", subject.where("data", "levels"), message, remedy, "data")
+
+
+def segments(subject: Subject) -> Iterator[Issue]:
+    """Every segment needs more training samples than terms."""
+    from mapmore_cli.fitting.kinds.pieces import cuts_of
+    from mapmore_cli.modelling.pieces.segmentation import cut_by_course
+
+    spec, dataset = subject.spec, _dataset(subject)
+    fits_decide = any(isinstance(cut, Cuts) and cut.method == "optimal" for cut in spec.segment.values())
+    if spec.model.type != "mapmore" or fits_decide:
+        return
+    by_level = level_of(spec.data.levels, spec.segment) is not None
+    try:
+        cut = cut_by_course(dataset.curves, by_level, cuts_of(spec.segment), dataset.target)
+    except DataError as error:
+        yield Issue("error", "empty-segment", subject.where("segment"), error.message, error.remedy or "use fewer segments", "data")
+        return
+    least = 1 if spec.fit.max_terms == AUTO else spec.fit.most_terms
+    for curve in cut:
+        short = [piece for piece in curve.segments if len(piece.rows) <= least]
+        if short:
+            told = ", ".join(f"{piece.id} ({len(piece.rows)})" for piece in short)
+            message = f"too few training samples for {least} term(s) in {told}"
+            remedy = "use fewer segments, lower `fit.max_terms`, or keep more samples of this curve"
+            yield Issue("error", "short-segment", subject.where("segment"), message, remedy, "data")
+
+
+def beyond_training(subject: Subject) -> Iterator[Issue]:
+    """Held-out samples outside of the training range test extrapolation, which is rarely meant."""
+    hold_out, dataset = subject.spec.data.split.hold_out, _dataset(subject)
+    if hold_out is None:
+        return
+    chosen = {*([dataset.level] if dataset.level else ()), *hold_out.quantities}
+    inputs = _inputs(subject)
+    for name in dict.fromkeys((*sorted(chosen), *inputs)):
+        training, validation = _values(dataset, name, held_out=False), _values(dataset, name, held_out=True)
+        if not training.size:
+            continue
+        margin = BEYOND * float(np.ptp(training))
+        outside = validation[(validation < training.min() - margin) | (validation > training.max() + margin)]
+        if outside.size > (0 if name in chosen else SOME * validation.size):
+            message = (
+                f"validation samples have {name} {outside.min():.6g} to {outside.max():.6g}, "
+                f"outside of the training range {training.min():.6g} to {training.max():.6g}"
+            )
+            if outside.min() == outside.max():
+                message = message.replace(f" to {outside.max():.6g}, ", ", ", 1)
+            if name not in chosen:
+                message = f"{outside.size / validation.size:.0%} of the {message}"
+            place = subject.where("data", "split", "validate", name)
+            yield Issue("warning", "validation-outside", place, message, "hold out an inner value, unless extrapolation is what you test")
+
+
+def _inputs(subject: Subject) -> list[str]:
+    """The measured quantities that the model is a function of, but the time."""
+    spec = subject.spec
+    texts = [text for loc, _, family in entries_of(spec.dictionary) for _, text, _ in texts_in(loc, family)]
+    formula = formula_called(spec, spec.model.backbone or spec.model.name)
+    used = {*spec.segment, *(formula.inputs if formula is not None else ())}
+    used |= {name for text in texts for name in re.findall(r"[A-Za-z_]\w*", text)}
+    return [name for name in _dataset(subject).quantities if name in used and name in spec.data.measured and name != "time"]
+
+
+def _values(dataset: Dataset, name: str, held_out: bool) -> Array:
+    """A quantity's samples on one side of the split; of the level quantity, the levels themselves."""
+    parts = []
+    for curve in dataset.curves:
+        values = curve.columns[name] if name != dataset.level or curve.level is None else np.full(curve.size, curve.level)
+        parts.append(values[curve.held_out == held_out])
+    return np.concatenate(parts)
+
+
+def _dataset(subject: Subject) -> Dataset:
+    assert subject.dataset is not None, "a rule of curves was given none"
+    return subject.dataset

@@ -1,0 +1,171 @@
+"""Rules about samples: what was recorded, what was left out, and whether it is static."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Collection, Iterator
+
+import numpy as np
+
+from mapmore_cli.domain.recording import Recording
+from mapmore_cli.modelling import literature
+from mapmore_cli.spec.units import convert
+from mapmore_cli.study.inspection import evidence
+from mapmore_cli.study.inspection.subject import Issue, Subject
+
+MUCH = 0.5  # of the samples, lost for a reason that the spec does not ask for
+MOST = 0.95  # of the samples, left out on purpose
+UNSETTLED = 0.2  # of the samples
+AT_REST = 0.5  # of the largest value: nearer to zero nothing is clipped
+CLIPPED, LONGEST, FAR_MORE = 0.01, 20, 10  # share, number, and times any other number, of samples at one end
+FROM_SENSORS = ("force", "pressure", "load")  # what hardly stops by itself at one number: its sensor does
+HELD, MOVED = 0.05, 0.2  # movement within a recording, relative to the largest value: at most of what is held, at least of what is not
+
+
+def constant(subject: Subject) -> Iterator[Issue]:
+    """A quantity that never changes explains nothing; a target that never changes needs no explanation."""
+    for name in subject.spec.data.columns:
+        values = subject.pooled(name)
+        if np.ptp(values) == 0 and len(values) > 1:
+            target = name == subject.spec.target_quantity
+            message = f"{name} is {values[0]:g} in every sample"
+            remedy = "name another column" if target else "name another column, or leave it out"
+            yield Issue("error" if target else "warning", "constant", subject.source(name), message, remedy, "data")
+
+
+def same_signal(subject: Subject) -> Iterator[Issue]:
+    """A sensor's volts and what is computed of them are one signal: neither tells anything of the other."""
+    names = [name for name in subject.spec.data.measured if name != "time" and subject.has(name)]
+    for family in evidence.same_signals([subject.pooled(name) for name in names]):
+        told = " and ".join(names[place] for place in family)
+        remedy = "keep the one of them that was measured; another sensor has to tell the other quantity"
+        message = f"{told} are one signal: each is the other times a constant, plus one (correlation {evidence.SAME} or more)"
+        yield Issue("error", "same-signal", subject.source(names[family[-1]]), message, remedy)
+
+
+def clipped(subject: Subject) -> Iterator[Issue]:
+    """A sensor at its end reads one number for a long time, where it otherwise hardly reads any number twice."""
+    levels = subject.spec.data.levels
+    for name in (name for name in subject.spec.data.columns if name != "time" and (levels is None or name != levels.of)):
+        for recording in (one for one in subject.recordings if name in one.columns and one.rows_kept):
+            values = recording.columns[name]
+            numbers, counts = np.unique(values, return_counts=True)
+            for end, side in ((0, "above"), (-1, "below")):
+                usual = int(np.delete(counts, end).max(initial=0))
+                at_rest = abs(numbers[end]) < AT_REST * np.abs(subject.pooled(name)).max()  # a slack muscle pulls with nothing for long
+                if not usual or at_rest or counts[end] <= max(LONGEST, FAR_MORE * usual, CLIPPED * len(values)):
+                    continue
+                at = f"{numbers[end]:.6g} {subject.units[name]}"
+                count = f"{counts[end]} of {len(values)} samples have {name} at exactly {at}"
+                message = f"{recording.source}: {count}: clipped, or a limit that it has"
+                leave_out = f"leave them out, as `keep: [{{quantity: {name}, {side}: {numbers[end]:.6g}}}]`"
+                remedy = f"where the sensor is at its end, {leave_out}; where {name} itself stops there (a stop, a full tank), keep them"
+                known = name in FROM_SENSORS
+                yield Issue("warning" if known else "hint", "clipped", subject.source(name), message, remedy, "data")
+
+
+def cycles_of_noise(subject: Subject) -> Iterator[Issue]:
+    """Cycles of a quantity that was held are cycles of its noise."""
+    cycles = subject.spec.data.cycles
+    others = [name for name in ("pressure", "strain", "displacement", "length") if cycles and name != cycles.over and subject.has(name)]
+    if cycles is None or not others or not subject.has(cycles.over):
+        return
+    moves = {name: _movement(subject, name) for name in (cycles.over, *others)}
+    most = max(others, key=moves.__getitem__)
+    if moves[cycles.over] < HELD and moves[most] > MOVED:
+        held = f"{cycles.over} moves by {moves[cycles.over]:.1%} of its largest value within a recording, and {most} by {moves[most]:.0%}"
+        message, remedy = f"{held}: `cycles` cuts noise", f"say `cycles: {{over: {most}}}`, and `levels` of {cycles.over}"
+        yield Issue("warning", "cycles-of-noise", subject.where("data", "cycles"), message, remedy)
+
+
+def _movement(subject: Subject, name: str) -> float:
+    """How far a quantity moves within the recordings, in the middle, relative to the largest value; the ends may be glitches."""
+    largest = float(np.abs(subject.pooled(name)).max()) or 1.0
+    spans = [np.ptp(np.quantile(one.columns[name], (0.05, 0.95))) for one in subject.recordings if one.rows_kept]
+    return float(np.median(spans)) / largest
+
+
+def force_never_pulls(subject: Subject) -> Iterator[Issue]:
+    """A muscle pulls, and the models take pull as positive."""
+    if subject.has("force"):
+        force = subject.pooled("force")
+        if force.max() <= 0 and force.min() < 0:
+            message = f"the force is never positive (it runs from {force.min():.4g} to {force.max():.4g}): its sign looks turned"
+            yield Issue("warning", "force-never-positive", subject.source("force"), message, "say `scale: -1`, so that pull is positive")
+
+
+def recorded_twice(subject: Subject) -> Iterator[Issue]:
+    """A copied file counts twice, and a copy among the validation data makes them worthless."""
+    held_out = _held_out(subject)
+    first: dict[bytes, Recording] = {}
+    for recording in (recording for recording in subject.recordings if recording.rows_kept):
+        twin = first.setdefault(_digest(recording, subject.spec.data.columns), recording)
+        if twin is recording:
+            continue
+        leak = (twin.id in held_out) != (recording.id in held_out)
+        message = f"{recording.source} has the same samples as {twin.source}" + (", and one of them validates the other" if leak else "")
+        yield Issue("error" if leak else "warning", "recorded-twice", recording.source, message, "leave one of them out", "data")
+
+
+def many_dropped(subject: Subject) -> Iterator[Issue]:
+    """Samples that are lost rather than left out: missing values, and those that are at no level."""
+    conditions = {"missing value": ("data", "missing"), "no level": ("data", "levels")}
+    read = sum(recording.rows_read for recording in subject.recordings)
+    for reason, loc in conditions.items():
+        lost = sum(n for r in subject.recordings for why, n in r.dropped.items() if why.startswith(reason))
+        if lost > MUCH * read:
+            message = f"{lost / read:.0%} of {read} samples are lost: {reason}"
+            yield Issue("warning", "many-dropped", subject.where(*loc), message, "look at the columns, or at `levels`", "data")
+    for recording in subject.recordings:
+        lost = sum(recording.dropped.values())
+        if recording.rows_kept < (1 - MOST) * (recording.rows_kept + lost):  # resampling loses nothing
+            why = "; ".join(f"{count}: {reason}" for reason, count in recording.dropped.items())
+            message = f"{recording.rows_kept} of {recording.rows_read} samples are kept ({why})"
+            yield Issue("hint", "few-kept", recording.source, message, "see whether `data.keep` and `data.levels` mean this", "data")
+
+
+def unsettled(subject: Subject) -> Iterator[Issue]:
+    """While the pressure changes, the force lags: the sensor sits at the valve."""
+    data, level = subject.spec.data, subject.dataset.level if subject.dataset else None
+    asked = any(keep.quantity.endswith("_rate") for keep in data.keep) or data.cycles is not None
+    if subject.spec.target != "static" or asked or level == "pressure" or not subject.has("time", "pressure"):
+        return
+    records = [(convert(r.columns["time"], subject.units["time"], "s"), r.columns["pressure"]) for r in subject.recordings if r.rows_kept]
+    found = evidence.settling(records)
+    if found is not None and found.share < 1 - UNSETTLED:
+        unit = f"{subject.units['pressure']}/s"
+        message = f"the pressure changes by more than {found.limit:g} {unit} in {1 - found.share:.0%} of the samples: hardly static"
+        window = f"{1000 * found.window:g} ms"
+        remedy = (
+            f"derive `pressure_rate: {{rate_of: pressure, window: {window}, order: 2}}` and "
+            f"`keep: [{{quantity: pressure_rate, abs_below: {found.limit:g} {unit}}}]`"
+        )
+        yield Issue("hint", "unsettled", subject.where("data"), message, remedy)
+
+
+def slack_foot(subject: Subject) -> Iterator[Issue]:
+    """A plain formula spends its terms on the corner at the threshold pressure; a hinge is made for it (`sarosi_hinged`)."""
+    model = subject.spec.model
+    if subject.spec.target != "static" or evidence.HINGED not in literature.names() or evidence.HINGED in (model.backbone, model.name):
+        return
+    if not subject.has("pressure", "strain", "force"):
+        return
+    found = evidence.slack_foot(*(subject.pooled(name) for name in ("pressure", "strain", "force")))
+    if found is not None:
+        low, high = found.threshold.min(), found.threshold.max()
+        message = f"the muscle is slack below {low:.0f} to {high:.0f} {subject.units['pressure']}, more so the more it is contracted"
+        yield Issue("hint", "slack-foot", subject.where("model"), message, f"try `model: {{type: mapmore, backbone: {evidence.HINGED}}}`")
+
+
+def _held_out(subject: Subject) -> set[str]:
+    """Ids of the recordings of which a sample validates."""
+    curves = subject.dataset.curves if subject.dataset else ()
+    return {name for curve in curves if curve.held_out.all() for name in curve.recordings}
+
+
+def _digest(recording: Recording, names: Collection[str]) -> bytes:
+    """A fingerprint of what was measured; what is set for a file does not make it another."""
+    told = hashlib.sha256()
+    for name in sorted(name for name in recording.columns if name in names):
+        told.update(name.encode() + np.ascontiguousarray(recording.columns[name]).tobytes())
+    return told.digest()

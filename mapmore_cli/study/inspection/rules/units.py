@@ -1,0 +1,127 @@
+"""Rules about units: numbers of a size that no muscle has."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.spec.units import convert, default_unit
+from mapmore_cli.storage.readers import READERS
+from mapmore_cli.study.inspection.evidence import read_label, unit_in
+from mapmore_cli.study.inspection.subject import Issue, Subject
+
+LARGEST_STRAIN = 1.5
+LARGEST_PRESSURE = 5000.0  # kPa
+PRESSURE_IN_BAR = (1.0, 12.0)  # largest value: a usual supply in bar
+STRONGEST_PULL = 25.0  # times pressure and bore area; a braid of 20 degrees reaches 14 at zero strain
+LONGEST_STEP, SAMPLES_OF_A_LOGGER = 0.2, 1000  # s
+LONGEST_RECORD = 12 * 3600.0  # s
+
+
+def strain_in_per_cent(subject: Subject) -> Iterator[Issue]:
+    """A strain of more than 1.5 was meant in per cent."""
+    if subject.has("strain"):
+        largest = float(np.abs(subject.pooled("strain", "1")).max())
+        if largest > LARGEST_STRAIN:
+            message = f"strain reaches {largest:.3g}, which is {100 * largest:.4g} %: it looks like per cent read as a fraction"
+            yield Issue("error", "strain-in-per-cent", subject.source("strain"), message, 'say `unit: "%"`')
+
+
+def pressure_in_pascals(subject: Subject) -> Iterator[Issue]:
+    """A pressure of more than 5 MPa was meant in Pa."""
+    if subject.has("pressure"):
+        largest = float(np.abs(subject.pooled("pressure", "kPa")).max())
+        if largest > LARGEST_PRESSURE:
+            message = f"pressure reaches {largest:.6g} kPa: it looks like Pa read as {_declared(subject, 'pressure')}"
+            yield Issue("error", "pressure-in-pascals", subject.source("pressure"), message, "say `unit: Pa`")
+
+
+def pressure_in_bar(subject: Subject) -> Iterator[Issue]:
+    """A pressure that never exceeds a few kPa may have been meant in bar."""
+    if subject.has("pressure") and _declared(subject, "pressure") == "kPa":
+        largest = float(np.abs(subject.pooled("pressure", "kPa")).max())
+        if PRESSURE_IN_BAR[0] <= largest <= PRESSURE_IN_BAR[1]:
+            message = f"pressure reaches no more than {largest:.3g} kPa: it may be bar"
+            yield Issue("warning", "pressure-in-bar", subject.source("pressure"), message, "say `unit: bar` if it is")
+
+
+def pull_of_the_bore(subject: Subject) -> Iterator[Issue]:
+    """No muscle pulls much harder than a braided one, `F = P pi r^2 (3/tan^2 - 1/sin^2)(braid angle)` at zero strain."""
+    diameter = subject.spec.muscle.diameter
+    if diameter is None or not subject.has("pressure", "force"):
+        return
+    bore = float(np.abs(subject.pooled("pressure", "Pa")).max()) * math.pi * diameter**2 / 4
+    pull = float(subject.pooled("force", "N").max())
+    if bore > 0 and pull > STRONGEST_PULL * bore:
+        message = (
+            f"the force reaches {pull:.4g} N, {pull / bore:.0f} times pressure times bore area; {STRONGEST_PULL:g} is more than braids give"
+        )
+        remedy = "look at the pressure's unit (psi, bar?), the force's and `muscle.diameter`"
+        yield Issue("warning", "force-too-large", subject.source("pressure"), message, remedy)
+
+
+def time_in_milliseconds(subject: Subject) -> Iterator[Issue]:
+    """A logger takes many samples a second, and a test lasts minutes: slower stamps may be in ms, unless their name tells the unit."""
+    column = subject.spec.data.columns.get("time")
+    label = read_label(column.column) if column is not None and isinstance(column.column, str) else None
+    if not subject.has("time") or (label is not None and label.unit is not None):
+        return
+    for recording in subject.recordings:
+        time = convert(recording.columns["time"], subject.units["time"], "s")
+        if len(time) < SAMPLES_OF_A_LOGGER:
+            continue
+        step, length = float(np.median(np.diff(time))), float(time[-1] - time[0])
+        if step > LONGEST_STEP or length > LONGEST_RECORD:
+            message = f"{recording.source}: one sample every {step:.3g} s, {length / 3600:.3g} hours in all, which is slow for a muscle"
+            yield Issue("hint", "time-in-milliseconds", subject.source("time"), message, "say `unit: ms` if the stamps are in ms")
+            return  # the others are of the same logger
+
+
+def unit_in_the_name(subject: Subject) -> Iterator[Issue]:
+    """A column that is called `P_psi` is hardly in kPa."""
+    for name, column in subject.spec.data.columns.items():
+        label = read_label(column.column) if isinstance(column.column, str) else None
+        declared = column.unit or default_unit(name, subject.spec.units)
+        if label is None or label.unit is None or label.quantity != name or column.scale != 1.0:
+            continue
+        try:
+            factor = convert(1.0, label.unit, declared)
+        except SpecError:  # the name means something else
+            continue
+        if not math.isclose(factor, 1.0):
+            message = f"column '{column.column}' is read in {declared}, but its name says {label.unit}"
+            yield Issue("warning", "unit-in-name", subject.source(name), message, f'say `unit: "{label.unit}"`, or rename the column')
+
+
+def unit_line(subject: Subject) -> Iterator[Issue]:
+    """A line of units under the names says kN, and the column is read in N."""
+    data = subject.spec.data
+    peek = READERS[data.reader].peek
+    if peek is None or int(data.header) < 2 or not subject.recordings:
+        return
+    path = subject.folder / subject.recordings[0].source
+    for top in peek(path, data.skip_rows + int(data.header)):
+        if all(getattr(data, key) == value for key, value in top.settings.items() if key in type(data).model_fields):
+            names, *below = [list(map(str, row)) for row in top.rows[data.skip_rows :]] or [[]]
+            yield from _units_below(subject, [name.strip() for name in names], below)
+            return
+
+
+def _units_below(subject: Subject, names: list[str], below: list[list[str]]) -> Iterator[Issue]:
+    for name, column in subject.spec.data.columns.items():
+        place = column.column if isinstance(column.column, int) else names.index(column.column) if column.column in names else None
+        texts = [row[place] for row in below if place is not None and place < len(row)]
+        unit = next((found for text in texts if (found := unit_in(name, text)) is not None), None)
+        declared = column.unit or default_unit(name, subject.spec.units)
+        if unit is not None and column.scale == 1.0 and not math.isclose(convert(1.0, unit, declared), 1.0):
+            message = f"column '{column.column}' is read in {declared}, but the line under its name says {unit}"
+            yield Issue("warning", "unit-line", subject.source(name), message, f'say `unit: "{unit}"`, or `scale` if the line is wrong')
+
+
+def _declared(subject: Subject, name: str) -> str:
+    """The unit that a quantity is read in."""
+    column = subject.spec.data.columns.get(name)
+    return (column.unit if column is not None else None) or subject.units[name]

@@ -1,0 +1,139 @@
+"""A model as a function, for notebooks and scripts."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import prod
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.domain.models import Equation, Model
+from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.modelling.inverse import LOWEST, Inverse, invert
+from mapmore_cli.modelling.kinds import equations as model_equations
+from mapmore_cli.modelling.kinds import outside_range, predict, slopes
+from mapmore_cli.modelling.signals.rates import with_signals
+from mapmore_cli.modelling.validation.intervals import interval
+from mapmore_cli.study.prediction.records import reading_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+@dataclass(frozen=True, repr=False)
+class LoadedModel:
+    """Callable with one keyword for every input, in the model's units; with `time`, rates and directions may be left out.
+
+    A model with memory takes one recording: its `time` in s, and the measured output where it goes on from that.
+
+    Examples
+    --------
+    >>> model = load_model("runs/dmsp-20-88-static/model.h5")  # doctest: +SKIP
+    >>> model(pressure=[100.0, 200.0], strain=0.1)             # doctest: +SKIP
+    array([112.3, 271.9])
+    """
+
+    model: Model
+    scores: Sequence[Mapping[str, Any]] = ()  # rows of scores.json beside the file
+
+    def __repr__(self) -> str:
+        """A line: what the model predicts, from what."""
+        inputs = ", ".join(f"{quantity.name} [{quantity.unit}]" for quantity in self.inputs) or "its own past"
+        return f"<model {self.model.name}: {self.output.name} [{self.output.unit}] of {inputs}>"
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The units of the inputs and of the output."""
+        return {quantity.name: quantity.unit for quantity in (*self.inputs, self.output)}
+
+    @property
+    def inputs(self) -> tuple[Quantity, ...]:
+        """Names and units of the inputs."""
+        return self.model.inputs
+
+    @property
+    def output(self) -> Quantity:
+        """Name and unit of what the model predicts."""
+        return self.model.output
+
+    @property
+    def equations(self) -> tuple[Equation, ...]:
+        """The model in physical units, as text and LaTeX."""
+        return model_equations(self.model)
+
+    def __call__(self, **columns: ArrayLike) -> Array:
+        """Output at the inputs, which are broadcast against each other; NaN where an input is not finite.
+
+        With `time`, the inputs are samples of one recording, from which the model's rates and directions follow, and along which a model
+        with memory runs (NaN before there is history). Warns (UserWarning) where points lie outside of the training range. Raises
+        `TypeError` for an input that is missing or that the model does not have.
+        """
+        flat, shape = self._flattened(columns)
+        outside = int(outside_range(self.model, flat).sum())
+        if outside:
+            warnings.warn(f"{outside} of {prod(shape)} point(s) lie outside of the training range of {self.model.name}", stacklevel=2)
+        return predict(self.model, flat).reshape(shape)
+
+    def plot(self, ax: Axes | None = None, interval: float | None = None) -> Axes:
+        """Draw the model over its training range, a line for every training curve; on `ax`, or on a new figure.
+
+        With `interval`, as 0.95, bands that hold a sample of a new curve with that probability. Raises `TypeError` for a model that runs
+        along recordings: call it with one, and draw that; `DataError` as `interval` does.
+        """
+        from mapmore_cli.reporting.figures.lines import draw_model
+
+        if ax is None:
+            import matplotlib.pyplot as plt
+
+            ax = plt.figure(layout="constrained").subplots()
+        draw_model(ax, self.model, interval)
+        return ax
+
+    def outside_range(self, **columns: ArrayLike) -> BoolArray:
+        """True where an input lies beyond the training range, in the shape of the output."""
+        flat, shape = self._flattened(columns)
+        return outside_range(self.model, flat).reshape(shape)
+
+    def interval(self, level: float = 0.95, **columns: ArrayLike) -> tuple[Array, Array]:
+        """Low and high end that hold a sample of a new curve with the probability `level`, in the shape of the output.
+
+        They are NaN outside of the training range. Raises `DataError` for a model whose spec has no `validate: {intervals: true}`.
+        """
+        flat, shape = self._flattened(columns)
+        low, high = interval(self.model, flat, level)
+        return low.reshape(shape), high.reshape(shape)
+
+    def derivatives(self, **columns: ArrayLike) -> dict[str, Array]:
+        """Derivative of the output for every input by its name, in the shape of the output; not for models with memory."""
+        flat, shape = self._flattened(columns)
+        return {name: slope.reshape(shape) for name, slope in slopes(self.model, flat).items()}
+
+    def invert(self, name: str, wanted: ArrayLike | None = None, rule: str = LOWEST, **given: ArrayLike) -> Inverse:
+        """Every value of the input `name` within its training range for a `wanted` output at the other inputs, row by row.
+
+        The wanted output may go by its name: `invert("pressure", force=100, strain=0.1)`. `lowest` picks the lowest solution, `nearest`
+        the one nearest to that of the row before. Not for models with memory.
+        """
+        if wanted is None:
+            if self.output.name not in given:
+                raise TypeError(f"no wanted output: give `{self.output.name}`")
+            wanted = given.pop(self.output.name)
+        target, *others = (np.asarray(x, dtype=np.float64).ravel() for x in np.broadcast_arrays(wanted, *given.values()))
+        return invert(self.model, target, dict(zip(given, others, strict=True)), name, rule)
+
+    def _flattened(self, columns: dict[str, ArrayLike]) -> tuple[dict[str, Array], tuple[int, ...]]:
+        given = columns if "time" in columns else [*columns, *(signal.name for signal in self.model.signals)]
+        reading = reading_of(self.model, given)
+        needed = list(dict.fromkeys((*reading.columns, *reading.outputs)))
+        signals = self.model.signals
+        spare = {"time", *(signal.of for signal in signals)} if signals else set[str]()  # what given rates and directions follow from
+        if not set(needed) <= set(columns) <= {*needed, *spare}:
+            raise TypeError(f"this model is a function of {', '.join(needed)}; got {', '.join(columns) or 'nothing'}")
+        arrays = np.broadcast_arrays(*(np.asarray(columns[name], dtype=np.float64) for name in needed))
+        flat = {name: array.ravel() for name, array in zip(needed, arrays, strict=True)}
+        return with_signals(reading.signals, flat), arrays[0].shape

@@ -1,0 +1,114 @@
+"""Settings against each other by training data alone: models that were made without some of it, and what they say of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mapmore_cli.domain.errors import FitError, MapmoreError, SpecError, UsageError
+from mapmore_cli.domain.processors import shared_out
+from mapmore_cli.domain.scores import Trial, Tuning
+from mapmore_cli.fitting.kinds import maker_of, refitted
+from mapmore_cli.fitting.kinds.choices import ModelChoices
+from mapmore_cli.fitting.stage import Warn
+from mapmore_cli.fitting.trials import Bench, bench_of, errors_of, training_only
+from mapmore_cli.ingestion.files import slice_of
+from mapmore_cli.modelling.kinds import parameters
+from mapmore_cli.modelling.validation.significance import simplest_of
+from mapmore_cli.pipeline import fuse
+from mapmore_cli.pipeline.runner import OnStage, bring_up_to_date
+from mapmore_cli.spec.layers import as_overrides
+from mapmore_cli.storage.run_folder import RunFiles
+
+if TYPE_CHECKING:
+    from mapmore_cli.fitting.stage import Progress
+    from mapmore_cli.spec.experiment import ExperimentSpec
+    from mapmore_cli.spec.loader import LoadedSpec
+
+
+def tune(
+    loaded: LoadedSpec,
+    over: Mapping[str, Sequence[Any]],
+    runs: Path,
+    *,
+    progress: Progress = lambda _what, _done, _total: None,
+    warn: Warn = lambda _message: None,
+    on_stage: OnStage = lambda _stage, _reason: None,
+) -> Tuning:
+    """Try every combination of settings (`over`, by their place in the spec) on training data that its models were made without.
+
+    The data are ingested in the folder of the run; nothing else is written. Held-out samples are dropped before anything is computed.
+
+    Raises
+    ------
+    UsageError
+        Where a setting changes the data, so that errors could not be compared.
+    SpecError, DataError, FitError
+        Where the spec is wrong with some setting, or no combination can be fitted.
+    """
+    variants = list(_variants(loaded, over))
+    outcome = bring_up_to_date(loaded, runs, "ingest", progress=progress, warn=warn, on_stage=on_stage)
+    dataset = training_only(RunFiles(outcome.run_dir).dataset())
+    bench = bench_of(dataset, fuse.reads(loaded.spec), loaded.spec.validation.normaliser, _holds_levels_out(loaded.spec))
+    trials = shared_out(lambda variant: _tried(*variant, bench), variants, partial(progress, "combinations"))
+    return ranked(loaded.spec.name, bench, trials)
+
+
+def _holds_levels_out(spec: ExperimentSpec) -> bool:
+    """Whether the held-out data of a study are levels."""
+    split, levels = spec.data.split, spec.data.levels
+    return levels is not None and (split.leave_one_level_out or (split.hold_out is not None and levels.of in split.hold_out.quantities))
+
+
+def _variants(loaded: LoadedSpec, over: Mapping[str, Sequence[Any]]) -> Iterator[tuple[dict[str, Any], ModelChoices]]:
+    from mapmore_cli.spec.loader import load
+
+    for values in product(*over.values()):
+        settings = dict(zip(over, values, strict=True))
+        spec = load(loaded.path, (*loaded.overrides, *as_overrides(settings))).spec
+        if slice_of(spec) != slice_of(loaded.spec):
+            named = ", ".join(over)
+            raise UsageError(
+                f"--over {named}: changes the data, so that errors could not be compared", "tune how the model is made of them"
+            )
+        choices = fuse.reads(spec)
+        if maker_of(choices).refit is None:
+            raise SpecError(f"{loaded.path}: a sum of other runs has no settings of its own", "tune the specs that it adds up")
+        yield settings, choices
+
+
+def _tried(settings: Mapping[str, Any], choices: ModelChoices, bench: Bench) -> Trial:
+    """The errors on the folds, of models that were made without them; where a fit fails, why."""
+    try:
+        size = parameters(refitted(choices, bench.dataset))
+        errors = errors_of(choices, bench)
+    except MapmoreError as fault:
+        return Trial(settings, failure=fault.message)
+    lost = sum(not np.isfinite(error) for error in errors)
+    if lost:
+        return Trial(settings, size, failure=f"no finite prediction on {lost} of {len(errors)} folds")
+    return Trial(settings, size, tuple(errors), float(np.mean(errors)))
+
+
+def ranked(name: str, bench: Bench, trials: Sequence[Trial]) -> Tuning:
+    """The trials with what they err beyond the best, and the simplest within one standard error.
+
+    Raises
+    ------
+    FitError
+        Where none of them could be fitted.
+    """
+    usable = [number for number, trial in enumerate(trials) if trial.errors]
+    if not usable:
+        raise FitError(f"{name}: no combination could be fitted without some of the data: {trials[0].failure}", "try simpler settings")
+    rank = simplest_of([trials[i].parameters for i in usable], np.array([trials[i].errors for i in usable]))
+    told = list(trials)
+    for place, number in enumerate(usable):
+        told[number] = replace(trials[number], excess=float(rank.excess[place]), spread=float(rank.spread[place]))
+    return Tuning(name, bench.left_out, bench.full_scale, tuple(told), told[usable[rank.best]], told[usable[rank.chosen]])
