@@ -19,11 +19,11 @@ from pages import CONFIGS, DOCS, write_tables
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
+from mapmore_cli.fitting.kinds.choices import model_choices
 from mapmore_cli.fitting.left_out import refitted, residuals
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.kinds import outside_range
 from mapmore_cli.modelling.validation.intervals import half_widths_of
-from mapmore_cli.pipeline.fuse import reads
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.reporting.table import Cell, Column, Table
 from mapmore_cli.rig.load_cycle import turning_strain
@@ -127,7 +127,7 @@ def specimen(kind: str, curves: int, seed: int) -> Dataset:
 
 def covered(kind: str, model: str, curves: int, seed: int) -> Coverage:
     """Coverage of one specimen's new curves."""
-    choices, dataset = reads(load(CONFIGS / f"{MUSCLES[kind].config}.yaml", MODELS[model]).spec), specimen(kind, curves, seed)
+    choices, dataset = model_choices(load(CONFIGS / f"{MUSCLES[kind].config}.yaml", MODELS[model]).spec), specimen(kind, curves, seed)
     fitted = refitted(choices, dataset)
     left_out = residuals(choices, dataset, {}, lambda _what, _done, _total: None, fitted)
     return coverage(replace(fitted, left_out=left_out), dataset)

@@ -161,7 +161,7 @@ def _bring_up_to_date(loaded: LoadedSpec, command: str, options: Options) -> Non
     head: dict[str, Any] = {"name": outcome.name, "run_dir": str(outcome.run_dir), "stages": outcome.stages}
     if "search" in outcome.stages:
         from mapmore_cli.cli.views.compared import document_of
-        from mapmore_cli.fitting.searching import SEARCH, read_search
+        from mapmore_cli.pipeline.search import SEARCH, read_search
 
         head["search"] = document_of(read_search(outcome.run_dir / SEARCH))
     if found is None:

@@ -70,7 +70,7 @@ def _search(
     from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.cli.views.compared import of_search
-    from mapmore_cli.fitting.searching import searched
+    from mapmore_cli.pipeline.search import searched
     from mapmore_cli.reporting.score_tables import search_table
     from mapmore_cli.spec.loader import load
 

@@ -15,11 +15,10 @@ from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.fits import FormulaFit, Optimum
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.motion import MotionFit
-from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.domain.recording import DAMPING, STATIC_FORCE, Curve, Dataset
 from mapmore_cli.domain.results import Forecast
 from mapmore_cli.domain.scores import BASELINES, OWN, SIMPLE
 from mapmore_cli.fitting.kinds.sum import summands_of
-from mapmore_cli.ingestion.steps import DAMPING, STATIC_FORCE
 from mapmore_cli.modelling import literature, simple
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.kinds import runs_over_time

@@ -192,11 +192,11 @@ def made_anew(choices: ModelChoices, dataset: Dataset, needed: Mapping[str, Path
 
 def refit_run(run_dir: Path, dataset: Dataset) -> Model:
     """The model of another run, made anew by its own spec on the training samples of a dataset."""
-    from mapmore_cli.pipeline.fuse import reads
+    from mapmore_cli.fitting.kinds.choices import model_choices
     from mapmore_cli.spec.loader import load
 
     own_target = RunFiles(run_dir).dataset().target
-    return refitted(reads(load(run_dir / "experiment.yaml").spec), replace(dataset, target=own_target))
+    return refitted(model_choices(load(run_dir / "experiment.yaml").spec), replace(dataset, target=own_target))
 
 
 def _own(model: Model, dataset: Dataset) -> Forecasts:

@@ -12,7 +12,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import BoolArray
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.models import Model
-from mapmore_cli.domain.recording import Quantity, Recording
+from mapmore_cli.domain.recording import DAMPING, STATIC_FORCE, Quantity, Recording
 from mapmore_cli.ingestion.samples import located
 from mapmore_cli.modelling.kinds import outside_range, predict
 from mapmore_cli.modelling.signals.plateau import find_plateau, without_steady_state
@@ -22,8 +22,6 @@ from mapmore_cli.storage.run_folder import RunFiles
 
 PLATEAU = "plateau"
 """1 on the plateau of a step response, else 0."""
-
-STATIC_FORCE, DAMPING = "static_force", "damping"
 
 MOSTLY = 0.9
 """Share of a plateau that must be out of range for a warning: noise takes half of a plateau at the highest level beyond it."""

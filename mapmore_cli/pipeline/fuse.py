@@ -5,40 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 from mapmore_cli.fitting.kinds import maker_of
-from mapmore_cli.fitting.kinds.choices import ModelChoices, lengths_of, with_definitions
-from mapmore_cli.fitting.kinds.dictionary import signals_of
+from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices, summands
 from mapmore_cli.fitting.kinds.sizes import with_terms
 from mapmore_cli.fitting.stage import Stage, Workspace
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.pipeline.staleness import plain
-from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.storage.run_folder import MODEL
-
-
-def reads(spec: ExperimentSpec) -> ModelChoices:
-    """The stage's slice of the spec."""
-    spec = with_definitions(spec)
-    return ModelChoices(
-        spec.data.levels,
-        spec.segment,
-        spec.dictionary,
-        spec.model,
-        spec.fit,
-        lengths_of(spec),
-        None,
-        spec.name,
-        spec.fuse,
-        signals_of(spec),
-        tuple(needs(spec)),
-        spec.validation.intervals,
-    )
-
-
-def needs(spec: ExperimentSpec) -> list[str]:
-    """The specs of the models that are added up."""
-    if spec.model.sum is not None:
-        return list(dict.fromkeys(part.model for part in spec.model.sum if part.model is not None))
-    return [str(spec.needs.static), str(spec.needs.damping)] if spec.model.type == "sum" else []
 
 
 def run(part: ModelChoices, workspace: Workspace) -> None:
@@ -72,4 +44,4 @@ def _provenance(part: ModelChoices) -> dict[str, str]:
     return {**tool_versions(), "spec": json.dumps(plain(part), indent=1)}
 
 
-STAGE = Stage(name="fuse", revision=9, outputs=(MODEL,), reads=reads, run=run, needs=needs)
+STAGE = Stage(name="fuse", revision=9, outputs=(MODEL,), reads=model_choices, run=run, needs=summands)

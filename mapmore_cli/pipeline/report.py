@@ -73,7 +73,7 @@ def _search(workspace: Workspace) -> Search | None:
     """What was tried, where the structure was searched."""
     if not workspace.searched:
         return None
-    from mapmore_cli.fitting.searching import SEARCH, read_search
+    from mapmore_cli.pipeline.search import SEARCH, read_search
 
     return read_search(workspace.run_dir / SEARCH)
 

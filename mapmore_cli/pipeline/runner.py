@@ -94,10 +94,9 @@ def searches(loaded: LoadedSpec, until: str) -> bool:
 
 def search_stages() -> tuple[Stage, ...]:
     """What comes before the structure is known."""
-    from mapmore_cli.fitting import searching
-    from mapmore_cli.pipeline import ingest
+    from mapmore_cli.pipeline import ingest, search
 
-    return ingest.STAGE, searching.STAGE
+    return ingest.STAGE, search.STAGE
 
 
 def bring_up_to_date(

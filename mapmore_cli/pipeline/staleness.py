@@ -87,7 +87,7 @@ def as_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
     """The spec with the structure that the search of its run has found; as it is where it asks for none, or nothing was found yet."""
     if loaded.spec.model.type != "auto":
         return loaded
-    from mapmore_cli.fitting.searching import as_found
+    from mapmore_cli.pipeline.search import as_found
 
     return as_found(loaded, run_dir)
 

@@ -11,9 +11,8 @@ import numpy as np
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.scores import OWN, Limit, deciding
-from mapmore_cli.fitting.kinds.choices import ModelChoices, with_definitions
+from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices, with_definitions
 from mapmore_cli.fitting.stage import Compared, Need, Stage, Variation, Workspace
-from mapmore_cli.pipeline import fuse
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.layers import as_overrides
 from mapmore_cli.spec.sections.results import Competitor
@@ -64,7 +63,7 @@ def reads(spec: ExperimentSpec) -> Slice:
         lengths=spec.muscle.lengths,
         normaliser=spec.validation.normaliser,
         cycles_of=spec.data.split.hold_out.of if spec.data.split.hold_out is not None else None,
-        folds=fuse.reads(spec) if spec.data.split.leave_one_level_out or spec.data.split.leave_one_group_out else None,
+        folds=model_choices(spec) if spec.data.split.leave_one_level_out or spec.data.split.leave_one_group_out else None,
         groups=spec.data.groups.of if spec.data.groups is not None else None,
         without_groups=spec.data.split.leave_one_group_out,
     )

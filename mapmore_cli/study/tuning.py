@@ -15,13 +15,12 @@ from mapmore_cli.domain.errors import FitError, MapmoreError, SpecError, UsageEr
 from mapmore_cli.domain.processors import shared_out
 from mapmore_cli.domain.scores import Trial, Tuning
 from mapmore_cli.fitting.kinds import maker_of, refitted
-from mapmore_cli.fitting.kinds.choices import ModelChoices
+from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
 from mapmore_cli.fitting.stage import Warn
 from mapmore_cli.fitting.trials import Bench, bench_of, errors_of, training_only
 from mapmore_cli.ingestion.files import slice_of
 from mapmore_cli.modelling.kinds import parameters
 from mapmore_cli.modelling.validation.significance import simplest_of
-from mapmore_cli.pipeline import fuse
 from mapmore_cli.pipeline.runner import OnStage, bring_up_to_date
 from mapmore_cli.spec.layers import as_overrides
 from mapmore_cli.storage.run_folder import RunFiles
@@ -55,7 +54,7 @@ def tune(
     variants = list(_variants(loaded, over))
     outcome = bring_up_to_date(loaded, runs, "ingest", progress=progress, warn=warn, on_stage=on_stage)
     dataset = training_only(RunFiles(outcome.run_dir).dataset())
-    bench = bench_of(dataset, fuse.reads(loaded.spec), loaded.spec.validation.normaliser, _holds_levels_out(loaded.spec))
+    bench = bench_of(dataset, model_choices(loaded.spec), loaded.spec.validation.normaliser, _holds_levels_out(loaded.spec))
     trials = shared_out(lambda variant: _tried(*variant, bench), variants, partial(progress, "combinations"))
     return ranked(loaded.spec.name, bench, trials)
 
@@ -77,7 +76,7 @@ def _variants(loaded: LoadedSpec, over: Mapping[str, Sequence[Any]]) -> Iterator
             raise UsageError(
                 f"--over {named}: changes the data, so that errors could not be compared", "tune how the model is made of them"
             )
-        choices = fuse.reads(spec)
+        choices = model_choices(spec)
         if maker_of(choices).refit is None:
             raise SpecError(f"{loaded.path}: a sum of other runs has no settings of its own", "tune the specs that it adds up")
         yield settings, choices

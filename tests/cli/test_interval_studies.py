@@ -16,10 +16,10 @@ from cli_samples import write_study
 import mapmore_cli
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.fitting.kinds.choices import model_choices
 from mapmore_cli.fitting.left_out import residuals
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.validation.intervals import many_curves
-from mapmore_cli.pipeline.fuse import reads
 from mapmore_cli.spec.loader import load
 from mapmore_cli.storage.artefacts import read_dataset, read_model
 
@@ -116,7 +116,7 @@ def test_runs_that_are_added_up_are_fitted_anew_without_a_level(tmp_path: Path, 
 
 
 def test_runs_of_one_recording_are_added_up_without_intervals(tmp_path: Path) -> None:
-    choices = reads(load(write_study(tmp_path)).spec)
+    choices = model_choices(load(write_study(tmp_path)).spec)
     columns = {"pressure": np.ones(9), "strain": np.arange(9.0), "force": np.ones(9)}
     one = Dataset("force", None, {}, (), (Curve("a", None, columns, np.zeros(9, dtype=bool), ("a",)),))
     with pytest.raises(SpecError, match="fewer than three"):

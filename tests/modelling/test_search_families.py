@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
-from mapmore_cli.fitting.searching import Slice, choices_of
+from mapmore_cli.fitting.search_bench import Slice
+from mapmore_cli.fitting.searching import choices_of
 from mapmore_cli.modelling.pieces.recipe import Fuse
 from mapmore_cli.modelling.search.choice import chosen_of
 from mapmore_cli.modelling.search.families import FAMILIES

@@ -10,7 +10,8 @@ import pytest
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.domain.search import Search
 from mapmore_cli.fitting import searching
-from mapmore_cli.fitting.searching import Slice, search
+from mapmore_cli.fitting.search_bench import Slice
+from mapmore_cli.fitting.searching import search
 from mapmore_cli.modelling.pieces.recipe import Fuse
 from mapmore_cli.modelling.search.families import autoregression as autoregression_family
 from mapmore_cli.spec.sections.model import ModelChoice

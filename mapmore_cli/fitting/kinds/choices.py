@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from mapmore_cli.domain.recording import Signal
-from mapmore_cli.fitting.kinds.dictionary import units_of
+from mapmore_cli.fitting.kinds.dictionary import signals_of, units_of
 from mapmore_cli.modelling.pieces.recipe import Fuse, Segmented
 from mapmore_cli.modelling.selection import AUTO, Fit
 from mapmore_cli.spec.experiment import ExperimentSpec
@@ -106,3 +106,29 @@ def level_of(levels: Levels | None, segment: SegmentSection) -> str | None:
     if levels is None or segment.get(levels.of) == "none":
         return None
     return STEP_OF if levels.of == STEP_PRESSURE else levels.of
+
+
+def model_choices(spec: ExperimentSpec) -> ModelChoices:
+    """Return the sections of a spec that a model is made by, as the fuse stage reads them."""
+    spec = with_definitions(spec)
+    return ModelChoices(
+        spec.data.levels,
+        spec.segment,
+        spec.dictionary,
+        spec.model,
+        spec.fit,
+        lengths_of(spec),
+        None,
+        spec.name,
+        spec.fuse,
+        signals_of(spec),
+        tuple(summands(spec)),
+        spec.validation.intervals,
+    )
+
+
+def summands(spec: ExperimentSpec) -> list[str]:
+    """Return the specs of the models that are added up."""
+    if spec.model.sum is not None:
+        return list(dict.fromkeys(part.model for part in spec.model.sum if part.model is not None))
+    return [str(spec.needs.static), str(spec.needs.damping)] if spec.model.type == "sum" else []

@@ -71,11 +71,11 @@ def _built(part: ModelChoices, dataset: Dataset, joint: FormulaFit | None, model
 
 def _without(run_dir: Path, dataset: Dataset) -> Model:
     """The model of a run, fitted anew to its own data without the curves that a dataset holds out as a whole: by level, else by name."""
+    from mapmore_cli.fitting.kinds.choices import model_choices
     from mapmore_cli.fitting.left_out import made_anew
-    from mapmore_cli.pipeline.fuse import reads
     from mapmore_cli.spec.loader import load
 
-    choices = reads(load(run_dir / "experiment.yaml").spec)
+    choices = model_choices(load(run_dir / "experiment.yaml").spec)
     if choices.summands:
         found = f"{choices.name} adds runs up itself, and cannot be fitted anew without a part of the data"
         raise SpecError(f"validate.intervals: {found}", "leave it out, or add up all runs in one spec")

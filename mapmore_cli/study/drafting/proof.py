@@ -16,13 +16,13 @@ from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.results import Forecast
 from mapmore_cli.domain.scores import OWN, Score, deciding
 from mapmore_cli.fitting.kinds import refitted
+from mapmore_cli.fitting.kinds.choices import model_choices
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.pieces.backbone_choice import FEW
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.modelling.validation.metrics import divisor, on_common_rows, score_rows
-from mapmore_cli.pipeline import fuse
 from mapmore_cli.pipeline.validate import scored_as
 from mapmore_cli.spec.loader import load
 from mapmore_cli.spec.yaml_loader import dump
@@ -77,7 +77,7 @@ def tried(loaded: LoadedSpec, dataset: Dataset) -> Trial | None:
 
     Long curves give an even share of their samples, where the model has no memory. Raises as a run would.
     """
-    choices = fuse.reads(loaded.spec)
+    choices = model_choices(loaded.spec)
     if choices.over_time:
         return _scored(loaded, dataset) if sum(curve.size for curve in dataset.curves) <= MOST_STEPS else None
     most = max(MOST_SAMPLES // max(len(dataset.curves), 1), 1)
@@ -93,7 +93,7 @@ def _thinned(curve: Curve, most: int) -> Curve:
 
 
 def _scored(loaded: LoadedSpec, dataset: Dataset) -> Trial:
-    model = refitted(fuse.reads(loaded.spec), dataset)
+    model = refitted(model_choices(loaded.spec), dataset)
     validation = loaded.spec.validation
     scored = dataset if validation.as_ is None else scored_as(validation.as_, dataset, model)
     said: dict[str, Sequence[Forecast]] = {OWN: [forecast(model, curve, scored.target) for curve in scored.curves]}

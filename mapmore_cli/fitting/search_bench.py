@@ -1,0 +1,144 @@
+"""What all structures of a search are tried on: training samples, and the folds that are left out of them in turn."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import BoolArray, IntArray
+from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.fitting.trials import kept
+from mapmore_cli.modelling.pieces.recipe import Fuse
+from mapmore_cli.modelling.search.situation import Situation
+from mapmore_cli.spec.sections.data import Holdout, Levels
+from mapmore_cli.spec.sections.model import ModelChoice
+
+BLOCKS = 5
+"""Contiguous blocks of every recording or curve that are left out in turn."""
+
+MOST_PARTS = 6
+"""Levels or recordings that are left out in turn, evenly chosen of more."""
+
+MOST_SAMPLES, MOST_STEPS = 6_000, 12_000
+"""Training samples that structures without memory are tried on, of more an even share; and those of any, of more the first part of every
+block."""
+
+
+@dataclass(frozen=True)
+class Slice:
+    """What a search depends on."""
+
+    levels: Levels | None
+    model: ModelChoice
+    fuse: Fuse
+    lengths: Mapping[str, float | None]
+    held_out: Holdout | None
+    ignored: tuple[str, ...]
+    by_level: bool
+
+
+@dataclass(frozen=True)
+class Bench:
+    """What all structures are tried on: training samples alone, what is left out of them in turn, and what errors are divided by."""
+
+    dataset: Dataset
+    thinned: Dataset
+    blocks: tuple[Masks, ...]
+    parts: tuple[Masks, ...]
+    thinned_blocks: tuple[Masks, ...]
+    thinned_parts: tuple[Masks, ...]
+    left_out: str
+    parts_left_out: str
+    scale: float
+    part: Slice
+
+    @classmethod
+    def of(cls, training: Dataset, situation: Situation, part: Slice) -> Bench:
+        """The folds of training samples."""
+        whole = training
+        values = np.concatenate([curve.columns[training.target] for curve in training.curves])
+        thinning = thinning_of(whole)
+        blocks, parts = _blocks(whole, situation.moving or situation.inputs), _parts(whole)
+        name = "recording" if "time" in whole.curves[0].columns else "curve"
+        which = "contiguous" if name == "recording" else f"inner ones of {BLOCKS + 2} contiguous"
+        inner = f"each of {len(parts)} {'inner levels' if whole.level is not None else 'recordings'}" if parts else ""
+        return cls(
+            whole,
+            replace(whole, curves=tuple(kept(curve, rows) for curve, rows in zip(whole.curves, thinning, strict=True))),
+            blocks,
+            parts,
+            tuple(tuple(mask[rows] for mask, rows in zip(fold, thinning, strict=True)) for fold in blocks),
+            tuple(tuple(mask[rows] for mask, rows in zip(fold, thinning, strict=True)) for fold in parts),
+            f"each of {BLOCKS} {which} blocks of the training samples of every {name}",
+            inner,
+            float(np.ptp(values)) or 1.0,
+            part,
+        )
+
+
+Masks = tuple[BoolArray, ...]
+"""For every curve the samples that a fold leaves out."""
+
+
+def shortened(dataset: Dataset) -> Dataset:
+    """At most so many samples, where recordings are longer: of every block of every recording the first part, in one piece."""
+    total = sum(curve.size for curve in dataset.curves)
+    if total <= MOST_STEPS or "time" not in dataset.curves[0].columns:
+        return dataset
+    share = MOST_STEPS / total
+    return replace(dataset, curves=tuple(kept(curve, _beginnings(curve, share)) for curve in dataset.curves))
+
+
+def _beginnings(curve: Curve, share: float) -> BoolArray:
+    """The first part of every block of every recording."""
+    blocks = [block for log in curve.logs for block in np.array_split(log, BLOCKS)]
+    mask = np.zeros(curve.size, dtype=np.bool_)
+    mask[np.concatenate([block[: -int(-len(block) * share // 1)] for block in blocks])] = True
+    return mask
+
+
+def thinning_of(dataset: Dataset) -> list[BoolArray]:
+    """An even share of the samples of every curve."""
+    most = max(MOST_SAMPLES // max(len(dataset.curves), 1), 1)
+    return [np.arange(curve.size) % -(-curve.size // most) == 0 for curve in dataset.curves]
+
+
+def _blocks(dataset: Dataset, inputs: Sequence[str]) -> tuple[Masks, ...]:
+    """Contiguous blocks of every recording in the order of time; without a clock, inner ones of every curve along each of the inputs.
+
+    What lies at the end of an input can only be extrapolated: that would decide, and is not what is asked.
+    """
+    if "time" in dataset.curves[0].columns:
+        each = [_cut([log[curve.training[log]] for log in curve.logs], BLOCKS, curve.size) for curve in dataset.curves]
+        return tuple(zip(*each, strict=True))
+    folds: list[Masks] = []
+    for name in inputs:
+        sorted_rows = [np.argsort(curve.columns[name], kind="stable") for curve in dataset.curves]
+        each = [_cut([rows], BLOCKS + 2, curve.size) for rows, curve in zip(sorted_rows, dataset.curves, strict=True)]
+        folds += list(zip(*each, strict=True))[1:-1]
+    return tuple(folds)
+
+
+def _cut(parts: Sequence[IntArray], count: int, size: int) -> list[BoolArray]:
+    """Masks of the first, second, ... of `count` contiguous blocks of each part."""
+    split = [np.array_split(part, count) for part in parts]
+    masks = []
+    for number in range(count):
+        mask = np.zeros(size, dtype=np.bool_)
+        mask[np.concatenate([blocks[number] for blocks in split])] = True
+        masks.append(mask)
+    return masks
+
+
+def _parts(dataset: Dataset) -> tuple[Masks, ...]:
+    """Inner levels, or recordings where there are no levels; none where there are fewer than three of them."""
+    numbers = [number for number, curve in enumerate(dataset.curves) if curve.training.any()]
+    if dataset.level is not None:
+        numbers = numbers[1:-1]
+    if len(numbers) < 2:
+        return ()
+    if len(numbers) > MOST_PARTS:
+        numbers = [numbers[place] for place in np.linspace(0, len(numbers) - 1, MOST_PARTS).round().astype(int)]
+    return tuple(tuple(curve.training & (number == out) for number, curve in enumerate(dataset.curves)) for out in numbers)

@@ -1,0 +1,113 @@
+"""Find the structure of a model: `search.json`, and the spec `found.yaml` that it makes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mapmore_cli.domain.search import Search, Tried
+from mapmore_cli.fitting.search_bench import Slice
+from mapmore_cli.fitting.searching import search, settings_of
+from mapmore_cli.fitting.stage import Stage, Workspace
+from mapmore_cli.modelling.selection import AUTO
+from mapmore_cli.spec.experiment import ExperimentSpec
+from mapmore_cli.storage.atomic import write_text
+
+if TYPE_CHECKING:
+    from mapmore_cli.fitting.stage import Progress, Warn
+    from mapmore_cli.spec.loader import LoadedSpec
+
+
+SEARCH = "search.json"
+"""The file of what was tried, in the folder of a run."""
+
+
+def reads(spec: ExperimentSpec) -> Slice:
+    """The stage's slice of the spec; rates by which samples are kept are no inputs."""
+    derived = {name for name, rule in spec.data.derive.items() if not isinstance(rule, str)}
+    ignored = tuple(rule.quantity for rule in spec.data.keep if rule.quantity in derived)
+    split = spec.data.split
+    return Slice(spec.data.levels, spec.model, spec.fuse, spec.muscle.lengths, split.hold_out, ignored, split.leave_one_level_out)
+
+
+def run(part: Slice, workspace: Workspace) -> None:
+    """Search, and write what was tried."""
+    dataset = workspace.files.dataset()
+    found = search(dataset, part, workspace.progress)
+    for note in found.notes:
+        workspace.warn(note)
+    write_text(workspace.out / SEARCH, json.dumps(_plain(asdict(found)), indent=1, ensure_ascii=False) + "\n")
+
+
+STAGE = Stage(name="search", revision=1, outputs=(SEARCH,), reads=reads, run=run)
+
+
+def _plain(value: Any) -> Any:
+    """Numbers that JSON knows: null for NaN."""
+    if isinstance(value, Mapping):
+        return {key: _plain(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def read_search(path: Path) -> Search:
+    """What a search wrote."""
+    document = json.loads(path.read_text(encoding="utf-8"))
+
+    def number(value: Any) -> Any:
+        return float("nan") if value is None else value
+
+    tried = tuple(
+        Tried(**{**one, "errors": tuple(map(number, one["errors"])), **{k: number(one[k]) for k in ("error", "parts", "excess", "spread")}})
+        for one in document["tried"]
+    )
+    return Search(**{**document, "tried": tried, "notes": tuple(document["notes"])})
+
+
+def as_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
+    """The spec with the structure that its search has found; as it is where nothing was found yet."""
+    from mapmore_cli.spec.layers import as_overrides
+    from mapmore_cli.spec.loader import load
+
+    if not (run_dir / SEARCH).is_file():
+        return loaded
+    return load(loaded.path, (*loaded.overrides, *as_overrides(settings_of(read_search(run_dir / SEARCH)))))
+
+
+def searched(
+    loaded: LoadedSpec,
+    runs: Path,
+    budget: str | None = None,
+    *,
+    progress: Progress = lambda _what, _done, _total: None,
+    warn: Warn = lambda _message: None,
+    on_stage: Callable[[str, str | None], None] = lambda _stage, _reason: None,
+) -> tuple[Search, Path]:
+    """Search the structure of a study, whatever its spec says of it; what was tried, and the spec that was found.
+
+    Raises
+    ------
+    SpecError, DataError, FitError
+        Where the data cannot be read, or no structure can be fitted.
+    """
+    from mapmore_cli.pipeline.runner import FOUND, SEARCH_STAGE, bring_up_to_date, search_stages
+    from mapmore_cli.spec.layers import as_overrides
+    from mapmore_cli.spec.loader import load
+
+    given: dict[str, Any] = (
+        {"model.type": AUTO}
+        if loaded.spec.model.type == AUTO
+        else {"dictionary": None, "segment": None, "fit": None, "model": {"type": AUTO}}
+    )
+    asked = {} if budget is None else {"model.budget": budget}
+    loaded = load(loaded.path, (*loaded.overrides, *as_overrides({**given, **asked})))
+    outcome = bring_up_to_date(loaded, runs, SEARCH_STAGE, progress=progress, warn=warn, on_stage=on_stage, stages=search_stages())
+    path = outcome.run_dir / FOUND
+    write_text(path, as_found(loaded, outcome.run_dir).resolved_in(outcome.run_dir, given_only=True))
+    return read_search(outcome.run_dir / SEARCH), path
