@@ -9,13 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mapmore_cli.cli.console import NO_OVERRIDES, RUNS, AsJson, Config, Overrides, Quiet, Runs
+from mapmore_cli.cli.outputs import TABLES, Outputs, refuse_unknown, write_result, write_table
 from mapmore_cli.domain.errors import UsageError
 
 if TYPE_CHECKING:
-    from mapmore_cli.domain.scores import Tuning
-    from mapmore_cli.reporting.table import Table
-
-FIGURES, TABLES = ("svg", "pdf", "png", "pgf"), ("csv", "tex")
+    from mapmore_cli.reporting.figures.drawing import Drawing
 
 
 def tune(
@@ -27,12 +25,7 @@ def tune(
     budget: Annotated[
         str | None, typer.Option("--budget", metavar="TIME", help="Time of a search, which is without --over; 60s.", show_default=False)
     ] = None,
-    output: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--output", "-o", metavar="FILE", help="Also write the figure (.svg .pdf .png .pgf) or the table (.csv .tex). Repeatable."
-        ),
-    ] = None,
+    output: Outputs = None,
     runs: Runs = RUNS,
     overrides: Overrides = NO_OVERRIDES,
     as_json: AsJson = False,
@@ -45,11 +38,11 @@ def tune(
     """
     from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.progress import Reporter
-    from mapmore_cli.cli.views.compared import of_tuning
+    from mapmore_cli.cli.views.compared import of_tuning, tuning_table
     from mapmore_cli.spec.loader import load
     from mapmore_cli.study import tuning
 
-    _refuse_unknown(output or [])
+    refuse_unknown(output or [])
     if not over:
         _search(config, output or [], runs, overrides, budget, as_json, quiet)
         return
@@ -58,8 +51,14 @@ def tune(
     wanted = values_of(over)
     with Reporter(quiet) as reporter:
         found = tuning.tune(load(config, overrides), wanted, runs, progress=reporter.progress, warn=reporter.warn, on_stage=reporter.stage)
+
+    def drawing() -> Drawing:
+        from mapmore_cli.reporting.figures.tuning import tuning_drawing
+
+        return tuning_drawing(found)
+
     for path in output or []:
-        _write(path, found)
+        write_result(path, lambda: tuning_table(found), drawing)
     print_view(of_tuning(found), as_json)
 
 
@@ -81,7 +80,7 @@ def _search(
             load(config, overrides), runs, budget, progress=reporter.progress, warn=reporter.warn, on_stage=reporter.stage
         )
     for path in output:
-        _write_table(path, search_table(found))
+        write_table(path, search_table(found))
     print_view(of_search(found, str(spec)), as_json)
 
 
@@ -112,35 +111,3 @@ def values_of(over: Sequence[str]) -> dict[str, list[Any]]:
             raise UsageError(f"--over {key.strip()} is given twice", "name all its values at once, with commas between")
         found[key.strip()] = values
     return found
-
-
-def _refuse_unknown(paths: Sequence[Path]) -> None:
-    endings = (*FIGURES, *TABLES)
-    for path in paths:
-        if path.suffix.removeprefix(".") not in endings:
-            raise UsageError(f"{path}: neither a figure nor a table ends so", f"choose .{', .'.join(endings)}")
-
-
-def _write(path: Path, found: Tuning) -> None:
-    from mapmore_cli.cli.views.compared import tuning_table
-    from mapmore_cli.storage.atomic import write_bytes
-
-    suffix = path.suffix.removeprefix(".")
-    if suffix in TABLES:
-        _write_table(path, tuning_table(found))
-        return
-    from mapmore_cli.reporting.figures.drawing import compose
-    from mapmore_cli.reporting.figures.saving import WRITERS
-    from mapmore_cli.reporting.figures.style import figure_style
-    from mapmore_cli.reporting.figures.tuning import tuning_drawing
-
-    drawing = tuning_drawing(found)
-    with figure_style():
-        write_bytes(path, WRITERS[suffix](compose(drawing), drawing.name, drawing.alt))
-
-
-def _write_table(path: Path, table: Table) -> None:
-    from mapmore_cli.reporting.table import to_csv, to_latex
-    from mapmore_cli.storage.atomic import write_text
-
-    write_text(path, (to_csv if path.suffix == ".csv" else to_latex)(table))

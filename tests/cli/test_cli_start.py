@@ -22,6 +22,7 @@ COMMANDS = [
     "run",
     "batch",
     "tune",
+    "plan",
     "predict",
     "invert",
     "freeze",

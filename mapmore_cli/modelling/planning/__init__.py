@@ -1,0 +1,1 @@
+"""What to measure next: the next level, or the next points of a map."""

@@ -1,0 +1,181 @@
+"""The next points of a map of two or more inputs.
+
+Several models, each with a Gaussian process of what it leaves, stand in a committee. A point counts by the product of the committee's
+spread and the processes' deviation, times `SLACK` where the muscle is expected to pull less than 2 % of its largest force. Points are taken
+one after the other, each as if it had measured what the committee expects. On measured maps, this leaves about two thirds of the error of
+evenly spread points at ten to twelve points, and no less at eighteen (docs/planning.md).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import Delaunay, QhullError
+
+from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.domain.plan import Candidate, Picture, Until
+from mapmore_cli.modelling.planning.gaussian_process import GaussianProcess, fitted
+
+NORMAL = 1.959964
+SLACK, LITTLE = 0.15, 0.02
+"""Weight of points where less than this part of the largest |target| is expected."""
+
+MOST_MEASURED = 150
+"""Points that the processes are fitted to: spread over the samples, so that a curve of thousands counts by its course."""
+
+MOST_POINTS = 100
+"""Points up to which a forecast goes."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A map as measured: inputs by name and values, (n,) each, and what each formula of the committee says there and elsewhere."""
+
+    names: tuple[str, ...]
+    x: Array
+    y: Array
+
+    @property
+    def span(self) -> tuple[Array, Array]:
+        """Lowest and highest value of each input, (d,)."""
+        return self.x.min(axis=0), self.x.max(axis=0)
+
+    def scaled(self, at: Array) -> Array:
+        """Points (m, d) in the unit square of the measured range."""
+        low, high = self.span
+        return np.asarray((at - low) / (high - low))
+
+    def grid(self, steps: int) -> Array:
+        """Points of a grid within the hull of what was measured, (m, d)."""
+        every = np.array(list(itertools.product(np.linspace(0.0, 1.0, steps), repeat=len(self.names))))
+        low, high = self.span
+        return np.asarray(low + every[self._inside(every)] * (high - low))
+
+    def _inside(self, scaled: Array) -> BoolArray:
+        if len(self.names) < 2:
+            return np.ones(len(scaled), dtype=np.bool_)
+        try:
+            hull = Delaunay(self.scaled(self.x))
+        except QhullError:
+            return np.ones(len(scaled), dtype=np.bool_)
+        return np.asarray(hull.find_simplex(scaled, tol=1e-9) >= 0)
+
+
+def thinned(x: Array, y: Array) -> tuple[Array, Array]:
+    """Return at most `MOST_MEASURED` of the points, spread over them: each next is the one farthest from those taken (maximin)."""
+    if len(y) <= MOST_MEASURED:
+        return x, y
+    span = np.ptp(x, axis=0)
+    scaled = (x - x.min(axis=0)) / np.where(span > 0, span, 1.0)
+    taken, distance = [0], np.full(len(y), np.inf)
+    for _ in range(MOST_MEASURED - 1):
+        distance = np.minimum(distance, np.sum((scaled - scaled[taken[-1]]) ** 2, axis=1))
+        if distance.max() <= 0:
+            break
+        taken.append(int(np.argmax(distance)))
+    return x[taken], y[taken]
+
+
+class Committee:
+    """Processes of what each formula leaves, on a fixed set of places; measured values are added one by one.
+
+    Parameters
+    ----------
+    measured
+        Points that train.
+    places
+        Candidates, (m, d).
+    formulas
+        By name, what each says of the measured points, (n,), and of the places, (m,); zeros for none.
+    """
+
+    def __init__(self, measured: Measured, places: Array, formulas: Mapping[str, tuple[Array, Array]]) -> None:
+        self.places, self.scaled = places, measured.scaled(places)
+        self.largest = float(np.abs(measured.y).max()) or 1.0
+        x = measured.scaled(measured.x)
+        self._base = [elsewhere for _, elsewhere in formulas.values()]
+        self._own: list[GaussianProcess] = [fitted(x, measured.y - here) for here, _ in formulas.values()]
+        self.noise = float(np.mean([own.noise for own in self._own]))
+        self._update()
+
+    def _update(self) -> None:
+        found = [own.predict(self.scaled) for own in self._own]
+        said = np.array([base + mean for base, (mean, _) in zip(self._base, found, strict=True)])
+        self.expected = said.mean(axis=0)
+        self.spread = said.std(axis=0)
+        self.deviation = np.sqrt(np.mean([deviation**2 for _, deviation in found], axis=0))
+
+    @property
+    def error(self) -> Array:
+        """Expected error of a prediction at every place, (m,): of the committee and of the processes."""
+        return np.asarray(np.hypot(self.spread, self.deviation))
+
+    @property
+    def half(self) -> Array:
+        """Half of the width of the interval at every place, noise included, (m,)."""
+        return np.asarray(NORMAL * np.hypot(self.error, self.noise))
+
+    @property
+    def score(self) -> Array:
+        """How much a measurement at every place is worth, (m,): without a spread (a committee of one), the variance."""
+        spread = self.spread if len(self._own) > 1 else self.deviation
+        return np.asarray(spread * self.deviation * np.where(np.abs(self.expected) < LITTLE * self.largest, SLACK, 1.0))
+
+    def add(self, number: int) -> None:
+        """Take a place as measured, with the value that is expected there."""
+        value = self.expected[number]
+        pairs = zip(self._own, self._base, strict=True)
+        self._own = [own.joined(self.scaled[number], float(value - base[number])) for own, base in pairs]
+        self._update()
+
+
+def chosen(
+    committee: Committee, names: Sequence[str], count: int, prices: Mapping[str, float]
+) -> tuple[tuple[Candidate, ...], tuple[Array, Array]]:
+    """Return the next points, in the order in which they are worth most, and the half widths at all places before and after them.
+
+    Worth is divided by cost. The first time that a quantity takes a value costs its price; at the least, a point costs the lowest price.
+    """
+    before, found = committee.half, list[Candidate]()
+    numbers: list[int] = []
+    for _ in range(count):
+        cost = _costs(committee.places, committee.places[numbers], [prices.get(name, 1.0) for name in names]) if prices else 1.0
+        number = int(np.argmax(committee.score / cost))
+        numbers.append(number)
+        error, half = float(committee.error[number]), float(committee.half[number])
+        price = float(np.broadcast_to(cost, len(committee.places))[number])
+        committee.add(number)
+        at = dict(zip(names, committee.places[number].tolist(), strict=True))
+        found.append(Candidate(at, "point", half, float(committee.half[number]), error, price))
+    return tuple(found), (before, committee.half)
+
+
+def _costs(places: Array, taken: Array, prices: Sequence[float]) -> Array:
+    """The price of every place, (m,), after some were taken, (k, d)."""
+    total = np.zeros(len(places))
+    for column, price in enumerate(prices):
+        total += price * ~np.isin(places[:, column], taken[:, column])
+    return np.maximum(total, min(prices))
+
+
+def until(committee: Committee, wanted: float) -> Until:
+    """Return how many more points bring the widest half width to `wanted`; the committee is changed."""
+    widest = float(committee.half.max())
+    more, least = 0, widest
+    while least > wanted and more < MOST_POINTS:
+        committee.add(int(np.argmax(committee.half)))
+        more += 1
+        least = min(least, float(committee.half.max()))
+        if least <= NORMAL * committee.noise * 1.001:
+            break
+    return Until(wanted, widest, more if least <= wanted else None, least)
+
+
+def picture(committee: Committee, measured: Measured, halves: tuple[Array, Array]) -> Picture:
+    """Return the half widths at all places."""
+    places = {name: committee.places[:, column] for column, name in enumerate(measured.names)}
+    known = {name: measured.x[:, column] for column, name in enumerate(measured.names)}
+    return Picture(places, *halves, known)

@@ -1,0 +1,228 @@
+"""What to measure next, by training data alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.errors import DataError, FitError, SpecError, UsageError
+from mapmore_cli.domain.plan import Candidate, Picture, Plan
+from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.fitting.kinds import maker_of, refitted
+from mapmore_cli.fitting.kinds.choices import ModelChoices
+from mapmore_cli.fitting.left_out import residuals
+from mapmore_cli.fitting.stage import Warn
+from mapmore_cli.fitting.trials import training_only
+from mapmore_cli.modelling import literature
+from mapmore_cli.modelling.literature.backbone import fit_formula, pooled_training
+from mapmore_cli.modelling.planning import levels as of_levels
+from mapmore_cli.modelling.planning import points as of_points
+from mapmore_cli.modelling.validation.intervals import refusal
+from mapmore_cli.pipeline import fuse
+from mapmore_cli.pipeline.runner import OnStage, bring_up_to_date
+from mapmore_cli.pipeline.staleness import as_found
+from mapmore_cli.storage.run_folder import RunFiles
+
+if TYPE_CHECKING:
+    from mapmore_cli.fitting.stage import Progress
+    from mapmore_cli.spec.loader import LoadedSpec
+
+COMMITTEE = ("sarosi_hinged", "sarosi")
+"""Formulas of the committee, of those whose inputs the study has; a process without a formula belongs to it as well."""
+
+STEPS = {1: 201, 2: 41, 3: 13}
+"""Steps of the grid of places along each of so many inputs."""
+
+BESIDE = 0.25
+"""Of a gap: a held-out level that lies nearer to a proposed one is named."""
+
+EQUAL = (
+    "Equal distances are as good on most measured muscles (docs/planning.md): this order helps where one part of the range errs much more "
+    "than the others."
+)
+MAP = "On measured maps, some ten such points err less than evenly spread ones; from eighteen on they do not (docs/planning.md)."
+FORECAST = "How many more is a forecast: it holds on average, and single cases miss it by much."
+
+
+def plan(
+    loaded: LoadedSpec,
+    runs: Path,
+    *,
+    points: int | None = None,
+    until: str | None = None,
+    prices: Mapping[str, float] | None = None,
+    progress: Progress = lambda _what, _done, _total: None,
+    warn: Warn = lambda _message: None,
+    on_stage: OnStage = lambda _stage, _reason: None,
+) -> Plan:
+    """Rank the measurements that could be made: levels where the study has some, else (or with `points`) points of a map.
+
+    The data are ingested in the folder of the run; nothing else is written. Held-out samples are not used. `until` is the wanted half
+    width, in per cent of the largest |target| (`2%`) or in the target's unit; `prices` say what a change of each quantity costs.
+
+    Raises
+    ------
+    SpecError
+        For a model that runs over time, and a sum of other runs.
+    DataError
+        Where there is nothing to plan by: a single level, or a single place.
+    UsageError
+        Where `until` is no size, or a price is of a quantity that the study does not set.
+    """
+    searched = loaded.spec.model.type == "auto"
+    if not searched:
+        _refuse(loaded)
+    outcome = bring_up_to_date(loaded, runs, "fuse" if searched else "ingest", progress=progress, warn=warn, on_stage=on_stage)
+    loaded = as_found(loaded, outcome.run_dir)
+    choices = _refuse(loaded)
+    whole = RunFiles(outcome.run_dir).dataset()
+    dataset = training_only(whole)
+    largest = max(float(np.abs(curve.columns[dataset.target]).max()) for curve in dataset.curves)
+    wanted = None if until is None else size_of(until, largest)
+    if dataset.level is not None and points is None:
+        return _of_levels(loaded.spec.name, choices, dataset, whole, largest, wanted, prices or {}, progress)
+    return _of_points(loaded.spec.name, choices, dataset, largest, points or 5, wanted, prices or {})
+
+
+def _refuse(loaded: LoadedSpec) -> ModelChoices:
+    """How the model is made, where levels or points can be left out of it."""
+    choices = fuse.reads(loaded.spec)
+    if choices.over_time:
+        raise SpecError(f"{loaded.path}: a model over time has no levels or points to measure next", "plan with a static study")
+    if maker_of(choices).refit is None:
+        raise SpecError(f"{loaded.path}: a sum of other runs has no measurements of its own", "plan with the specs that it adds up")
+    return choices
+
+
+def size_of(text: str, largest: float) -> float:
+    """Return a half width in the target's unit: `2%` of the `largest` |target|, or a number.
+
+    Raises
+    ------
+    UsageError
+        Where it is neither, or not positive.
+    """
+    number, percent = text.strip().removesuffix("%"), text.strip().endswith("%")
+    try:
+        value = float(number)
+    except ValueError:
+        value = float("nan")
+    if not 0 < value < float("inf"):
+        raise UsageError(f"--until {text}: is no size", "write, for example, `--until 2%`, or a number in the target's unit")
+    return value * largest / 100 if percent else value
+
+
+def _checked(prices: Mapping[str, float], names: Sequence[str]) -> None:
+    if wrong := next((name for name in prices if name not in names), None):
+        raise UsageError(f"--cost {wrong}: the plan does not set it", f"name one of {', '.join(names)}")
+
+
+def _of_levels(
+    name: str,
+    choices: ModelChoices,
+    dataset: Dataset,
+    whole: Dataset,
+    largest: float,
+    wanted: float | None,
+    prices: Mapping[str, float],
+    progress: Progress,
+) -> Plan:
+    """The next levels."""
+    level = str(dataset.level)
+    _checked(prices, (level,))
+    places = np.unique([curve.level for curve in dataset.curves if curve.level is not None])
+    if len(places) < 2:
+        raise DataError(f"{name}: there is a single training level of {level}", "measure its lowest and its highest value first")
+    quantities = {level: dataset.quantities[level]}
+    price = prices.get(level, 1.0)
+    if len(places) == 2:
+        nothing = Picture({level: places}, np.full(2, np.nan), np.full(2, np.nan), {level: places})
+        found = of_levels.first_levels(places, level, price)
+        told = ("Two levels do not show how a model errs between them: the middle is next.",)
+        return Plan(name, dataset.quantities[dataset.target], quantities, largest, found, nothing, None, told)
+    left_out = residuals(choices, dataset, {}, progress, refitted(choices, dataset))
+    found = of_levels.candidates(left_out, level, price)
+    notes = [EQUAL, *_beside(found, level, places, whole)]
+    refused = refusal(left_out)
+    if refused is not None:
+        notes.insert(0, f"No half widths: {refused}.")
+    if any(one.kind == "repeat" for one in found):
+        notes.insert(0, "Between levels the model errs no more than at them: repeats come first.")
+    forecast = None if wanted is None or refused is not None else of_levels.until(left_out, wanted)
+    if forecast is not None:
+        notes.append(FORECAST)
+    picture = of_levels.picture(left_out, level, found[0])
+    return Plan(name, dataset.quantities[dataset.target], quantities, largest, found, picture, forecast, tuple(notes))
+
+
+def _beside(found: Sequence[Candidate], level: str, places: Array, whole: Dataset) -> list[str]:
+    """Held-out levels that lie near the first proposal: they are measured already."""
+    first = found[0]
+    if first.kind != "between":
+        return []
+    gap = int(np.searchsorted(places, first.at[level]))
+    near = BESIDE * float(places[gap] - places[gap - 1])
+    held = {curve.level for curve in whole.curves if curve.level is not None and not curve.training.any()}
+    there = sorted(value for value in held if abs(value - first.at[level]) <= near)
+    return [f"{level}={value:g} is measured and held out: the plan does not use it." for value in there]
+
+
+def _of_points(
+    name: str, choices: ModelChoices, dataset: Dataset, largest: float, count: int, wanted: float | None, prices: Mapping[str, float]
+) -> Plan:
+    """The next points."""
+    columns = pooled_training(dataset.curves)
+    inputs = [quantity.name for quantity in refitted(choices, dataset).inputs]
+    names = tuple(one for one in inputs if np.ptp(columns[one]) > 0)
+    if not names:
+        raise DataError(f"{name}: all training samples have the same inputs", "measure a second place first")
+    if len(names) > max(STEPS):
+        raise SpecError(f"{name}: a map of {len(names)} inputs is not planned", f"plan with {max(STEPS)} inputs or fewer")
+    _checked(prices, names)
+    x, y = of_points.thinned(np.column_stack([columns[one] for one in names]), columns[dataset.target])
+    measured = of_points.Measured(names, x, y)
+    places = measured.grid(STEPS[len(names)])
+    formulas = _formulas(dataset, measured, places)
+
+    def committee() -> of_points.Committee:
+        return of_points.Committee(measured, places, formulas)
+
+    planned = committee()
+    found, halves = of_points.chosen(planned, names, count, prices)
+    notes = [MAP] if len(names) == 2 else []
+    forecast = None if wanted is None else of_points.until(committee(), wanted)
+    quantities = {one: dataset.quantities[one] for one in names}
+    picture = of_points.picture(planned, measured, halves)
+    return Plan(
+        name,
+        dataset.quantities[dataset.target],
+        quantities,
+        largest,
+        found,
+        picture,
+        forecast,
+        (*notes, "Half widths are right on average; single ones miss by a factor of up to three."),
+    )
+
+
+def _formulas(dataset: Dataset, measured: of_points.Measured, places: Array) -> dict[str, tuple[Array, Array]]:
+    """What each member of the committee says of the measured points and of the places; of none, nothing."""
+    found = {"none": (np.zeros(len(measured.y)), np.zeros(len(places)))}
+    for name in COMMITTEE:
+        if set(literature.get(name).inputs) != set(measured.names) or dataset.target != "force":
+            continue
+        try:
+            fit = fit_formula(name, dataset.curves, dataset.target, advice=False)
+        except (DataError, FitError):
+            continue
+        if not fit.failed:
+            said = [
+                literature.of(fit).predict(fit.parameters, {one: at[:, column] for column, one in enumerate(measured.names)})
+                for at in (measured.x, places)
+            ]
+            found[name] = (said[0], said[1])
+    return found
