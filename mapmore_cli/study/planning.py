@@ -13,7 +13,7 @@ from mapmore_cli.domain.errors import DataError, FitError, SpecError, UsageError
 from mapmore_cli.domain.plan import Candidate, Picture, Plan
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.fitting.kinds import maker_of, refitted
-from mapmore_cli.fitting.kinds.choices import ModelChoices
+from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
 from mapmore_cli.fitting.left_out import residuals
 from mapmore_cli.fitting.stage import Warn
 from mapmore_cli.fitting.trials import training_only
@@ -22,7 +22,6 @@ from mapmore_cli.modelling.literature.backbone import fit_formula, pooled_traini
 from mapmore_cli.modelling.planning import levels as of_levels
 from mapmore_cli.modelling.planning import points as of_points
 from mapmore_cli.modelling.validation.intervals import refusal
-from mapmore_cli.pipeline import fuse
 from mapmore_cli.pipeline.runner import OnStage, bring_up_to_date
 from mapmore_cli.pipeline.staleness import as_found
 from mapmore_cli.storage.run_folder import RunFiles
@@ -90,7 +89,7 @@ def plan(
 
 def _refuse(loaded: LoadedSpec) -> ModelChoices:
     """How the model is made, where levels or points can be left out of it."""
-    choices = fuse.reads(loaded.spec)
+    choices = model_choices(loaded.spec)
     if choices.over_time:
         raise SpecError(f"{loaded.path}: a model over time has no levels or points to measure next", "plan with a static study")
     if maker_of(choices).refit is None:
