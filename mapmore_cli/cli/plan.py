@@ -36,7 +36,7 @@ def plan(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Say what to measure next: the levels, or the points of a map, where the model is least sure.
+    """Say what to measure next, where the model is least sure.
 
     With levels, the model is made without each inner one; the next lies in the middle of the gap that is expected to err most. Without
     levels, or with --points, several models stand in a committee, and points go where these disagree and data are far. Held-out data are
