@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from cli_samples import write_study
 
+from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.spec.campaign import load_campaign
 from mapmore_cli.study.campaigns.page import expanded, run_names, specs_of
 
@@ -68,6 +69,21 @@ def test_paths_start_at_the_campaign(campaign: Path) -> None:
     _, entries = load_campaign(campaign)
     assert {entry.config for entry in entries} == {campaign.parent / "bench.yaml"}
     assert entries[1].overrides == ('name="two"', "fit.max_terms=2", 'fuse={"z_s": 0.4}')
+
+
+def test_variables_in_the_paths_of_a_variant_are_expanded(campaign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are paths, with settings of their own or without; a text that is none keeps refusing them."""
+    monkeypatch.setenv("MAPMORE_DATA", str(tmp_path))
+    text = campaign.read_text()
+    variant = "{name: one, set: {fit.max_terms: 1}}"
+    files = '["${MAPMORE_DATA}/bench_1.csv", {path: "${MAPMORE_DATA}/bench_2.csv", keep: [{quantity: time, below: 2 s}]}]'
+    campaign.write_text(text.replace(variant, f"{{name: one, set: {{data.files: {files}}}}}"))
+    _, (one, *_) = load_campaign(campaign)
+    assert [f"{tmp_path}/bench_{k}.csv" in one.overrides[1] for k in (1, 2)] == [True, True]
+    assert "2 s" in one.overrides[1]
+    campaign.write_text(text.replace(variant, '{name: one, set: {muscle.name: "${MAPMORE_DATA}"}}'))
+    with pytest.raises(SpecError, match="no path"):
+        load_campaign(campaign)
 
 
 @pytest.mark.parametrize(

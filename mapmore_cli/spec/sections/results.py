@@ -16,7 +16,8 @@ from mapmore_cli.spec.fields import Metres, Metric, Name, OfTarget, Quantity, Re
 from mapmore_cli.spec.sections.model import Summands, refuse_mixed
 
 
-def _experiment() -> type[BaseModel]:
+def experiment() -> type[BaseModel]:
+    """Return the model of a whole spec, which holds these sections."""
     from mapmore_cli.spec.experiment import ExperimentSpec
 
     return ExperimentSpec
@@ -42,7 +43,7 @@ class Competitor(Section):
 
     model: Annotated[str, RelativePath(bare=True)] | None = None
     run: SpecPath | None = None
-    set: Annotated[dict[str, Any], SettingsOf(_experiment)] | None = None
+    set: Annotated[dict[str, Any], SettingsOf(experiment)] | None = None
     static: str | None = None
     damping: str | None = None
     method: Literal["variable_projection", "levenberg_marquardt", "simplex"] | None = None
