@@ -148,7 +148,7 @@ def test_the_papers_studies_have_published_numbers_where_the_papers_print_errors
     for file in ("m1_results.csv", "m2_results.csv"):
         with (CONFIGS.parent / "datasets" / "published" / file).open(newline="", encoding="utf-8") as lines:
             with_numbers |= {row["study"] for row in csv.DictReader(lines)}
-    assert with_numbers | {"dmsp-20-400-waveforms"} <= printed <= set(names)
+    assert with_numbers <= printed <= set(names)  # P's tables stand beside ours on the page of the paper
 
 
 @pytest.mark.parametrize(
