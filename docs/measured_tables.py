@@ -14,64 +14,15 @@ from pathlib import Path
 import numpy as np
 from pages import CONFIGS, DOCS, campaign, finished, write_tables
 
-from mapmore_cli.domain.scores import OWN, REPEATABILITY, Score, deciding
+from mapmore_cli.domain.scores import OWN, Score, deciding
 from mapmore_cli.domain.words import Hold
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import pooled
-from mapmore_cli.reporting.campaign import CampaignScores, hindsight_table, nrmse_table, published_table
+from mapmore_cli.reporting.campaign import CampaignScores, nrmse_table, published_table
 from mapmore_cli.reporting.score_tables import score_table
 from mapmore_cli.reporting.table import Cell, Column, Table
 from mapmore_cli.spec.campaign import Entry, load_campaign
 from mapmore_cli.storage.artefacts import read_dataset, read_fit, read_model
-from mapmore_cli.study.inspection.evidence import slack_foot
-
-BACKBONES = ("on_sarosi", "on_sarosi_hinged")
-
-
-def backbones(scores: CampaignScores, runs: Path) -> Table:
-    """What the training data of each run say about its backbone, and what the choice by left-out levels comes to."""
-    rows: list[tuple[Cell, ...]] = []
-    ratios: list[float] = []
-    to_formula: list[float] = []
-    for name, run in scores.pooled.items():
-        errors = {backbone: least_left_out_error(runs / f"{name}.{backbone}") for backbone in BACKBONES}
-        chosen = run[min(errors, key=errors.__getitem__)]
-        formula = min(run[model].rmse for model in scores.best_of)
-        floor = chosen.rmse / run[REPEATABILITY].rmse if REPEATABILITY in run else None
-        ratios.append(chosen.rmse / run["sarosi"].rmse)
-        foot = "yes" if has_foot(runs / name) else "no"
-        to_formula.append(chosen.rmse / formula)
-        rows.append((name, foot, *errors.values(), chosen.model, 100 * chosen.nrmse, ratios[-1], to_formula[-1], floor))
-    mean = math.exp(sum(map(math.log, ratios)) / len(ratios))
-    won = sum(ratio < 1 for ratio in to_formula)
-    rows.append(("geometric mean", *[None] * 5, mean, f"{won} of {len(rows)} below 1", None))
-    rows.append(("worst", *[None] * 5, max(ratios), None, None))
-    columns = (
-        Column("run"),
-        Column("slack foot"),
-        Column("on_sarosi, left out", "N", ".3g"),
-        Column("on_sarosi_hinged, left out", "N", ".3g"),
-        Column("chosen"),
-        Column("NRMSE", "%", ".3g"),
-        Column("ratio to sarosi", "", ".3g"),
-        Column("ratio to the best formula", "", ".3g"),
-        Column("ratio to repeatability", "", ".3g"),
-    )
-    return Table("backbones", "The backbone that left-out training levels choose, run by run", columns, tuple(rows))
-
-
-def least_left_out_error(run: Path) -> float:
-    """RMSE on left-out training data, with as much of the residual as is best there."""
-    pieces = read_model(run / "model.h5").pieces
-    assert pieces is not None
-    return min(fold.rmse for fold in pieces.cross_validation)
-
-
-def has_foot(run: Path) -> bool:
-    """True where the training samples show a slack foot, as `check` and `init` see it."""
-    curves = read_dataset(run / "ingest.h5").curves
-    pressure, strain, force = (np.concatenate([c.columns[n][c.training] for c in curves]) for n in ("pressure", "strain", "force"))
-    return slack_foot(pressure, strain, force) is not None
 
 
 def auto(scores: CampaignScores, runs: Path) -> Table:
@@ -107,12 +58,6 @@ def pgm(runs: Path) -> Table:
     turned = _of_strain(runs, "pgm_strain-left-out", "validate={as: force, against: []}")
     rows = [*_by_pressure(turned, "mapmore, strain inverted"), *_by_pressure(direct)]
     return Table("pgm", "Every pressure left out in turn", _pressure_columns("model"), tuple(rows))
-
-
-def pgm_strain(runs: Path) -> Table:
-    """The same model scored as what it is fitted to, the strain."""
-    rows = tuple(_by_pressure(_of_strain(runs, "pgm_strain-as-strain", "validate={as: null, against: []}")))
-    return Table("pgm-strain", "The strain with every pressure left out in turn", _pressure_columns("model of the strain"), rows)
 
 
 def _of_strain(runs: Path, name: str, validate: str) -> tuple[Score, ...]:
@@ -211,11 +156,8 @@ def tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
     measured, m1 = campaign("measured_static", runs), campaign("m1", runs)
     return {
         "measured": lambda: nrmse_table(measured),
-        "hindsight": lambda: hindsight_table(measured),
-        "backbones": lambda: backbones(measured, runs),
         "auto": lambda: auto(measured, runs),
         "pgm": lambda: pgm(runs),
-        "pgm-strain": lambda: pgm_strain(runs),
         "maps": lambda: maps(runs),
         "hold": lambda: hold(measured, m1, runs),
         "family": lambda: family(runs),
