@@ -107,8 +107,10 @@ def _default(value: dict[str, Any], required: bool) -> str:
 
 
 def _heading(name: str) -> str:
-    """`DictionaryEntry` as words."""
-    return "".join(f" {letter.lower()}" if letter.isupper() and place else letter for place, letter in enumerate(name))
+    """Return `DictionaryEntry` as words; a class whose name occurs twice begins with its module (`...__data__Rate`)."""
+    module, _, last = name.rpartition("__")
+    words = module.rpartition("__")[2].capitalize() + last.replace("_", "")
+    return "".join(f" {letter.lower()}" if letter.isupper() and place else letter for place, letter in enumerate(words))
 
 
 if __name__ == "__main__":

@@ -27,11 +27,36 @@ def _section(schema: Schema) -> str:
     return f"### {schema.type.__name__}\n\n{schema.summary}\n\n| name | stored as | unit | what it is |\n|---|---|---|---|\n{rows}\n"
 
 
+SHORT = (
+    ("string attribute", "`text`"),
+    ("float64 attribute", "`float`"),
+    ("int64 attribute", "`int`"),
+    ("string dataset, 1-D", "`text[]`"),
+    ("float64 dataset, 1-D", "`float[]`"),
+    ("float64 dataset, 2-D", "`float[,]`"),
+    ("int64 dataset, 1-D", "`int[]`"),
+    ("uint8 dataset, 1-D", "`flag[]`"),
+    ("`names` and `values`; values: ", "`names`/`values` "),
+    ("named group of: ", "named "),
+    ("numbered group of: ", "numbered "),
+    ("group with the attribute `kind`; ", ""),
+    (", a dataset for every column", ""),
+    (" (MAY be absent)", " ?"),
+)
+"""The page's short words for how a field is stored; its head says what they mean."""
+
+
+def _form(form: str) -> str:
+    for long, short in SHORT:
+        form = form.replace(long, short)
+    return form
+
+
 def _row(field: Field) -> str:
     unit = NO_UNIT if field.unit == NO_UNIT else f"`{field.unit}`"
-    remark = " (for readers; follows from the others)" if field.derived else ""
+    remark = " (derived)" if field.derived else ""
     what = f"{field.description}{remark}".replace("|", "\\|")
-    return f"| `{field.name}` | {field.codec.form} | {unit} | {what} |\n"
+    return f"| `{field.name}` | {_form(field.codec.form)} | {unit} | {what} |\n"
 
 
 if __name__ == "__main__":
