@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 
 from mapmore_cli.cli.console import Quiet, Unverified
-from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.domain.errors import MapmoreError, UsageError
 
 if TYPE_CHECKING:
     from mapmore_cli.cli.progress import Reporter
@@ -39,6 +39,10 @@ def predict(
             "--grid", metavar="AXES", help="Make a lookup table instead: pressure=0:600:25,strain=0:0.25:0.01.", show_default=False
         ),
     ] = None,
+    given: Annotated[
+        list[str],
+        typer.Option("--set", metavar="NAME=VALUE", help="An input that is the same in every row, as length=250 mm. Repeatable."),
+    ] = [],  # noqa: B006 - Typer makes a new list of what the user gives
     derivatives: Annotated[bool, typer.Option("--derivatives", help="Add the derivative for every input, <output>_by_<input>.")] = False,
     interval: Annotated[
         float | None,
@@ -78,25 +82,56 @@ def predict(
         raise UsageError("--as goes with a TABLE, and has no derivatives or intervals", "leave --grid, --derivatives and --interval out")
     with Reporter(quiet) as reporter:
         model = read_model(model_file, reporter.warn, unverified)
-        lines, label = _input(model, table, grid, reporter)
+        lines, label = _input(model, table, grid, constants_of(model, given), reporter)
         added = predicted_lines(model, lines, label, warn=reporter.warn, derivatives=derivatives, interval=interval, turned_for=turned_for)
         write_lines(added, output)
 
 
-def _input(model: Model, table: Path | None, grid: str | None, reporter: Reporter) -> tuple[Iterator[str], str]:
+def _input(
+    model: Model, table: Path | None, grid: str | None, constants: Mapping[str, float], reporter: Reporter
+) -> tuple[Iterator[str], str]:
     """The lines to predict for, and what messages call them."""
     from mapmore_cli.modelling.kinds import runs_over_time
     from mapmore_cli.storage.text_streams import as_text, lines_of
     from mapmore_cli.study.prediction.grid import grid_lines
+    from mapmore_cli.study.prediction.records import with_constants
 
     if grid is not None and runs_over_time(model):
         columns = ", ".join(["time", *(quantity.name for quantity in model.inputs)])
         raise UsageError("--grid: this model has memory, and a grid has no time", f"give a TABLE of recordings with the columns {columns}")
     if grid is not None:
-        return grid_lines(grid, [quantity.name for quantity in model.inputs]), "--grid"
+        axes = ",".join([grid, *(f"{name}={value!r}" for name, value in constants.items())])
+        return grid_lines(axes, [quantity.name for quantity in model.inputs]), "--grid"
+    lines: Iterator[str] = iter(())
     if table is None or table == STANDARD:
-        return as_text(sys.stdin.buffer), "stdin"
-    return lines_of(table, lambda read, size: reporter.progress("MB read", read // MEGABYTE, -(-size // MEGABYTE))), str(table)
+        lines, label = as_text(sys.stdin.buffer), "stdin"
+    else:
+        lines, label = lines_of(table, lambda read, size: reporter.progress("MB read", read // MEGABYTE, -(-size // MEGABYTE))), str(table)
+    return (with_constants(lines, label, constants) if constants else lines), label
+
+
+def constants_of(model: Model, given: Sequence[str]) -> dict[str, float]:
+    """Return the inputs that `--set` gives, in the model's units; raises UsageError for what is no input or no number."""
+    from mapmore_cli.spec.units import parse_quantity
+
+    units = {quantity.name: quantity.unit for quantity in model.inputs}
+    found: dict[str, float] = {}
+    for text in given:
+        name, _, value = (part.strip() for part in text.partition("="))
+        if name not in units:
+            raise UsageError(f"--set {text}: the model has no input '{name}'", f"it has {', '.join(units)}")
+        try:
+            found[name] = parse_quantity(value, units[name]) if not _is_number(value) else float(value)
+        except (ValueError, MapmoreError) as fault:
+            raise UsageError(f"--set {text}: {fault}", f"write, for example, `--set {name}=0.25` in {units[name]}") from fault
+    return found
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return float(text) == float(text)
+    except ValueError:
+        return False
 
 
 def write_lines(lines: Iterator[str], output: Path) -> None:

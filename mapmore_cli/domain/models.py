@@ -189,7 +189,7 @@ class Sum(Body):
         return tuple(memory for part in self.parts for memory in part.model.memories)
 
 
-LeftOutKind = Literal["levels", "recordings", "blocks"]
+LeftOutKind = Literal["levels", "recordings", "blocks", "specimens"]
 """What was left out of the training data in turn."""
 
 

@@ -157,12 +157,21 @@ def parts_of(dataset: Dataset, choices: ModelChoices) -> tuple[LeftOutKind, int,
     """What is left out of the training data in turn, how many such parts train, and for each part its name and its samples of every curve.
 
     They are the inner levels, since within its training range a new curve lies between two others; recordings where there are no levels;
+    of a family, specimens;
     blocks of all recordings where there are fewer than `LEAST_PARTS` of either. The samples of a plateau, which do not train, are a part of
     their level or recording, since they are predicted and scored.
     """
     known = [~curve.held_out for curve in dataset.curves]
     names = [_part(dataset, curve) for curve in dataset.curves]
     fixed = choices.fit.train_level
+    if choices.model.family is not None:
+        of = choices.model.family.of
+        values = np.unique(np.concatenate([curve.columns[of][rows] for curve, rows in zip(dataset.curves, known, strict=True)]))
+        specimens = {
+            f"{of}={value:g}": tuple(rows & (c.columns[of] == value) for c, rows in zip(dataset.curves, known, strict=True))
+            for value in values
+        }
+        return "specimens", len(values), specimens
     trains = [number for number, curve in enumerate(dataset.curves) if curve.training.any() and curve.level != fixed]
     if dataset.level is not None:
         trains.sort(key=lambda number: dataset.curves[number].level or 0.0)

@@ -33,6 +33,16 @@ def needed_runs(spec: ExperimentSpec) -> Iterator[Finding]:
             yield Finding(("target",), f"the sum of two models needs {' and '.join(f'`needs.{name}`' for name in missing)}", remedy)
 
 
+def families(spec: ExperimentSpec) -> Iterator[Finding]:
+    """A family has forces over pressure and strain, and what its specimens differ in."""
+    if spec.model.family is None:
+        return
+    for name in ("pressure", "strain", spec.model.family.of):
+        if name not in spec.data.quantities:
+            remedy = f"add `{name}` to `columns`, or `set` it beside the files"
+            yield Finding(("model", "family"), f"a family needs the quantity `{name}`", remedy, on_key=True)
+
+
 def plateaus(spec: ExperimentSpec) -> Iterator[Finding]:
     """A plateau is found in time and pressure."""
     plateau = spec.data.plateau

@@ -30,6 +30,7 @@ CHECKS = (
     check_models.sums,
     check_models.needed_runs,
     check_models.plateaus,
+    check_models.families,
     check_models.directions,
     check_models.training_level,
     check_models.load_cycle_formulas,

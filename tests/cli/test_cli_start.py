@@ -24,6 +24,7 @@ COMMANDS = [
     "tune",
     "plan",
     "predict",
+    "adapt",
     "invert",
     "freeze",
     "compare",

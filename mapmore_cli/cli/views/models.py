@@ -146,3 +146,15 @@ def _fusion_lines(fusion: Fusion) -> tuple[str, ...]:
     between = fusion.levels + (f", aligned at the threshold along {fusion.aligned}" if fusion.aligned else "")
     carried = f", {fusion.shrink:.0%} of the residual midway" if fusion.shrink < 1 else ""
     return (f"Transition: {fusion.transition}, z_s = {fusion.z_s:g}. Between levels: {between}{carried}. Extrapolation: {sides}.",)
+
+
+def of_adapted(model: Model, path: str) -> View:
+    """The scales of a specimen, and the file that was written."""
+    from mapmore_cli.reporting.table import Column, Table
+
+    fit = model.backbone
+    assert fit is not None
+    rows = tuple((name, fit.parameters[name], fit.errors[name]) for name in fit.parameters)
+    columns = (Column("scale"), Column("value"), Column("standard error"))
+    document = {"model": path, "parameters": fit.parameters, "errors": fit.errors, "samples": fit.samples, "notes": model.notes}
+    return View(document, (Table("adapted", f"{model.name}, adapted", columns, rows, model.notes),), (f"model: {path}",))

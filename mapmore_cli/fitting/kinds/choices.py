@@ -14,6 +14,7 @@ from mapmore_cli.spec.sections.data import STEP_OF, STEP_PRESSURE, Levels
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry, remembers
 from mapmore_cli.spec.sections.model import ModelChoice, Summand
 from mapmore_cli.spec.sections.results import Competitor
+from mapmore_cli.spec.units import base_units
 
 SegmentSection = Mapping[str, Segmented]
 
@@ -66,9 +67,11 @@ class ModelChoices(FitChoices):
 
 def with_definitions(spec: ExperimentSpec) -> ExperimentSpec:
     """The spec with the definition of each own formula in the place of its name, so that what a stage reads needs nothing else."""
-    if not spec.own_formulas:
+    if not spec.own_formulas and spec.model.family is None:
         return spec
     units = units_of(spec)
+    family = spec.model.family
+    relative = None if family is None else family.definition(metres_of(units[family.of]))
     found = {name: one.definition(units, units[spec.target_quantity]) for name, one in spec.own_formulas.items()}
 
     def put(name: str | None) -> str | None:
@@ -84,9 +87,15 @@ def with_definitions(spec: ExperimentSpec) -> ExperimentSpec:
         return one.model_copy(update={**changed, "sum": summed(one.sum), "as_": one.label})
 
     model = spec.model
-    named = replace(model, backbone=put(model.backbone), name=put(model.name), sum=summed(model.sum))
+    named = replace(model, backbone=put(model.backbone), name=relative or put(model.name), sum=summed(model.sum))
     validation = spec.validation.model_copy(update={"against": [rival(one) for one in spec.validation.against]})
     return spec.model_copy(update={"model": named, "validation": validation})
+
+
+def metres_of(unit: str) -> float:
+    """Return how many metres one of a unit of length is; 1 for other units."""
+    base = base_units(unit)
+    return base.factor if base is not None and dict(base.powers) == {"m": 1} else 1.0
 
 
 def lengths_of(spec: ExperimentSpec) -> dict[str, float | None]:

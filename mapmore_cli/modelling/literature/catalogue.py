@@ -11,6 +11,7 @@ from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling.literature import formulas
 from mapmore_cli.modelling.literature.literature_model import LiteratureModel
 from mapmore_cli.modelling.literature.own import formula_of, is_definition
+from mapmore_cli.modelling.literature.settings import is_family
 
 
 class UnknownFormula(KeyError):
@@ -34,6 +35,10 @@ def names() -> tuple[str, ...]:
 
 def get(name: str) -> LiteratureModel:
     """The formula called `name`, or defined by it; raises `UnknownFormula` with the nearest name."""
+    if is_family(name):
+        from mapmore_cli.modelling.literature.family import family_of
+
+        return family_of(name)
     if is_definition(name):
         return formula_of(name)
     if name not in names():

@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 from annotated_types import Len
 
 from mapmore_cli.domain.declared import Contradiction, Seconds, Settings
+from mapmore_cli.modelling.literature.settings import FamilySettings
 from mapmore_cli.modelling.motion.problem import MotionSettings
 from mapmore_cli.spec.fields import Quantity, SpecPath
 
@@ -58,6 +59,7 @@ class ModelChoice(MotionSettings):
       fused model errs least on left-out inner levels of the training data (with three levels or fewer: `sarosi_hinged`), or on left-out
       inner blocks where all samples are one surface.
     - `literature` fits the formula `name` alone, by the `method`, from the `starts` and with the `errors_in` that a competitor may have.
+    - `family` is one formula for specimens that differ `of` a quantity, as the rest length.
     - `auto` searches the structure on training data alone. It is the default where there is neither a `dictionary` nor a `model`. All
       quantities that vary are `inputs` unless these are named. The `budget` is computing time of each process; where it ends, the rest of
       the list is not tried. What was found is in the run folder as a spec, `found.yaml`.
@@ -84,9 +86,16 @@ class ModelChoice(MotionSettings):
     starts: str | None = None
     errors_in: str | None = None
     sum: Summands | None = None
+    family: FamilySettings | None = None
 
     def __post_init__(self) -> None:
-        """Refuse keys that the type lacks, or has no use for."""
+        """Refuse keys that the type lacks, or has no use for; a family is a formula."""
+        if self.family is not None:
+            if self.type not in ("mapmore", "literature"):
+                raise Contradiction(f"type `{self.type}` has no `family`", "remove the `type`, or `family`", "family")
+            if self.backbone is not None or (self.name is not None and not self.name.startswith("{")):
+                raise Contradiction("a family has a formula of its own", "remove `backbone` and `name`", "backbone", "name")
+            object.__setattr__(self, "type", "literature")
         for name in ("budget", "inputs"):
             if self.type != "auto" and getattr(self, name) != type(self).__dataclass_fields__[name].default:
                 raise Contradiction(f"type `{self.type}` has no `{name}`", "remove it, or use `type: auto`", name)
@@ -99,7 +108,7 @@ class ModelChoice(MotionSettings):
                 raise Contradiction("type `state_space` has no `backbone`", "remove it", "backbone")
         elif foreign := next((key.name for key in fields(MotionSettings) if getattr(self, key.name) != key.default), None):
             raise Contradiction(f"type `{self.type}` has no `{foreign}`", "remove it, or use `type: state_space`", foreign)
-        if self.type == "literature" and self.name is None:
+        if self.type == "literature" and self.name is None and self.family is None:
             raise Contradiction("type `literature` needs the `name` of a formula", "add it, as `name: sarosi`", "type")
         if self.type == "literature" and self.backbone is not None:
             raise Contradiction("type `literature` has no `backbone`", "remove it, or use `type: mapmore`", "backbone")

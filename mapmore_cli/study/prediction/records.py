@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -151,3 +151,19 @@ def _number(cell: str) -> float:
     if "_" in cell:  # Python reads 1_5 as 15
         raise ValueError
     return float(cell) if cell else math.nan
+
+
+def with_constants(lines: Iterable[str], label: str, constants: Mapping[str, float]) -> Iterator[str]:
+    """Yield the lines of a table with columns that have one value in every row.
+
+    Raises
+    ------
+    DataError
+        Where the table has such a column already.
+    """
+    rows = records(lines, label)
+    for number, row in enumerate(rows):
+        if number == 0 and (there := [name for name in constants if name in [cell.strip() for cell in row.cells]]):
+            raise DataError(f"{label}: already has a column {there[0]}", "leave out `--set`, or remove the column")
+        more = ",".join(constants) if number == 0 else ",".join(map(repr, constants.values()))
+        yield f"{row.text},{more}{row.end}" if row.text.strip() else f"{row.text}{row.end}"

@@ -295,7 +295,10 @@ LEFT_OUT = Schema(
     "How models of the rest missed each part of the training data that was left out of them: what intervals are made of.",
     (
         Field(
-            "kind", text(words=("levels", "recordings", "blocks")), "`levels`, `recordings` or `blocks`: what was left out in turn", NO_UNIT
+            "kind",
+            text(words=("levels", "recordings", "blocks", "specimens")),
+            "`levels`, `recordings`, `blocks` or `specimens`: what was left out in turn",
+            NO_UNIT,
         ),
         Field("curves", number(int, least=2), "levels, recordings or blocks that train"),
         Field("parts", TEXTS, "(parts) names of the parts", NO_UNIT),

@@ -1,0 +1,203 @@
+"""Muscles of one make as a family: one function of pressure and strain, times a largest force that follows from a dimension.
+
+    F = zero + S(l) f(P, strain),   S(l) = a atan(b (l - dead))   or   a l^b
+
+f is the hinged Sárosi formula, fitted to the forces of all specimens over their own largest ones; `zero` is the mean of their forces when
+slack. b has a prior, since a few specimens hardly show it: of the rest length of McKibben muscles, 19.03 1/m and a dead length of 7.5 mm
+(Bolen, Elzein, Pang, Hunt, Actuators 2026, of 31 muscles of 10 mm); of a diameter, the power 2.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+from scipy.optimize import least_squares, minimize_scalar
+
+from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.fits import FormulaFit
+from mapmore_cli.modelling.expressions import Expression, Name, Number, parse, substitute, to_text
+from mapmore_cli.modelling.literature.formula import Formula
+from mapmore_cli.modelling.literature.formulas.sarosi_hinged import COMPUTED, PRINTED
+from mapmore_cli.modelling.literature.formulas.sarosi_hinged import FORMULA as SHAPE
+from mapmore_cli.modelling.literature.own import definition, formula_of
+from mapmore_cli.modelling.literature.settings import FamilySettings
+
+NAME = "family"
+SPREAD, SCATTER = 0.3, 0.05
+"""Deviation of the prior of ln b, and of the logarithms of the largest forces of specimens of one dimension."""
+
+LOW, HIGH = 0.02, 0.995
+"""Shares of a specimen's samples below its slack force and below its largest one."""
+
+SLACK = 0.1
+"""Of the largest force: what the lowest force exceeds is no zero of a slack muscle."""
+
+PRIOR = 0.15
+"""Standard deviation of a new specimen's scales about one."""
+
+WITHIN = (0.3, 3.0)
+"""Bounds of the scale of the strain."""
+
+
+@lru_cache(maxsize=64)
+def family_of(text: str) -> Family:
+    """Return the family of a definition; ValueError where it defines none."""
+    try:
+        found = dict(json.loads(text)["family"])
+        metres = float(found.pop("metres"))
+        settings = FamilySettings(**found)
+        if not isinstance(parse(settings.of), Name) or not metres > 0 or settings.scale not in ("saturating", "power"):
+            raise TypeError("no quantity, unit or scale of a family")
+    except (KeyError, TypeError, AttributeError, RecursionError, OverflowError) as error:
+        raise ValueError(f"this defines no family: {type(error).__name__}: {error}") from error
+    return Family(
+        name=NAME,
+        reference="ours, on M1 eq 1 and Bolen et al. 2026",
+        inputs=("pressure", "strain", settings.of),
+        parameters=("zero", "a", "b", *SHAPE.parameters),
+        text=f"zero + ({_scale_text(settings, metres)})*({COMPUTED})",
+        definition=text,
+    )
+
+
+def _scale_text(settings: FamilySettings, metres: float) -> str:
+    length = settings.of if metres == 1.0 else f"{metres!r}*{settings.of}"
+    return f"a*atan(b*({length} - {settings.dead!r}))" if settings.scale == "saturating" else f"a*exp(b*log({length}))"
+
+
+class Family(Formula):
+    """A formula with a fit of its own, of all specimens at once."""
+
+    @property
+    def settings(self) -> FamilySettings:
+        """What the spec says of the family."""
+        return FamilySettings(**{key: value for key, value in json.loads(self.definition)["family"].items() if key != "metres"})
+
+    @property
+    def metres(self) -> float:
+        """Metres in one unit of the quantity that specimens differ in."""
+        return float(json.loads(self.definition)["family"]["metres"])
+
+    def fit(self, columns: Columns, y: Array, method: str | None = None, *, advice: bool = True) -> FormulaFit:
+        """Fit the scales of all specimens and their common function; standard errors are those of the function.
+
+        Raises
+        ------
+        DataError
+            Where all samples are of one specimen.
+        """
+        of = self.settings.of
+        which, number = np.unique(columns[of], return_inverse=True)
+        if len(which) < 2:
+            raise DataError(f"a family of one: {of} is {which[0]:g} in all training data", "add recordings of another specimen")
+        ends = np.array([_ends(y[number == i]) for i in range(len(which))])
+        zero, largest = ends.T
+        a, b = self._law(which * self.metres, largest)
+        normal = (y - zero[number]) / largest[number]
+        shape = SHAPE.fit(columns, normal, method, advice=advice)
+        parameters = {"zero": float(zero.mean()), "a": a, "b": b, **shape.parameters}
+        residual = self.predict(parameters, columns) - y
+        unknown = dict.fromkeys(("zero", "a", "b"), math.nan)
+        ratios = ", ".join(f"{of} {one:g}: {force:.4g}" for one, force in zip(which, largest, strict=True))
+        notes = (f"learnt from {len(which)} specimens; largest force by {ratios}", *shape.notes)
+        return replace(
+            shape,
+            name=NAME,
+            parameters=parameters,
+            errors={**unknown, **shape.errors},
+            sse=float(residual @ residual),
+            notes=notes,
+            rivals=(),
+            definition=self.definition,
+        )
+
+    def _law(self, lengths: Array, largest: Array) -> tuple[float, float]:
+        """a and b by least squares of ln S, with the prior of ln b."""
+
+        def shape(log_b: float) -> Array:
+            b = math.exp(log_b)
+            if self.settings.scale == "power":
+                return np.asarray(b * np.log(lengths))
+            return np.asarray(np.log(np.arctan(b * np.maximum(lengths - self.settings.dead, 1e-6))))
+
+        def cost(log_b: float) -> float:
+            rest = np.log(largest) - shape(log_b)
+            return float(np.sum((rest - rest.mean()) ** 2)) / SCATTER**2 + ((log_b - centre) / SPREAD) ** 2
+
+        centre = math.log(self.settings.centre)
+        best = float(minimize_scalar(cost, bounds=(centre - 2, centre + 2), method="bounded", options={"xatol": 1e-10}).x)
+        return math.exp(float(np.mean(np.log(largest) - shape(best)))), math.exp(best)
+
+    def equation(self, fit: FormulaFit) -> Expression:
+        """The formula with its numbers, the hinge as a person would write it."""
+        text = f"zero + ({_scale_text(self.settings, self.metres)})*({PRINTED})"
+        return substitute(parse(text), {name: Number(value) for name, value in fit.parameters.items()})
+
+    def _check_linearity(self) -> None:
+        """Nothing needs to be linear for a fit of its own."""
+
+
+def _ends(y: Array) -> tuple[float, float]:
+    """Force when slack, and the largest force beyond it."""
+    low, high = np.quantile(y, [LOW, HIGH])
+    zero = float(low) if abs(low) < SLACK * high else 0.0
+    return zero, float(high) - zero
+
+
+def adapted(fit: FormulaFit, columns: Mapping[str, Array], target: Array, dimension: float) -> FormulaFit:
+    """Return the formula of a new specimen of the family: `zero + q_force S f(P, q_strain strain)`, of pressure and strain alone.
+
+    `columns` hold the specimen's pressure and strain, (n,) each, `target` its forces; without rows, the scales are one. The scales have a
+    prior of one, +-15 %; samples of one strain err together and count as one, of 5 % of the force.
+    """
+    family = family_of(fit.definition)
+    known = {name: value for name, value in fit.parameters.items() if name != "zero"}
+    numbers: dict[str, Expression] = {name: Number(float(value)) for name, value in {**known, family.settings.of: dimension}.items()}
+    body = substitute(parse(family.text.removeprefix("zero + ")), {**numbers, "strain": parse("q_strain*strain")})
+    text = f"zero + q_force*({to_text(body)})"
+    made = definition(f"{NAME}, adapted", family.reference, text, {"zero": None, "q_force": None, "q_strain": WITHIN}, {}, None)
+    start = np.array([1.0, 1.0])
+
+    def parameters(q: Array) -> dict[str, float]:
+        return {"zero": fit.parameters["zero"], "q_force": float(q[0]), "q_strain": float(q[1])}
+
+    formula = formula_of(made)
+    found, errors = start, np.full(2, PRIOR)
+    residual = np.zeros(0)
+    if len(target):
+        weight, scatter = _weights(columns["strain"]), SCATTER * float(np.abs(target).max() or 1.0)
+
+        def cost(q: Array) -> Array:
+            missed = weight * (formula.predict(parameters(q), columns) - target) / scatter
+            return np.concatenate([missed, (q - 1.0) / PRIOR])
+
+        solved = least_squares(cost, start, xtol=1e-12, ftol=1e-12)
+        found, residual = solved.x, formula.predict(parameters(solved.x), columns) - target
+        jacobian = np.asarray(solved.jac)
+        errors = np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
+    return replace(
+        fit,
+        name=f"{NAME}, adapted",
+        parameters=parameters(found),
+        errors={"zero": math.nan, "q_force": float(errors[0]), "q_strain": float(errors[1])},
+        method="least squares with priors",
+        rank=2,
+        condition=1.0,
+        sse=float(residual @ residual),
+        samples=len(target),
+        notes=(*fit.notes[:1], f"adapted by {len(target)} samples"),
+        definition=made,
+    )
+
+
+def _weights(strain: Array) -> Array:
+    """Roots of the weights of samples, (n,): those of one strain err together, and count as one."""
+    span = float(np.ptp(strain)) or 1.0
+    _, number, counts = np.unique(np.round(strain / span, 2), return_inverse=True, return_counts=True)
+    return np.asarray(1 / np.sqrt(counts[number]))

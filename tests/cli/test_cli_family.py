@@ -1,0 +1,125 @@
+"""A family from YAML: run, `predict --set`, `adapt`."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+SPEC = """\
+schema_version: 1
+name: muscles
+data:
+  files:
+    - {path: "100_*.csv", set: {rest: 100 mm}}
+    - {path: "200_*.csv", set: {rest: 200 mm}}
+    - {path: "300_*.csv", set: {rest: 300 mm}}
+  columns: {pressure: {column: P, unit: kPa}, strain: {column: eps}, force: {column: F, unit: N}}
+  groups: {of: rest}
+target: static
+units: {rest: mm}
+model: {family: {of: rest}}
+validate: {simple: false, intervals: true}
+report: {figures: [], formats: [csv]}
+"""
+
+
+def force(pressure: np.ndarray, strain: float, length: float) -> np.ndarray:
+    return 300 * np.arctan(19 * (length - 7.5) / 1000) * np.maximum(pressure / 600 * (1 - strain / 0.25) ** 2 - 0.1, 0) - 5
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory, mapmore: Callable[..., Any]) -> Path:
+    """Three muscles that have run as a family."""
+    path = tmp_path_factory.mktemp("family")
+    pressure = np.linspace(0, 600, 15)
+    for length in (100, 200, 300):
+        for strain in (0.0, 0.08, 0.16):
+            rows = [f"{p:.3f},{strain},{f:.4f}" for p, f in zip(pressure, force(pressure, strain, length), strict=True)]
+            (path / f"{length}_{strain}.csv").write_text("\n".join(["P,eps,F", *rows]) + "\n")
+    (path / "muscles.yaml").write_text(SPEC)
+    result = mapmore("run", path / "muscles.yaml", "--runs", path / "runs", "-q", "--json")
+    assert result.exit_code == 0, result.stderr
+    rows = json.loads(result.stdout)["scores"]
+    assert next(row for row in rows if row["curve"] == "all")["nrmse"] < 0.05
+    return path
+
+
+def predicted(mapmore: Callable[..., Any], model: Path, table: Path, *arguments: object) -> list[dict[str, str]]:
+    result = mapmore("predict", model, table, "-q", *arguments)
+    assert result.exit_code == 0, result.stderr
+    return list(csv.DictReader(io.StringIO(result.stdout)))
+
+
+def test_a_new_length_is_given_on_the_line(folder: Path, mapmore: Callable[..., Any]) -> None:
+    model, table = folder / "runs" / "muscles" / "model.h5", folder / "table.csv"
+    table.write_text("pressure,strain\n600,0\n400,0.08\n")
+    short, unit = (predicted(mapmore, model, table, "--set", text, "--interval", 0.95) for text in ("rest=250", "rest=25 cm"))
+    assert short == unit
+    assert [float(row["force_predicted"]) for row in short] == pytest.approx(
+        [force(np.array([p]), e, 250.0)[0] for p, e in ((600, 0.0), (400, 0.08))], abs=15
+    )
+    assert all(float(row["force_low"]) < float(row["force_predicted"]) < float(row["force_high"]) for row in short)
+    grid = mapmore("predict", model, "--grid", "pressure=600,strain=0", "--set", "rest=250", "-q")
+    assert grid.stdout.splitlines()[1].split(",")[3] == short[0]["force_predicted"]
+
+
+def test_a_specimen_is_adapted_to_a_model_of_its_own(folder: Path, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    model, few, out = folder / "runs" / "muscles" / "model.h5", tmp_path / "few.csv", tmp_path / "own.h5"
+    pressure = np.linspace(100, 600, 11)
+    few.write_text(
+        "\n".join(["pressure,strain,force", *(f"{p},0,{1.2 * f}" for p, f in zip(pressure, force(pressure, 0, 250), strict=True))])
+    )
+    result = mapmore("adapt", model, few, "--set", "rest=250", "-o", out, "--json", "-q")
+    assert result.exit_code == 0, result.stderr
+    found = json.loads(result.stdout)
+    assert 1.1 < found["parameters"]["q_force"] < 1.2  # drawn towards the prior
+    assert found["samples"] == 11
+    assert "learnt from 3 specimens" in found["notes"][0]
+    rows = predicted(mapmore, out, few, "--interval", 0.95)
+    assert [float(row["force_predicted"]) for row in rows] == pytest.approx([float(row["force"]) for row in rows], abs=20)
+    assert mapmore("show", out).exit_code == 0
+    assert mapmore("export", out, "--to", "py", "-o", tmp_path / "own.py").exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((), "adapt needs the rest"),
+        (("--set", "rest=long"), "--set rest=long"),
+        (("--set", "width=3"), "no input 'width'"),
+    ],
+)
+def test_what_cannot_be_adapted(folder: Path, tmp_path: Path, mapmore: Callable[..., Any], arguments: Any, words: str) -> None:
+    result = mapmore("adapt", folder / "runs" / "muscles" / "model.h5", "-o", tmp_path / "own.h5", *arguments)
+    assert result.exit_code == 2
+    assert words in result.stderr
+
+
+def test_a_table_that_has_the_column_keeps_it(folder: Path, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    (tmp_path / "table.csv").write_text("pressure,strain,rest\n600,0,200\n")
+    result = mapmore("predict", folder / "runs" / "muscles" / "model.h5", tmp_path / "table.csv", "--set", "rest=250")
+    assert result.exit_code == 4
+    assert "already has a column rest" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("model", "words"),
+    [
+        ("family: {of: width}", "needs the quantity `width`"),
+        ("family: {of: rest}, backbone: sarosi", "a formula of its own"),
+        ("family: {of: rest}, type: sum", "has no `family`"),
+        ("family: {of: rest, scale: cubic}", "saturating"),
+    ],
+)
+def test_what_is_no_family(tmp_path: Path, mapmore: Callable[..., Any], model: str, words: str) -> None:
+    (tmp_path / "muscles.yaml").write_text(SPEC.replace("family: {of: rest}", model))
+    result = mapmore("run", tmp_path / "muscles.yaml", "--runs", tmp_path / "runs")
+    assert result.exit_code == 3
+    assert words in result.stderr

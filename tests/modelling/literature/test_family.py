@@ -1,0 +1,111 @@
+"""A family of muscles: one function, scaled by a largest force that follows from a dimension."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.modelling import literature
+from mapmore_cli.modelling.literature import family
+from mapmore_cli.modelling.literature.settings import FamilySettings
+
+LENGTHS = (0.1, 0.2, 0.3)
+
+
+def force(pressure: Array, strain: Array, length: float, scale: float = 1.0, stretch: float = 1.0) -> Array:
+    """A muscle that is slack below a threshold; its largest force follows Bolen's law."""
+    largest = 300 * np.arctan(19.03 * (length - 0.0075))
+    share = pressure / 600 * (1 - stretch * strain / 0.25) ** 2 - 0.1 * stretch * strain / 0.25
+    return np.asarray(-8.0 + scale * largest * np.maximum(share, 0.0))
+
+
+def measured(lengths: tuple[float, ...]) -> tuple[dict[str, Array], Array]:
+    """Pressures at five strains of each length."""
+    rows = np.array([(p, e, one) for one in lengths for e in (0.0, 0.05, 0.1, 0.15, 0.2) for p in np.linspace(0, 600, 25)])
+    columns = dict(zip(("pressure", "strain", "length"), rows.T, strict=True))
+    return columns, np.concatenate([force(*(rows[rows[:, 2] == one].T[:2]), one) for one in lengths])
+
+
+def fitted(lengths: tuple[float, ...] = LENGTHS, metres: float = 1.0):
+    columns, y = measured(lengths)
+    columns["length"] = columns["length"] / metres
+    return literature.get(FamilySettings(of="length").definition(metres)).fit(columns, y)
+
+
+def test_a_length_never_measured_is_predicted() -> None:
+    fit = fitted((0.1, 0.3))
+    columns, y = measured((0.2,))
+    predicted = literature.of(fit).predict(fit.parameters, columns)
+    assert np.sqrt(np.mean((predicted - y) ** 2)) < 0.03 * np.abs(y).max()
+    assert fit.parameters["zero"] == pytest.approx(-8.0)
+    assert fit.parameters["b"] == pytest.approx(19.03, rel=0.15)
+    assert "2 specimens" in fit.notes[0]
+
+
+def test_millimetres_make_the_same_family() -> None:
+    one, other = fitted(), fitted(metres=1e-3)
+    columns, _ = measured(LENGTHS)
+    expected = literature.of(one).predict(one.parameters, columns)
+    columns["length"] = 1000 * columns["length"]
+    assert literature.of(other).predict(other.parameters, columns) == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_diameter_scales_by_a_power() -> None:
+    columns, _ = measured((0.2,))
+    parts = [{**columns, "length": np.full(125, d)} for d in (10.0, 20.0)]
+    y = np.concatenate([force(columns["pressure"], columns["strain"], 0.2) * (d / 10) ** 2.2 for d in (10.0, 20.0)])
+    definition = FamilySettings(of="length", scale="power").definition(1.0)
+    fit = literature.get(definition).fit({name: np.concatenate([part[name] for part in parts]) for name in columns}, y)
+    assert fit.parameters["b"] == pytest.approx(2.2, abs=0.05)  # drawn a little towards the prior
+
+
+def test_one_specimen_is_no_family() -> None:
+    with pytest.raises(DataError, match="a family of one"):
+        fitted((0.2,))
+
+
+def test_few_points_find_the_scales_of_a_specimen() -> None:
+    fit = fitted()
+    columns, _ = measured((0.2,))
+    del columns["length"]
+    y = force(columns["pressure"], columns["strain"], 0.2, scale=1.15, stretch=1.1)
+    few = np.isin(columns["strain"], (0.0, 0.1))
+
+    def error(rows: Array) -> float:
+        own = family.adapted(fit, {name: x[rows] for name, x in columns.items()}, y[rows], 0.2)
+        return float(np.sqrt(np.mean((literature.of(own).predict(own.parameters, columns) - y) ** 2)))
+
+    none = np.zeros(len(y), dtype=bool)
+    assert error(few) < 0.6 * error(none)
+    own = family.adapted(fit, {name: x[few] for name, x in columns.items()}, y[few], 0.2)
+    assert own.parameters["q_force"] == pytest.approx(1.15, abs=0.05)
+    assert own.parameters["q_strain"] > 1.03
+    assert own.errors["q_force"] < family.PRIOR
+
+
+def test_without_points_a_specimen_is_the_family_at_its_length() -> None:
+    fit = fitted()
+    columns, _ = measured((0.2,))
+    own = family.adapted(fit, {}, np.empty(0), 0.2)
+    assert set(literature.of(own).inputs) == {"pressure", "strain"}
+    expected = literature.of(fit).predict(fit.parameters, columns)
+    assert literature.of(own).predict(own.parameters, columns) == pytest.approx(expected, rel=1e-9)
+    assert own.errors["q_force"] == family.PRIOR
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '{"family": 3}',
+        '{"family": {}}',
+        '{"family": {"of": "exp(9)", "scale": "power", "rate": 2, "dead": 0, "metres": 1}}',
+        '{"family": {"of": "x", "scale": "power", "rate": 2, "dead": 0, "metres": -1}}',
+        '{"family": {"of": "x", "scale": "cubic", "rate": 2, "dead": 0, "metres": 1}}',
+        '{"family": [',
+    ],
+)
+def test_what_defines_no_family(text: str) -> None:
+    with pytest.raises(ValueError, match=r"family|formula|Expecting"):
+        literature.get(text)
