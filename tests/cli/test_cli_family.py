@@ -83,7 +83,7 @@ def test_a_specimen_is_adapted_to_a_model_of_its_own(folder: Path, tmp_path: Pat
     assert found["samples"] == 11
     assert "learnt from 3 specimens" in found["notes"][0]
     rows = predicted(mapmore, out, few, "--interval", 0.95)
-    assert [float(row["force_predicted"]) for row in rows] == pytest.approx([float(row["force"]) for row in rows], abs=20)
+    assert [float(row["force_predicted"]) for row in rows] == pytest.approx([float(row["force"]) for row in rows], abs=30)
     assert mapmore("show", out).exit_code == 0
     assert mapmore("export", out, "--to", "py", "-o", tmp_path / "own.py").exit_code == 0
 
