@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,67 +15,43 @@ from mapmore_cli.domain.arrays import Array, IntArray
 
 @dataclass(frozen=True)
 class Scaling:
-    """Elementwise linear scaling of a segment (M1 step 1, M2 step i).
+    """Elementwise linear scaling `z_j = slope_j x_j + intercept_j`, `y = y_slope y_scaled + y_intercept` (M2 eq 8).
 
-    `z_j = slope_j x_j + intercept_j` and `y = y_slope y_scaled + y_intercept` (M2 eq 8).
+    `placement` has one word for each variable, as `left,right`; `-` where the rule places no origin.
     """
 
-    rule: str  # unit_square | max_abs | none | range
-    placement: str  # where the origin lies: "left", "right", "left,right" (one word a variable), "-"
-    variables: tuple[str, ...]
-    slope: Array  # (variables,)
-    intercept: Array  # (variables,)
-    y_slope: float
-    y_intercept: float
+    rule: Annotated[str, "`unit_square`, `max_abs`, `none` or `range`"]
+    placement: Annotated[str, "where the origin lies, as `left`"]
+    variables: Annotated[tuple[str, ...], "(v) inputs, in the order of slope and intercept"]
+    slope: Annotated[Array, "(v) slope of each input", "[slopes]"]
+    intercept: Annotated[Array, "(v) intercept of each input"]
+    y_slope: Annotated[float, "slope of the output", "[target]"]
+    y_intercept: Annotated[float, "intercept of the output", "[target]"]
 
 
 @dataclass(frozen=True, repr=False)
 class Selection:
-    """Everything that FROLS found out about one segment (M2 eq 2-7), for k chosen of M candidates.
+    """Everything that FROLS found out about one segment (M2 eq 2-7): k terms chosen of M candidates, in scaled coordinates.
 
-    Attributes
-    ----------
-    chosen
-        `(k,)` dictionary indices in the order of selection.
-    g, err
-        `(k,)` coefficients of the orthogonalised regressors, and their error reduction ratios.
-    theta
-        `(k,)` coefficients of the original regressors, from `A theta = g`.
-    theta_error
-        `(k,)` standard errors of `theta`; NaN where no degree of freedom is left.
-    a
-        `(k, k)` unit upper triangular, `P_chosen = Q A`.
-    g_all, err_all
-        `(k, M)` value of every candidate at every iteration; NaN where already chosen or excluded.
-    runner_up
-        `(k,)` index of the second best candidate of each iteration, -1 where there was none.
-    tied
-        `(k,)` number of other candidates whose ERR lay within 1e-9 relative of the winner's.
-    condition
-        2-norm condition number of the chosen regressors.
-    sse, yy
-        Residual and total sum of squares, both uncentred and in scaled coordinates.
-    candidates
-        `(M,)` names of the dictionary's columns, where they were given; they are not stored.
-    stop
-        `tolerance`, `max_terms`, `no_gain`, `rank`, `bic`, `aicc`, `press`, `free_run`, or `pruned` (from more terms to `max_terms`).
+    `candidates` are the names of the dictionary's M columns, where they were given; they are not stored. `stop` is `tolerance`,
+    `max_terms`, `no_gain`, `rank`, `bic`, `aicc`, `press`, `free_run`, or `pruned` (from more terms to `max_terms`).
     """
 
-    chosen: IntArray
-    g: Array
-    err: Array
-    theta: Array
-    theta_error: Array
-    a: Array
-    g_all: Array
-    err_all: Array
-    runner_up: IntArray
-    tied: IntArray
-    condition: float
-    sse: float
-    yy: float
-    samples: int
-    stop: str
+    chosen: Annotated[IntArray, "(k) candidates in the order of selection, from 0", "-"]
+    g: Annotated[Array, "(k) coefficients of the orthogonalised regressors"]
+    err: Annotated[Array, "(k) error reduction ratios"]
+    theta: Annotated[Array, "(k) coefficients of the original regressors, A theta = g"]
+    theta_error: Annotated[Array, "(k) standard errors of theta; NaN without a degree of freedom"]
+    a: Annotated[Array, "(k, k) unit upper triangular A, P_chosen = Q A"]
+    g_all: Annotated[Array, "(k, M) g of every candidate at every iteration; NaN where already chosen or excluded"]
+    err_all: Annotated[Array, "(k, M) err of every candidate at every iteration; NaN where already chosen or excluded"]
+    runner_up: Annotated[IntArray, "(k) second best candidate of each iteration, from 0; -1 where there was none", "-"]
+    tied: Annotated[IntArray, "(k) other candidates within 1e-9 of the winner's err"]
+    condition: Annotated[float, "2-norm condition number of the chosen regressors"]
+    sse: Annotated[float, "residual sum of squares, uncentred"]
+    yy: Annotated[float, "total sum of squares, uncentred"]
+    samples: Annotated[int, "samples fitted to"]
+    stop: Annotated[str, "why selection stopped"]
     candidates: tuple[str, ...] = field(default=(), compare=False, metadata={"stored": False})
 
     @property
@@ -105,38 +81,34 @@ class Selection:
 class Segment:
     """Rows of a training curve that one segment function is fitted to."""
 
-    id: str  # pressure=150/strain:2
-    curve: str
-    cell: tuple[int, ...]  # 1-based place along each segmented variable
-    rows: IntArray  # (n,) row numbers within the training curve
+    id: Annotated[str, "identifier of the segment, as `pressure=150/strain:2`"]
+    curve: Annotated[str, "identifier of its curve"]
+    cell: Annotated[tuple[int, ...], "place along each segmented variable, from 1", "-"]
+    rows: Annotated[IntArray, "row numbers within the curve's training samples, from 0", "-"]
 
 
 @dataclass(frozen=True)
 class SegmentedCurve:
-    """A training curve cut up.
+    """A training curve cut up; samples stay in the dataset file."""
 
-    `boundaries[j]` are the `(count_j + 1,)` segment locations of `variables[j]`, both ends included;
-    `limits` is the range of every input over the curve's training samples.
-    """
-
-    curve: str
-    level: float | None
-    variables: tuple[str, ...]
-    boundaries: tuple[Array, ...]
-    limits: Mapping[str, tuple[float, float]]
-    segments: tuple[Segment, ...]
+    curve: Annotated[str, "identifier of the curve"]
+    level: Annotated[float | None, "value of the level quantity", "[level]"]
+    variables: Annotated[tuple[str, ...], "(p) segmented variables"]
+    boundaries: Annotated[tuple[Array, ...], "(p) segment locations of each variable, both ends included", "[variables.*]"]
+    limits: Annotated[Mapping[str, tuple[float, float]], "least and greatest training value of each input", "[*]"]
+    segments: Annotated[tuple[Segment, ...], "segments of the curve"]
 
 
 @dataclass(frozen=True)
 class SegmentFit:
     """A segment function: the chosen terms with their scaling, and how they were found."""
 
-    id: str
-    curve: str
-    cell: tuple[int, ...]
-    candidates: tuple[str, ...]  # names of all M dictionary terms
-    scaling: Scaling
-    selection: Selection
+    id: Annotated[str, "identifier of the segment"]
+    curve: Annotated[str, "identifier of its curve"]
+    cell: Annotated[tuple[int, ...], "place along each segmented variable, from 1", "-"]
+    candidates: Annotated[tuple[str, ...], "(M) names of all M dictionary terms"]
+    scaling: Annotated[Scaling, "scaling of the segment"]
+    selection: Annotated[Selection, "how the terms were found"]
 
     @property
     def terms(self) -> tuple[str, ...]:
@@ -146,37 +118,32 @@ class SegmentFit:
 
 @dataclass(frozen=True)
 class Optimum:
-    """Another minimum of a formula's error that explains the training data nearly as well as the one taken.
+    """Another minimum of a formula's error that explains the training data nearly as well."""
 
-    `sse` is its training sum of squares, `held_out_rmse` its error on the validation data; NaN where nobody has asked.
-    """
-
-    parameters: Mapping[str, float]
-    sse: float
-    held_out_rmse: float = math.nan
+    parameters: Annotated[Mapping[str, float], "its parameters", "those of the formula"]
+    sse: Annotated[float, "its residual sum of squares", "[target]^2"]
+    held_out_rmse: Annotated[float, "its error on the validation data; NaN where nobody has asked", "[target]"] = math.nan
 
 
 @dataclass(frozen=True)
 class FormulaFit:
     """A literature model fitted to training data.
 
-    `status` is `converged`, `at_bound`, `rank_deficient`, `stopped_by_limit` or `failed`; numbers of a failed fit are NaN.
-    `method` names how it was fitted (`linear least squares`, `variable projection`, `levenberg_marquardt`). `rivals` are other minima with
-    nearly its training error, the least first: which of them is right, training data hardly tell. `definition` is the formula itself, where
-    a spec defines it.
+    `method` is `linear least squares`, `variable projection` or `levenberg_marquardt`. Training data hardly tell which of the
+    `rivals` is right; the least error comes first. `definition` is the formula itself, where a spec defines it.
     """
 
-    name: str
-    parameters: Mapping[str, float]
-    errors: Mapping[str, float]  # standard errors, NaN where unknown
-    status: str
-    method: str
-    rank: int
-    condition: float
-    sse: float
-    samples: int
-    notes: tuple[str, ...] = ()
-    rivals: tuple[Optimum, ...] = ()
+    name: Annotated[str, "name of the formula"]
+    parameters: Annotated[Mapping[str, float], "fitted parameters; NaN where the fit failed", "those of the formula"]
+    errors: Annotated[Mapping[str, float], "standard errors of the parameters; NaN where unknown", "those of the formula"]
+    status: Annotated[str, "`converged`, `at_bound`, `rank_deficient`, `stopped_by_limit` or `failed`"]
+    method: Annotated[str, "how it was fitted"]
+    rank: Annotated[int, "rank of the linear problem"]
+    condition: Annotated[float, "condition number of the linear problem"]
+    sse: Annotated[float, "residual sum of squares", "[target]^2"]
+    samples: Annotated[int, "samples fitted to"]
+    notes: Annotated[tuple[str, ...], "remarks for the reader"] = ()
+    rivals: Annotated[tuple[Optimum, ...], "other minima with nearly its training error"] = ()
     definition: str = ""
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
@@ -16,31 +17,26 @@ PIECE = "memory"
 
 @dataclass(frozen=True)
 class StateSet:
-    """States with memory (lags, operators) and everything that their values on a new recording depend on.
+    """States with memory, and everything that their values on a new recording depend on.
 
-    Attributes
-    ----------
-    names
-        As `pressure`, `force[k-1]`, `slow(play(pressure, 0.16), 0.3)`: s states.
-    step
-        Time between samples, s.
-    ranges
-        Training range, of every source of `play`, `stop` and `saturate` by its name: widths are fractions of it.
-    resonances
-        Frequency (Hz) and damping ratio that training found, by the name of their source.
-    low, high
-        (s,) training range of every state, which is scaled to [0, 1] and clipped `margin` beyond; both empty where states are not scaled.
-    margin
-        How far beyond its training range a scaled state may go, as a fraction of it.
+    Widths of `play`, `stop` and `saturate` are fractions of `ranges`. Scaled states are clipped `margin` beyond [0, 1].
     """
 
-    names: tuple[str, ...]
-    step: float
-    ranges: Mapping[str, tuple[float, float]]
-    resonances: Mapping[str, tuple[float, float]]
-    low: Array
-    high: Array
-    margin: float
+    names: Annotated[tuple[str, ...], "(s) as `pressure`, `force[k-1]`, `slow(play(pressure, 0.16), 0.3)`"]
+    step: Annotated[float, "time between samples", "s"]
+    ranges: Annotated[
+        Mapping[str, tuple[float, float]],
+        "training range of each source of `play`, `stop` and `saturate`, by its name",
+        "that of the source",
+    ]
+    resonances: Annotated[
+        Mapping[str, tuple[float, float]], "frequency (Hz) and damping ratio that training found, by the name of their source", "Hz, 1"
+    ]
+    low: Annotated[
+        Array, "(s or 0) least training value of each state, scaled to 0; empty where states are not scaled", "that of the state"
+    ]
+    high: Annotated[Array, "(s or 0) greatest training value of each state, scaled to 1; empty likewise", "that of the state"]
+    margin: Annotated[float, "how far beyond its training range a scaled state may go, as a fraction of it"]
 
     @property
     def scaled(self) -> bool:
@@ -50,28 +46,20 @@ class StateSet:
 
 @dataclass(frozen=True)
 class MemoryModel:
-    """`output[k] = constant + sum_j theta_j D_j(states[k])`, the terms D_j in the order of selection.
+    """`output[k] = constant + sum_j theta_j D_j(states[k])`.
 
-    Attributes
-    ----------
-    terms
-        Texts of the k terms, products of names of `states`.
-    theta, theta_error
-        (k,) coefficients and standard errors, of states scaled as `states` says.
-    limits
-        Training range of the output: a free run that leaves it a hundredfold has diverged.
-    start
-        How free runs begin: with `measured` outputs, at the `steady` one of the first inputs, or with `identified` ones.
+    A free run that leaves `limits` a hundredfold has diverged. It begins with `measured` outputs, at the `steady` one of the first inputs,
+    or with `identified` ones (`start`).
     """
 
-    output: str
-    states: StateSet
-    terms: tuple[str, ...]
-    theta: Array
-    theta_error: Array
-    constant: float
-    limits: tuple[float, float]
-    start: str = "measured"
+    output: Annotated[str, "the quantity whose delays are fed back"]
+    states: Annotated[StateSet, "states with memory"]
+    terms: Annotated[tuple[str, ...], "(k) the terms D_j, in the order of selection"]
+    theta: Annotated[Array, "(k) coefficients of the terms, of states scaled as `states` says", "those of the terms"]
+    theta_error: Annotated[Array, "(k) standard errors of theta; NaN without a degree of freedom", "those of the terms"]
+    constant: Annotated[float, "the constant", "[target]"]
+    limits: Annotated[tuple[float, float], "least and greatest training output", "[target]"]
+    start: Annotated[str, "how free runs begin"] = "measured"
 
     @property
     def scaling(self) -> Scaling:
@@ -87,20 +75,13 @@ class MemoryModel:
 class Identified:
     """Numbers of operators that training found.
 
-    Attributes
-    ----------
-    names
-        (m) as `p of wen(force[k-1])`.
-    numbers, errors
-        (m,) values and standard errors; NaN at a bound.
-    held
-        (m,) whether the search ended at a bound: the data do not say what the number is.
+    Where the search ended at a bound (`held`), the data do not say what the number is.
     """
 
-    names: tuple[str, ...]
-    numbers: Array
-    errors: Array
-    held: BoolArray
+    names: Annotated[tuple[str, ...], "(m) as `p of wen(force[k-1])`"]
+    numbers: Annotated[Array, "(m) the numbers", "s, Hz or 1"]
+    errors: Annotated[Array, "(m) standard errors; NaN at a bound", "those of the numbers"]
+    held: Annotated[BoolArray, "(m) 1 where the search ended at a bound"]
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -112,37 +93,24 @@ class Identified:
 
 @dataclass(frozen=True)
 class MemoryFit:
-    """A model with memory, and how its terms were found.
+    """A model with memory, and how its k terms were chosen of M candidates.
 
-    Attributes
-    ----------
-    candidates
-        Names of all M dictionary terms.
-    selection
-        Of the k terms kept; where terms were pruned, ERR are those among the kept ones, and NaN in the tables for all others.
-    ridge
-        As a fraction of the variance of a standardised candidate; 0 for none.
-    forward
-        (f,) indices of the candidates that forward selection chose before pruning, in its order.
-    substitutes, shares
-        (k,) the candidate that would serve best in place of each term beside the others, -1 for none, and its gain over the term's own;
-        both empty without a ridge.
-    held_out
-        Where free runs decided on the number of terms: RMSE of the models of 1, 2, ... terms over the last training samples, which they
-        were not fitted to; infinite where a run diverged.
-    identified
-        The numbers of operators that the dictionary left open; None where it left none.
+    Where terms were pruned, the ERR of `selection` are those among the terms kept, and NaN in the tables for all others.
     """
 
-    model: MemoryModel
-    candidates: tuple[str, ...]
-    selection: Selection
-    ridge: float
-    forward: IntArray
-    substitutes: IntArray
-    shares: Array
-    held_out: Array | None = None
-    identified: Identified | None = None
+    model: Annotated[MemoryModel, "the model"]
+    candidates: Annotated[tuple[str, ...], "(M) names of all M dictionary terms"]
+    selection: Annotated[Selection, "how the terms were found; after pruning, among those kept"]
+    ridge: Annotated[float, "ridge as a fraction of the variance of a standardised candidate; 0 for none"]
+    forward: Annotated[IntArray, "candidates chosen before pruning, in their order, from 0", "-"]
+    substitutes: Annotated[IntArray, "(k or 0) candidate that would best replace each term, -1 for none; empty without a ridge", "-"]
+    shares: Annotated[Array, "(k or 0) its gain over the term's own; empty without a ridge"]
+    held_out: Annotated[
+        Array | None,
+        "free-run RMSE of the models of 1, 2, ... terms over the last training samples, fitted to the others; inf where diverged",
+        "[target]",
+    ] = None
+    identified: Annotated[Identified | None, "the numbers of operators that the dictionary left open, where it left any"] = None
 
     @property
     def piece(self) -> SegmentFit:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, Literal
 
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.fits import FormulaFit, Scaling
@@ -19,36 +19,34 @@ Side = str | float
 
 @dataclass(frozen=True)
 class SegmentFunction:
-    """`f(x) = y_slope sum_k theta_k D_k(slope x + intercept) + y_intercept` (M2 eq 8).
+    """`f(x) = y_slope sum_k theta_k D_k(slope x + intercept) + y_intercept` (M2 eq 8)."""
 
-    `theta`, its standard errors, `g` and `err` are `(k,)` in the order of selection, in scaled coordinates. `limits` is the range of its
-    samples along every segmented variable.
-    """
-
-    id: str
-    cell: tuple[int, ...]
-    terms: tuple[str, ...]
-    theta: Array
-    theta_error: Array
-    g: Array
-    err: Array
-    scaling: Scaling
-    samples: int
-    condition: float
-    stop: str
-    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    id: Annotated[str, "identifier of the segment"]
+    cell: Annotated[tuple[int, ...], "place along each segmented variable, from 1", "-"]
+    terms: Annotated[tuple[str, ...], "(k) names of the terms D_k, in the order of selection"]
+    theta: Annotated[Array, "(k) coefficients of the terms, in scaled coordinates"]
+    theta_error: Annotated[Array, "(k) standard errors of theta; NaN without a degree of freedom"]
+    g: Annotated[Array, "(k) coefficients of the orthogonalised regressors"]
+    err: Annotated[Array, "(k) error reduction ratios"]
+    scaling: Annotated[Scaling, "scaling of the segment"]
+    samples: Annotated[int, "samples fitted to"]
+    condition: Annotated[float, "2-norm condition number of the chosen regressors"]
+    stop: Annotated[str, "why selection stopped"]
+    limits: Annotated[
+        Mapping[str, tuple[float, float]], "least and greatest training value of each segmented variable in the segment", "[*]"
+    ] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class CurveFunction:
     """The fused segment functions of one training curve."""
 
-    curve: str
-    level: float | None
-    boundaries: tuple[Array, ...]  # one for each of the model's segmented variables
-    limits: Mapping[str, tuple[float, float]]
-    segments: tuple[SegmentFunction, ...]
-    threshold: float | None = None  # along the aligned variable, where there is one
+    curve: Annotated[str, "identifier of the curve"]
+    level: Annotated[float | None, "value of the level quantity", "[level]"]
+    boundaries: Annotated[tuple[Array, ...], "(p) segment locations of each segmented variable, both ends included", "[variables.*]"]
+    limits: Annotated[Mapping[str, tuple[float, float]], "least and greatest training value of each input", "[*]"]
+    segments: Annotated[tuple[SegmentFunction, ...], "segment functions"]
+    threshold: Annotated[float | None, "threshold along the aligned variable, where there is one", "[aligned]"] = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,20 +69,23 @@ class Fusion(Joining):
 
 @dataclass(frozen=True)
 class FoldError:
-    """Cross-validation error of one choice: RMSE pooled over all left-out training samples, in the target's unit."""
+    """Cross-validation error of one choice.
 
-    choice: str  # backbone | backbone + residual | backbone + shrunken residual
-    rmse: float
-    folds: int
+    `choice` is `backbone`, `backbone + residual` or `backbone + shrunken residual`.
+    """
+
+    choice: Annotated[str, "what was cross-validated"]
+    rmse: Annotated[float, "pooled error of all left-out samples", "[target]"]
+    folds: Annotated[int, "number of folds"]
 
 
 @dataclass(frozen=True)
 class CurveRange:
-    """Training range of every input within one training curve; `level` is the curve's, None without levels."""
+    """Training range of every input within one training curve."""
 
-    curve: str
-    level: float | None
-    limits: Mapping[str, tuple[float, float]]
+    curve: Annotated[str, "identifier of the curve"]
+    level: Annotated[float | None, "value of the level quantity", "[level]"]
+    limits: Annotated[Mapping[str, tuple[float, float]], "least and greatest training value of each input", "[*]"]
 
 
 class Body:
@@ -93,27 +94,17 @@ class Body:
 
 @dataclass(frozen=True)
 class Pieces(Body):
-    """MAPMORE: `output = backbone(inputs) + sum_i f_i(E(x)) prod_j w_ij(x_j)` (M2 eq 9).
+    """MAPMORE: `output = backbone + sum_i f_i prod_j w_ij` (M2 eq 9).
 
-    Attributes
-    ----------
-    level
-        The input that is constant within a curve and interpolated between curves; None where all curves are pooled.
-    variables
-        Segmented variables.
-    backbone
-        Formula that the pieces are added to; None where they stand by themselves. Curves have no segments where the residual on it was
-        dropped.
-    cross_validation
-        On what grounds the residual on a backbone was kept, shrunk or dropped; empty where nobody asked.
+    `level` is None where all curves are pooled. Curves have no segments where the residual on the backbone was dropped.
     """
 
-    level: str | None
-    variables: tuple[str, ...]
-    curves: tuple[CurveFunction, ...]
-    fusion: Fusion
-    backbone: FormulaFit | None = None
-    cross_validation: tuple[FoldError, ...] = ()
+    level: Annotated[str | None, "the input that is constant within a curve"]
+    variables: Annotated[tuple[str, ...], "(p) segmented variables"]
+    curves: Annotated[tuple[CurveFunction, ...], "training curves"]
+    fusion: Annotated[Fusion, "how the pieces are joined"]
+    backbone: Annotated[FormulaFit | None, "formula that the pieces are added to"] = None
+    cross_validation: Annotated[tuple[FoldError, ...], "errors that decided for or against the pieces on the backbone"] = ()
 
     @property
     def ranges(self) -> tuple[CurveRange, ...]:
@@ -128,11 +119,11 @@ class Pieces(Body):
 
 @dataclass(frozen=True)
 class Formula(Body):
-    """A formula of the literature as the whole model; `level` and `ranges` say where it was trained."""
+    """A formula of the literature as the whole model."""
 
-    fit: FormulaFit
-    level: str | None
-    ranges: tuple[CurveRange, ...]
+    fit: Annotated[FormulaFit, "the fitted formula"]
+    level: Annotated[str | None, "the input that is constant within a training curve"]
+    ranges: Annotated[tuple[CurveRange, ...], "training range of each curve"]
 
     @property
     def backbone(self) -> FormulaFit:
@@ -147,9 +138,9 @@ class Memory(Body):
     It takes a recording with its `time`, from the first measured outputs where those are fed back.
     """
 
-    model: MemoryModel
-    ranges: tuple[CurveRange, ...]
-    backbone: FormulaFit | None = None
+    model: Annotated[MemoryModel, "states, terms and coefficients"]
+    ranges: Annotated[tuple[CurveRange, ...], "training range of each curve"]
+    backbone: Annotated[FormulaFit | None, "formula that it is added to"] = None
 
     @property
     def memories(self) -> tuple[MemoryModel, ...]:
@@ -159,29 +150,31 @@ class Memory(Body):
 
 @dataclass(frozen=True)
 class StateSpace(Body):
-    """A model of motion: linear sections along an input (P). It takes a recording with its `time`, and begins at rest."""
+    """A model of motion: linear sections along an input (P)."""
 
-    motion: Motion
-    ranges: tuple[CurveRange, ...]
+    motion: Annotated[Motion, "the sections"]
+    ranges: Annotated[tuple[CurveRange, ...], "training range of each curve"]
 
 
 @dataclass(frozen=True)
 class Part:
-    """A model in a sum: its output counts with a `sign`, +1 or -1.
+    """A model in a sum.
 
     `inputs` says where an input of the part has another name in the sum: an expression of the sum's inputs, as `p1` or `-strain`.
     """
 
-    model: Model
-    sign: float = 1.0
-    inputs: Mapping[str, str] = field(default_factory=dict)
+    model: Annotated[Model, "the model"]
+    sign: Annotated[float, "+1 or -1: how its output counts"] = 1.0
+    inputs: Annotated[Mapping[str, str], "its inputs that have another name in the sum, as expressions of the sum's inputs"] = field(
+        default_factory=dict
+    )
 
 
 @dataclass(frozen=True)
 class Sum(Body):
-    """Models that are added up, as a static and a damping model (M2 section 3)."""
+    """Models that are added up."""
 
-    parts: tuple[Part, ...]
+    parts: Annotated[tuple[Part, ...], "the summands, with their signs and inputs"]
 
     @property
     def memories(self) -> tuple[MemoryModel, ...]:
@@ -197,55 +190,34 @@ LeftOutKind = Literal["levels", "recordings", "blocks", "specimens"]
 class LeftOut:
     """How models of the rest missed each part of the training data that was left out of them: what intervals are made of.
 
-    Attributes
-    ----------
-    curves
-        How many levels, recordings or blocks train.
-    parts
-        Names of the k that were left out: of levels, those between two others.
-    samples
-        Samples of each, (k,).
-    offset, scatter
-        Mean of measured minus predicted over each part, and standard deviation about it, (k,), in the unit of the output.
-    sizes
-        Quantiles of the absolute residuals of each part at q even shares from 0 to 1, (k, q).
-    places, repeats
-        The levels that train, ascending, and how many recordings have each, (K,); empty where there are none.
-    largest, residual
-        Largest |target| of the training data, and the root mean square residual of the model there, in the unit of the output.
-    astray
-        How far left-out predictions lie beyond the training data, as a share of their range.
+    Of levels, those between two others are left out.
     """
 
-    kind: LeftOutKind
-    curves: int
-    parts: tuple[str, ...]
-    samples: IntArray
-    offset: Array
-    scatter: Array
-    sizes: Array
-    places: tuple[float, ...] = ()
-    repeats: tuple[int, ...] = ()
-    largest: float = 0.0
-    residual: float = 0.0
-    astray: float = 0.0
+    kind: Annotated[LeftOutKind, "`levels`, `recordings`, `blocks` or `specimens`: what was left out in turn"]
+    curves: Annotated[int, "levels, recordings or blocks that train"]
+    parts: Annotated[tuple[str, ...], "(parts) names of the parts"]
+    samples: Annotated[IntArray, "(parts) samples of each"]
+    offset: Annotated[Array, "(parts) mean of measured minus predicted over each", "[target]"]
+    scatter: Annotated[Array, "(parts) standard deviation about the offset", "[target]"]
+    sizes: Annotated[Array, "(parts, shares) quantiles of the absolute residuals of each at even shares from 0 to 1", "[target]"]
+    places: Annotated[tuple[float, ...], "(levels) levels that train", "that of the level"] = ()
+    repeats: Annotated[tuple[int, ...], "(levels) recordings at each"] = ()
+    largest: Annotated[float, "largest absolute training target", "[target]"] = 0.0
+    residual: Annotated[float, "root mean square training residual", "[target]"] = 0.0
+    astray: Annotated[float, "how far left-out predictions lie beyond the training target, as a share of its range"] = 0.0
 
 
 @dataclass(frozen=True)
 class Model:
-    """A model that predicts without any other file: what all kinds have in common, and the `body` of one kind.
+    """A model that predicts without any other file: what all kinds have in common, and the body of one kind."""
 
-    `signals` are inputs that a record over time need not hold, each after those that it follows from. `left_out` is there where the spec
-    asked for intervals.
-    """
-
-    name: str
-    output: Quantity
-    inputs: tuple[Quantity, ...]
-    body: Body
-    signals: tuple[Signal, ...] = ()
-    notes: tuple[str, ...] = ()
-    left_out: LeftOut | None = None
+    name: Annotated[str, "name of the run"]
+    output: Annotated[Quantity, "predicted quantity"]
+    inputs: Annotated[tuple[Quantity, ...], "quantities that the model needs"]
+    body: Annotated[Body, "what the model consists of"]
+    signals: Annotated[tuple[Signal, ...], "inputs that follow from others over time, each after those"] = ()
+    notes: Annotated[tuple[str, ...], "remarks for the reader"] = ()
+    left_out: Annotated[LeftOut | None, "what intervals are made of, where the spec asked for them"] = None
 
     @property
     def pieces(self) -> Pieces | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cmath
 from dataclasses import dataclass
+from typing import Annotated
 
 from mapmore_cli.domain.arrays import Array
 
@@ -19,17 +20,17 @@ ALL, RISE, FALL = "all", "rise", "fall"
 
 @dataclass(frozen=True)
 class MotionSection:
-    """One linear section, in discrete time: `x1[k+1] = x2[k]`, `x2[k+1] = P1 x1[k] + P2 x2[k] + sum_m w_m d_m[k]`, output `x1`.
+    """A linear section: `x1[k+1] = x2[k]`, `x2[k+1] = P1 x1[k] + P2 x2[k] + sum_m w_m d_m[k]`, output x1 (P eq 10, in discrete time).
 
-    P eq 10, whose `x2` is the output one sample ahead. The drives d are the model's; the first is the input, so that `w_1` is P3.
+    `x2` is the output one sample ahead. The drives d are the model's; the first is the input, so that `w_1` is P3.
     """
 
-    id: str  # 1, rise 2
-    place: int  # along the input, from 1
-    direction: str  # all | rise | fall
-    p1: float
-    p2: float
-    weights: Array  # (m,), in the output's unit over that of the drive
+    id: Annotated[str, "identifier of the section, as `2` or `rise 2`"]
+    place: Annotated[int, "place along the input, from 1", "-"]
+    direction: Annotated[str, "direction of the input in which it holds: `all`, `rise` or `fall`"]
+    p1: Annotated[float, "P1"]
+    p2: Annotated[float, "P2"]
+    weights: Annotated[Array, "(m) weights of the drives; the first is P3", "[target] over the unit of the drive"]
 
     @property
     def p3(self) -> float:
@@ -56,61 +57,42 @@ class MotionSection:
 
 @dataclass(frozen=True)
 class Motion:
-    """Sections along the input, each for one direction of it or for both (P eq 14-17).
+    """Sections along an input (P eq 14-17).
 
-    Attributes
-    ----------
-    step
-        Time between samples, s.
-    switching
-        `hard`: every section runs on the whole input, the active one's output is taken. `carried`: one state passes from section to
-        section. `bumpless`: the same, with sections whose steady outputs meet at their boundaries.
-    boundaries
-        Inputs at which sections meet, ascending; one fewer than there are sections along the input.
-    directed
-        Whether sections differ between a rising and a falling input.
-    dead_band
-        How far the input has to turn back before its direction changes, in its unit. It is 0 without bumpless switching: the input then
-        falls unless it rises.
-    drives
-        Texts of the terms that drive every section, the input first: as `input`, `1`, `load`, `input*load`.
-    sections
-        In order along the input, `rise` before `fall`.
-    limits
-        Training range of the input.
-    start
-        `rest`: a run begins in the steady state of its first input. `zero`: it begins at an output of zero (P, on each reference).
+    With `hard` switching every section runs on the whole input and the active one's output is taken; `bumpless` sections are `carried` ones
+    whose steady outputs meet at their boundaries. Without bumpless switching `dead_band` is 0: the input then falls unless it rises. A run
+    begins at rest in the steady state of its first input, or at an output of zero (P, on each reference).
     """
 
-    input: str
-    output: str
-    step: float
-    switching: str
-    boundaries: tuple[float, ...]
-    directed: bool
-    dead_band: float
-    drives: tuple[str, ...]
-    sections: tuple[MotionSection, ...]
-    limits: tuple[float, float]
-    start: str = REST
+    input: Annotated[str, "the input"]
+    output: Annotated[str, "the predicted quantity"]
+    step: Annotated[float, "time between samples", "s"]
+    switching: Annotated[str, "`hard`: sections run side by side; `carried`, `bumpless`: they share one state"]
+    boundaries: Annotated[tuple[float, ...], "inputs at which sections meet, ascending", "that of the input"]
+    directed: Annotated[bool, "1 where sections differ between a rising and a falling input"]
+    dead_band: Annotated[float, "how far the input turns back before its direction changes", "that of the input"]
+    drives: Annotated[tuple[str, ...], "(m) terms that drive every section, the input first"]
+    sections: Annotated[tuple[MotionSection, ...], "in order along the input, `rise` before `fall`"]
+    limits: Annotated[tuple[float, float], "least and greatest training input", "that of the input"]
+    start: Annotated[str, "a run begins at `rest` under its first input, or at `zero`"] = REST
 
 
 @dataclass(frozen=True)
 class SectionSearch:
-    """How one section's parameters were found: `history` is the lowest RMSE so far, (iterations + 1,) from the start on."""
+    """How the parameters of one section were found."""
 
-    section: str
-    samples: int
-    rmse: float  # over the section's own samples, in the output's unit
-    evaluations: int  # simulations of its samples
-    history: Array
+    section: Annotated[str, "identifier of the section"]
+    samples: Annotated[int, "training samples at which it holds"]
+    rmse: Annotated[float, "error over these, before sections were joined", "[target]"]
+    evaluations: Annotated[int, "simulations that it took"]
+    history: Annotated[Array, "lowest error so far, from the start on", "[target]"]
 
 
 @dataclass(frozen=True)
 class MotionFit:
-    """A model of motion, and how each of its sections was found by the `solver` of that name."""
+    """A model of motion, and how each of its sections was found."""
 
-    model: Motion
-    solver: str
-    searches: tuple[SectionSearch, ...]
-    notes: tuple[str, ...] = ()
+    model: Annotated[Motion, "the model"]
+    solver: Annotated[str, "name of the solver"]
+    searches: Annotated[tuple[SectionSearch, ...], "the search of each section, in the order of sections"]
+    notes: Annotated[tuple[str, ...], "remarks for the reader"] = ()

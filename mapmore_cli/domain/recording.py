@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 
@@ -18,10 +19,10 @@ DIRECTION = "direction"
 
 @dataclass(frozen=True)
 class Quantity:
-    """A measured or modelled quantity: canonical name and unit (as `kPa`, `1`, `N`)."""
+    """A measured or modelled quantity."""
 
-    name: str
-    unit: str
+    name: Annotated[str, "canonical name"]
+    unit: Annotated[str, "its unit, as `kPa`, `1`, `N`"]
 
 
 @dataclass(frozen=True)
@@ -38,19 +39,18 @@ class BaseUnits:
 
 @dataclass(frozen=True)
 class Recording:
-    """One file as read, in the units of the model.
+    """One source file as read, in the units of the model.
 
-    `columns` holds the samples that were kept; `dropped` counts the others by reason, so that
-    `rows_read == kept + sum(dropped.values())` holds for a recording that was not resampled. `log` is the id of the log that this is a
-    piece of, where that was cut at gaps; empty where it is the whole log.
+    `dropped` counts the samples that `columns` lacks by reason: without resampling, `rows_read == rows_kept + sum(dropped.values())`. `log`
+    names the log that was cut at gaps.
     """
 
-    id: str
-    source: str  # POSIX path as the spec names it, relative to the spec's folder
-    columns: Columns
-    rows_read: int
-    dropped: Mapping[str, int]
-    log: str = ""
+    id: Annotated[str, "identifier of the recording"]
+    source: Annotated[str, "POSIX path of the source file, relative to the spec"]
+    columns: Annotated[Columns, "(n) samples that were kept", "[*]"]
+    rows_read: Annotated[int, "samples in the source file"]
+    dropped: Annotated[Mapping[str, int], "samples left out, by reason", "1"]
+    log: Annotated[str, "identifier of the log that this is a piece of; empty where it is the whole log"] = ""
 
     @property
     def rows_kept(self) -> int:
@@ -60,36 +60,22 @@ class Recording:
 
 @dataclass(frozen=True)
 class Curve:
-    """Samples at one value of the level quantity (or of one recording, where there are no levels).
+    """Samples at one value of the level quantity, or of one recording.
 
-    Attributes
-    ----------
-    id
-        `pressure=150`, or the recording's id where the study has no levels.
-    level
-        Value of the level quantity in the model's unit; None without levels.
-    columns
-        Quantities by name, each `(n,)`.
-    held_out
-        `(n,)`; True where a sample belongs to the validation data.
-    recordings
-        The ids of the recordings that the samples come from.
-    at_rest
-        `(n,)`; True on the plateau of a step response, which is scored but not trained on. None where nothing is said of plateaus.
-    origin
-        `(n,)` number of each sample's recording among `recordings`, the samples of one in order of time; None where it is not known.
-    measured
-        Range of each quantity over the training recordings, where the samples are not those that were measured but branches resampled.
+    `level` is None without levels, and `id` then that of the recording. `at_rest` is None where nothing is said of plateaus, `origin`
+    where it is not known; the samples of one recording are in order of time.
     """
 
-    id: str
-    level: float | None
-    columns: Columns
-    held_out: BoolArray
-    recordings: tuple[str, ...]
-    at_rest: BoolArray | None = None
-    origin: IntArray | None = None
-    measured: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    id: Annotated[str, "identifier of the curve, as `pressure=150`"]
+    level: Annotated[float | None, "value of the level quantity", "[level]"]
+    columns: Annotated[Columns, "(n) samples, row for row", "[*]"]
+    held_out: Annotated[BoolArray, "(n) 1 where a sample belongs to the validation data", "1"]
+    recordings: Annotated[tuple[str, ...], "identifiers of the recordings that the samples come from"]
+    at_rest: Annotated[BoolArray | None, "(n) 1 on the plateau of a step response, where a sample is scored but does not train", "1"] = None
+    origin: Annotated[IntArray | None, "(n) number of each sample's recording among `recordings`, from 0", "-"] = None
+    measured: Annotated[
+        Mapping[str, tuple[float, float]], "range of each quantity over the training recordings, where samples are branches", "[*]"
+    ] = field(default_factory=dict)
 
     @property
     def size(self) -> int:
@@ -127,18 +113,14 @@ def united(ranges: Iterable[Mapping[str, tuple[float, float]]]) -> dict[str, tup
 
 @dataclass(frozen=True)
 class Dataset:
-    """Everything that `ingest` hands on.
+    """Recordings as read, and the curves made from them."""
 
-    `target` names the column of the curves that is modelled; `quantities` gives the unit of every
-    column; `level` names the quantity that is constant within a curve.
-    """
-
-    target: str
-    level: str | None
-    quantities: Mapping[str, Quantity]
-    recordings: tuple[Recording, ...]
-    curves: tuple[Curve, ...]
-    notes: tuple[str, ...] = ()
+    target: Annotated[str, "the modelled column of the curves"]
+    level: Annotated[str | None, "the quantity that is constant within a curve"]
+    quantities: Annotated[Mapping[str, Quantity], "every column's quantity"]
+    recordings: Annotated[tuple[Recording, ...], "files as read"]
+    curves: Annotated[tuple[Curve, ...], "curves to model"]
+    notes: Annotated[tuple[str, ...], "remarks for the reader"] = ()
 
     @property
     def logs(self) -> Mapping[str, str]:
@@ -152,17 +134,17 @@ class Dataset:
 
 @dataclass(frozen=True)
 class Signal:
-    """An input that follows from another one over time: a `rate`, or the `direction` of motion that a rate tells.
+    """An input that follows from another one over time.
 
     A rate is `factor` times the derivative by the time in seconds, over a `window` in seconds by polynomials of `order`, where the time
     comes in units of so many `seconds`; the direction has a `dead_band` in the unit of the rate. Numbers that a kind does not have are 0.
     """
 
-    name: str
-    kind: str  # rate | direction
-    of: str
-    window: float = 0.0
-    order: int = 0
-    factor: float = 1.0
-    seconds: float = 1.0
-    dead_band: float = 0.0
+    name: Annotated[str, "name of the input"]
+    kind: Annotated[str, "`rate` or `direction`"]
+    of: Annotated[str, "the quantity that it follows from"]
+    window: Annotated[float, "width of the window of a rate; 0 for a direction", "s"] = 0.0
+    order: Annotated[int, "order of the polynomials of a rate; 0 for a direction"] = 0
+    factor: Annotated[float, "unit of the quantity per second, in the unit of the rate"] = 1.0
+    seconds: Annotated[float, "seconds in one unit of the time", "s"] = 1.0
+    dead_band: Annotated[float, "rate up to which the last direction holds; 0 for a rate", "that of the rate"] = 0.0

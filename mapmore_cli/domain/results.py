@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -17,21 +17,20 @@ from mapmore_cli.domain.motion import MotionFit
 class PiecesFit:
     """The segment functions of every training curve."""
 
-    segments: tuple[SegmentFit, ...]
+    segments: Annotated[tuple[SegmentFit, ...], "segment functions"]
 
 
 @dataclass(frozen=True)
 class FitResult:
-    """What the fit stage hands on: what was fitted to what `backbone` leaves where there is one.
+    """What was fitted, with every intermediate result of the selection of terms.
 
-    `body` is of the kind's own type (`modelling.kinds`), and None where models are only added up, so that there is nothing to fit.
-    `max_terms` is the number of terms that left-out training data chose; 0 where the spec says it.
+    `body` is of the kind's own type (`modelling.kinds`), fitted to what `backbone` leaves where there is one.
     """
 
-    body: Any
-    backbone: FormulaFit | None = None
-    notes: tuple[str, ...] = ()
-    max_terms: int = 0
+    body: Annotated[Any, "what was fitted; absent where models are only added up"]
+    backbone: Annotated[FormulaFit | None, "formula whose residual was fitted"] = None
+    notes: Annotated[tuple[str, ...], "remarks for the reader"] = ()
+    max_terms: Annotated[int, "number of terms that left-out training data chose; 0 where the spec says it", "-"] = 0
 
     @property
     def pieces(self) -> tuple[SegmentFit, ...]:

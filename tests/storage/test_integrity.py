@@ -78,7 +78,7 @@ def put(place: str, value: Any) -> Callable[[h5py.File], None]:
         (put("body/fusion/extrapolation/strain", ["saturate"]), "has 1 sides"),
         (put(f"{CURVE}/limits/strain", [0.2, 0.0]), "is not a least and a greatest value"),
         (put("output/name", "force,N"), "which is no name"),
-        (put("body/backbone/name", "nobody"), "has the formula 'nobody', which nobody knows"),
+        (put("body/backbone/name", "nobody"), "has the formula 'nobody', which is unknown"),
         (put("body/backbone/status", "fine"), "is 'fine', which is none of converged"),
         (lambda file: file["body"].attrs.__setitem__("kind", "oracle"), "of the kind 'oracle'"),
         (lambda file: file["body"].attrs.__delitem__("level"), "where there are no levels"),

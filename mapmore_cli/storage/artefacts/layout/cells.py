@@ -25,7 +25,7 @@ REALS, ANY_REALS, ANY_TABLE, TABLE = (
     numbers("<f8", ndim=2),
 )
 ASCENDING = numbers("<f8", ascending=True)
-INTEGERS, INDICES = numbers("<i8"), numbers("<i8", least=0)
+INDICES = numbers("<i8", least=0)
 FLAGS = numbers("|u1", load_dtype="bool")  # not HDF5's enumeration, which MATLAB reads as text
 FLAG = adapted(COUNT, store=int, load=bool)
 CELL = adapted(numbers("<i8", least=1), store=list, load=lambda array: tuple(array.tolist()))

@@ -1,7 +1,8 @@
 """How a dataclass is stored, as far as nothing else is said: the form of a field follows from its type.
 
-A setting that is added to a stored class, and a kind that is added, need no line in this folder. The description of a field is the text in
-its `Annotated`; a default is what files without the field are read as.
+A setting that is added to a stored class, and a kind that is added, need no line in this folder. The first text in the `Annotated` of a
+field is its description, the second its unit (without one 1 for numbers, - for all else). A default is what files without the field are
+read as.
 """
 
 from __future__ import annotations
@@ -16,38 +17,59 @@ from annotated_types import Interval
 
 from mapmore_cli.storage.artefacts.codecs import Codec, added, named, number, numbered, optional, pairs, text
 from mapmore_cli.storage.artefacts.label import NO_UNIT
-from mapmore_cli.storage.artefacts.layout.cells import ANY_REALS, COUNT, FLAG, FLAGS, INTEGERS, PAIR, REAL, REALS, TEXT, TEXTS
-from mapmore_cli.storage.artefacts.schema import Field, Schema, record
+from mapmore_cli.storage.artefacts.layout.cells import ANY_REALS, COUNT, FLAG, FLAGS, INDICES, LIMITS, PAIR, REAL, REALS, TEXT, TEXTS
+from mapmore_cli.storage.artefacts.schema import Field, Schema, nested
 
 LAYOUTS: dict[type, Schema] = {}
 """The layout of each stored type that has one of its own."""
 
-PLAIN: Mapping[Any, Codec] = {str: TEXT, float: REAL, int: COUNT, bool: FLAG, tuple[str, ...]: TEXTS, tuple[float, float]: PAIR}
-ARRAYS: Mapping[Any, Codec] = {np.float64: ANY_REALS, np.int64: INTEGERS, np.bool_: FLAGS}
+PLAIN: Mapping[Any, Codec] = {
+    str: TEXT,
+    float: REAL,
+    int: COUNT,
+    bool: FLAG,
+    tuple[str, ...]: TEXTS,
+    tuple[float, float]: PAIR,
+    Mapping[str, tuple[float, float]]: LIMITS,
+}
+ARRAYS: Mapping[Any, Codec] = {np.float64: ANY_REALS, np.int64: INDICES, np.bool_: FLAGS}
 
 
-def completed(schema: Schema) -> Schema:
-    """Return a layout with the fields that it does not list, each stored by its type; it is that of its type from now on."""
+def completed(schema: Schema, codecs: Mapping[str, Codec] = {}) -> Schema:
+    """Return a layout with the fields that it does not list, each by its own of `codecs` or by its type; from now on that of its type."""
     hints, listed = get_type_hints(schema.type, include_extras=True), {field.name for field in schema.fields}
     rest = [
-        _field(field, hints[field.name]) for field in fields(schema.type) if field.name not in listed and field.metadata.get("stored", True)
+        _field(field, hints[field.name], codecs.get(field.name))
+        for field in fields(schema.type)
+        if field.name not in listed and field.metadata.get("stored", True)
     ]
     LAYOUTS[schema.type] = replace(schema, fields=(*schema.fields, *rest))
     return LAYOUTS[schema.type]
 
 
+def stored(type_: type, codecs: Mapping[str, Codec] = {}, derived: tuple[Field, ...] = (), **more: Any) -> Schema:
+    """Return the layout of a dataclass by its fields, whose form may be one of `codecs`; `more` are `units` and `rule` of the `Schema`."""
+    assert type_ not in LAYOUTS, f"{type_.__name__} was laid out before"
+    laid = completed(Schema(type_, str(type_.__doc__).partition("\n")[0], (), **more), codecs)
+    LAYOUTS[type_] = replace(laid, fields=(*laid.fields, *derived))
+    return LAYOUTS[type_]
+
+
 def schema_of(type_: type) -> Schema:
     """Return the layout of a dataclass: its own, or that of its fields by their types."""
-    return LAYOUTS[type_] if type_ in LAYOUTS else completed(Schema(type_, str(type_.__doc__).partition("\n")[0], ()))
+    return LAYOUTS.get(type_) or stored(type_)
 
 
-def _field(declared: Any, hint: Any) -> Field:
-    """Return a field whose form follows from its type; files that lack it are read as if it had its default."""
-    codec = codec_of(hint)
+def _field(declared: Any, hint: Any, given: Codec | None) -> Field:
+    """Return a field whose form is `given` or follows from its type; files that lack it are read as if it had its default."""
+    codec = given or codec_of(hint)
     default = declared.default_factory() if declared.default_factory is not MISSING else declared.default
-    text_of = next((mark for mark in getattr(hint, "__metadata__", ()) if isinstance(mark, str)), declared.name.replace("_", " "))
+    if given is None and default is not MISSING and default is not None:
+        codec = added(codec, default)
+    texts = [mark for mark in getattr(hint, "__metadata__", ()) if isinstance(mark, str)]
     unit = "1" if codec.form.startswith(("float", "int")) else NO_UNIT
-    return Field(declared.name, codec if default is MISSING else added(codec, default), text_of, unit)
+    description = texts[0] if texts else declared.name.replace("_", " ")
+    return Field(declared.name, codec, description, texts[1] if texts[1:] else unit)
 
 
 def codec_of(hint: Any) -> Codec:
@@ -67,10 +89,10 @@ def codec_of(hint: Any) -> Codec:
         return ARRAYS[get_args(arguments[1])[0]]
     if origin is tuple and arguments[1:] == (...,):
         return REALS if arguments[0] is float else numbered(codec_of(arguments[0]))
-    if origin in (dict, Mapping, types.MappingProxyType) and arguments[1] in (float, str):
-        return pairs(REALS if arguments[1] is float else TEXTS)
+    if origin in (dict, Mapping, types.MappingProxyType) and arguments[1] in (float, str, int):
+        return pairs({float: REALS, str: TEXTS, int: INDICES}[arguments[1]])
     if origin in (dict, Mapping):
         return named(codec_of(arguments[1]))
     if is_dataclass(hint):
-        return record(schema_of(hint))  # type: ignore[arg-type]
+        return nested(hint, lambda: schema_of(hint))  # type: ignore[arg-type]  # a layout of its own may follow
     raise TypeError(f"values of {hint} cannot be stored")

@@ -28,35 +28,27 @@ from mapmore_cli.domain.models import (
 from mapmore_cli.domain.recording import Signal
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import kinds
-from mapmore_cli.storage.artefacts.codecs import Codec, adapted, added, named, number, numbered, optional, pairs, shown, text
+from mapmore_cli.storage.artefacts.codecs import Codec, adapted, added, named, number, numbered, pairs, shown, text
 from mapmore_cli.storage.artefacts.integrity import Invalid
 from mapmore_cli.storage.artefacts.label import NO_UNIT
 from mapmore_cli.storage.artefacts.layout.cells import (
     ANY_REAL,
-    ANY_REALS,
     ASCENDING,
     CELL,
-    COUNT,
     CUTS,
     INDICES,
     LIMITS,
     NAME,
-    OPTIONAL_REAL,
     OPTIONAL_TEXT,
-    REAL,
     REALS,
     SHARE,
     TABLE,
-    TEXT,
     TEXTS,
     expression_faults,
 )
-from mapmore_cli.storage.artefacts.layout.data import QUANTITY
-from mapmore_cli.storage.artefacts.layout.derived import completed, schema_of
-from mapmore_cli.storage.artefacts.layout.fits import FORMULA_FIT, SCALING, STOP
-from mapmore_cli.storage.artefacts.layout.memory import MEMORY_MODEL
-from mapmore_cli.storage.artefacts.layout.motion import MOTION
-from mapmore_cli.storage.artefacts.schema import Fault, Field, Schema, nested, record, rows, variant
+from mapmore_cli.storage.artefacts.layout.derived import completed, schema_of, stored
+from mapmore_cli.storage.artefacts.layout.fits import STOP
+from mapmore_cli.storage.artefacts.schema import Fault, Field, Schema, rows, variant
 
 
 def _side_text(side: Side) -> str:
@@ -89,39 +81,15 @@ SIDES = named(
 )
 
 
-FOLD_ERROR = Schema(
-    FoldError,
-    "Cross-validation error of one choice.",
-    (
-        Field("choice", TEXT, "what was cross-validated", NO_UNIT),
-        Field("rmse", ANY_REAL, "pooled error of all left-out samples", "[target]"),
-        Field("folds", COUNT, "number of folds"),
-    ),
-)
+FOLD_ERROR = stored(FoldError, {"rmse": ANY_REAL})
 
 
 def _segment_faults(segment: SegmentFunction) -> Iterator[Fault]:
     return expression_faults("terms", segment.terms, segment.scaling.variables)
 
 
-SEGMENT_FUNCTION = Schema(
-    SegmentFunction,
-    "`f(x) = y_slope sum_k theta_k D_k(slope x + intercept) + y_intercept` (M2 eq 8).",
-    (
-        Field("id", TEXT, "identifier of the segment", NO_UNIT),
-        Field("cell", CELL, "place along each segmented variable, from 1", NO_UNIT),
-        Field("terms", TEXTS, "(k) names of the terms D_k, in the order of selection", NO_UNIT),
-        Field("theta", REALS, "(k) coefficients of the terms, in scaled coordinates"),
-        Field("theta_error", ANY_REALS, "(k) standard errors of theta; NaN without a degree of freedom"),
-        Field("g", REALS, "(k) coefficients of the orthogonalised regressors"),
-        Field("err", ANY_REALS, "(k) error reduction ratios"),
-        Field("scaling", record(SCALING), "scaling of the segment", NO_UNIT),
-        Field("samples", COUNT, "samples fitted to"),
-        Field("condition", ANY_REAL, "2-norm condition number of the chosen regressors"),
-        Field("stop", STOP, "why selection stopped", NO_UNIT),
-        Field("limits", LIMITS, "least and greatest training value of each segmented variable in the segment", "[*]"),
-    ),
-    rule=_segment_faults,
+SEGMENT_FUNCTION = stored(
+    SegmentFunction, {"cell": CELL, "theta": REALS, "g": REALS, "condition": ANY_REAL, "stop": STOP, "limits": LIMITS}, rule=_segment_faults
 )
 
 
@@ -134,19 +102,7 @@ def _curve_faults(curve: CurveFunction) -> Iterator[Fault]:
         yield "segments", f"are not one for each of {' x '.join(map(str, counts)) or '1'} cells"
 
 
-CURVE_FUNCTION = Schema(
-    CurveFunction,
-    "The fused segment functions of one training curve.",
-    (
-        Field("curve", TEXT, "identifier of the curve", NO_UNIT),
-        Field("level", OPTIONAL_REAL, "value of the level quantity", "[level]"),
-        Field("boundaries", numbered(CUTS), "(p) segment locations of each segmented variable, both ends included", "[variables.*]"),
-        Field("limits", LIMITS, "least and greatest training value of each input", "[*]"),
-        Field("segments", numbered(record(SEGMENT_FUNCTION)), "segment functions", NO_UNIT),
-        Field("threshold", OPTIONAL_REAL, "threshold along the aligned variable, where there is one", "[aligned]"),
-    ),
-    rule=_curve_faults,
-)
+CURVE_FUNCTION = stored(CurveFunction, {"boundaries": numbered(CUTS)}, rule=_curve_faults)
 
 FUSION = completed(
     Schema(
@@ -170,31 +126,17 @@ FUSION = completed(
     )
 )
 
-SIGNAL = Schema(
+SIGNAL = stored(
     Signal,
-    "An input that follows from another one over time.",
-    (
-        Field("name", NAME, "name of the input", NO_UNIT),
-        Field("kind", text(words=("rate", "direction")), "`rate` or `direction`", NO_UNIT),
-        Field("of", TEXT, "the quantity that it follows from", NO_UNIT),
-        Field("window", number(float, least=0), "width of the window of a rate; 0 for a direction", "s"),
-        Field("order", COUNT, "order of the polynomials of a rate; 0 for a direction"),
-        Field("factor", REAL, "unit of the quantity per second, in the unit of the rate"),
-        Field("seconds", REAL, "seconds in one unit of the time", "s"),
-        Field("dead_band", REAL, "rate up to which the last direction holds; 0 for a rate", "that of the rate"),
-    ),
+    {
+        "name": NAME,
+        "kind": text(words=("rate", "direction")),
+        "window": number(float, least=0),
+    },
 )
 
 
-CURVE_RANGE = Schema(
-    CurveRange,
-    "Training range of every input within one training curve.",
-    (
-        Field("curve", TEXT, "identifier of the curve", NO_UNIT),
-        Field("level", OPTIONAL_REAL, "value of the level quantity", "[level]"),
-        Field("limits", LIMITS, "least and greatest training value of each input", "[*]"),
-    ),
-)
+CURVE_RANGE = stored(CurveRange)
 
 
 def _level_faults(level: str | None, ranges: Sequence[CurveRange], field: str) -> Iterator[Fault]:
@@ -218,63 +160,26 @@ def _pieces_faults(pieces: Pieces) -> Iterator[Fault]:
         yield "curves", "holds a curve without a threshold, although curves are aligned"
 
 
-PIECES = completed(
-    Schema(
-        Pieces,
-        "MAPMORE: `output = backbone + sum_i f_i prod_j w_ij` (M2 eq 9).",
-        (
-            Field("level", OPTIONAL_TEXT, "the input that is constant within a curve", NO_UNIT),
-            Field("variables", TEXTS, "(p) segmented variables", NO_UNIT),
-            Field("curves", numbered(record(CURVE_FUNCTION)), "training curves", NO_UNIT),
-            Field("fusion", record(FUSION), "how the pieces are joined", NO_UNIT),
-            Field("backbone", optional(record(FORMULA_FIT)), "formula that the pieces are added to", NO_UNIT),
-            Field("cross_validation", rows(FOLD_ERROR), "errors that decided for or against the pieces on the backbone", NO_UNIT),
-        ),
-        units=lambda pieces: {
-            **{f"variables.{place}": f"[{name}]" for place, name in enumerate(pieces.variables)},
-            "level": f"[{pieces.level}]" if pieces.level else NO_UNIT,
-            "aligned": f"[{pieces.fusion.aligned}]" if pieces.fusion.aligned else NO_UNIT,
-        },
-        rule=_pieces_faults,
-    )
+PIECES = stored(
+    Pieces,
+    {"cross_validation": rows(FOLD_ERROR)},
+    units=lambda pieces: {
+        **{f"variables.{place}": f"[{name}]" for place, name in enumerate(pieces.variables)},
+        "level": f"[{pieces.level}]" if pieces.level else NO_UNIT,
+        "aligned": f"[{pieces.fusion.aligned}]" if pieces.fusion.aligned else NO_UNIT,
+    },
+    rule=_pieces_faults,
 )
 
-FORMULA = completed(
-    Schema(
-        Formula,
-        "A formula of the literature as the whole model.",
-        (
-            Field("fit", record(FORMULA_FIT), "the fitted formula", NO_UNIT),
-            Field("level", OPTIONAL_TEXT, "the input that is constant within a training curve", NO_UNIT),
-            Field("ranges", numbered(record(CURVE_RANGE)), "training range of each curve", NO_UNIT),
-        ),
-        units=lambda formula: {"level": f"[{formula.level}]" if formula.level else NO_UNIT},
-        rule=lambda formula: _level_faults(formula.level, formula.ranges, "ranges"),
-    )
+FORMULA = stored(
+    Formula,
+    units=lambda formula: {"level": f"[{formula.level}]" if formula.level else NO_UNIT},
+    rule=lambda formula: _level_faults(formula.level, formula.ranges, "ranges"),
 )
 
-MEMORY = completed(
-    Schema(
-        Memory,
-        "A model with memory, on a backbone or by itself.",
-        (
-            Field("model", record(MEMORY_MODEL), "states, terms and coefficients", NO_UNIT),
-            Field("ranges", numbered(record(CURVE_RANGE)), "training range of each curve", NO_UNIT),
-            Field("backbone", optional(record(FORMULA_FIT)), "formula that it is added to", NO_UNIT),
-        ),
-    )
-)
+MEMORY = stored(Memory)
 
-STATE_SPACE = completed(
-    Schema(
-        StateSpace,
-        "A model of motion: linear sections along an input (P).",
-        (
-            Field("motion", record(MOTION), "the sections", NO_UNIT),
-            Field("ranges", numbered(record(CURVE_RANGE)), "training range of each curve", NO_UNIT),
-        ),
-    )
-)
+STATE_SPACE = stored(StateSpace)
 
 
 def _left_out_faults(left_out: LeftOut) -> Iterator[Fault]:
@@ -290,54 +195,23 @@ def _tuple(codec: Codec) -> Codec:
     return adapted(codec, store=list, load=lambda array: tuple(array.tolist()))
 
 
-LEFT_OUT = Schema(
+LEFT_OUT = stored(
     LeftOut,
-    "How models of the rest missed each part of the training data that was left out of them: what intervals are made of.",
-    (
-        Field(
-            "kind",
-            text(words=("levels", "recordings", "blocks", "specimens")),
-            "`levels`, `recordings`, `blocks` or `specimens`: what was left out in turn",
-            NO_UNIT,
-        ),
-        Field("curves", number(int, least=2), "levels, recordings or blocks that train"),
-        Field("parts", TEXTS, "(parts) names of the parts", NO_UNIT),
-        Field("samples", INDICES, "(parts) samples of each"),
-        Field("offset", REALS, "(parts) mean of measured minus predicted over each", "[target]"),
-        Field("scatter", REALS, "(parts) standard deviation about the offset", "[target]"),
-        Field("sizes", TABLE, "(parts, shares) quantiles of the absolute residuals of each at even shares from 0 to 1", "[target]"),
-        Field("places", added(_tuple(ASCENDING), ()), "(levels) levels that train", "that of the level"),
-        Field("repeats", added(_tuple(INDICES), ()), "(levels) recordings at each"),
-        Field("largest", added(REAL, 0.0), "largest absolute training target", "[target]"),
-        Field("residual", added(REAL, 0.0), "root mean square training residual", "[target]"),
-        Field("astray", added(REAL, 0.0), "how far left-out predictions lie beyond the training target, as a share of its range"),
-    ),
+    {
+        "curves": number(int, least=2),
+        "offset": REALS,
+        "scatter": REALS,
+        "sizes": TABLE,
+        "places": added(_tuple(ASCENDING), ()),
+        "repeats": added(_tuple(INDICES), ()),
+    },
     rule=_left_out_faults,
 )
 
 
-def _model() -> Schema:
-    return MODEL
+PART = stored(Part, {"sign": number(float, least=-1, most=1), "inputs": pairs(TEXTS)})
 
-
-PART = Schema(
-    Part,
-    "A model in a sum.",
-    (
-        Field("model", nested(Model, _model), "the model", NO_UNIT),
-        Field("sign", number(float, least=-1, most=1), "+1 or -1: how its output counts"),
-        Field("inputs", pairs(TEXTS), "its inputs that have another name in the sum, as expressions of the sum's inputs", NO_UNIT),
-    ),
-)
-
-SUM = completed(
-    Schema(
-        Sum,
-        "Models that are added up.",
-        (Field("parts", numbered(record(PART)), "the summands, with their signs and inputs", NO_UNIT),),
-        rule=lambda body: () if body.parts else [("parts", "holds no model")],
-    )
-)
+SUM = stored(Sum, rule=lambda body: () if body.parts else [("parts", "holds no model")])
 
 BODIES = {kind.name: schema_of(kind.body) for kind in kinds()}
 """What a model consists of, by the name of its kind."""
@@ -391,18 +265,9 @@ def _input_faults(pieces: Pieces, known: Sequence[str]) -> Iterator[Fault]:
             yield field, f"says nothing of {shown(missing[0])}"
 
 
-MODEL: Schema = Schema(
+MODEL: Schema = stored(
     Model,
-    "A model that predicts without any other file: what all kinds have in common, and the body of one kind.",
-    (
-        Field("name", TEXT, "name of the run", NO_UNIT),
-        Field("output", record(QUANTITY), "predicted quantity", NO_UNIT),
-        Field("inputs", numbered(record(QUANTITY)), "quantities that the model needs", NO_UNIT),
-        Field("body", variant(BODIES), "what the model consists of", NO_UNIT),
-        Field("signals", rows(SIGNAL), "inputs that follow from others over time, each after those", NO_UNIT),
-        Field("notes", TEXTS, "remarks for the reader", NO_UNIT),
-        Field("left_out", optional(record(LEFT_OUT)), "what intervals are made of, where the spec asked for them", NO_UNIT),
-    ),
+    {"body": variant(BODIES), "signals": rows(SIGNAL), "notes": TEXTS},
     units=lambda model: {
         **{quantity.name: quantity.unit for quantity in (*model.inputs, model.output)},
         "target": model.output.unit,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Annotated
 
 from mapmore_cli.domain.fits import Segment, SegmentedCurve
 from mapmore_cli.domain.results import FitResult, PiecesFit
@@ -17,35 +18,23 @@ from mapmore_cli.storage.artefacts.layout.cells import (
     CELL,
     COUNT,
     CUTS,
-    INDICES,
-    LIMITS,
-    OPTIONAL_REAL,
     TEXT,
     TEXTS,
 )
-from mapmore_cli.storage.artefacts.layout.derived import completed, schema_of
-from mapmore_cli.storage.artefacts.layout.fits import FORMULA_FIT, SEGMENT_FIT
+from mapmore_cli.storage.artefacts.layout.derived import schema_of, stored
+from mapmore_cli.storage.artefacts.layout.fits import FORMULA_FIT
 from mapmore_cli.storage.artefacts.layout.motion import MOTION_FIT
 from mapmore_cli.storage.artefacts.schema import Fault, Field, Schema, record, rows, variant
 
 
 @dataclass(frozen=True)
 class SegmentationFile:
-    """What segment.h5 holds."""
+    """Where every training curve is cut."""
 
-    curves: tuple[SegmentedCurve, ...]
+    curves: Annotated[tuple[SegmentedCurve, ...], "training curves"]
 
 
-SEGMENT = Schema(
-    Segment,
-    "Rows of a training curve that one segment function is fitted to.",
-    (
-        Field("id", TEXT, "identifier of the segment, as `pressure=150/strain:2`", NO_UNIT),
-        Field("curve", TEXT, "identifier of its curve", NO_UNIT),
-        Field("cell", CELL, "place along each segmented variable, from 1", NO_UNIT),
-        Field("rows", INDICES, "row numbers within the curve's training samples, from 0", NO_UNIT),
-    ),
-)
+SEGMENT = stored(Segment, {"cell": CELL})
 
 
 def _cut_faults(curve: SegmentedCurve) -> Iterator[Fault]:
@@ -55,26 +44,14 @@ def _cut_faults(curve: SegmentedCurve) -> Iterator[Fault]:
             yield f"segments/{place:03d}/cell", f"is none of {' x '.join(map(str, counts)) or '1'} cells"
 
 
-SEGMENTED_CURVE = Schema(
+SEGMENTED_CURVE = stored(
     SegmentedCurve,
-    "A training curve cut up; samples stay in the dataset file.",
-    (
-        Field("curve", TEXT, "identifier of the curve", NO_UNIT),
-        Field("level", OPTIONAL_REAL, "value of the level quantity", "[level]"),
-        Field("variables", TEXTS, "(p) segmented variables", NO_UNIT),
-        Field("boundaries", numbered(CUTS), "(p) segment locations of each variable, both ends included", "[variables.*]"),
-        Field("limits", LIMITS, "least and greatest training value of each input", "[*]"),
-        Field("segments", numbered(record(SEGMENT)), "segments of the curve", NO_UNIT),
-    ),
+    {"boundaries": numbered(CUTS)},
     units=lambda curve: {f"variables.{place}": f"[{name}]" for place, name in enumerate(curve.variables)},
     rule=_cut_faults,
 )
 
-SEGMENTATION = Schema(
-    SegmentationFile,
-    "Where every training curve is cut.",
-    (Field("curves", numbered(record(SEGMENTED_CURVE)), "training curves", NO_UNIT),),
-)
+SEGMENTATION = stored(SegmentationFile)
 
 
 SCORE = Schema(
@@ -116,24 +93,9 @@ VALIDATION = Schema(
 )
 
 
-PIECES_FIT = completed(
-    Schema(
-        PiecesFit,
-        "The segment functions of every training curve.",
-        (Field("segments", numbered(record(SEGMENT_FIT)), "segment functions", NO_UNIT),),
-    )
-)
+PIECES_FIT = stored(PiecesFit)
 
 FIT_BODIES = {kind.name: schema_of(kind.fit) for kind in kinds() if kind.fit is not None}
 """What was fitted, by the name of the kind."""
 
-FIT_RESULT = Schema(
-    FitResult,
-    "What was fitted, with every intermediate result of the selection of terms.",
-    (
-        Field("body", optional(variant(FIT_BODIES)), "what was fitted; absent where models are only added up", NO_UNIT),
-        Field("backbone", optional(record(FORMULA_FIT)), "formula whose residual was fitted", NO_UNIT),
-        Field("notes", TEXTS, "remarks for the reader", NO_UNIT),
-        Field("max_terms", added(COUNT, 0), "number of terms that left-out training data chose; 0 where the spec says it", NO_UNIT),
-    ),
-)
+FIT_RESULT = stored(FitResult, {"body": optional(variant(FIT_BODIES)), "notes": TEXTS})
