@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import runpy
 import subprocess
 import sys
@@ -30,11 +31,42 @@ def test_the_gallery_has_enough() -> None:
     assert len(SCRIPTS) >= 16
 
 
-@pytest.mark.long
-def test_the_site_builds_without_a_broken_link(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the site, built with every link checked."""
     pytest.importorskip("mkdocs")
-    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "-q", "-f", "docs/site/mkdocs.yml", "-d", str(tmp_path)]
+    folder = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "-q", "-f", "docs/site/mkdocs.yml", "-d", str(folder)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env={**os.environ, "NO_MKDOCS_2_WARNING": "1"})
     assert done.returncode == 0, done.stderr
-    for page in ("index.html", "cookbook.html", "python.html", "gallery/index.html", "gallery/bands.html"):
-        assert (tmp_path / page).is_file()
+    return folder
+
+
+@pytest.mark.long
+def test_the_site_has_its_pages_and_every_local_link_its_target(site: Path) -> None:
+    for page in ("index.html", "cookbook.html", "python.html", "commands.html", "gallery/index.html", "gallery/bands.html"):
+        assert (site / page).is_file()
+    for page in site.rglob("*.html"):
+        for target in re.findall(r'(?:href|src)="([^"#:?]+)[^":]*"', page.read_text(encoding="utf-8")):
+            assert page.name == "404.html" or (page.parent / target).exists(), (page.name, target)
+
+
+@pytest.mark.long
+def test_every_question_of_the_cookbook_is_within_two_clicks_of_the_start(site: Path) -> None:
+    """A click follows a link of the page's own text, not of the menu."""
+    questions = re.findall(r"^## (.+)$", (ROOT / "docs" / "cookbook.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert len(questions) >= 12
+    start = site / "index.html"
+    once = links(start)
+    twice = {found for page, _ in once if page.is_file() for found in links(page)}
+    for question in questions:
+        anchor = re.sub(r"[^a-z0-9]+", "-", question.lower()).strip("-")
+        assert (site / "cookbook.html", anchor) in once | twice, question
+        assert f'id="{anchor}"' in (site / "cookbook.html").read_text(encoding="utf-8")
+
+
+def links(page: Path) -> set[tuple[Path, str]]:
+    """Return the pages and anchors that the text of a page links to."""
+    _, _, text = page.read_text(encoding="utf-8").partition("<article")
+    found = re.findall(r'href="([^"#:]*\.html)?#?([^"]*)"', text.partition("</article>")[0])
+    return {((page.parent / target).resolve() if target else page, anchor) for target, anchor in found}

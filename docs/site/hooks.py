@@ -1,4 +1,4 @@
-"""Makes the gallery when the site is built: every script of docs/gallery is run, and becomes a page with its picture."""
+"""Make the gallery and the page of commands when the site is built."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ HELPER = "muscle"
 
 
 def scripts() -> list[Path]:
-    """The examples, in the order of the alphabet."""
+    """Return the examples in the order of the alphabet."""
     return [path for path in sorted(GALLERY.glob("*.py")) if path.stem != HELPER]
 
 
 def picture(script: Path) -> Path:
-    """The picture of an example, made where it is older than the script."""
+    """Return the picture of an example; make it where it is older than the script."""
     place = PICTURES / f"{script.stem}.svg"
     if not place.is_file() or place.stat().st_mtime < script.stat().st_mtime:
         PICTURES.mkdir(parents=True, exist_ok=True)
@@ -28,10 +28,27 @@ def picture(script: Path) -> Path:
     return place
 
 
+def commands() -> str:
+    """Return the page of all commands, each with what its `--help` prints."""
+    import typer
+
+    from mapmore_cli.cli.app import app
+
+    group: Any = typer.main.get_command(app)
+    context = group.make_context("mapmore", [], resilient_parsing=True)
+    text = "# Which commands are there?\n"
+    for name in group.list_commands(context):
+        command = group.get_command(context, name)
+        with command.make_context(f"mapmore {name}", [], resilient_parsing=True) as inner:
+            text += f"\n## {name}\n\n```text\n{command.get_help(inner).strip()}\n```\n"
+    return text
+
+
 def on_files(files: Any, config: Any) -> Any:
     """Add a page and a picture for every example, and the page that shows all of them."""
     from mkdocs.structure.files import File
 
+    files.append(File.generated(config, "commands.md", content=commands()))
     index = ["# Gallery", "", "Each example is a script of some twenty lines in docs/gallery; the tests run it.", ""]
     for script in scripts():
         about = ast.get_docstring(ast.parse(script.read_text(encoding="utf-8"))) or script.stem

@@ -14,7 +14,7 @@ import pytest
 import typer
 import yaml
 from documented import PAGES, ROOT, commands, words
-from test_readme import spec_of_readme, write_recordings
+from test_readme import spec_of_tutorial, write_recordings
 
 from mapmore_cli.cli.app import app
 
@@ -24,7 +24,7 @@ EVERY = [(page.relative_to(ROOT).as_posix(), tuple(command)) for page in PAGES f
 
 def test_there_are_commands_to_look_at() -> None:
     assert len(EVERY) > 45
-    assert {"README.md", "docs/tutorial.md", "docs/campaigns.md", "docs/examples/ci.yaml"} <= {page for page, _ in EVERY}
+    assert {"docs/tutorial.md", "docs/campaigns.md", "docs/examples/ci.yaml"} <= {page for page, _ in EVERY}
 
 
 @pytest.mark.parametrize(("page", "command"), EVERY, ids=[f"{page}: {' '.join(command)}"[:100] for page, command in EVERY])
@@ -63,10 +63,10 @@ def thin_out(folder: Path) -> None:
 
 @pytest.fixture(scope="module")
 def workshop(tmp_path_factory: pytest.TempPathFactory, mapmore: Callable[..., Any]) -> Path:
-    """The study of the README, run without figures and frozen, and a `mapmore` on the path of scripts."""
+    """The study of the tutorial, run without figures and frozen, and a `mapmore` on the path of scripts."""
     folder = tmp_path_factory.mktemp("workshop")
     write_recordings(folder)
-    (folder / "muscle.yaml").write_text(spec_of_readme() + "report: {figures: []}\n")
+    (folder / "muscle.yaml").write_text(spec_of_tutorial() + "report: {figures: []}\n")
     for command in (
         ["run", folder / "muscle.yaml", "--runs", folder / "runs", "-q"],
         ["freeze", folder / "runs" / "my-muscle", "--tag", "spring", "--archive", folder / "archive"],
@@ -113,7 +113,7 @@ def test_the_makefile_makes_what_is_missing_and_nothing_twice(workshop: Path) ->
 def test_the_snakefile(workshop: Path) -> None:
     (workshop / "specs").mkdir()
     for name in ("one", "two"):
-        (workshop / "specs" / f"{name}.yaml").write_text(spec_of_readme().replace("my-muscle", name).replace('["muscle_', '["../muscle_'))
+        (workshop / "specs" / f"{name}.yaml").write_text(spec_of_tutorial().replace("my-muscle", name).replace('["muscle_', '["../muscle_'))
     done = run(workshop, "snakemake", "--snakefile", EXAMPLES / "Snakefile", "--cores", "1", "--config", "specs=specs", "runs=snake")
     assert done.returncode == 0, done.stderr
     head, *rows = (workshop / "snake" / "scores.csv").read_text().splitlines()

@@ -1,4 +1,4 @@
-"""Every shipped study loads and runs; simulated ones give the scores that README shows, measured ones those of the pages.
+"""Every shipped study loads and runs; simulated ones give their scores, measured ones those of the pages.
 
 These are docs/measured-static.md and docs/memory.md.
 """
@@ -21,7 +21,6 @@ from mapmore_cli.spec.loader import load
 from mapmore_cli.storage.artefacts import read_model
 
 CONFIGS = Path(__file__).parents[2] / "configs"
-README = CONFIGS.parent / "README.md"
 STUDIES = sorted(path for path in CONFIGS.rglob("*.yaml") if not path.name.startswith("_") and "campaigns" not in path.parts)
 IN_FREE_RUN = ("cascaded_tanks", "bouc_wen")
 """Studies whose search takes minutes: see test_free_run_studies.py."""
@@ -134,10 +133,6 @@ def test_a_simulated_study_gives_its_scores(path: Path, tmp_path: Path, mapmore:
     rows = run(mapmore, path, tmp_path, with_report=path.stem in WITH_REPORT)
     for model, nrmse in NRMSE[path.stem].items():
         assert rows[model]["nrmse"] == pytest.approx(nrmse, abs=1e-4, rel=5e-3)
-    if shown := re.findall(rf"^{path.stem} +(\S+) +(train|validate) +([0-9.]+)", README.read_text(encoding="utf-8"), re.MULTILINE):
-        scores = json.loads((tmp_path / path.stem / "scores.json").read_text())["scores"]
-        found = {(row["model"], row["split"]): f"{100 * row['nrmse']:.2f}" for row in scores if row["curve"] == "all"}
-        assert {(model, split): per_cent for model, split, per_cent in shown} == found
 
 
 def test_a_long_simulated_study_runs_alone(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
