@@ -15,5 +15,5 @@ for place, (factor, noise) in enumerate([(1.0, 1.0), (1.0, 60.0), (1.04, 1.0)]):
     axes.errorbar(found.ratio, place, xerr=[[found.ratio - low], [high - found.ratio]], fmt="o", capsize=4)
     axes.text(found.ratio, place + 0.12, found.answer)
 axes.axvspan(0.99, 1.01, color="#dddddd")
-axes.set(xlabel="force, times that of before (grey: the margin)", yticks=[], ylim=(-0.5, 2.6))
+axes.set(xlabel="force, times that of before (grey: the margin)", yticks=[], ylim=(-0.5, 2.6), xlim=(0.98, 1.05))
 save(figure, "has_it_changed")

@@ -11,5 +11,5 @@ model = mm.fit(recording([80, 150, 200, 250, 350]), split=split, model={"backbon
 rows = sorted((r["rmse"], r["model"]) for r in model.scores if r["split"] == "validate" and r["curve"] == "all")
 figure, axes = plt.subplots(layout="constrained")
 axes.barh([name for _, name in rows], [error for error, _ in rows])
-axes.set(xlabel="RMSE on held-out data [N]", xscale="log")
+axes.set(xlabel="RMSE on held-out data [N]")
 save(figure, "simple_competitors")

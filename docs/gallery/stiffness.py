@@ -6,7 +6,7 @@ from muscle import STUDY, recording, save
 
 import mapmore_cli as mm
 
-model = mm.fit(recording([80, 150, 200, 250, 350], noise=0.5), **STUDY)
+model = mm.fit(recording([80, 150, 200, 250, 350], noise=0.5), fuse={"transition": "cubic"}, **STUDY)
 strain = np.linspace(0.01, 0.2, 100)
 figure, axes = plt.subplots(layout="constrained")
 for pressure in (100, 200, 300):
