@@ -13,12 +13,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.markup import escape
 
-from mapmore_cli.domain.errors import LimitMissed, MapmoreError, Stopped, UsageError, WriteError, explained, told
+from mapmore_cli.domain.errors import LimitMissed, MapmoreError, Stopped, WriteError, explained, told
 from mapmore_cli.domain.foreign import printable
-from mapmore_cli.study.drafting.questions import Question
 
 if TYPE_CHECKING:
     from mapmore_cli.cli.views.fitted import View
@@ -145,26 +142,3 @@ def _silence_stdout() -> None:
     """Point stdout at nothing: Python would complain when it cannot flush the rest at exit."""
     devnull = os.open(os.devnull, os.O_WRONLY)
     os.dup2(devnull, sys.stdout.fileno())
-
-
-console = Console(stderr=True, highlight=False)
-
-
-def ask(question: Question) -> str:
-    """Print a question with its options, and return the first answer that can be; the end of the input takes the first option."""
-    console.print(f"\n[bold]{escape(question.text)}[/bold]")
-    for number, option in enumerate(question.options, start=1):
-        console.print(f"  {number} [bold]{escape(option.text)}[/bold]  {option.course}")
-        console.print(f"    [dim]{escape(option.why)}[/dim]")
-    while True:
-        console.print(f"[dim]Enter for 1{', else ' + escape(question.form) if question.form else ''}[/dim] > ", end="")
-        try:
-            reply = input()
-        except EOFError:
-            return ""
-        try:
-            question.check(reply)
-        except UsageError as fault:
-            console.print(f"[red]{escape(fault.message)}[/red]: {escape(fault.remedy or '')}")
-            continue
-        return reply

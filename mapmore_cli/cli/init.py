@@ -81,7 +81,7 @@ def _asking(silent: bool) -> Ask | None:
     """Who answers: the person at the terminal, where there is one."""
     if silent or not (sys.stdin.isatty() and sys.stderr.isatty()):
         return None
-    from mapmore_cli.cli.console import ask
+    from mapmore_cli.cli.asking import ask
 
     return ask
 

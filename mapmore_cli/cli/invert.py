@@ -23,7 +23,7 @@ def invert(
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Where to write; - is stdout.")] = STANDARD,
     quiet: Quiet = False,
 ) -> None:
-    """Solve a model for one of its inputs: the pressure for a force.
+    """Find the input for a wanted output.
 
     <input>_found, <input>_solutions (all of them) and <input>_status (none, one, several or flat) are added, row for row.
 

@@ -19,7 +19,7 @@ def test_one_curve_as_pdf_with_its_numbers(finished: tuple[Path, Path], tmp_path
     assert (tmp_path / "fig3.pdf").read_bytes().startswith(b"%PDF")
     rows = list(csv.DictReader((tmp_path / "fig3.csv").read_text().splitlines()))
     assert len(rows) == 40
-    assert set(rows[0]) == {"strain [1]", "force [N]", "data", "mapmore [N]", "polynomial_2 [N]"}
+    assert {"strain [1]", "force [N]", "data", "mapmore [N]", "polynomial_2 [N]"} <= set(rows[0])
     first = (tmp_path / "fig3.pdf").read_bytes()
     assert mapmore("figure", "bench", *arguments, "--runs", runs).exit_code == 0
     assert (tmp_path / "fig3.pdf").read_bytes() == first

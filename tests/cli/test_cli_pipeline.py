@@ -43,7 +43,7 @@ def test_second_run_does_nothing_and_says_so(finished, mapmore) -> None:
 def test_json_has_the_promised_shape(finished, document) -> None:
     spec, runs = finished
     run = document("run", spec, "--runs", runs, "-q")
-    assert list(run) == ["name", "run_dir", "stages", "scores", "units", "missed", "warnings"]
+    assert list(run) == ["name", "run_dir", "stages", "scores", "units", "missed", "warnings", "unconfirmed"]
     assert run["name"] == "bench"
     assert run["run_dir"] == str(runs / "bench")
     assert run["stages"] == dict.fromkeys(STAGES, "up-to-date")
