@@ -31,7 +31,9 @@ def tune(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Try settings on left-out training data, and name the best; without --over, search the structure of the model.
+    """Try settings, or structures, on left-out training data.
+
+    With --over the best setting is named; without, the structure of the model is searched.
 
     Every combination is fitted without a level (or a block) of the training data and judged on it; held-out data are not used.
     The one that is named is the simplest that is as good as the best.
