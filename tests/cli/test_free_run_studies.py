@@ -48,7 +48,7 @@ def test_what_is_decided_in_free_run_runs_better() -> None:
     assert errors["coefficients in free run"] < errors["one step ahead"]
 
 
-@pytest.mark.parametrize("model", ["linear_one_step", "linear", "mapmore"])
+@pytest.mark.parametrize("model", ["linear_one_step", "linear", pytest.param("mapmore", marks=pytest.mark.long)])
 def test_the_oscillator_trained_on_little_runs_as_the_page_says(
     model: str, tmp_path: Path, mapmore: Callable[..., Any], measured_data: Path
 ) -> None:

@@ -187,7 +187,7 @@ def test_it_shows_itself(fitted: Any) -> None:
         ({"segmnt": {}}, SpecError, "did you mean `segment`"),
         ({"columns": {"force": {"column": "G"}}}, DataError, "no column 'G'"),
         ({"columns": {"force": {"unit": "N"}}}, SpecError, "names no column"),
-        ({"split": {"validate": {"pressure": [210]}}}, DataError, "no level"),
+        ({"split": {"validate": {"pressure": [1000]}}}, DataError, "no level"),
     ],
 )
 def test_mistakes_are_told_with_remedies(change: dict[str, Any], kind: type[Exception], message: str) -> None:
