@@ -39,7 +39,6 @@ def _formula(formula: LiteratureModel) -> str:
     lines += [f"    {text}\n"] if text else []
     lines.append(f"- source: {formula.reference}")
     lines.append(f"- inputs: {', '.join(formula.inputs) or 'none'}")
-    lines.append(f"- parameters: {', '.join(formula.parameters) or 'none'}")
     if formula.dimensions:
         lines.append(f"- needs: the {' and the '.join(formula.dimensions)} of the muscle (`muscle: {{{formula.dimensions[0]}: ...}}`)")
     if formula.fitted_to == LOAD_CYCLES:

@@ -32,22 +32,14 @@ Stop = Literal["tolerance", "bic", "aicc", "press", "free_run"]
 class Fit(Settings):
     """Term selection (M2 eq 2-7): how inputs are scaled, how many terms at most, and when to stop.
 
-    Default of `scaling`: `none` with memory, `max_abs` for damping, otherwise `unit_square`. `train_level` restricts
-    the pieces to one training level, as M2 does (`highest`); formulas are fitted to all of them.
-
-    `max_terms: auto` tries several numbers of terms on training data that are left out in turn, as `mapmore tune` does, and takes the least
-    number whose error is within one standard error of the best.
-
-    With memory: `scaling: range` brings every state to [0, 1] on the training samples and clips it `margin` beyond; a `ridge`, as a
-    fraction of a candidate's variance, or `auto`, selects `forward` terms (three times `max_terms`) and prunes them.
-
-    With delays of the output among the terms, a model may be judged in free run, as it is scored. `criterion: free_run` refines the
-    coefficients of the chosen terms by least squares on the simulation error. `stop: free_run` fits models of every size to the first three
-    quarters of each recording's training samples, keeps the terms of the one that runs best over the last quarter, and fits them to all.
-    `select: free_run` also tries the best few candidates of every step in free run, and carries the best three models of each size on.
-
-    `start` says how free runs begin: with the first outputs as `measured`; at the `steady` output of the first inputs, which needs no
-    measured one; or with the first outputs `identified`, those of which the run errs least over its first part, a twentieth of it.
+    - `scaling` is `none` with memory, `max_abs` for damping, else `unit_square`. `range` brings states to [0, 1] and clips them `margin` beyond.
+    - `train_level` restricts the pieces to one training level, as M2 does (`highest`).
+    - `max_terms: auto` takes the least number of terms within one standard error of the best on left-out training data.
+    - A `ridge`, a fraction of a candidate's variance or `auto`, selects `forward` terms (three times `max_terms`) and prunes them.
+    - With delays of the output: `criterion: free_run` refines the coefficients on the simulation error. `stop: free_run` chooses the number of
+      terms on the last quarter of each training recording. `select: free_run` tries the best candidates of every step in free run.
+    - `start` of free runs: the first outputs `measured`, the `steady` output of the first inputs, or first outputs `identified` from the
+      first twentieth of the run.
     """
 
     scaling: Literal["unit_square", "max_abs", "none", "range"] = "unit_square"

@@ -26,11 +26,10 @@ LARGEST_ERROR = 1e-6
 
 def test_every_shipped_study_agrees_by_the_page() -> None:
     rows = page_table("agreement", PAGE)
-    assert set(rows) <= {path.stem for path in STUDIES}, "tests/exporting/agreement.py makes the rows"
-    assert len(rows) > 40
-    for study, row in rows.items():
-        assert float(row["points"]) == POINTS, study
-        assert float(row["largest relative difference"]) <= LIMIT, study
+    assert 60 < sum(int(row["studies"]) for row in rows.values()) <= len(STUDIES), "tests/exporting/agreement.py makes the rows"
+    for kind, row in rows.items():
+        assert float(row["points each"]) == POINTS, kind
+        assert float(row["largest relative difference"]) <= LIMIT, kind
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no C compiler here")
@@ -41,14 +40,14 @@ def test_a_study_made_anew_is_what_the_page_says(mapmore: Callable[..., Any], tm
     assert mapmore("fuse", config, "--runs", tmp_path, "-q").exit_code == 0
     model = read_model(tmp_path / study / "model.h5")
     found = agreement(study, model, 1500)
-    row = page_table("agreement", PAGE)[study]
+    row = page_table("agreement", PAGE)[found.kind]
+    least, most = map(int, row["source, kB"].split(" to "))
     assert found.worst <= LIMIT
+    assert least <= round(found.kilobytes) <= most
     if study in page_table("inverse", PAGE):
         inverse = inversion(study, model, n=300)
         assert inverse.error < LARGEST_ERROR
         assert inverse.missed == 0
-    assert found.kind == row["kind"]
-    assert found.kilobytes == pytest.approx(float(row["source, kB"]), abs=1.0)
 
 
 def test_what_a_call_costs() -> None:

@@ -319,21 +319,27 @@ def agreement(study: str, model: Model, n: int = POINTS) -> Agreement:
 
 
 def main(runs: Path, n: int) -> None:
-    """The table of docs/export.md."""
+    """Print a row for every study, then the table of docs/export.md: the studies by kind."""
     from mapmore_cli.storage.artefacts import read_model
 
-    print("| study | kind | points | largest relative difference | source, kB |\n|---|---|---:|---:|---:|")
+    found: list[Agreement] = []
     for file in sorted(runs.glob("*/model.h5")):
         study = file.parent.name
         if (runs / study.rpartition(".")[0] / "model.h5").is_file():
             continue  # a variation of another study
         model = read_model(file)
         try:
-            print(agreement(study, model, n), flush=True)
+            found.append(agreement(study, model, n))
+            print(found[-1], flush=True)
         except MapmoreError as error:
             print(f"| {study} | {type(model.body).__name__.lower()} | | refused: {error.message} | |")
         except (AssertionError, subprocess.CalledProcessError) as error:
             print(f"| {study} | {type(model.body).__name__.lower()} | | FAILED: {error} | |")
+    print("\n| kind | studies | points each | largest relative difference | source, kB |\n|---|---:|---:|---:|---|")
+    for kind in sorted({one.kind for one in found}):
+        rows = [one for one in found if one.kind == kind]
+        sizes = sorted(one.kilobytes for one in rows)
+        print(f"| {kind} | {len(rows)} | {n} | {max(one.worst for one in rows):.1e} | {sizes[0]:.0f} to {sizes[-1]:.0f} |")
 
 
 if __name__ == "__main__":

@@ -26,13 +26,10 @@ USES = {
 class Cuts(Settings):
     """How one variable is cut into segments.
 
-    - `even` needs `count`; `breakpoints` needs the inner boundaries, `at`. Neighbours are joined until each segment holds `min_samples`, so
-      that curves of few samples have fewer segments. Where several variables are cut, as of a table of scattered points, cells are joined;
-      cells that belong together have one function.
-    - `gradient` puts `count - 1` boundaries where the slope of the target changes most, seen through a `window` (a tenth of each curve's
-      range) and `separation` apart (the window).
-    - `optimal` puts them where the fits of the segments leave the least, on a `grid` of equal cells (20) with `min_samples` in each segment
-      (10).
+    - `even` needs `count`; `breakpoints` needs the inner boundaries, `at`. Neighbours are joined until each holds `min_samples`.
+    - `gradient` puts boundaries where the slope of the target changes most, seen through a `window` and `separation` apart (a tenth of
+      each curve's range).
+    - `optimal` puts them where the fits leave the least, on a `grid` of equal cells (20) with `min_samples` in each segment (10).
     """
 
     method: Literal["even", "breakpoints", "gradient", "optimal"]
@@ -109,14 +106,14 @@ class BelowAbove(Settings):
 class Fuse(Joining):
     """How pieces are joined (M2 eq 9-12).
 
-    Transition zones reach `z_s` of a segment's width to each side of a boundary. Between levels, curves are interpolated by triangles
-    (`levels: linear`) or keeping their shape (`pchip`), and with `align: threshold` between places that lie alike relative to their
-    thresholds. `shrink` is the share of the residual on a backbone that is carried to the middle between two levels: `auto` asks left-out
-    training levels, 1 carries all of it, 0 leaves the backbone alone there; where all samples are one surface, it is the share that counts
-    everywhere, and `auto` asks left-out blocks. `extrapolation` is a word for all variables, or a mapping from variable to word or
-    `{below, above}`; without it, `continue` for one-term fits, else `saturate`. It begins at each curve's own ends
-    (`limits: curve`), or at those of the whole training domain (`domain`: M2 eq 12 as printed). `hold: samples` holds a segment function
-    where a transition zone reaches beyond its samples by more than `z_s` of their width; `none` is M2 eq 9-11 to the letter.
+    - Transition zones reach `z_s` of a segment's width to each side of a boundary.
+    - Curves are interpolated between levels by triangles (`levels: linear`) or keeping their shape (`pchip`). `align: threshold` interpolates
+      between places that lie alike relative to their thresholds.
+    - `shrink` is the share of a backbone's residual in the middle between two levels, or everywhere on one surface. `auto` asks left-out
+      training data.
+    - `extrapolation` is a word, or a mapping from variable to word or `{below, above}`. The default is `continue` for one-term fits, else
+      `saturate`. It begins at each curve's ends (`limits: curve`) or those of the training domain (`domain`: M2 eq 12).
+    - `hold: samples` holds a segment function beyond its samples by more than `z_s` of their width; `none` is M2 eq 9-11.
     """
 
     align: Literal["none", "threshold"] = "none"

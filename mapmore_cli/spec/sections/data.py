@@ -203,12 +203,12 @@ Plateau = Annotated[Annotated[tuple[SignedSeconds, SignedSeconds], Field(strict=
 class Data(Logs):
     """The recordings, and how they become curves.
 
-    `columns` say which column holds which quantity, `join` adds those of a second log, `derive` what follows from them. `gaps` are
-    where a recording breaks off, `glitches: drop` leaves out samples whose stamp lies before that of an earlier one or jumps ahead and
-    back, in joined logs as well; `resample` brings it onto even time steps. `keep` chooses samples; `cycles` splits loops into
-    branches, `levels` names what is constant within one curve, `groups` what tells specimens apart, and `split` separates the validation
-    data. `plateau` is where a step response rests, `auto` or `[from, to]`: the mean pressure there is the quantity `step_pressure`, and
-    the samples there do not train.
+    - `columns` say which column holds which quantity; `join` adds those of a second log; `derive` adds what follows from them.
+    - `gaps` are where a recording breaks off; `glitches: drop` leaves out stamps that jump back, or ahead and back; `resample` makes even
+      steps; `keep` chooses samples.
+    - `cycles` splits loops into branches, `levels` names what is constant within a curve, `groups` tells specimens apart, `split` holds
+      data out.
+    - `plateau` is where a step response rests, `auto` or `[from, to]`: its mean pressure is `step_pressure`, its samples do not train.
     """
 
     join: list[Join] = []

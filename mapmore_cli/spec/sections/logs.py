@@ -162,10 +162,9 @@ class Match(Section):
 class Join(Logs):
     """A second log of the same tests: its quantities are brought onto the samples of the first.
 
-    `on: time` interpolates linearly, after `shift` has been added to the second log's time. `shift: auto` finds it by the
-    cross-correlation of two quantities that `match` names, and refuses where it is not sure. Samples that lie outside of the second log, or
-    in a gap of it longer than `max_gap`, have no value: `missing` says what becomes of them. `on: row` puts row beside row. One file
-    serves all recordings, several are paired with those of `data.files` in order.
+    `on: time` interpolates linearly after `shift` is added; `on: row` puts row beside row. `shift: auto` finds it by the cross-correlation of
+    the quantities that `match` names, and refuses where it is not sure. Samples outside of the second log, or in a gap of it longer than
+    `max_gap`, are `missing`. One file serves all recordings; several are paired with those of `data.files` in order.
     """
 
     on: Literal["time", "row"] = "time"

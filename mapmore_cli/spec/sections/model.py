@@ -55,26 +55,18 @@ def refuse_mixed(parts: Sequence[Summand]) -> None:
 class ModelChoice(MotionSettings):
     """What kind of model the run builds.
 
-    - `mapmore`: with a `backbone`, the pieces explain what that formula leaves. `backbone: auto` takes the static formula, or none, whose
-      fused model errs least on left-out inner levels of the training data (with three levels or fewer: `sarosi_hinged`), or on left-out
-      inner blocks where all samples are one surface.
-    - `literature` fits the formula `name` alone, by the `method`, from the `starts` and with the `errors_in` that a competitor may have.
+    - `mapmore`: with a `backbone`, the pieces explain what that formula leaves. `backbone: auto` takes the formula, or none, whose fused
+      model errs least on left-out training data (with three levels or fewer: `sarosi_hinged`).
+    - `literature` fits the formula `name` alone; `method`, `starts` and `errors_in` are those of a competitor.
     - `family` is one formula for specimens that differ `of` a quantity, as the rest length.
-    - `auto` searches the structure on training data alone. It is the default where there is neither a `dictionary` nor a `model`. All
-      quantities that vary are `inputs` unless these are named. The `budget` is computing time of each process; where it ends, the rest of
-      the list is not tried. What was found is in the run folder as a spec, `found.yaml`.
-    - `sum` adds the static and the damping model that the spec needs; it is the default for the target `dynamic`. With `sum: [...]` it adds
-      these parts, with signs and renamed inputs.
-
-    `state_space` is P's model of motion: linear sections of second order along an `input`. `sections` are the boundaries between them, or
-    how many with equal shares of the samples; `direction` gives rise and fall sections of their own. With `switching: hard` every section
-    runs on the whole input and the active one's output is taken; with `carried` the state passes from section to section; with `bumpless`
-    they also meet at their boundaries, and the direction changes once the input has turned back by more than `dead_band`. A run begins at
-    `start`: at `rest` under its first input, or at `zero`. `mask` says whose direction tells training samples of rise and fall apart.
-    Sections may have an `offset`, and may depend on a `load`. `solver` is `least_squares`, `differential_evolution`, the `swarm` as
-    published (`particles`, `iterations`, `seed`, within `bounds`, its particles beginning within `begin`) or the same over frequency and
-    damping, `swarm_projected`; `polish` goes on by least squares. `slowest` is the longest time constant (a quarter of the longest piece of
-    a training record).
+    - `auto` searches the structure on training data. It is the default without `dictionary` and `model`. All quantities that vary are `inputs`
+      unless these are named. The `budget` is computing time of each process. The run folder holds the result as a spec, `found.yaml`.
+    - `sum` adds the static and the damping model that the spec needs (default for `dynamic`), or parts with signs and renamed inputs.
+    - `state_space` is P's model of motion: linear `sections` along an `input`, by boundaries or by number; `direction` parts rise and fall.
+      `switching: hard` runs every section on the whole input, `carried` passes the state on, `bumpless` also joins the sections and turns after
+      `dead_band`. A run begins at `rest` or at `zero` (`start`). `mask` says whose direction parts the training samples. The published `swarm`
+      has `particles`, `iterations`, `seed`, `bounds`, `begin`; `swarm_projected` searches frequency and damping; `polish` goes on by
+      least squares. `slowest` is the longest time constant (a quarter of the longest training piece).
     """
 
     type: Literal["mapmore", "literature", "sum", "state_space", "auto"] = "mapmore"

@@ -26,19 +26,13 @@ def experiment() -> type[BaseModel]:
 class Competitor(Section):
     """A competitor with settings of its own: a literature `model`, or that of another `run` (the path of its spec) or of this one, changed.
 
-    `model` may also be a frozen one (the path of its file, which ends in `.h5`, from the folder of the spec); it needs `as`.
-
-    - `set` has keys of this spec with other values, as `--set` takes them. The run is called `<name>.<as>`.
-    - `static` and `damping` name two formulas that are added up, against damping and dynamic models. `static: mapmore` is the static
-      model that the spec needs.
+    - `model` may be a frozen one (a path that ends in `.h5`), with `as`, or a black box: `gaussian_process`, `gradient_boosting`, `mlp`.
+    - `set` has keys of this spec with other values. The run is called `<name>.<as>`.
+    - `static` and `damping` name two formulas that are added up. `static: mapmore` is the static model that the spec needs.
     - `sum` adds formulas with signs and renamed inputs, and fits them together.
-    - `method` says how a literature model is fitted; `starts` says which published values `levenberg_marquardt` starts from (`published`,
-      `printed`).
-    - `errors_in` names an input of a formula whose error is minimised in place of the target's. It is for tables in which the target was
-      set and that input was measured, as the strain under a weight.
-    - `as` is the name in the scores. Without it, a run has the name of its file.
-    - `gaussian_process`, `gradient_boosting` and `mlp` as `model` are black boxes of scikit-learn (extra `baselines`), fitted to the same
-      samples.
+    - `method` says how a formula is fitted; `starts` where `levenberg_marquardt` starts (`published`, `printed`).
+    - `errors_in` names an input whose error is minimised in place of the target's, as the strain under a weight.
+    - `as` is the name in the scores.
     """
 
     model: Annotated[str, RelativePath(bare=True)] | None = None
@@ -94,15 +88,12 @@ class Competitor(Section):
 class Validate(Section):
     """What the model is compared with, what errors are divided by, and the limits that its scores must keep.
 
-    `normaliser: max` is the largest absolute value of the measured target (M2 eq 13), `range` its extent, where its zero is arbitrary.
-    `intervals: true` fits the model anew without each level of the training data in turn (without each recording, or blocks of them, where
-    there are fewer than three), and keeps in the model what `predict --interval` needs.
-
-    `simple` adds competitors that need no muscle: `plane`, `quadratic` and `cubic` are polynomials in the model's own inputs, `backbone` is
-    the backbone alone, and `arx` a linear model of the next output in free run, where the model runs along recordings.
-
-    `as: force` scores a model of the strain as one of the force: it is inverted for that input, and everything that it is compared with is
-    of the force. In the same way, a competitor whose target is another, and which has this study's target among its inputs, is inverted.
+    - `normaliser: max` is the largest absolute value of the measured target (M2 eq 13), `range` its extent.
+    - `intervals: true` fits the model anew without each part of the training data, for `predict --interval`.
+    - `simple` adds competitors that need no muscle: `plane`, `quadratic`, `cubic` in the model's inputs, the `backbone` alone, and `arx` in
+      free run.
+    - `as: force` scores a model of the strain as one of the force, by inverting it. A competitor with another target, and this study's among
+      its inputs, is inverted too.
     """
 
     as_: Quantity | None = Field(default=None, alias="as")
