@@ -32,12 +32,14 @@ Stop = Literal["tolerance", "bic", "aicc", "press", "free_run"]
 class Fit(Settings):
     """Term selection (M2 eq 2-7): how inputs are scaled, how many terms at most, and when to stop.
 
-    - `scaling` is `none` with memory, `max_abs` for damping, else `unit_square`. `range` brings states to [0, 1] and clips them `margin` beyond.
+    - `scaling` is `none` with memory, `max_abs` for damping, else `unit_square`. `range` brings states to [0, 1] and clips them `margin`
+      beyond.
     - `train_level` restricts the pieces to one training level, as M2 does (`highest`).
     - `max_terms: auto` takes the least number of terms within one standard error of the best on left-out training data.
     - A `ridge`, a fraction of a candidate's variance or `auto`, selects `forward` terms (three times `max_terms`) and prunes them.
-    - With delays of the output: `criterion: free_run` refines the coefficients on the simulation error. `stop: free_run` chooses the number of
-      terms on the last quarter of each training recording. `select: free_run` tries the best candidates of every step in free run.
+    - With delays of the output: `criterion: free_run` refines the coefficients on the simulation error. `stop: free_run` chooses the
+      number of terms on the last quarter of each training recording. `select: free_run` tries the best candidates of every step in free
+      run.
     - `start` of free runs: the first outputs `measured`, the `steady` output of the first inputs, or first outputs `identified` from the
       first twentieth of the run.
     """

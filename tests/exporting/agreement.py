@@ -335,11 +335,10 @@ def main(runs: Path, n: int) -> None:
             print(f"| {study} | {type(model.body).__name__.lower()} | | refused: {error.message} | |")
         except (AssertionError, subprocess.CalledProcessError) as error:
             print(f"| {study} | {type(model.body).__name__.lower()} | | FAILED: {error} | |")
-    print("\n| kind | studies | points each | largest relative difference | source, kB |\n|---|---:|---:|---:|---|")
+    print("\n| kind | studies | points each | largest relative difference |\n|---|---:|---:|---:|")
     for kind in sorted({one.kind for one in found}):
         rows = [one for one in found if one.kind == kind]
-        sizes = sorted(one.kilobytes for one in rows)
-        print(f"| {kind} | {len(rows)} | {n} | {max(one.worst for one in rows):.1e} | {sizes[0]:.0f} to {sizes[-1]:.0f} |")
+        print(f"| {kind} | {len(rows)} | {n} | {max(one.worst for one in rows):.1e} |")
 
 
 if __name__ == "__main__":

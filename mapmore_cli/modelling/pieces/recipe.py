@@ -107,8 +107,8 @@ class Fuse(Joining):
     """How pieces are joined (M2 eq 9-12).
 
     - Transition zones reach `z_s` of a segment's width to each side of a boundary.
-    - Curves are interpolated between levels by triangles (`levels: linear`) or keeping their shape (`pchip`). `align: threshold` interpolates
-      between places that lie alike relative to their thresholds.
+    - Curves are interpolated between levels by triangles (`levels: linear`) or keeping their shape (`pchip`). `align: threshold`
+      interpolates between places that lie alike relative to their thresholds.
     - `shrink` is the share of a backbone's residual in the middle between two levels, or everywhere on one surface. `auto` asks left-out
       training data.
     - `extrapolation` is a word, or a mapping from variable to word or `{below, above}`. The default is `continue` for one-term fits, else

@@ -162,9 +162,9 @@ class Match(Section):
 class Join(Logs):
     """A second log of the same tests: its quantities are brought onto the samples of the first.
 
-    `on: time` interpolates linearly after `shift` is added; `on: row` puts row beside row. `shift: auto` finds it by the cross-correlation of
-    the quantities that `match` names, and refuses where it is not sure. Samples outside of the second log, or in a gap of it longer than
-    `max_gap`, are `missing`. One file serves all recordings; several are paired with those of `data.files` in order.
+    `on: time` interpolates linearly after `shift` is added; `on: row` puts row beside row. `shift: auto` finds the shift by the
+    cross-correlation of the quantities that `match` names, and refuses where it is not sure. Samples outside of the second log, or in a
+    gap of it longer than `max_gap`, are `missing`. One file serves all recordings; several are paired with those of `data.files` in order.
     """
 
     on: Literal["time", "row"] = "time"

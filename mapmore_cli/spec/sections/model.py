@@ -59,14 +59,15 @@ class ModelChoice(MotionSettings):
       model errs least on left-out training data (with three levels or fewer: `sarosi_hinged`).
     - `literature` fits the formula `name` alone; `method`, `starts` and `errors_in` are those of a competitor.
     - `family` is one formula for specimens that differ `of` a quantity, as the rest length.
-    - `auto` searches the structure on training data. It is the default without `dictionary` and `model`. All quantities that vary are `inputs`
-      unless these are named. The `budget` is computing time of each process. The run folder holds the result as a spec, `found.yaml`.
+    - `auto` searches the structure on training data. It is the default without `dictionary` and `model`. All quantities that vary are
+      `inputs` unless these are named. The `budget` is computing time of each process. The run folder holds the result as a spec,
+      `found.yaml`.
     - `sum` adds the static and the damping model that the spec needs (default for `dynamic`), or parts with signs and renamed inputs.
     - `state_space` is P's model of motion: linear `sections` along an `input`, by boundaries or by number; `direction` parts rise and fall.
-      `switching: hard` runs every section on the whole input, `carried` passes the state on, `bumpless` also joins the sections and turns after
-      `dead_band`. A run begins at `rest` or at `zero` (`start`). `mask` says whose direction parts the training samples. The published `swarm`
-      has `particles`, `iterations`, `seed`, `bounds`, `begin`; `swarm_projected` searches frequency and damping; `polish` goes on by
-      least squares. `slowest` is the longest time constant (a quarter of the longest training piece).
+      `switching: hard` runs every section on the whole input, `carried` passes the state on, `bumpless` also joins the sections and turns
+      after `dead_band`. A run begins at `rest` or at `zero` (`start`). `mask` says whose direction parts the training samples. The
+      published `swarm` has `particles`, `iterations`, `seed`, `bounds`, `begin`; `swarm_projected` searches frequency and damping;
+      `polish` goes on by least squares. `slowest` is the longest time constant (a quarter of the longest training piece).
     """
 
     type: Literal["mapmore", "literature", "sum", "state_space", "auto"] = "mapmore"

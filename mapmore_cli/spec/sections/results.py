@@ -92,8 +92,8 @@ class Validate(Section):
     - `intervals: true` fits the model anew without each part of the training data, for `predict --interval`.
     - `simple` adds competitors that need no muscle: `plane`, `quadratic`, `cubic` in the model's inputs, the `backbone` alone, and `arx` in
       free run.
-    - `as: force` scores a model of the strain as one of the force, by inverting it. A competitor with another target, and this study's among
-      its inputs, is inverted too.
+    - `as: force` scores a model of the strain as one of the force, by inverting it. A competitor with another target, and this study's
+      among its inputs, is inverted too.
     """
 
     as_: Quantity | None = Field(default=None, alias="as")
