@@ -20,7 +20,7 @@ from mapmore_cli.cli import console as exits
 
 STAGES = ("ingest", "segment", "fit", "fuse", "validate", "report", "run")
 OTHERS = (
-    *("batch", "tune", "plan", "predict", "adapt", "invert", "freeze", "compare", "export", "figure"),
+    *("batch", "tune", "plan", "predict", "adapt", "invert", "freeze", "compare", "export", "figure", "paper"),
     *("simulate", "show", "init", "example", "check", "schema"),
 )
 MODULES = {**dict.fromkeys(STAGES, "pipeline"), **{name: name for name in OTHERS}}

@@ -1,56 +1,67 @@
-"""`make paper`: every study is in it, its numbers are those of the published tables, and its page needs nothing else."""
+"""`mapmore paper` and the five shipped papers: nothing is without a place, verdicts follow their rules, the page needs nothing else."""
 
 from __future__ import annotations
 
 import csv
-import importlib
+import json
 import re
-import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
-from page_tables import DOCS
+from cli_samples import write_study
+from hypothesis import given
+from hypothesis import strategies as st
 
+from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.spec.campaign import load_campaign
 from mapmore_cli.spec.loader import load
+from mapmore_cli.spec.paper import Verdict, load_paper
+from mapmore_cli.study.paper.verdicts import Compared, counts, judged, summary
 
-CONFIGS = DOCS.parent / "configs"
-PUBLISHED = DOCS.parent / "datasets" / "published"
-
-
-@pytest.fixture(scope="module")
-def paper_page() -> Iterator[ModuleType]:
-    sys.path.insert(0, str(DOCS))
-    yield importlib.import_module("paper_page")
-    sys.path.remove(str(DOCS))
+PROJECT = Path(__file__).parents[2]
+CONFIGS, PUBLISHED = PROJECT / "configs", PROJECT / "datasets" / "published"
+NUMBERED = {"m1": (6, 1, 6), "m2": (24, 5, 15), "p": (17, 4, 11), "w": (16, 0, 10), "h": (6, 1, 6)}
+"""Equations, tables and figures that the papers number, counted in their texts."""
 
 
-@pytest.fixture(scope="module")
-def result() -> Iterator[ModuleType]:
-    sys.path.insert(0, str(DOCS))
-    yield importlib.import_module("paper.result")
-    sys.path.remove(str(DOCS))
+@pytest.mark.parametrize("name", NUMBERED)
+def test_every_equation_table_and_figure_has_a_place(name: str) -> None:
+    """The loader refuses an unlisted number and a place that is not there; here the counts are those of the papers."""
+    spec = load_paper(CONFIGS / "papers" / f"{name}.yaml").spec
+    assert tuple(spec.has[kind] for kind in ("equation", "table", "figure")) == NUMBERED[name]
+    numbers = [one for item in spec.items for one in item.stands_for if one[0] != "text"]
+    assert len(numbers) == len(set(numbers)) == sum(NUMBERED[name])
+    shown = [one.published for item in spec.items for one in item.compare]
+    assert all((PUBLISHED / file).is_file() for file in shown)
 
 
-def rows(name: str) -> list[dict[str, str]]:
-    with (PUBLISHED / name).open(encoding="utf-8", newline="") as lines:
-        return list(csv.DictReader(lines))
+def test_every_number_of_the_published_tables_stands_beside_one_of_ours() -> None:
+    specs = [load_paper(path).spec for path in (CONFIGS / "papers").glob("*.yaml")]
+    shown = {one.published for spec in specs for item in spec.items for one in item.compare}
+    elsewhere = {"w_starts.csv", "h_verification.csv"}  # docs/wrist.md and docs/muscle-like.md
+    assert shown | elsewhere == {path.name for path in PUBLISHED.glob("*.csv")}
 
 
-def test_every_shipped_study_is_run(paper_page: ModuleType) -> None:
-    studies = {path.resolve() for path in CONFIGS.glob("*/[!_]*.yaml") if path.parent.name != "campaigns"}
-    campaigns = (*paper_page.SIMULATED, *paper_page.MEASURED)
-    run = {entry.config.resolve() for name in campaigns for entry in load_campaign(CONFIGS / "campaigns" / f"{name}.yaml")[1]}
-    # those of the coiled muscles in general are run on every record of the campaign, under the names of these
-    assert {path.relative_to(CONFIGS).as_posix() for path in studies - run} == set()
+def test_every_shipped_study_is_run_by_make_paper() -> None:
+    recipe = re.search(r"\npaper:.*\n((?:\t.*\n)+)", (PROJECT / "Makefile").read_text(encoding="utf-8"))
+    assert recipe
+    campaigns = re.findall(r"configs/campaigns/\w+\.yaml", recipe[1])
+    assert re.search(r"mapmore paper configs/papers/\*\.yaml", recipe[1])
+    studies = {path.resolve() for path in CONFIGS.glob("*/[!_]*.yaml") if path.parent.name not in ("campaigns", "papers")}
+    run = {entry.config.resolve() for path in campaigns for entry in load_campaign(PROJECT / path)[1]}
+    friction = re.search(r"^FRICTION = \((.*)\)$", (PROJECT / "docs" / "benchmark_tables.py").read_text(encoding="utf-8"), re.MULTILINE)
+    assert friction  # `make bench-id` runs these
+    left = {path.relative_to(CONFIGS).as_posix() for path in studies - run}
+    assert left == {f"identification/{name}.yaml" for name in re.findall(r"\w+", friction[1])}
 
 
 @pytest.mark.parametrize("file", ["m1_results.csv", "m2_results.csv"])
 def test_the_specs_show_the_numbers_of_the_published_tables(file: str) -> None:
-    for row in rows(file):
+    with (PUBLISHED / file).open(encoding="utf-8", newline="") as lines:
+        rows = list(csv.DictReader(lines))
+    for row in rows:
         spec = load(CONFIGS / file[:2] / f"{row['study']}.yaml").spec.report.published
         assert spec is not None
         given = {"rmse": spec.rmse, "nrmse": spec.nrmse} if row["relation"] == "=" else {"rmse": spec.rmse_at_least}
@@ -58,41 +69,149 @@ def test_the_specs_show_the_numbers_of_the_published_tables(file: str) -> None:
         assert given[row["quantity"]][row["model"]] == pytest.approx(scale * float(row["printed"]))
 
 
-def test_every_result_that_may_differ_has_a_reason(paper_page: ModuleType, result: ModuleType) -> None:
-    assert set(result.reasons()) <= set(paper_page.RESULTS)
-    assert set(paper_page.RESULTS) - set(result.reasons()) == {"p-table-1", "p-table-2"}  # the printed parameters, and an input
+PAPER = """\
+schema_version: 1
+paper: X
+title: A paper of <one> table
+has: {equation: 1, table: 1, figure: 1}
+items:
+  - {id: equation 1, title: Force, status: computed, place: ["bench.yaml#name: bench"]}
+  - id: table 1
+    title: Errors
+    status: compared
+    place: [bench.yaml]
+    compare:
+      - title: Errors
+        published: table.csv
+        where: {model: [mapmore, polynomial_2]}
+        labels: [study, model]
+        ours: {run: "{study}.yaml", rows: {model: "{model}", split: validate, curve: all}}
+        numbers:
+          - {name: RMSE, unit: N, printed: rmse, ours: rmse, verdict: {factor: 2}}
+          - {name: NRMSE, unit: "%", printed: "100*nrmse", ours: "100*nrmse", verdict: {within: 0.01}}
+          - {name: NRMSE, printed: nrmse, ours: nrmse, verdict: {order: [study]}}
+    sentences:
+      - says: It is good
+        left: {ours: {run: bench.yaml, rows: {model: mapmore, split: validate, curve: all}}, value: r2}
+        relation: ">"
+        right: 0.9
+  - {id: figure 1, title: Fit, status: drawn, place: [bench.yaml], figures: [{run: bench.yaml, figure: fit, panel: "200", caption: One}]}
+"""
 
 
-def test_a_verdict_counts_what_differs(result: ModuleType) -> None:
-    parts = [("size", True), ("size", False), ("order", False), ("R²", True)]
-    found = result.Result("m1-static", "M1", "", "", (), parts)
-    assert (found.verdict, found.agreed) == ("differs: size (1 of 2), order", 2)
-    assert "free strain" in found.reason
-    same = result.Result("m1-static", "M1", "", "", (), parts[:1])
-    assert (same.verdict, same.reason) == ("agrees", "")
-    assert result.same_size(2.0, 1.0)
-    assert not result.same_size(2.01, 1.0)
-    assert not result.same_size(-1.0, 1.0)
+@pytest.fixture
+def paper(tmp_path: Path) -> Path:
+    """A paper whose only table is to be written by the test."""
+    write_study(tmp_path)
+    (tmp_path / "x.yaml").write_text(PAPER)
+    return tmp_path / "x.yaml"
 
 
-def test_the_page_is_one_file(paper_page: ModuleType, tmp_path: Path, mapmore: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("dmsp-20-88-static", "peano-static"):
-        done = mapmore("validate", CONFIGS / "m2" / f"{name}.yaml", "--runs", tmp_path, "-q")
-        assert done.exit_code == 0, done.stderr
-    monkeypatch.setattr(paper_page, "RESULTS", {name: paper_page.RESULTS[name] for name in ("m1-static", "m2-static")})
-    failed: dict[str, str] = {}
-    found = list(paper_page.results(tmp_path, failed))
-    assert [one.id for one in found] == ["m2-static"]
-    assert list(failed) == ["m1-static"]  # whose runs are not there
-    part = paper_page.Part("a campaign", (), (), ("coiled/coiled_steps.yaml",))
-    assert 'href="#coiled/coiled_steps.yaml"' in paper_page.page([], [part], {}, "")
-    html = paper_page.page(found, [], failed, "none here")
-    assert "m1-static failed" in html
-    outside = [link for link in re.findall(r'(?:href|src)="([^"]*)"', html) if not re.match(r"#|[\w.-]+/report/index\.html$", link)]
-    assert outside == []
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("figure: 1}", "figure: 2}", "figure 2 is not listed"),
+        ("place: [bench.yaml], figures", "place: [], figures", "place"),
+        ("place: [bench.yaml], figures", "figures", "place"),
+        ("place: [bench.yaml], figures", "place: [none.md], figures", "there is no"),
+        ("name: bench", "name: else", "does not hold"),
+        ("status: computed", "status: absent", "why"),
+        ("status: computed", "status: drawn", "figures"),
+        ("status: computed", "status: done", "computed"),
+        ("{factor: 2}", "{factor: 2, within: 1}", "one rule"),
+        ("{factor: 2}", "{factor: 0.5}", "factor"),
+    ],
+)
+def test_wrong_papers(paper: Path, old: str, new: str, words: str, mapmore: Callable[..., Any]) -> None:
+    text = paper.read_text()
+    assert old in text
+    paper.write_text(text.replace(old, new, 1))
+    with pytest.raises(SpecError):
+        load_paper(paper)
+    result = mapmore("paper", paper)
+    assert result.exit_code == 3
+    assert words in result.stderr
+
+
+def write_table(paper: Path, rmse: dict[str, float], nrmse: dict[str, float]) -> None:
+    rows = [f"bench,{model},{rmse[model]!r},{nrmse[model]!r}" for model in rmse]
+    (paper.parent / "table.csv").write_text("\n".join(["study,model,rmse,nrmse", *rows]) + "\n")
+
+
+def test_what_agrees_and_what_differs(paper: Path, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    """Our own numbers as the printed ones agree; others differ by kind, each told with its count and distance."""
+    runs = tmp_path / "runs"
+    assert mapmore("validate", tmp_path / "bench.yaml", "--runs", runs, "-q").exit_code == 0
+    scores = json.loads((runs / "bench" / "scores.json").read_text())["scores"]
+    held = {row["model"]: row for row in scores if row["split"] == "validate" and row["curve"] == "all"}
+    ours = {metric: {model: held[model][metric] for model in ("mapmore", "polynomial_2")} for metric in ("rmse", "nrmse")}
+    write_table(paper, ours["rmse"], ours["nrmse"])
+    done = mapmore("paper", paper, "--runs", runs, "--json", "-q")
+    assert done.exit_code == 0, done.stderr
+    (found,) = json.loads(done.stdout)["papers"]
+    agree = {"size": (2, 2), "value": (2, 2), "order": (1, 1), "sentence": (1, 1)}
+    assert {kind: (count["agree"], count["compared"]) for kind, count in found["counts"].items()} == agree
+    swapped = dict(zip(ours["nrmse"], reversed(ours["nrmse"].values()), strict=True))
+    write_table(paper, {"mapmore": 1.9 * ours["rmse"]["mapmore"], "polynomial_2": -ours["rmse"]["polynomial_2"]}, swapped)
+    done = mapmore("paper", paper, "--runs", runs, "-q")
+    assert done.exit_code == 0, done.stderr
+    for words in ("RMSE: 1 of 2 sizes within a factor of 2 (ours are -1 to 0.526 of the printed)", "order by NRMSE: 0 of 1 as printed"):
+        assert words in done.stdout
+    html = (runs / "paper.html").read_text(encoding="utf-8")
+    assert "A paper of &lt;one&gt; table" in html
     assert "<script" not in html
-    assert "Left out: none here" in html
-    table = [row for row in rows("m2_results.csv") if row["figure"] in ("9", "10")]
-    for row in table:
-        assert re.search(rf"{row['study']}</th><td>{row['model']}</td><td>{float(row['printed']):g}</td>", html)
-    assert "polynomial: {of: [strain], order: 4}" in html  # of the spec
+    assert re.findall(r'(?:href|src)="(?!#)', html) == []
+    assert "<svg" in html
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("published: table.csv", "published: none.csv", "none.csv"),
+        ("where: {model: [mapmore, polynomial_2]}", "where: {model: [none]}", "no row"),
+        ("where: {model: [mapmore, polynomial_2]}", "where: {modell: [mapmore]}", "no column"),
+        ('rows: {model: "{model}"', 'table: none, rows: {model: "{model}"', "no table"),
+        ('rows: {model: "{model}"', 'rows: {model: "{none}"', "names no column"),
+        ("curve: all}}\n        numbers", "curve: none}}\n        numbers", "0 rows of ours"),
+        ("ours: rmse,", "ours: 2*none,", "none"),
+    ],
+)
+def test_what_is_not_there_is_told_and_the_page_is_written(
+    paper: Path, old: str, new: str, words: str, mapmore: Callable[..., Any]
+) -> None:
+    write_table(paper, {"mapmore": 1.0, "polynomial_2": 2.0}, {"mapmore": 1.0, "polynomial_2": 2.0})
+    text = paper.read_text()
+    assert old in text
+    paper.write_text(text.replace(old, new, 1))
+    runs = paper.parent / "runs"
+    result = mapmore("paper", paper, "--runs", runs)
+    assert result.exit_code in (3, 4)
+    assert words in result.stderr
+    assert words in (runs / "paper.html").read_text(encoding="utf-8")
+
+
+number = st.floats(1e-6, 1e6)
+
+
+@given(number, number, st.floats(1.01, 10))
+def test_a_size_agrees_both_ways_and_not_with_another_sign(a: float, b: float, factor: float) -> None:
+    rule = Verdict(factor=factor)
+    assert judged(rule, "", a, a).holds
+    assert not judged(rule, "", a, -a).holds
+    if abs(max(a / b, b / a) / factor - 1) > 1e-9:
+        assert judged(rule, "", a, b).holds == judged(rule, "", b, a).holds == (max(a / b, b / a) < factor)
+
+
+@given(st.sampled_from([Verdict(within=1.0), Verdict(factor=2.0), Verdict(bound="at_least"), Verdict(bound="at_most")]))
+def test_a_number_that_is_missing_agrees_with_nothing(rule: Verdict) -> None:
+    for cells in ((None, 1.0), (1.0, None), (1.0, float("nan")), ("word", 1.0)):
+        assert not judged(rule, "", *cells).holds
+
+
+def test_kinds_are_counted_apart() -> None:
+    found = [Compared("size", "RMSE", True, 0.7, 2.0), Compared("size", "RMSE", False, 3.0, 2.0), Compared("order", "RMSE", False, 0.4)]
+    assert counts(found) == {"size": (1, 2), "order": (0, 1)}
+    assert summary(found) == (
+        "RMSE: 1 of 2 sizes within a factor of 2 (ours are 0.7 to 3 of the printed)",
+        "order by RMSE: 0 of 1 as printed (mean tau 0.40)",
+    )

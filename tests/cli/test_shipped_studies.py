@@ -21,7 +21,9 @@ from mapmore_cli.spec.loader import load
 from mapmore_cli.storage.artefacts import read_model
 
 CONFIGS = Path(__file__).parents[2] / "configs"
-STUDIES = sorted(path for path in CONFIGS.rglob("*.yaml") if not path.name.startswith("_") and "campaigns" not in path.parts)
+STUDIES = sorted(
+    path for path in CONFIGS.rglob("*.yaml") if not path.name.startswith("_") and not {"campaigns", "papers"} & set(path.parts)
+)
 IN_FREE_RUN = ("cascaded_tanks", "bouc_wen")
 """Studies whose search takes minutes: see test_free_run_studies.py."""
 

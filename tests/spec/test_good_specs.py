@@ -19,7 +19,9 @@ from mapmore_cli.spec.sections.results import Competitor
 
 PROJECT = Path(__file__).resolve().parents[2]
 SHIPPED = sorted(
-    path for path in (PROJECT / "configs").glob("*/*.yaml") if not path.name.startswith("_") and path.parent.name != "campaigns"
+    path
+    for path in (PROJECT / "configs").glob("*/*.yaml")
+    if not path.name.startswith("_") and path.parent.name not in ("campaigns", "papers")
 )
 
 

@@ -15,7 +15,9 @@ from mapmore_cli.spec.tree import SourceText, plain
 from mapmore_cli.spec.yaml_loader import parse
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
-SHIPPED = sorted(path for path in CONFIGS.glob("*/*.yaml") if not path.name.startswith("_") and path.parent.name != "campaigns")
+SHIPPED = sorted(
+    path for path in CONFIGS.glob("*/*.yaml") if not path.name.startswith("_") and path.parent.name not in ("campaigns", "papers")
+)
 VALIDATOR = jsonschema.Draft202012Validator(json_schema())
 
 

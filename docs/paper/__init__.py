@@ -1,1 +1,0 @@
-"""The five papers beside the shipped studies: one module a paper, `page.py` puts them together."""
