@@ -68,7 +68,7 @@ class Scores(tuple[Mapping[str, Any], ...]):
 
     @classmethod
     def of(cls, table: ScoreTable) -> Scores:
-        """The rows of a score table."""
+        """Return the rows of a score table."""
         found = cls(score_row(score) for score in table.scores)
         found.table = table
         return found
@@ -86,7 +86,7 @@ class Scores(tuple[Mapping[str, Any], ...]):
         return to_html(score_table(self.table.scores, self.table.units, failed=self.table.failed))
 
     def of_model(self, model: str = "mapmore", split: str = "validate") -> Mapping[str, Any]:
-        """The pooled row of a model; raises `KeyError` where there is none."""
+        """Return the pooled row of a model; raises `KeyError` where there is none."""
         for row in self:
             if (row["model"], row["split"], row["curve"]) == (model, split, "all"):
                 return row
@@ -108,7 +108,7 @@ class Study:
         return found
 
     def loaded(self, place: Path, changes: Mapping[str, Any] | None = None) -> LoadedSpec:
-        """The spec written to the file `place`, so that it runs there; frames are written to a folder beside it."""
+        """Return the spec written to the file `place`, so that it runs there; frames are written to a folder beside it."""
         document = {"schema_version": 1, **self.document}
         if self.frames:
             written = write_frames(self.frames, self.columns, place.parent / f"{place.stem}_data")
@@ -119,7 +119,7 @@ class Study:
         return load(place, as_overrides(changes or {}))
 
     def fitted(self, changes: Mapping[str, Any] | None = None) -> Fitted:
-        """The model and its scores, made in a temporary folder that is removed."""
+        """Return the model and its scores, made in a temporary folder that is removed."""
         told: list[str] = []
         with TemporaryDirectory(prefix="mapmore-") as place:
             loaded = self.loaded(Path(place) / "spec.yaml", changes)
@@ -161,7 +161,7 @@ class Fitted(LoadedModel):
         return f"<p>{escape(super().__repr__())}</p>{scores}<ul>{''.join(equations[:_SHOWN])}</ul>{more}{told}"
 
     def predict(self, frame: Any) -> Array:
-        """The output at the rows of a frame, (n,), in the model's unit; NaN where an input is not finite.
+        """Return the output at the rows of a frame, (n,), in the model's unit; NaN where an input is not finite.
 
         Columns are found as in the fit (name, unit, scale, offset), else by their canonical names in the model's units. The rows of a
         model with memory are one recording.
@@ -278,7 +278,7 @@ def fit(frame: Any, **sections: Any) -> Fitted:
 
 
 def _reader_of(path: Any) -> str:
-    """The reader of files that end so; `csv` for other names. Raises `SpecError` for what is no path."""
+    """Return the reader of files that end so; `csv` for other names. Raises `SpecError` for what is no path."""
     if not isinstance(path, str | Path):
         raise SpecError(f"fit: {type(path).__name__} is no table", "give a mapping of arrays, a data frame, or the path of a file")
     return next((name for name, reader in READERS.items() if suffix_of(Path(path)) in reader.suffixes), "csv")
@@ -342,7 +342,7 @@ def run(config: str | Path, runs: str | Path = "runs", *, force: bool = False, s
 
 
 def plain_values(value: Any) -> Any:
-    """The value as YAML holds it: lists for tuples and arrays, numbers for NumPy's scalars, text for paths."""
+    """Return the value as YAML holds it: lists for tuples and arrays, numbers for NumPy's scalars, text for paths."""
     if isinstance(value, Mapping):
         return {str(key): plain_values(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

@@ -60,7 +60,7 @@ def compare(
 
 
 def _limit(fail_on: str | None) -> float | None:
-    """The relative change that is too large; None where none is given, or the word `changed` decides."""
+    """Return the relative change that is too large; None where none is given, or the word `changed` decides."""
     if fail_on in (None, "changed"):
         return None
     try:

@@ -38,7 +38,7 @@ class Options:
 
 
 def _stage_command(stage: str, summary: str) -> Callable[..., None]:
-    """The function of the command that ends with a stage."""
+    """Return the function of the command that ends with a stage."""
 
     def command(
         config: Config,

@@ -90,7 +90,7 @@ def predict(
 def _input(
     model: Model, table: Path | None, grid: str | None, constants: Mapping[str, float], reporter: Reporter
 ) -> tuple[Iterator[str], str]:
-    """The lines to predict for, and what messages call them."""
+    """Return the lines to predict for, and what messages call them."""
     from mapmore_cli.modelling.kinds import runs_over_time
     from mapmore_cli.storage.text_streams import as_text, lines_of
     from mapmore_cli.study.prediction.grid import grid_lines

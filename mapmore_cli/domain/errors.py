@@ -31,7 +31,7 @@ class MapmoreError(Exception):
 
 
 def explained(error: BaseException) -> BaseException:
-    """The error itself; for a file or folder that may not be read, wherever that turned out, the one that says so.
+    """Return the error itself; for a file or folder that may not be read, wherever that turned out, the one that says so.
 
     An interruption within a function in C may come as a SystemError: then it is the interruption.
     """
@@ -46,7 +46,7 @@ def explained(error: BaseException) -> BaseException:
 
 
 def told(error: BaseException) -> str:
-    """What a user is told of an error; a fault of the program itself is one line."""
+    """Return what a user is told of an error; a fault of the program itself is one line."""
     error = explained(error)
     if isinstance(error, MapmoreError):
         return str(error)
@@ -105,7 +105,7 @@ class RunWarning(str):
 
     @classmethod
     def of(cls, run: str, message: str) -> RunWarning:
-        """The warning of a run; where it is about yet another one already, it stays as it is."""
+        """Return the warning of a run; where it is about yet another one already, it stays as it is."""
         if isinstance(message, RunWarning):
             return message
         warning = cls(f"{run}: {message}")

@@ -98,7 +98,7 @@ def identifiers(names: Iterable[str], taken: Collection[str] = ()) -> list[str]:
 
 
 def _greek(letter: str) -> str:
-    """The command of a Greek letter in a formula, by its name."""
+    """Return the command of a Greek letter in a formula, by its name."""
     name = unicodedata.name(letter).rpartition(" ")[2].replace("LAMDA", "LAMBDA")
     return rf"\ensuremath{{\{name.capitalize() if letter.isupper() else name.lower()}}}"
 

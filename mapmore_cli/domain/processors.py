@@ -128,7 +128,7 @@ def killed_with(parent: int) -> None:
 
 
 def _received(copy: Connection) -> list[Any] | None:
-    """What a fork delivered; None where it ended before."""
+    """Return what a fork delivered; None where it ended before."""
     try:
         found: list[Any] = copy.recv()
     except (EOFError, OSError):

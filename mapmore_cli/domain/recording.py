@@ -102,7 +102,7 @@ class Curve:
 
 
 def united(ranges: Iterable[Mapping[str, tuple[float, float]]]) -> dict[str, tuple[float, float]]:
-    """The least range of each quantity that holds all given ones."""
+    """Return the least range of each quantity that holds all given ones."""
     whole: dict[str, tuple[float, float]] = {}
     for one in ranges:
         for name, (low, high) in one.items():
@@ -128,7 +128,7 @@ class Dataset:
         return {recording.id: recording.log or recording.id for recording in self.recordings}
 
     def unit(self, name: str) -> str:
-        """Unit of a column."""
+        """Return unit of a column."""
         return self.quantities[name].unit
 
 

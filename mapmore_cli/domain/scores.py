@@ -115,7 +115,7 @@ class Published:
     rmse_at_least: Mapping[str, float] = field(default_factory=dict)
 
     def shown_rmse(self, model: str) -> float | str | None:
-        """The RMSE as a cell of a table: a bound is told as one, and None where nothing was printed."""
+        """Return the RMSE as a cell of a table: a bound is told as one, and None where nothing was printed."""
         if model in self.rmse_at_least:
             return f">= {self.rmse_at_least[model]:.3g}"
         return self.rmse.get(model)
@@ -154,7 +154,7 @@ class Validation:
 
 
 def deciding(scores: Iterable[Score]) -> list[Score]:
-    """The rows that decide: all curves pooled, of the held-out data where there are any, else of the training data."""
+    """Return the rows that decide: all curves pooled, of the held-out data where there are any, else of the training data."""
     pooled = [score for score in scores if score.curve == "all"]
     held_out = [score for score in pooled if score.split == "validate"]
     return held_out or pooled

@@ -74,7 +74,7 @@ def _share(values: Array, most: int) -> Array:
 
 
 def _width(values: Array) -> Array:
-    """Standard deviations; 1 where nothing varies."""
+    """Return standard deviations; 1 where nothing varies."""
     found = values.std(axis=0)
     return np.where(found > 0, found, 1.0)
 
@@ -89,7 +89,7 @@ def _predicted(learner: Any, inputs: Array) -> Array:
 
 
 def _learner(name: str, inputs: int) -> Any:
-    """The learner with its settings, the same for every study."""
+    """Return the learner with its settings, the same for every study."""
     if name == "gaussian_process":
         from sklearn.gaussian_process import GaussianProcessRegressor
         from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel

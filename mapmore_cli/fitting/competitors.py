@@ -99,7 +99,7 @@ class Contest:
         return Rival(competitor.label, _forecasts(_predicted(fit, self.dataset.curves)), {competitor.label: fit})
 
     def simple_beside(self, named: Collection[str]) -> tuple[str, ...]:
-        """The simple competitors that the model allows and that are not `named` already.
+        """Return the simple competitors that the model allows and that are not `named` already.
 
         They are polynomials of its inputs, its backbone, and an ARX where it runs over time.
         """
@@ -132,7 +132,7 @@ class Contest:
         return fit if self.model.output.name == self.dataset.target else None
 
     def _with_held_out(self, fit: FormulaFit) -> FormulaFit:
-        """The fit with the held-out error of each of its rivals."""
+        """Return the fit with the held-out error of each of its rivals."""
         formula, held_out = literature.of(fit), pooled([(curve, curve.held_out) for curve in self.dataset.curves])
         measured = held_out[self.dataset.target]
         if not len(measured):
@@ -167,7 +167,7 @@ class Contest:
         return Rival(competitor.label, _forecasts(values), {competitor.label: fit})
 
     def _composite(self, competitor: Competitor) -> Rival:
-        """A static formula fitted to the static run's training data, and a damping formula fitted to what it leaves here.
+        """Return a static formula fitted to the static run's training data, and a damping formula fitted to what it leaves here.
 
         Against a damping model, the sum is treated as the measured force is: less the study's static force, less its mean on the plateau.
         """

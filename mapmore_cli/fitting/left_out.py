@@ -40,7 +40,7 @@ Compare = Callable[[Contest], tuple[Said, Sequence[str]]]
 def left_out(
     choices: ModelChoices, contest: Contest, compare: Compare, progress: Progress, fitted_to: str, group: str | None = None
 ) -> tuple[Dataset, Said, list[str]]:
-    """The dataset with every sample held out, what models of the other levels say of each curve, and warnings.
+    """Return the dataset with every sample held out, what models of the other levels say of each curve, and warnings.
 
     With `group`, the quantity that tells groups apart, each group is left out in place of a level. Everything is fitted anew without it:
     cuts, terms, backbone, how much of its residual is trusted, and every competitor. The run's own model is `fitted_to` a quantity, which
@@ -82,7 +82,7 @@ def _groups(dataset: Dataset, of: str) -> list[list[BoolArray]]:
 
 
 def refitted(choices: ModelChoices, dataset: Dataset) -> Model:
-    """A model of the training samples of a dataset, made in one go."""
+    """Return a model of the training samples of a dataset, made in one go."""
     if maker_of(choices).refit is None or choices.over_time:
         raise SpecError("split.leave_one_level_out: a model over time cannot be fitted without a level", "hold out recordings instead")
     return kinds.refitted(choices, dataset)
@@ -200,7 +200,7 @@ def made_anew(choices: ModelChoices, dataset: Dataset, needed: Mapping[str, Path
 
 
 def refit_run(run_dir: Path, dataset: Dataset) -> Model:
-    """The model of another run, made anew by its own spec on the training samples of a dataset."""
+    """Return the model of another run, made anew by its own spec on the training samples of a dataset."""
     from mapmore_cli.fitting.kinds.choices import model_choices
     from mapmore_cli.spec.loader import load
 

@@ -37,12 +37,12 @@ class Bench:
 
 
 def training_only(dataset: Dataset) -> Dataset:
-    """The dataset without its held-out samples; curves that have no others are left out."""
+    """Return the dataset without its held-out samples; curves that have no others are left out."""
     return replace(dataset, curves=tuple(kept(curve, ~curve.held_out) for curve in dataset.curves if curve.training.any()))
 
 
 def kept(curve: Curve, rows: BoolArray) -> Curve:
-    """Some rows of a curve; of its recordings, those that still have any."""
+    """Return some rows of a curve; of its recordings, those that still have any."""
     origin, recordings = None, curve.recordings
     if curve.origin is not None:
         left, origin = np.unique(curve.origin[rows], return_inverse=True)
@@ -58,7 +58,7 @@ def kept(curve: Curve, rows: BoolArray) -> Curve:
 
 
 def bench_of(dataset: Dataset, choices: ModelChoices, normaliser: str, by_level: bool = False) -> Bench:
-    """The folds of training samples alone: inner levels where there are enough of them, else blocks.
+    """Return the folds of training samples alone: inner levels where there are enough of them, else blocks.
 
     Where the study holds levels out (`by_level`), training levels are left out also of pooled curves, and the outer ones where there are
     fewer than three inner ones.

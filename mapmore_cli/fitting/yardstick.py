@@ -78,7 +78,7 @@ def _explanations(curves: Sequence[Curve], inputs: Sequence[str], past: bool) ->
 
 
 def _along(curves: Sequence[Curve], name: str, steps: int) -> Array:
-    """A quantity some samples before, in each recording; its first value stands for what was before it."""
+    """Return a quantity some samples before, in each recording; its first value stands for what was before it."""
     found = [np.empty(curve.size) for curve in curves]
     for curve, values in zip(curves, found, strict=True):
         for log in curve.logs:
@@ -87,7 +87,7 @@ def _along(curves: Sequence[Curve], name: str, steps: int) -> Array:
 
 
 def _share(values: Array, e: Array) -> float:
-    """The variance of the means of bins over the whole variance, with the degrees of freedom counted."""
+    """Return the variance of the means of bins over the whole variance, with the degrees of freedom counted."""
     edges = np.unique(np.quantile(values, np.linspace(0, 1, BINS + 1)[1:-1]))
     places = np.searchsorted(edges, values, side="right")
     means = {place: e[places == place].mean() for place in np.unique(places)}
@@ -98,7 +98,7 @@ def _share(values: Array, e: Array) -> float:
 
 
 def note_of(errors: Mapping[str, float], own: float, hint: str) -> str:
-    """The sentence for the user; empty where no black box errs clearly less."""
+    """Return the sentence for the user; empty where no black box errs clearly less."""
     name = min(errors, key=lambda one: errors[one], default="")
     if not name or not errors[name] < LESS * own:
         return ""

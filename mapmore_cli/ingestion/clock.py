@@ -155,7 +155,7 @@ BY_HAND = "or write the shift, as `shift: -40.2 s`"
 
 
 def found_shift(first: Samples, second: Samples, join: Join, units: Mapping[str, str]) -> tuple[float, str]:
-    """The shift in the model's unit of time, and a note that says how sure it is.
+    """Return the shift in the model's unit of time, and a note that says how sure it is.
 
     Two records of one unit are taken to rise together; of different units, one may fall while the other rises.
 
@@ -199,7 +199,7 @@ def _refuse_unsure(found: Shift, pair: str, unit: str) -> None:
 
 
 def _digits(found: Shift) -> str:
-    """The shift with one digit more than is sure."""
+    """Return the shift with one digit more than is sure."""
     return f"{found.value:.{max(0, 1 - math.floor(math.log10(found.half_width)))}f}"
 
 

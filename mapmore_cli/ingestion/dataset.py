@@ -101,7 +101,7 @@ def _read_all(sources: Sequence[Source], slice_: IngestSlice, progress: Progress
 
 
 def _stepped(reading: ReadLog, slice_: IngestSlice, static: Model | None, warn: Callable[[str], None]) -> ReadLog:
-    """The pieces of a log with their plateau, and with the damping force where a static model is at hand."""
+    """Return the pieces of a log with their plateau, and with the damping force where a static model is at hand."""
     assert slice_.data.plateau is not None
     pieces = [with_plateau(piece, slice_.data.plateau, slice_.units) for piece in reading.pieces]
     if static is not None:

@@ -110,7 +110,7 @@ def _automatic(logs: Sequence[Log]) -> list[str]:
 
 
 def _paired(join: Join, count: int, folder: Path) -> list[Log]:
-    """The log to join to each of `count` files: the same for all, or one for each, in order."""
+    """Return the log to join to each of `count` files: the same for all, or one for each, in order."""
     logs = [log for log, _ in _found(join.files, folder)]
     if len(logs) == 1:
         return logs * count

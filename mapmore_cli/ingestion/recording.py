@@ -118,7 +118,7 @@ def _constant(value: float, size: int) -> Array:
 
 
 def _emptied(whole: Clocked, left: list[Samples]) -> list[str]:
-    """A warning where pieces of a recording are left out whole."""
+    """Return a warning where pieces of a recording are left out whole."""
     lost = len(whole.pieces) - len(left)
     return [f"{whole.pieces[0].label}: {lost} of {len(whole.pieces)} pieces between gaps have no sample left"] if lost else []
 
@@ -169,7 +169,7 @@ def _kept(samples: Samples, condition: Keep, units: Mapping[str, str]) -> Sample
 
 
 def _condition(condition: Keep, name: str, unit: str) -> tuple[Callable[[Array], BoolArray], str]:
-    """What is to hold for the values of a quantity, and the reason to leave out those for which it does not."""
+    """Return what is to hold for the values of a quantity, and the reason to leave out those for which it does not."""
     if (limit := condition.abs_below) is not None:
         return lambda values: np.abs(values) < limit, f"|{name}| >= {limit:g}{unit}"
     if (limit := condition.below) is not None:

@@ -163,7 +163,7 @@ def _converted(values: Array, column: SourceColumn, missing: Sequence[float], un
 
 
 def _mean_at_rest(values: Array, time: Array, rest: float) -> float | None:
-    """The mean over the first `rest` of a recording; None where there is no value in it."""
+    """Return the mean over the first `rest` of a recording; None where there is no value in it."""
     first = next(iter(time[np.isfinite(time)]), np.nan)
     resting = np.isfinite(values) & (time - first <= rest)
     return float(values[resting].mean()) if resting.any() else None

@@ -106,7 +106,7 @@ def _between(parts: Sequence[Part], name: str, intervals: Between) -> Masks:
 
 
 def _last_cycles(parts: Sequence[Part], of: str, share: float) -> Masks:
-    """The last cycles of each log, whose pieces and levels are taken together in the order of time."""
+    """Return the last cycles of each log, whose pieces and levels are taken together in the order of time."""
     masks = [np.zeros(part.size, dtype=np.bool_) for part in parts]
     for log in dict.fromkeys(part.log for part in parts):
         members = [number for number, part in enumerate(parts) if part.log == log]
@@ -135,7 +135,7 @@ def _range(parts: Sequence[Part], name: str) -> str:
 
 
 def meant_levels(choice: Holdout | None, levels: LevelSet | None) -> tuple[str, ...]:
-    """A note for every level that `validate` names by another number than was measured."""
+    """Return a note for every level that `validate` names by another number than was measured."""
     values = choice.quantities.get(levels.of) if choice is not None and levels is not None else None
     if levels is None or not isinstance(values, list):
         return ()

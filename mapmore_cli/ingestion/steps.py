@@ -30,7 +30,7 @@ Plateau = Literal["auto"] | tuple[float, float]
 
 
 def with_plateau(recording: Recording, plateau: Plateau, units: Mapping[str, str]) -> Recording:
-    """The recording with `plateau` and `step_pressure`, the mean pressure there.
+    """Return the recording with `plateau` and `step_pressure`, the mean pressure there.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def with_plateau(recording: Recording, plateau: Plateau, units: Mapping[str, str
 
 
 def static_model(run_dir: Path, force: Quantity, units: Mapping[str, str]) -> Model:
-    """The static model that a spec needs.
+    """Return the static model that a spec needs.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def static_model(run_dir: Path, force: Quantity, units: Mapping[str, str]) -> Mo
 
 
 def with_damping(recording: Recording, force: str, static: Model, warn: Callable[[str], None]) -> Recording:
-    """The recording with `static_force` F_s and `damping` `F_d = F - F_s`, less its mean over the plateau (M2 eq 1)."""
+    """Return the recording with `static_force` F_s and `damping` `F_d = F - F_s`, less its mean over the plateau (M2 eq 1)."""
     columns = recording.columns
     static_force = predict(static, columns)
     beyond = outside_range(static, columns)

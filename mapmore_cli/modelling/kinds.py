@@ -100,7 +100,7 @@ def simulate(model: Model, columns: Columns) -> Run:
 
 
 def outside_range(model: Model, columns: Columns) -> BoolArray:
-    """True where an input lies beyond the training range, of any summand where the model is a sum, (n,)."""
+    """Return True where an input lies beyond the training range, of any summand where the model is a sum, (n,)."""
     found: BoolArray = kind_of(model).verb("outside_range", _outside)(model, columns)
     return found
 
@@ -110,7 +110,7 @@ def _outside(model: Model, columns: Columns) -> BoolArray:
 
 
 def equations(model: Model, units: Mapping[str, float] = MODEL_UNITS) -> tuple[Equation, ...]:
-    """The model as equations, in its units or in others: of a sum, those of each summand.
+    """Return the model as equations, in its units or in others: of a sum, those of each summand.
 
     Raises
     ------
@@ -136,14 +136,14 @@ def one_step_ahead(model: Model, columns: Columns) -> Array:
 
 
 def runs_over_time(model: Model) -> bool:
-    """True where rows are samples of a recording, which the model runs along."""
+    """Return True where rows are samples of a recording, which the model runs along."""
     if isinstance(model.body, Sum):
         return any(runs_over_time(part.model) for part in model.body.parts)
     return kind_of(model).verb("one_step") is not None
 
 
 def fed_back(model: Model) -> tuple[str, ...]:
-    """The measured outputs that a run begins from, each once."""
+    """Return the measured outputs that a run begins from, each once."""
     found: tuple[str, ...] = kind_of(model).verb("fed_back", lambda _model: ())(model)
     return found
 
@@ -175,7 +175,7 @@ def _numbers_in_reach(model: Model) -> Iterator[None]:
 
 
 def slopes(model: Model, columns: Columns) -> dict[str, Array]:
-    """Derivative of the output for every input by its name, (n,) each; NaN where an input is not finite.
+    """Return derivative of the output for every input by its name, (n,) each; NaN where an input is not finite.
 
     At a boundary it is that of the piece that holds there.
 

@@ -85,7 +85,7 @@ def _monomials(x: Array, degree: int) -> Array:
 
 
 def _past(values: Array, order: int, first: int) -> Array:
-    """The values `first` to `order` samples before each, (n, order - first + 1); the first one stands for what was before it."""
+    """Return the values `first` to `order` samples before each, (n, order - first + 1); the first one stands for what was before it."""
     places = np.arange(len(values))
     return np.column_stack([values[np.maximum(places - step, 0)] for step in range(first, order + 1)])
 
@@ -111,7 +111,7 @@ def _one_step_fit(dataset: Dataset, names: Sequence[str], order: int) -> Array |
 
 
 def _run(curve: Curve, target: str, names: Sequence[str], order: int, theta: Array) -> Array:
-    """The free run along every recording of a curve, (n,); NaN from where it diverges."""
+    """Return the free run along every recording of a curve, (n,); NaN from where it diverges."""
     from scipy.signal import lfilter
 
     y, found = curve.columns[target], np.full(curve.size, np.nan)

@@ -14,7 +14,7 @@ from mapmore_cli.storage.run_folder import FIT
 
 
 def reads(spec: ExperimentSpec) -> FitChoices:
-    """The stage's slice of the spec."""
+    """Return the stage's slice of the spec."""
     spec = with_definitions(spec)
     joining = spec.fuse if AUTO in (spec.model.backbone, spec.fit.max_terms) else None
     return FitChoices(spec.data.levels, spec.segment, spec.dictionary, spec.model, spec.fit, lengths_of(spec), joining)

@@ -36,7 +36,7 @@ def run(part: ModelChoices, workspace: Workspace) -> None:
 
 
 def _provenance(part: ModelChoices) -> dict[str, str]:
-    """What made the model, for a reader who has nothing but the file: versions, and the spec's sections that decide about it."""
+    """Return what made the model, for a reader who has nothing but the file: versions, and the spec's sections that decide about it."""
     import json
 
     from mapmore_cli.storage.run_record import tool_versions

@@ -23,13 +23,13 @@ def run(part: IngestSlice, workspace: Workspace) -> None:
 
 
 def sources(spec: ExperimentSpec, folder: Path) -> list[Path]:
-    """The recordings that the spec names, and the logs that are joined to them."""
+    """Return the recordings that the spec names, and the logs that are joined to them."""
     found = find_sources(spec.data.files, folder, spec.data.join)
     return list(dict.fromkeys(log.path for source in found for log in (source, *source.joined)))
 
 
 def needs(spec: ExperimentSpec) -> list[str]:
-    """The static run, where the damping force is what its model leaves."""
+    """Return the static run, where the damping force is what its model leaves."""
     return [spec.needs.static] if spec.target == "damping" and spec.needs.static is not None else []
 
 

@@ -32,18 +32,18 @@ class Needed:
 
 
 def needed_runs(stage: Stage, loaded: LoadedSpec, heirs: tuple[Path, ...]) -> list[Needed]:
-    """The runs that a stage needs, in the order of the spec; raises as `runs_at`."""
+    """Return the runs that a stage needs, in the order of the spec; raises as `runs_at`."""
     return runs_at(stage.needs(loaded.spec), loaded, heirs)
 
 
 def runs_built_on(loaded: LoadedSpec, heirs: tuple[Path, ...]) -> list[Needed]:
-    """The runs of `needs:`, whose reports belong to this run's; raises as `runs_at`."""
+    """Return the runs of `needs:`, whose reports belong to this run's; raises as `runs_at`."""
     needs = loaded.spec.needs
     return runs_at([path for path in (needs.static, needs.damping) if path is not None], loaded, heirs)
 
 
 def runs_at(needs: Sequence[Need], loaded: LoadedSpec, heirs: tuple[Path, ...]) -> list[Needed]:
-    """The runs of the specs at some paths from a spec's folder, and of variations of the spec itself.
+    """Return the runs of the specs at some paths from a spec's folder, and of variations of the spec itself.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def runs_at(needs: Sequence[Need], loaded: LoadedSpec, heirs: tuple[Path, ...]) 
 
 
 def _varied(loaded: LoadedSpec, variation: Variation) -> LoadedSpec:
-    """The spec with other settings, and without competitors: it is one, and those of the spec may not suit it."""
+    """Return the spec with other settings, and without competitors: it is one, and those of the spec may not suit it."""
     from mapmore_cli.spec.layers import as_overrides
     from mapmore_cli.spec.loader import load
 

@@ -49,7 +49,7 @@ class Slice:
 
 
 def reads(spec: ExperimentSpec) -> Slice:
-    """The stage's slice of the spec."""
+    """Return the stage's slice of the spec."""
     return Slice(spec.name, spec.muscle, spec.validation, spec.report, _folds(spec), spec.unconfirmed)
 
 
@@ -70,7 +70,7 @@ def run(part: Slice, workspace: Workspace) -> None:
 
 
 def _search(workspace: Workspace) -> Search | None:
-    """What was tried, where the structure was searched."""
+    """Return what was tried, where the structure was searched."""
     if not workspace.searched:
         return None
     from mapmore_cli.pipeline.search import SEARCH, read_search
@@ -103,7 +103,7 @@ def sources(spec: ExperimentSpec, folder: Path) -> list[Path]:
 
 
 def published_table(path: Path) -> Table:
-    """A table of a publication as it was transcribed, every cell as text.
+    """Return a table of a publication as it was transcribed, every cell as text.
 
     Raises
     ------
@@ -128,7 +128,7 @@ def published_table(path: Path) -> Table:
 
 
 def collected(part: Slice, run_dir: Path, spec_text: str = "") -> ReportInputs:
-    """The results of the stages before, with what the spec says of the report."""
+    """Return the results of the stages before, with what the spec says of the report."""
     from mapmore_cli.modelling.kinds import equations as model_equations
     from mapmore_cli.reporting.inputs import ReportInputs
     from mapmore_cli.storage.run_record import tool_versions
@@ -237,7 +237,7 @@ def drawn_figure(
 
 
 def _in_units(model: Model, units: Mapping[str, str]) -> dict[str, tuple[Equation, ...]]:
-    """The equations in other units of some quantities, and of the rates that follow from these."""
+    """Return the equations in other units of some quantities, and of the rates that follow from these."""
     from mapmore_cli.modelling.kinds import equations as model_equations
     from mapmore_cli.spec.units import convert, default_unit
 

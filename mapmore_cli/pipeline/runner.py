@@ -51,7 +51,7 @@ class RunOutcome:
 
 
 def pipeline() -> tuple[Stage, ...]:
-    """The six stages in order; they are imported when they are first asked for."""
+    """Return the six stages in order; they are imported when they are first asked for."""
     from mapmore_cli.pipeline import fit, fuse, ingest, report, segment, validate
 
     return (ingest.STAGE, segment.STAGE, fit.STAGE, fuse.STAGE, validate.STAGE, report.STAGE)
@@ -93,7 +93,7 @@ def searches(loaded: LoadedSpec, until: str) -> bool:
 
 
 def search_stages() -> tuple[Stage, ...]:
-    """What comes before the structure is known."""
+    """Return what comes before the structure is known."""
     from mapmore_cli.pipeline import ingest, search
 
     return ingest.STAGE, search.STAGE
@@ -234,7 +234,7 @@ class _Run:
     renewed: bool = False  # whether its structure was searched just now
 
     def settled(self, until: str, rehash: bool, heirs: tuple[Path, ...], others: Sequence[Needed]) -> list[Plan] | None:
-        """The plans where nothing is to be done, seen without the lock of the run; None where something may be.
+        """Return the plans where nothing is to be done, seen without the lock of the run; None where something may be.
 
         Results are moved in whole and committed last, so what looks whole is. Where another process is at work, the lock decides.
         """
@@ -277,7 +277,7 @@ class _Run:
         return plans
 
     def _told_of_search(self, plans: Iterator[Plan]) -> list[Plan]:
-        """The plans; the page shows what was tried, so that it is made anew where that was."""
+        """Return the plans; the page shows what was tried, so that it is made anew where that was."""
         last = self.every[-1].name
         stale = f"follows from {SEARCH_STAGE}"
         return [replace(plan, reason=stale) if self.renewed and plan.stage.name == last and plan.reason is None else plan for plan in plans]
@@ -325,7 +325,7 @@ class _Run:
                 self.warn(f"{other.loaded.spec.name}: {changed}; `mapmore run {other.key}` brings it up to date")
 
     def _kept(self, other: Needed) -> bool:
-        """True for a compared run that has a model."""
+        """Return True for a compared run that has a model."""
         run_dir = self.run_dir.parent / other.loaded.spec.name
         return other.role == "compared" and MODEL_STAGE in load_records(run_dir, lambda _message: None)
 
@@ -355,7 +355,7 @@ class _Run:
 
 
 def _refreshed(records: Mapping[str, StageRecord], plans: Sequence[Plan]) -> dict[str, StageRecord]:
-    """The records with today's file times, where the contents are still the same: the next run need not read them again."""
+    """Return the records with today's file times, where the contents are still the same: the next run need not read them again."""
     current = {
         plan.stage.name: replace(records[plan.stage.name], inputs=plan.inputs, outputs=plan.outputs)
         for plan in plans

@@ -35,7 +35,7 @@ class Slice:
 
 
 def reads(spec: ExperimentSpec) -> Slice:
-    """The stage's slice of the spec."""
+    """Return the stage's slice of the spec."""
     spec = with_definitions(spec)
     tries = any(isinstance(cut, Cuts) and cut.method == "optimal" for cut in spec.segment.values())
     return Slice(spec.data.levels, spec.segment, spec.fit.train_level, Trial(spec.dictionary, spec.model, spec.fit) if tries else None)

@@ -58,7 +58,7 @@ def plan_stages(
     force: bool,
     heirs: tuple[Path, ...] = (),
 ) -> Iterator[Plan]:
-    """The plan of every stage up to `until`, in order, from the files as they are now; `heirs` are the specs that need this one.
+    """Yield the plan of every stage up to `until`, in order, from the files as they are now; `heirs` are the specs that need this one.
 
     Raises
     ------
@@ -161,7 +161,7 @@ NOT_SET = "not set"
 
 
 def plain(value: Any) -> Any:
-    """A slice (frozen dataclasses, spec models and what they hold) as JSON values, under the names of the YAML file."""
+    """Return a slice (frozen dataclasses, spec models and what they hold) as JSON values, under the names of the YAML file."""
     if isinstance(value, BaseModel):
         return {field.alias or name: plain(getattr(value, name)) for name, field in type(value).model_fields.items()} | plain(
             value.model_extra or {}

@@ -50,7 +50,7 @@ class Slice:
 
 
 def reads(spec: ExperimentSpec) -> Slice:
-    """The stage's slice of the spec; what only composites and load-cycle formulas need is in it where they may stand."""
+    """Return the stage's slice of the spec; what only composites and load-cycle formulas need is in it where they may stand."""
     spec = with_definitions(spec)
     target = spec.target if isinstance(spec.target, str) else spec.target.column
     moving = target in ("damping", "dynamic")
@@ -121,7 +121,7 @@ def _with_interval(model: Model, curve: Curve, found: Forecast) -> Forecast:
 
 
 def scored_as(name: str, dataset: Dataset, model: Model) -> Dataset:
-    """The dataset with an input of the model as what is measured and scored; SpecError where the model has no such input."""
+    """Return the dataset with an input of the model as what is measured and scored; SpecError where the model has no such input."""
     inputs = [quantity.name for quantity in model.inputs]
     if name not in inputs:
         remedy = f"the model is a function of {', '.join(inputs)}: name one of these, or put `{name}` into the dictionary"
@@ -147,7 +147,7 @@ def _rivals(contest: Contest, part: Slice, workspace: Workspace) -> list[Rival]:
 def _left_out(
     choices: ModelChoices, contest: Contest, part: Slice, workspace: Workspace, fitted_to: str
 ) -> tuple[Dataset, dict[str, Forecasts]]:
-    """The dataset with all samples held out, and what models of the other levels say of them."""
+    """Return the dataset with all samples held out, and what models of the other levels say of them."""
     from mapmore_cli.fitting.left_out import left_out
 
     def compare(fold: Contest) -> tuple[dict[str, Forecasts], list[str]]:
@@ -195,7 +195,7 @@ def _floor(part: Slice, inputs: Sequence[str], dataset: Dataset, scale: Normalis
 
 
 def limits(require: Mapping[str, float], scores: Sequence[Score]) -> tuple[Limit, ...]:
-    """The `validate.require` limits with what the run's own model has.
+    """Return the `validate.require` limits with what the run's own model has.
 
     They hold on the pooled validation rows, or on the training rows where nothing is held out.
     """
@@ -214,7 +214,7 @@ def needs(spec: ExperimentSpec) -> list[Need]:
 
 
 def sources(spec: ExperimentSpec, folder: Path) -> list[Path]:
-    """The frozen models that this one is compared with.
+    """Return the frozen models that this one is compared with.
 
     Raises
     ------

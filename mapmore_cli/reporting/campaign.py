@@ -87,7 +87,7 @@ def campaign_tables(scores: CampaignScores) -> tuple[Table, ...]:
 
 
 def nrmse_table(scores: CampaignScores) -> Table:
-    """Validation NRMSE of every model (columns) in every run (rows); training rows where a run holds nothing out.
+    """Return validation NRMSE of every model (columns) in every run (rows); training rows where a run holds nothing out.
 
     Closing rows give the median and the worst of each group, over the runs that have the model; the geometric mean, the worst and the
     number of wins of each model's RMSE in ratio to that of `relative_to`, over the runs that have both; and in how many runs it lies below
@@ -111,7 +111,7 @@ def nrmse_table(scores: CampaignScores) -> Table:
 
 
 def models_table(scores: CampaignScores) -> Table:
-    """Validation NRMSE of every model of every run, a row each: the run's own model first, then from the least error up."""
+    """Return validation NRMSE of every model of every run, a row each: the run's own model first, then from the least error up."""
     rows: list[tuple[Cell, ...]] = []
     for name, run in scores.pooled.items():
         own = run.get(scores.own)
@@ -125,7 +125,7 @@ def models_table(scores: CampaignScores) -> Table:
 
 
 def _error_of(score: Score) -> float:
-    """The NRMSE; a run that diverged has none, which is worse than any."""
+    """Return the NRMSE; a run that diverged has none, which is worse than any."""
     return math.inf if math.isnan(score.nrmse) else score.nrmse
 
 
@@ -205,7 +205,7 @@ def _best(run: Pooled, models: Sequence[str]) -> Score | None:
 
 
 def _tied(run: Pooled, best: Score) -> str:
-    """The best model, with those that are exactly as good."""
+    """Return the best model, with those that are exactly as good."""
     others = [m for m, score in run.items() if score.rmse == best.rmse and m not in (best.model, REPEATABILITY)]
     return f"{best.model} (tied with {', '.join(others)})" if others else best.model
 
@@ -263,6 +263,6 @@ def order_table(scores: CampaignScores) -> Table:
 def render_campaign(
     title: str, tables: Sequence[Table], figures: Sequence[RenderedFigure], pages: Mapping[str, str], failed: Mapping[str, str]
 ) -> str:
-    """The page: `pages` are links by run, `failed` the messages of runs that did not end."""
+    """Return the page: `pages` are links by run, `failed` the messages of runs that did not end."""
     template = environment().get_template("campaign.html")
     return template.render(title=title, tables=tables, figures=figures, scale=SCREEN_SCALE, pages=pages, failed=failed)

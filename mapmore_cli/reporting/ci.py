@@ -27,7 +27,7 @@ class RunReport:
 
 
 def to_junit(runs: Sequence[RunReport]) -> str:
-    """A test suite in which every run is a test case, and every limit of `validate.require` another one."""
+    """Return a test suite in which every run is a test case, and every limit of `validate.require` another one."""
     cases = [case for run in runs for case in _cases(run)]
     failures, errors = (sum(case.find(kind) is not None for case in cases) for kind in ("failure", "error"))
     seconds = sum(run.seconds for run in runs)
@@ -59,7 +59,7 @@ def _case(run: str, name: str, seconds: float) -> ET.Element:
 
 
 def _xml(text: str) -> str:
-    """The text without the characters that XML 1.0 cannot hold."""
+    """Return the text without the characters that XML 1.0 cannot hold."""
     return "".join(c for c in text if c in "\t\n" or "\x20" <= c <= "\ud7ff" or "\ue000" <= c <= "\ufffd" or c > "\uffff")
 
 

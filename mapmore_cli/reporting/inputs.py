@@ -116,7 +116,7 @@ class ReportInputs:
     search: Search | None = None
 
     def axis_label(self, quantity: Quantity, prefix: str = "") -> str:
-        """What stands at an axis."""
+        """Return what stands at an axis."""
         return self.style.axis_label(quantity, prefix)
 
     @property

@@ -46,7 +46,7 @@ ERROR_PARTS_NOTE = (
 
 
 def error_parts_table(inputs: ReportInputs) -> Table:
-    """What the errors of each model consist of, where the input goes in cycles; no rows where it does not."""
+    """Return what the errors of each model consist of, where the input goes in cycles; no rows where it does not."""
     dataset, unit = inputs.dataset, inputs.target.unit
     columns = (
         *(Column("model"), Column("data"), Column("samples"), Column("cycles")),
@@ -92,7 +92,7 @@ def _rms(errors: Array) -> float | None:
 
 
 def identified_table(fit: MemoryFit) -> Table:
-    """The numbers of operators that training found; no rows where the dictionary left none open."""
+    """Return the numbers of operators that training found; no rows where the dictionary left none open."""
     columns = (Column("number"), Column("value", "", "#.6g"), Column("standard error", "", ".3g"), Column("at a bound"))
     found, rows = fit.identified, list[tuple[Cell, ...]]()
     if found is not None:
@@ -117,7 +117,7 @@ def substitutes_table(fit: MemoryFit) -> Table:
 
 
 def sizes_table(fit: MemoryFit) -> Table:
-    """The error in free run of models of 1, 2, ... terms over training samples held out for that; no rows where none were."""
+    """Return the error in free run of models of 1, 2, ... terms over training samples held out for that; no rows where none were."""
     columns = (Column("terms"), Column("RMSE over the held-out end", "", "#.4g"))
     errors = [] if fit.held_out is None else fit.held_out.tolist()
     rows: tuple[tuple[Cell, ...], ...] = tuple((number + 1, error if math.isfinite(error) else None) for number, error in enumerate(errors))

@@ -118,7 +118,7 @@ def coefficients_table(inputs: ReportInputs) -> Table:
 
 
 def equations_table(equations: Sequence[Equation], others: Mapping[str, Sequence[Equation]]) -> Table:
-    """The model in physical units, and in `others`, as text and as LaTeX source: a column for each."""
+    """Return the model in physical units, and in `others`, as text and as LaTeX source: a column for each."""
     texts = ("equation", *(f"with {units}" for units in others))
     sources = ("latex", *(f"latex with {units}" for units in others))
     columns = (Column("id"), *(Column(name, form="text") for name in texts), *(Column(name, form="source") for name in sources))
@@ -172,7 +172,7 @@ def _interval(formula: FormulaFit, parameter: str) -> tuple[float, float]:
 
 
 def same_models(fitted: Sequence[tuple[str, FormulaFit]]) -> tuple[str, ...]:
-    """A sentence for every pair of different formulas that are one model here: what one of them can say, the other can.
+    """Return a sentence for every pair of different formulas that are one model here: what one of them can say, the other can.
 
     That is so where the same samples are fitted with the same sum of squares (tondu_lopez with its area fitted is chou_hannaford in other
     parameters wherever that describes a braid).

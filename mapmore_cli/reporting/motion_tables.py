@@ -14,7 +14,7 @@ from mapmore_cli.reporting.table import Cell, Column, Table
 
 
 def sections_table(fits: Mapping[str, MotionFit], unit: str) -> Table:
-    """The parameters of every section of every model, its poles, its gain, and how it was found; P table 1 has the first."""
+    """Return the parameters of every section of every model, its poles, its gain, and how it was found; P table 1 has the first."""
     drives = tuple(dict.fromkeys(text for fit in fits.values() for text in fit.model.drives[1:]))
     columns = (
         Column("model"),

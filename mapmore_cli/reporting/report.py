@@ -32,7 +32,7 @@ SCREEN_SCALE = 1.35
 
 
 def render_page(inputs: ReportInputs, tables: Sequence[Table], figures: Mapping[str, Sequence[RenderedFigure]]) -> str:
-    """The page, from the template `templates/page.html`, with `figures` by section; every text of the user's is escaped."""
+    """Return the page, from the template `templates/page.html`, with `figures` by section; every text of the user's is escaped."""
     return (
         environment()
         .get_template("page.html")
@@ -50,7 +50,7 @@ def render_page(inputs: ReportInputs, tables: Sequence[Table], figures: Mapping[
 
 @cache
 def environment() -> Environment:
-    """The templates of the package, with tables and figures as filters."""
+    """Return the templates of the package, with tables and figures as filters."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
 
@@ -118,7 +118,7 @@ def write_panels(drawn: Sequence[Drawing], folder: Path, formats: Sequence[str],
 
 
 def _panel_files(stem: str, drawing: Drawing, panel: Panel, formats: Sequence[str], style: FigureStyle) -> dict[str, bytes]:
-    """The files of a panel by their names."""
+    """Return the files of a panel by their names."""
     from mapmore_cli.reporting.figures.drawing import alone
     from mapmore_cli.reporting.figures.saving import WRITERS
     from mapmore_cli.reporting.figures.style import figure_style
@@ -131,7 +131,7 @@ def _panel_files(stem: str, drawing: Drawing, panel: Panel, formats: Sequence[st
 
 
 def _stems(panels: Sequence[tuple[Drawing, Panel]]) -> Iterator[str]:
-    """A name for the files of every panel: of its figure and of what tells it from the others, in letters that any system takes."""
+    """Yield a name for the files of every panel: of its figure and of what tells it from the others, in letters that any system takes."""
     taken: set[str] = set()
     for drawing, panel in panels:
         words = re.sub(r"[^A-Za-z0-9=+-]+", "_", panel.key).strip("_")[:LONGEST_STEM]
@@ -144,7 +144,7 @@ def _stems(panels: Sequence[tuple[Drawing, Panel]]) -> Iterator[str]:
 
 
 def data_csv(data: Mapping[str, Values]) -> str:
-    """What a panel was drawn from, a column for each heading; 12 significant digits, an empty field where there is no number."""
+    """Return what a panel was drawn from, a column for each heading; 12 significant digits, an empty field where there is no number."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(data)
@@ -153,7 +153,7 @@ def data_csv(data: Mapping[str, Values]) -> str:
 
 
 def _texts(values: Values) -> list[str]:
-    """The cells of a column, as `number_text` writes them: a panel may have a million."""
+    """Return the cells of a column, as `number_text` writes them: a panel may have a million."""
     cells = values if isinstance(values, Sequence) else values.tolist()
     kinds = {type(cell) for cell in cells}
     if kinds == {float}:

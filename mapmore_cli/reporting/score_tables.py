@@ -50,7 +50,7 @@ def score_table(scores: Sequence[Score], units: Mapping[str, str], published: Pu
 
 
 def _published_columns(published: Published, unit: str) -> Iterator[tuple[Column, dict[str, Cell]]]:
-    """The columns of a publication's numbers, with their cells by model."""
+    """Yield the columns of a publication's numbers, with their cells by model."""
     if published.nrmse:
         yield Column("published NRMSE", "%", ".3g"), {model: 100 * value for model, value in published.nrmse.items()}
     models = [*published.rmse, *published.rmse_at_least]
@@ -59,7 +59,7 @@ def _published_columns(published: Published, unit: str) -> Iterator[tuple[Column
 
 
 def full_scale(pooled: Sequence[Score], unit: str) -> str:
-    """What errors are divided by, in a sentence; by split where that differs, as in files of older versions."""
+    """Return what errors are divided by, in a sentence; by split where that differs, as in files of older versions."""
     found = dict.fromkeys((s.split, f"FS = {s.normaliser_name} = {s.normaliser:.4g} {unit}".rstrip()) for s in pooled)
     scales = dict.fromkeys(scale for _, scale in found)
     if len(scales) == 1:
@@ -138,7 +138,7 @@ def _comparison(ours: Score, others: Sequence[Score], failed: Sequence[str]) -> 
 
 
 def _floor(compared: Sequence[Score]) -> str:
-    """What repeated measurements differ by, where there are any."""
+    """Return what repeated measurements differ by, where there are any."""
     return "".join(f"; repeated measurements differ by {_percent(s.nrmse)}" for s in compared if s.model == REPEATABILITY)
 
 
@@ -179,7 +179,7 @@ def drift_table(names: Sequence[str], results: Sequence[Comparison]) -> Table:
 
 
 def search_table(search: Search) -> Table:
-    """A row for every structure, the least error first; the best and the one that was taken are marked."""
+    """Return a row for every structure, the least error first; the best and the one that was taken are marked."""
     order = sorted(range(len(search.tried)), key=lambda number: (bool(search.tried[number].failure), search.tried[number].excess))
     rows = [_row(number, search.tried[number], search) for number in order]
     errors = [Column("left-out error", "%", ".3f"), Column("levels left out", "%", ".3f")]

@@ -96,7 +96,7 @@ def to_csv(table: Table) -> str:
 
 
 def number_text(cell: Cell) -> str:
-    """A cell for CSV: numbers with 12 significant digits, nothing where there is none."""
+    """Return a cell for CSV: numbers with 12 significant digits, nothing where there is none."""
     if cell is None or (isinstance(cell, float) and math.isnan(cell)):
         return ""
     return format(cell, ".12g") if isinstance(cell, float) else csv_cell(cell) if isinstance(cell, str) else str(cell)
@@ -112,7 +112,7 @@ def to_text(table: Table) -> str:
 
 
 def to_markdown(table: Table) -> str:
-    """A pipe table with its title in bold and its notes below."""
+    """Return a pipe table with its title in bold and its notes below."""
     rule = tuple("---:" if number else "---" for number in table.numeric)
     escaped = [tuple(map(markdown_text, line)) for line in (table.headings, *table.shown)]
     lines = [f"| {' | '.join(line)} |" for line in (escaped[0], rule, *escaped[1:])]
@@ -120,12 +120,12 @@ def to_markdown(table: Table) -> str:
 
 
 def markdown_text(text: str) -> str:
-    """The text as Markdown that prints it within a cell, without tags."""
+    """Return the text as Markdown that prints it within a cell, without tags."""
     return " ".join(text.split()).replace("\\", "\\\\").replace("|", "\\|").replace("<", "&lt;")
 
 
 def to_latex(table: Table) -> str:
-    """A `tabular` with booktabs rules, title and notes as comments, equations set; it needs `\\usepackage{booktabs}`."""
+    """Return a `tabular` with booktabs rules, title and notes as comments, equations set; it needs `\\usepackage{booktabs}`."""
     kept = [(j, column) for j, column in enumerate(table.columns) if column.form != "text"]
     sources = sum(column.form == "source" for _, column in kept)
     equation = rf"p{{{EQUATIONS / max(sources, 1):.3g}\linewidth}}"
@@ -138,7 +138,7 @@ def to_latex(table: Table) -> str:
 
 
 def to_html(table: Table) -> str:
-    """A `<table>` with its title as caption; the first cell of a row is the row's heading."""
+    """Return a `<table>` with its title as caption; the first cell of a row is the row's heading."""
     kinds = [' class="number"' if number else "" for number in table.numeric]
     head = "".join(f'<th scope="col"{kind}>{_html_heading(column)}</th>' for column, kind in zip(table.columns, kinds, strict=True))
     body = "\n".join(_html_row(line, kinds) for line in table.shown)
@@ -146,7 +146,7 @@ def to_html(table: Table) -> str:
 
 
 def _html_heading(column: Column) -> str:
-    """The heading, which may break after an underscore and before its unit, but not within that."""
+    """Return the heading, which may break after an underscore and before its unit, but not within that."""
     unit = column.heading.removeprefix(column.name).strip()
     return escape(column.name).replace("_", "_<wbr>") + (f' <span class="unit">{escape(unit)}</span>' if unit else "")
 
@@ -158,7 +158,7 @@ def _html_row(line: Sequence[str], kinds: Sequence[str]) -> str:
 
 
 def _html_text(text: str) -> str:
-    """The text; a long path may break after its slashes."""
+    """Return the text; a long path may break after its slashes."""
     return escape(text).replace("/", "/<wbr>") if len(text) > LONG_TEXT else escape(text)
 
 

@@ -64,7 +64,7 @@ def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
 
 
 def _with_start(table: Table, inputs: ReportInputs) -> Table:
-    """The scores with how free runs began, where the model's output is fed back."""
+    """Return the scores with how free runs began, where the model's output is fed back."""
     memory = inputs.fit.memory
     if memory is None or not fed_back_states(memory.model.states, memory.model.output):
         return table
@@ -72,7 +72,7 @@ def _with_start(table: Table, inputs: ReportInputs) -> Table:
 
 
 def bands_table(found: Sequence[Band], unit: str) -> Table:
-    """A row for each band, a column for each model."""
+    """Return a row for each band, a column for each model."""
     models = list(found[0].rmse) if found else []
     columns = (Column("from", unit), Column("to", unit), Column("samples"), *(Column(model, unit, ".3g") for model in models))
     rows: tuple[tuple[Cell, ...], ...] = tuple(
@@ -102,7 +102,7 @@ SINGLE_VALUED_NOTE = (
 
 
 def levels_table(dataset: Dataset, along: str | None = None) -> Table:
-    """The curves found, with the samples that train and that validate.
+    """Return the curves found, with the samples that train and that validate.
 
     `along` is the quantity over which a static model has one value: where curves are not single-valued, it says by how much.
     """

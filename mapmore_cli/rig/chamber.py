@@ -95,7 +95,7 @@ class Braid:
         return self.muscle.length
 
     def respond(self, pressure: float, strain: float) -> Response:
-        """Static force, no filling, `V'(e)`."""
+        """Return static force, no filling, `V'(e)`."""
         return Response(float(self.muscle.force(pressure, strain)), 0.0, float(volume_slope(self.muscle, np.asarray(strain))))
 
 

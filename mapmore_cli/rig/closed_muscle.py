@@ -45,7 +45,7 @@ class ClosedMuscle:
         return zero_force_strain(lambda strain: float(self.muscle.force(pressure, strain)) - force)
 
     def move(self, strain: Array, pressure: float, sample_time: float, cut_off: float) -> Columns:
-        """True `pressure` (Pa) and `force` (N) along a path of strains `(n,)` from where the valves were closed at `pressure`.
+        """Return True `pressure` (Pa) and `force` (N) along a path of strains `(n,)` from where the valves were closed at `pressure`.
 
         `F = softplus(F_static(P, e) - h(P, e) - s)`, with a Maxwell element s of rubber, behind the load cell's filter of `cut_off` (Hz).
         """

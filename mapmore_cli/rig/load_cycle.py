@@ -44,7 +44,7 @@ class Regulation(Settings):
 def load_cycle(
     muscle: StaticMuscle, hysteresis: Hysteresis, cycle: LoadCycle, regulation: Regulation, pressure: float, rng: np.random.Generator
 ) -> Columns:
-    """True `time` (s), `pressure` (Pa), `strain` and `force` (N) of one cycle at the set `pressure` (Pa), each `(n,)`.
+    """Return True `time` (s), `pressure` (Pa), `strain` and `force` (N) of one cycle at the set `pressure` (Pa), each `(n,)`.
 
     `F = softplus(F_static(P, e) - h(P, e))`: hysteresis takes from the pull in contraction and adds to it in extension.
     """
@@ -99,7 +99,7 @@ class Loading:
 
 
 def contraction_table(muscle: StaticMuscle, hysteresis: Hysteresis, loading: Loading, pressure: float, rng: np.random.Generator) -> Columns:
-    """True `pressure` (Pa), `strain` and `force` (N) of one repeat, each `(n,)` for n masses.
+    """Return True `pressure` (Pa), `strain` and `force` (N) of one repeat, each `(n,)` for n masses.
 
     The regulator keeps what it happens to settle on; the force is the weight alone. Friction holds a muscle that has contracted a little
     short of its free strain, and one that is drawn out a little less far than without it.
@@ -145,7 +145,7 @@ class Strokes:
     sample_time: float  # s
 
     def corners(self, free: float) -> tuple[Array, Array]:
-        """Times (s) and strains, `(4 m + 2,)` for m moves, at which rests begin and end; `free` is the free strain."""
+        """Return times (s) and strains, `(4 m + 2,)` for m moves, at which rests begin and end; `free` is the free strain."""
         spans = [self.dwell, *(span for move in self.moves for span in (move, self.dwell, move, self.dwell))]
         ends = np.resize([free * self.contracted, free * self.stretched], 2 * len(self.moves) + 1)
         return np.cumsum([0.0, *spans]), np.repeat(ends, 2)

@@ -40,7 +40,7 @@ class McKibben:
     stretch_strain: float
 
     def force(self, pressure: Array | float, strain: Array | float) -> Array:
-        """Static pull, N, for pressures >= 0 (Pa) and strains, broadcast against each other."""
+        """Return static pull, N, for pressures >= 0 (Pa) and strains, broadcast against each other."""
         driving = effective_pressure(pressure, self.threshold, self.threshold_width)
         strain = np.asarray(strain, dtype=np.float64)
         straightening = (1.0 + np.maximum(strain, 0.0) / self.crimp_strain) ** self.crimp_exponent

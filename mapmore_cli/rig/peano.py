@@ -34,7 +34,7 @@ class Peano:
     threshold_width: float  # Pa
 
     def force(self, pressure: Array | float, strain: Array | float) -> Array:
-        """Static pull, N, for pressures >= 0 (Pa) and strains < 0.36, broadcast against each other."""
+        """Return static pull, N, for pressures >= 0 (Pa) and strains < 0.36, broadcast against each other."""
         driving = effective_pressure(pressure, self.threshold, self.threshold_width)
         driving, strain = np.broadcast_arrays(driving, np.asarray(strain, dtype=np.float64))
         # By the fabric's law and not by the arc's: exact at alpha = 0, where the latter divides by zero.

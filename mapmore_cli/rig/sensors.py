@@ -49,7 +49,7 @@ class Sensor:
     resolution: float  # quantisation step, > 0
 
     def read(self, truth: Array, rng: np.random.Generator) -> Array:
-        """Readings `(n,)`: whole multiples of `resolution`."""
+        """Return readings `(n,)`: whole multiples of `resolution`."""
         noisy = truth + self.noise * rng.standard_normal(len(truth))
         return np.asarray(np.round(noisy / self.resolution) * self.resolution + 0.0)  # + 0.0 turns -0 into 0
 
@@ -60,5 +60,5 @@ def recording_generator(seed: int, recording: str) -> np.random.Generator:
 
 
 def measure(truth: Columns, sensors: Mapping[str, Sensor], rng: np.random.Generator) -> Columns:
-    """The columns as logged, in the units of `truth`; a column without a sensor (the clock) is passed on."""
+    """Return the columns as logged, in the units of `truth`; a column without a sensor (the clock) is passed on."""
     return {name: sensors[name].read(values, rng) if name in sensors else values for name, values in truth.items()}

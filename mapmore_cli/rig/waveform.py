@@ -194,7 +194,7 @@ class Loop:
 
 
 def wanted_force(lift: Lift, strain: Array, period: float) -> Array:
-    """What the muscle has to pull along a course of strain, N, `(n,)`: `m (g + L0 e'')`."""
+    """Return what the muscle has to pull along a course of strain, N, `(n,)`: `m (g + L0 e'')`."""
     acceleration = np.gradient(np.gradient(strain, period), period)
     return np.asarray(lift.mass * (GRAVITY + lift.length * acceleration))
 

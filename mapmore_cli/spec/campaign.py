@@ -66,7 +66,7 @@ class Entry:
 
 
 def is_campaign(path: Path) -> bool:
-    """True where a YAML file has the key `campaign` at its top level."""
+    """Return True where a YAML file has the key `campaign` at its top level."""
     try:
         with path.open("rb") as file:
             lines = file.read(LARGEST).decode().splitlines()

@@ -68,7 +68,7 @@ def _state(text: str, loc: Loc, spec: ExperimentSpec, name: str, family: Family)
 
 
 def _quantity(found: State, text: str, loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
-    """The quantity that a state is made of is one of the study."""
+    """Yield the quantity that a state is made of is one of the study."""
     have = spec.quantities
     if found.quantity not in have:
         what = f"there is no quantity `{found.quantity}` in this study"
@@ -76,7 +76,7 @@ def _quantity(found: State, text: str, loc: Loc, spec: ExperimentSpec) -> Iterat
 
 
 def _target(found: State, text: str, loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
-    """A state of the target is made of the target some samples ago."""
+    """Yield a state of the target is made of the target some samples ago."""
     from mapmore_cli.modelling.expressions.states import Measured
 
     target = spec.target_quantity
@@ -95,7 +95,7 @@ def _target(found: State, text: str, loc: Loc, spec: ExperimentSpec) -> Iterator
 
 
 def _delayed_target(found: State, text: str, loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
-    """What `lags` and `delays` delay is the target itself, where it is of the target."""
+    """Yield what `lags` and `delays` delay is the target itself, where it is of the target."""
     from mapmore_cli.modelling.expressions.states import Lagged, Measured
 
     if found.quantity != spec.target_quantity:
@@ -130,7 +130,7 @@ def _partners(loc: Loc, family: Family) -> Iterator[Finding]:
 
 
 def _canonical(text: str) -> str:
-    """The name of a state, however it is written; what is none is reported elsewhere."""
+    """Return the name of a state, however it is written; what is none is reported elsewhere."""
     from mapmore_cli.modelling.expressions import ExpressionError, state
 
     try:

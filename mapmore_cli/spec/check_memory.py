@@ -54,7 +54,7 @@ def segments(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def settings(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Settings of the fit have something to act on."""
+    """Yield settings of the fit have something to act on."""
     fit, defaults = spec.fit, Fit()
     if spec.has_memory:
         yield from _with_memory(fit)
@@ -89,7 +89,7 @@ def _with_memory(fit: Fit) -> Iterator[Finding]:
 
 
 def _in_free_run(spec: ExperimentSpec) -> Iterator[Finding]:
-    """A free run differs from one step ahead only where the output is fed back; what chooses by it has to be of one mind."""
+    """Yield a free run differs from one step ahead only where the output is fed back; what chooses by it has to be of one mind."""
     fit, target = spec.fit, spec.target_quantity
     for key in ("criterion", "select", "start"):
         if getattr(fit, key) not in ("one_step", "measured") and not feeds_back(spec.dictionary, target):

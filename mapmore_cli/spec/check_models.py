@@ -34,7 +34,7 @@ def needed_runs(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def families(spec: ExperimentSpec) -> Iterator[Finding]:
-    """A family has forces over pressure and strain, and what its specimens differ in."""
+    """Yield a family has forces over pressure and strain, and what its specimens differ in."""
     if spec.model.family is None:
         return
     for name in ("pressure", "strain", spec.model.family.of):
@@ -44,7 +44,7 @@ def families(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def plateaus(spec: ExperimentSpec) -> Iterator[Finding]:
-    """A plateau is found in time and pressure."""
+    """Yield a plateau is found in time and pressure."""
     plateau = spec.data.plateau
     for name in ("time", STEP_OF) if plateau is not None else ():
         if name not in spec.data.quantities:
@@ -54,7 +54,7 @@ def plateaus(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def directions(spec: ExperimentSpec) -> Iterator[Finding]:
-    """The segments of rise and fall go by the quantity `direction`."""
+    """Yield the segments of rise and fall go by the quantity `direction`."""
     for name, cut in spec.segment.items():
         if isinstance(cut, CutByDirection) and name != DIRECTION:
             yield Finding(("segment", name), f"`{name}` has no rise and fall", f"call it `{DIRECTION}`", on_key=True)
@@ -64,7 +64,7 @@ def directions(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def training_level(spec: ExperimentSpec) -> Iterator[Finding]:
-    """The one level that trains is one of the levels."""
+    """Yield the one level that trains is one of the levels."""
     chosen, levels = spec.fit.train_level, spec.data.levels
     if chosen == "all":
         return
@@ -76,7 +76,7 @@ def training_level(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def load_cycle_formulas(spec: ExperimentSpec) -> Iterator[Finding]:
-    """A formula that is fitted to load cycles needs those of the static run, and the muscle's length; it is no model of a target."""
+    """Yield a formula that is fitted to load cycles needs those of the static run, and the muscle's length; it is no model of a target."""
     from mapmore_cli.modelling import literature
 
     for name, loc in formula_uses(spec):
@@ -93,7 +93,7 @@ def load_cycle_formulas(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def composites(spec: ExperimentSpec) -> Iterator[Finding]:
-    """A static with a damping formula stands against damping and dynamic models, with the static run's data to fit it to."""
+    """Yield a static with a damping formula stands against damping and dynamic models, with the static run's data to fit it to."""
     for i, competitor in enumerate(spec.validation.against):
         if not isinstance(competitor, Competitor) or competitor.static is None:
             continue
@@ -166,7 +166,7 @@ def time(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def quantities(spec: ExperimentSpec) -> Iterator[Finding]:
-    """What drives it is measured, and is not the target, which is a column."""
+    """Yield what drives it is measured, and is not the target, which is a column."""
     if spec.model.type != "state_space":
         return
     if not isinstance(spec.target, TargetColumn):

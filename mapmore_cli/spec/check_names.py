@@ -103,7 +103,7 @@ def derived(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def clocks(spec: ExperimentSpec) -> Iterator[Finding]:
-    """What goes by the clock needs a time; joined quantities have names of their own."""
+    """Yield what goes by the clock needs a time; joined quantities have names of their own."""
     data = spec.data
     has_time = "time" in data.measured
     needing = {"gaps": data.gaps is not None, "resample": data.resample is not None}
@@ -134,7 +134,7 @@ def expressions(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def expression_findings(text: str, loc: Loc, have: Sequence[str]) -> Iterator[Finding]:
-    """What is wrong with an expression of the quantities of a study."""
+    """Yield what is wrong with an expression of the quantities of a study."""
     from mapmore_cli.modelling.expressions import ExpressionError, parse, state
 
     try:

@@ -45,7 +45,7 @@ def levels(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def groups(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Groups are told apart by a quantity of the data, and can be left out of models that are made in one go."""
+    """Yield groups are told apart by a quantity of the data, and can be left out of models that are made in one go."""
     of, split = spec.data.groups, spec.data.split
     if of is not None and of.of not in spec.data.quantities:
         remedy = f"add it to `columns`, or `set: {{{of.of}: 1}}` beside the files"
@@ -80,7 +80,7 @@ def boundaries_by_fits(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def joining(spec: ExperimentSpec) -> Iterator[Finding]:
-    """What is set about the way between levels, or about a residual, has something to act on."""
+    """Yield what is set about the way between levels, or about a residual, has something to act on."""
     defaults = Fuse()
     pooled = spec.data.levels is None or spec.segment.get(spec.data.levels.of) == "none"
     for key in ("levels", "align"):
@@ -106,7 +106,7 @@ def held_out(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def target(spec: ExperimentSpec) -> Iterator[Finding]:
-    """What is modelled must be measured, and must not explain itself."""
+    """Yield what is modelled must be measured, and must not explain itself."""
     target = spec.target_quantity
     if not isinstance(spec.target, TargetColumn) and target not in spec.data.quantities:
         yield Finding(("target",), f"target `{spec.target}` needs the quantity `{target}`", f"add `{target}` to `columns`")
@@ -119,7 +119,7 @@ def target(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def chosen_backbone(spec: ExperimentSpec) -> Iterator[Finding]:
-    """A backbone is chosen by levels or blocks that are left out, for segments that do not depend on it."""
+    """Yield a backbone is chosen by levels or blocks that are left out, for segments that do not depend on it."""
     if spec.model.backbone != AUTO:
         return
     loc, remedy = ("model", "backbone"), "name a formula, as `sarosi`"
@@ -130,7 +130,7 @@ def chosen_backbone(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def turned(spec: ExperimentSpec) -> Iterator[Finding]:
-    """A model is inverted to be scored as one of its inputs: it has no memory, and the input is not its target."""
+    """Yield a model is inverted to be scored as one of its inputs: it has no memory, and the input is not its target."""
     name, loc = spec.validation.as_, ("validate", "as")
     if name is None:
         return
@@ -183,7 +183,7 @@ def formulas(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def _simple(spec: ExperimentSpec, name: str, loc: Loc) -> Iterator[Finding]:
-    """A simple competitor has what it is made of."""
+    """Yield a simple competitor has what it is made of."""
     if name == "backbone" and spec.model.backbone is None:
         yield Finding(loc, "the model has no backbone", "give it one, as `model: {backbone: sarosi}`, or leave this out")
     if name == "arx" and not spec.runs_over_time:
@@ -191,7 +191,7 @@ def _simple(spec: ExperimentSpec, name: str, loc: Loc) -> Iterator[Finding]:
 
 
 def _baseline(spec: ExperimentSpec, name: str, loc: Loc) -> Iterator[Finding]:
-    """A baseline needs the package that it comes from, and is always fitted in one way."""
+    """Yield a baseline needs the package that it comes from, and is always fitted in one way."""
     from importlib.util import find_spec
 
     if find_spec("sklearn") is None:
@@ -215,7 +215,7 @@ def _starts(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def _errors_in(spec: ExperimentSpec) -> Iterator[Finding]:
-    """An input whose error is minimised is one of the formula, which can be solved for it."""
+    """Yield an input whose error is minimised is one of the formula, which can be solved for it."""
     from mapmore_cli.modelling.literature.formula import can_be_solved
 
     against = enumerate(spec.validation.against)
@@ -230,7 +230,7 @@ def _errors_in(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def own_formulas(spec: ExperimentSpec) -> Iterator[Finding]:
-    """A formula of the spec's own has a name of its own, is an expression, and is linear in what has no bounds."""
+    """Yield a formula of the spec's own has a name of its own, is an expression, and is linear in what has no bounds."""
     from mapmore_cli.modelling import literature
     from mapmore_cli.modelling.expressions import ExpressionError
 
@@ -259,7 +259,7 @@ def own_formulas(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def formula_called(spec: ExperimentSpec, name: str | None) -> LiteratureModel | None:
-    """A formula of the literature, or of the spec's own; None for another name, or where it cannot be read."""
+    """Return a formula of the literature, or of the spec's own; None for another name, or where it cannot be read."""
     from mapmore_cli.modelling import literature
 
     if name is None:
@@ -273,7 +273,7 @@ def formula_called(spec: ExperimentSpec, name: str | None) -> LiteratureModel | 
 
 
 def _defined(spec: ExperimentSpec, one: OwnFormula) -> LiteratureModel:
-    """A formula of the spec's own, in the model's units; raises as `OwnFormula.definition`."""
+    """Return a formula of the spec's own, in the model's units; raises as `OwnFormula.definition`."""
     from mapmore_cli.modelling.literature.own import formula_of
 
     units = {name: default_unit(name, spec.units) for name in (*spec.quantities, spec.target_quantity)}

@@ -43,7 +43,7 @@ class Finding:
 
 
 def locate(finding: Finding, root: Node) -> Mistake:
-    """The finding with its place; a value that the sources do not hold is placed at its nearest ancestor."""
+    """Return the finding with its place; a value that the sources do not hold is placed at its nearest ancestor."""
     node = nearest(root, finding.loc)
     at = node.start if finding.on_key or len(finding.loc) == 0 else node.at
     return Mistake(within(at, node.value, finding.offset), finding.message, finding.remedy)
@@ -92,7 +92,7 @@ def fail(at: Position, message: str, remedy: str | None = None) -> NoReturn:
 
 
 def _block(problem: Mistake) -> str:
-    """The place and the message, the source line with a caret, the remedy."""
+    """Return the place and the message, the source line with a caret, the remedy."""
     remedy = [] if problem.remedy is None else [f"  {problem.remedy}"]
     return "\n".join([f"{problem.at}: {problem.message}", *_snippet(problem.at), *remedy])
 
@@ -108,7 +108,7 @@ def _snippet(at: Position) -> list[str]:
 
 
 def _line(at: Position) -> str:
-    """The source line; cut as YAML counts lines, and not as `str.splitlines` does."""
+    """Return the source line; cut as YAML counts lines, and not as `str.splitlines` does."""
     lines = re.split("\r\n|[\r\n\x85\u2028\u2029]", at.source.text)
     return lines[at.line - 1] if at.line <= len(lines) else ""
 
@@ -149,7 +149,7 @@ def explain(error: ValidationError, root: Node, model: type[BaseModel]) -> list[
 
 
 def faulty(error: ValidationError, root: Node) -> list[Loc]:
-    """The ways to what pydantic refused: values, and sections that are incomplete."""
+    """Return the ways to what pydantic refused: values, and sections that are incomplete."""
     return [_split(details["loc"], root)[0] for details in error.errors(include_url=False)]
 
 
@@ -252,7 +252,7 @@ _OTHERS: Mapping[str, Callable[[object, Mapping[str, Any], str, str], Explained]
 
 
 def _split(loc: Loc, root: Node) -> tuple[tuple[str | int, ...], tuple[str | int, ...]]:
-    """The part of pydantic's way that the tree holds, and the rest: tags of unions, and the key that is missing."""
+    """Return the part of pydantic's way that the tree holds, and the rest: tags of unions, and the key that is missing."""
     node = root
     held: list[str | int] = []
     rest: list[str | int] = []
@@ -267,7 +267,7 @@ def _split(loc: Loc, root: Node) -> tuple[tuple[str | int, ...], tuple[str | int
 
 
 def _misspelt_key(loc: Loc, root: Node, model: type[BaseModel]) -> Mistake | None:
-    """A key that would be a quantity, as keys of `split.validate` may be, but whose value says that a near one is meant."""
+    """Return a key that would be a quantity, as keys of `split.validate` may be, but whose value says that a near one is meant."""
     for depth, key in enumerate(loc):
         known = keys_at(model, loc[:depth])
         if known and isinstance(key, str) and key not in known and get_close_matches(key, known, n=1, cutoff=0.75):
@@ -276,7 +276,7 @@ def _misspelt_key(loc: Loc, root: Node, model: type[BaseModel]) -> Mistake | Non
 
 
 def _meant(loc: Loc, root: Node, model: type[BaseModel]) -> tuple[Loc, Loc]:
-    """The way to the key that an unknown one is near to, split as `_split` does for a missing key."""
+    """Return the way to the key that an unknown one is near to, split as `_split` does for a missing key."""
     held, _ = _split(loc, root)
     return held[:-1], tuple(get_close_matches(str(held[-1]), keys_at(model, held[:-1]), n=1))
 
@@ -296,7 +296,7 @@ def _dotted(loc: Loc) -> str:
 
 
 def _shown(value: object) -> str:
-    """A value in a message: its kind, and itself where it is short."""
+    """Return a value in a message: its kind, and itself where it is short."""
     kind = shape(value).strip("<>")
     if value is None:
         return "empty"

@@ -145,7 +145,7 @@ class ExperimentSpec(Section):
 
     @model_validator(mode="after")
     def _searched(self, info: ValidationInfo) -> ExperimentSpec:
-        """A search finds these sections itself."""
+        """Return a search finds these sections itself."""
         given = [name for name, empty in (("segment", {}), ("fit", Fit())) if getattr(self, name) != empty]
         given += ["dictionary"] if self.dictionary else []
         if self.model.type == "auto" and given and info.context is not PARTIAL:

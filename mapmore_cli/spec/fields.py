@@ -43,7 +43,7 @@ class Surroundings:
     siblings: Mapping[str, Any] | None = None  # the section that the number stands in
 
     def unit_of(self, quantity: object) -> str | None:
-        """The model's unit of a quantity; None where the spec does not name one."""
+        """Return the model's unit of a quantity; None where the spec does not name one."""
         return default_unit(quantity, self.units) if isinstance(quantity, str) else None
 
     def sibling(self, name: str) -> object:
@@ -96,7 +96,7 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=
 
 
 def possible_path(path: str) -> str:
-    """A path that a file system can take; ValueError for one with a name of more than 255 bytes, or a zero byte."""
+    """Return a path that a file system can take; ValueError for one with a name of more than 255 bytes, or a zero byte."""
     longest = max(path.split("/"), key=len)
     if len(path) > LONGEST_PATH or len(longest.encode()) > LONGEST_NAME:
         raise ValueError(f"no path is as long as {longest[:40]!r}..., {len(path)} characters")
@@ -110,7 +110,7 @@ SpecPath = Annotated[str, AfterValidator(possible_path), RelativePath()]
 
 
 def resolve(root: Node, model: type[BaseModel], problems: list[Mistake]) -> Node:
-    """The tree with every `250 kPa` replaced by a number, and every inherited relative path by one from the root's folder.
+    """Return the tree with every `250 kPa` replaced by a number, and every inherited relative path by one from the root's folder.
 
     A wrong unit is added to `problems`; the number is then NaN, which validation refuses at the same place.
     """
@@ -123,7 +123,7 @@ class _Resolver:
     problems: list[Mistake]
 
     def node(self, node: Node, kinds: Sequence[Kind], around: Surroundings) -> Node:
-        """The same node, resolved, given what it may be."""
+        """Return the same node, resolved, given what it may be."""
         match node.value:
             case dict() as children:
                 inside = replace(around, siblings=plain(node))
@@ -143,7 +143,7 @@ class _Resolver:
         return self.node(child, [found for kind in kinds for found in below(kind, step)], around)
 
     def _moved(self, node: Node, kinds: Sequence[Kind]) -> Node:
-        """The same node with nothing resolved but its relative paths."""
+        """Return the same node with nothing resolved but its relative paths."""
         match node.value:
             case dict() as children:
                 return replace(node, value={key: self._moved(child, _under(kinds, key)) for key, child in children.items()})
@@ -182,7 +182,7 @@ class _Resolver:
 
 
 def moved(document: Any, kinds: Sequence[Kind], folder: Path, to: Path) -> Any:
-    """The values of a spec in `folder`, for a file in the folder `to`: relative paths start there."""
+    """Return the values of a spec in `folder`, for a file in the folder `to`: relative paths start there."""
     match document:
         case dict():
             return {key: moved(value, _under(kinds, key), folder, to) for key, value in document.items()}
@@ -195,7 +195,7 @@ def moved(document: Any, kinds: Sequence[Kind], folder: Path, to: Path) -> Any:
 
 
 def _under(kinds: Sequence[Kind], step: str | int) -> list[Kind]:
-    """What may stand under a key or list index; keys of settings, as `data.files`, lead from the root of a spec."""
+    """Return what may stand under a key or list index; keys of settings, as `data.files`, lead from the root of a spec."""
     settings = _settings(kinds)
     if settings is None:
         return [found for kind in kinds for found in below(kind, step)]
@@ -210,7 +210,7 @@ def _settings(kinds: Sequence[Kind]) -> SettingsOf | None:
 
 
 def _marks_of_path(kinds: Sequence[Kind]) -> list[Any]:
-    """The marks of what may be a relative path; none for other kinds."""
+    """Return the marks of what may be a relative path; none for other kinds."""
     marks = [mark for kind in kinds for mark in kind.marks]
     return marks if any(isinstance(mark, RelativePath) for mark in marks) else []
 
@@ -223,7 +223,7 @@ def _from_folder(path: str, marks: Sequence[Any], written_in: Path, folder: Path
 
 
 def _surroundings(root: Any) -> Surroundings:
-    """What the root says about units and target, as far as it is well-formed."""
+    """Return what the root says about units and target, as far as it is well-formed."""
     units = {name: unit for name, unit in _mapping(root, "units").items() if isinstance(unit, str)}
     column = _mapping(root, "target").get("column")
     derived = {name: _mapping(rule).get("rate_of") for name, rule in _mapping(root, "data", "derive").items()}
@@ -237,7 +237,7 @@ def _surroundings(root: Any) -> Surroundings:
 
 
 def _mapping(value: Any, *keys: str) -> dict[str, Any]:
-    """The mapping under `keys`; empty where there is none."""
+    """Return the mapping under `keys`; empty where there is none."""
     for key in keys:
         value = value.get(key) if isinstance(value, dict) else None
     return value if isinstance(value, dict) else {}

@@ -20,7 +20,7 @@ DEEPEST = 20
 
 
 def read(path: Path, problems: list[Mistake]) -> Node:
-    """The tree of a spec with everything that it inherits; each value keeps the place in the file that it comes from.
+    """Return the tree of a spec with everything that it inherits; each value keeps the place in the file that it comes from.
 
     Raises
     ------
@@ -31,7 +31,7 @@ def read(path: Path, problems: list[Mistake]) -> Node:
 
 
 def read_text(text: str, name: str, folder: Path, problems: list[Mistake]) -> Node:
-    """The tree of a spec that no file holds: messages call it `name`, relative paths start at `folder`. Raises as `read`."""
+    """Return the tree of a spec that no file holds: messages call it `name`, relative paths start at `folder`. Raises as `read`."""
     return _extended(SourceText(name, folder, text, numbered=False), folder / name, problems, ())
 
 
@@ -40,7 +40,7 @@ def _read(path: Path, problems: list[Mistake], heirs: tuple[Path, ...]) -> Node:
 
 
 def _extended(source: SourceText, path: Path, problems: list[Mistake], heirs: tuple[Path, ...]) -> Node:
-    """The tree of a text with what it inherits; `path` is where it lies."""
+    """Return the tree of a text with what it inherits; `path` is where it lies."""
     root = parse(source, problems)
     if root.value is None:
         raise SpecError(f"{source.name}: the file is empty", "a spec needs at least `name`, `data`, `target` and `dictionary`")
@@ -73,7 +73,7 @@ def _base(reference: Node, path: Path, problems: list[Mistake], heirs: tuple[Pat
 
 
 def with_formulas(root: Node, problems: list[Mistake]) -> Node:
-    """The tree with the files of `formulas` read, each in the place of its path; a single one may stand without a list.
+    """Return the tree with the files of `formulas` read, each in the place of its path; a single one may stand without a list.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def with_formulas(root: Node, problems: list[Mistake]) -> Node:
 
 
 def _formula(entry: Node, problems: list[Mistake]) -> Node:
-    """The file of a formula, where the entry is its path."""
+    """Return the file of a formula, where the entry is its path."""
     if not isinstance(entry.value, str):
         return entry
     try:
@@ -101,7 +101,7 @@ def _formula(entry: Node, problems: list[Mistake]) -> Node:
 
 
 def apply(root: Node, overrides: Sequence[str], problems: list[Mistake]) -> Node:
-    """The tree with each `key.path=value` set, in this order; a step of the path that is a number counts the items of a list from 0.
+    """Return the tree with each `key.path=value` set, in this order; a step of the path that is a number counts the items of a list from 0.
 
     Values are YAML (`[80, 150]`, `250 kPa`); `null` removes the key. One that no section knows is left to validation, as if it stood in
     the file.
@@ -123,7 +123,7 @@ def apply(root: Node, overrides: Sequence[str], problems: list[Mistake]) -> Node
 
 
 def as_overrides(settings: Mapping[str, Any]) -> tuple[str, ...]:
-    """Settings by key path (`{"fit.max_terms": 2}`) as `--set` has them."""
+    """Return settings by key path (`{"fit.max_terms": 2}`) as `--set` has them."""
     return tuple(f"{key}={json.dumps(escaped(value), ensure_ascii=False)}" for key, value in settings.items())
 
 
@@ -145,7 +145,7 @@ def _set(node: Node, steps: Sequence[str], value: Node) -> Node:
 
 
 def _step(node: Node, step: str, value: Node) -> str | int:
-    """The key or the list index that a step of the path means."""
+    """Return the key or the list index that a step of the path means."""
     if isinstance(node.value, dict):
         return step
     if not isinstance(node.value, list):

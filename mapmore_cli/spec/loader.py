@@ -51,7 +51,7 @@ class Loaded(Generic[M]):
         return resolved(self.spec)
 
     def resolved_in(self, folder: Path, given_only: bool = False) -> str:
-        """The resolved spec for a file in another folder: relative paths start there, so that it runs again where it lies.
+        """Return the resolved spec for a file in another folder: relative paths start there, so that it runs again where it lies.
 
         With `given_only`, without the defaults.
         """
@@ -88,13 +88,13 @@ def load_as(path: Path, model: type[M], overrides: Sequence[str] = (), check: Ch
 
 
 def load_text(text: str, name: str, folder: Path) -> LoadedSpec:
-    """An experiment spec as YAML that no file holds; messages call it `name`, paths start at `folder`. Raises as `load`."""
+    """Return an experiment spec as YAML that no file holds; messages call it `name`, paths start at `folder`. Raises as `load`."""
     problems: list[Mistake] = []
     return _valid(read_text(text, name, folder, problems), folder / name, ExperimentSpec, (), semantics.findings, problems)
 
 
 def _valid(written: Node, path: Path, model: type[M], overrides: Sequence[str], check: Check[M], problems: list[Mistake]) -> Loaded[M]:
-    """A spec as written, resolved and validated; raises all `problems` at once, and those found here."""
+    """Return a spec as written, resolved and validated; raises all `problems` at once, and those found here."""
     root = resolve(with_formulas(written, problems) if model is ExperimentSpec else written, model, problems)
     try:
         spec = model.model_validate(plain(root))
@@ -114,7 +114,7 @@ _KEY = re.compile(r"^[ \t]*(?:- )?\{?([A-Za-z_]\w*):", re.MULTILINE)
 
 
 def questions_in(text: str) -> tuple[str, ...]:
-    """The open questions of a spec: its comments that begin with `CHECK`, each after the key that it is about."""
+    """Return the open questions of a spec: its comments that begin with `CHECK`, each after the key that it is about."""
     found = []
     for match in _QUESTION.finditer(text):
         words = [match["text"]]
@@ -128,12 +128,12 @@ def questions_in(text: str) -> tuple[str, ...]:
 
 
 def confirmed(text: str) -> str:
-    """The text of a spec whose open questions are answered with yes: the comments stay, without `CHECK`."""
+    """Return the text of a spec whose open questions are answered with yes: the comments stay, without `CHECK`."""
     return _QUESTION.sub(lambda match: f"# {match['text']}", text)
 
 
 def resolved(spec: BaseModel, folder: Path | None = None, to: Path | None = None) -> str:
-    """The spec as YAML that loads to an equal one; given both, that of a spec in `folder` for a file in the folder `to`."""
+    """Return the spec as YAML that loads to an equal one; given both, that of a spec in `folder` for a file in the folder `to`."""
     document = spec.model_dump(mode="json", by_alias=True, exclude_none=True)
     if folder is not None and to is not None:
         document = moved(document, [Kind(type(spec))], folder.resolve(), to.resolve())
@@ -141,7 +141,7 @@ def resolved(spec: BaseModel, folder: Path | None = None, to: Path | None = None
 
 
 def _beyond(error: ValidationError, root: Node, model: type[M], check: Check[M]) -> list[Mistake]:
-    """What `check` finds in a spec without its parts of wrong form, so that all mistakes are seen at once."""
+    """Return what `check` finds in a spec without its parts of wrong form, so that all mistakes are seen at once."""
     if error.error_count() > MOST_ERRORS:
         return []
     lost = set[str | int]()
@@ -161,7 +161,7 @@ def _beyond(error: ValidationError, root: Node, model: type[M], check: Check[M])
 
 
 def _echoes(loc: Loc) -> bool:
-    """True where a loss would be missed elsewhere: a whole section, or a part of `data` that defines quantities or levels."""
+    """Return True where a loss would be missed elsewhere: a whole section, or a part of `data` that defines quantities or levels."""
     return len(loc) < 2 or (loc[0] == "data" and (len(loc) < 4 or loc[1] in ("files", "levels", "split")))
 
 

@@ -28,7 +28,7 @@ def reference() -> str:
 
 
 def _in_order(schema: Any, sections: dict[str, Any]) -> list[str]:
-    """The names of the sections as one comes upon them from top to bottom, each followed by those inside it."""
+    """Return the names of the sections as one comes upon them from top to bottom, each followed by those inside it."""
     if isinstance(schema, list):
         return list(dict.fromkeys(name for item in schema for name in _in_order(item, sections)))
     if not isinstance(schema, dict):
@@ -41,7 +41,7 @@ def _in_order(schema: Any, sections: dict[str, Any]) -> list[str]:
 
 
 def _metrics() -> str:
-    """The numbers of a score row, which `validate.require` may limit."""
+    """Return the numbers of a score row, which `validate.require` may limit."""
     rows = [f"| `{name}` | {meaning} | {'the target' if name in OF_TARGET else '1'} |" for name, meaning in METRICS.items()]
     return "\n".join(
         [
@@ -59,7 +59,7 @@ def _metrics() -> str:
 
 
 def page(text: str) -> str:
-    """The page with the part below the marker made anew."""
+    """Return the page with the part below the marker made anew."""
     return text.partition(MARKER)[0] + f"{MARKER}\n\n{reference()}"
 
 
@@ -74,7 +74,7 @@ def _section(title: str, section: dict[str, Any]) -> str:
 
 
 def _values(value: dict[str, Any]) -> str:
-    """What may stand at a key, in one cell."""
+    """Return what may stand at a key, in one cell."""
     for several in ("anyOf", "oneOf"):
         if several in value:
             return " or ".join(dict.fromkeys(text for part in value[several] if (text := _values(part)) != "nothing"))

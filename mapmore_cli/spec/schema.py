@@ -23,7 +23,7 @@ class _Untitled(GenerateJsonSchema):
 
 
 def json_schema() -> JsonSchemaValue:
-    """The schema (draft 2020-12) of what a file may say: numbers may carry units, and what is required may be inherited."""
+    """Return the schema (draft 2020-12) of what a file may say: numbers may carry units, and what is required may be inherited."""
     schema = ExperimentSpec.model_json_schema(schema_generator=_Untitled)
     sections = schema["$defs"]
     complete = {"required": schema.pop("required"), "properties": {"data": {"required": sections["Data"]["required"]}}}
@@ -49,7 +49,7 @@ def _merged_sections(schema: Any, sections: dict[str, Any]) -> set[str]:
 
 
 def schema_text() -> str:
-    """The schema as it is checked in."""
+    """Return the schema as it is checked in."""
     return json.dumps(json_schema(), indent=2, ensure_ascii=False) + "\n"
 
 

@@ -98,7 +98,7 @@ def pressure_label(pressure: float) -> str:
 
 
 def once(pressures: list[float]) -> list[float]:
-    """The pressures, refused where two of them would give files of one name."""
+    """Return the pressures, refused where two of them would give files of one name."""
     if len({pressure_label(pressure) for pressure in pressures}) != len(pressures):
         raise ValueError("each pressure makes one recording: name it once")
     return pressures

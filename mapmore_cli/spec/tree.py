@@ -55,7 +55,7 @@ class Node:
         return self.key_at or self.at
 
     def child(self, step: str | int) -> Node | None:
-        """The value under a key or a list index; None where there is none."""
+        """Return the value under a key or a list index; None where there is none."""
         if isinstance(self.value, dict):
             return self.value.get(step) if isinstance(step, str) else None
         if isinstance(self.value, list) and isinstance(step, int) and 0 <= step < len(self.value):
@@ -64,7 +64,7 @@ class Node:
 
 
 def plain(node: Node) -> Any:
-    """The bare value: dicts, lists, scalars."""
+    """Return the bare value: dicts, lists, scalars."""
     if isinstance(node.value, dict):
         return {key: plain(child) for key, child in node.value.items()}
     if isinstance(node.value, list):
@@ -73,7 +73,7 @@ def plain(node: Node) -> Any:
 
 
 def nearest(root: Node, loc: Loc) -> Node:
-    """The node at `loc`, or its closest ancestor that the sources hold."""
+    """Return the node at `loc`, or its closest ancestor that the sources hold."""
     node = root
     for step in loc:
         below = node.child(step)
@@ -97,7 +97,7 @@ def merged(base: Node, over: Node) -> Node:
 
 
 def without(root: Node, loc: Loc) -> Node:
-    """The tree without the value at `loc`."""
+    """Return the tree without the value at `loc`."""
     *way, last = loc
     if way:
         below = root.child(way[0])
@@ -110,7 +110,7 @@ def without(root: Node, loc: Loc) -> Node:
 
 
 def with_child(node: Node, step: str | int, child: Node) -> Node:
-    """A copy of a mapping or list with `child` under `step`."""
+    """Return a copy of a mapping or list with `child` under `step`."""
     if isinstance(node.value, dict) and isinstance(step, str):
         return replace(node, value={**node.value, step: child})
     if isinstance(node.value, list) and isinstance(step, int):
@@ -132,7 +132,7 @@ class Kind:
 
 
 def kinds(annotation: Any, marks: tuple[Any, ...] = ()) -> tuple[Kind, ...]:
-    """The members of an annotation, unions taken apart."""
+    """Return the members of an annotation, unions taken apart."""
     if get_origin(annotation) is Annotated:
         inner, *around = get_args(annotation)
         return kinds(inner, (*marks, *around))
@@ -142,7 +142,7 @@ def kinds(annotation: Any, marks: tuple[Any, ...] = ()) -> tuple[Kind, ...]:
 
 
 def below(kind: Kind, step: str | int) -> tuple[Kind, ...]:
-    """What may stand under a key or list index of a value of this kind."""
+    """Return what may stand under a key or list index of a value of this kind."""
     if kind.is_section and isinstance(step, str):
         fields, others = fields_of(kind.type)
         return kinds(fields[step]) if step in fields else kinds(others) if others is not None else ()
@@ -159,7 +159,7 @@ def below(kind: Kind, step: str | int) -> tuple[Kind, ...]:
 
 
 def is_free(kind: Kind, key: str) -> bool:
-    """True where the user chose the key, as the name of a quantity, and it is no field of a section."""
+    """Return True where the user chose the key, as the name of a quantity, and it is no field of a section."""
     if not kind.is_section:
         return get_origin(kind.type) is dict
     fields, others = fields_of(kind.type)
@@ -167,7 +167,7 @@ def is_free(kind: Kind, key: str) -> bool:
 
 
 def keys_at(model: type[BaseModel], loc: Loc) -> tuple[str, ...]:
-    """The keys that the sections at `loc` know."""
+    """Return the keys that the sections at `loc` know."""
     here: tuple[Kind, ...] = (Kind(model),)
     for step in loc:
         here = tuple(under for kind in here for under in below(kind, step))

@@ -63,7 +63,7 @@ _BASE = {
 
 
 def default_unit(name: str, changes: Mapping[str, str] = _NO_CHANGES, rates: Mapping[str, str] = _NO_CHANGES) -> str:
-    """The model's unit of a quantity: what `changes` (the spec's `units:`) says, else the canonical one, else `1`.
+    """Return the model's unit of a quantity: what `changes` (the spec's `units:`) says, else the canonical one, else `1`.
 
     The rate of a quantity is in its unit per unit of time: `pressure_rate` in `kPa/s`, and so are `rates` by another name, given with the
     quantity that each is the rate of; `step_pressure` is in the unit of the pressure.
@@ -79,7 +79,7 @@ def default_unit(name: str, changes: Mapping[str, str] = _NO_CHANGES, rates: Map
 
 
 def is_canonical(name: str) -> bool:
-    """True for the canonical quantities and their rates."""
+    """Return True for the canonical quantities and their rates."""
     return name in CANONICAL or (name.endswith("_rate") and is_canonical(name.removesuffix("_rate")))
 
 
@@ -111,7 +111,7 @@ def convert(values: float | Array, source_unit: str, target_unit: str) -> float 
 
 
 def _everyday_factor(source_unit: str, target_unit: str) -> float | None:
-    """The factor between two units of the table, or two rates `unit/time` of them; None where pint has to be asked."""
+    """Return the factor between two units of the table, or two rates `unit/time` of them; None where pint has to be asked."""
     source, target = _everyday(source_unit), _everyday(target_unit)
     if source is None or target is None or source[0] != target[0]:
         return None
@@ -131,13 +131,13 @@ def _everyday(unit: str) -> tuple[tuple[str, ...], Fraction] | None:
 
 
 def is_quantity(text: str) -> bool:
-    """True for text that starts with a number and goes on with something else, as `250 kPa`."""
+    """Return True for text that starts with a number and goes on with something else, as `250 kPa`."""
     found = _parted(text)
     return found is not None and bool(found[1])
 
 
 def split_quantity(text: str) -> tuple[float, str | None]:
-    """Number and unit of a quantity; the unit is None for a number alone. Raises SpecError for text that is neither."""
+    """Return number and unit of a quantity; the unit is None for a number alone. Raises SpecError for text that is neither."""
     found = _parted(text)
     if found is None:
         raise SpecError(f"{text[:_LONGEST_UNIT]!r} is not a number with a unit", "write it as `250 kPa`")
@@ -145,14 +145,14 @@ def split_quantity(text: str) -> tuple[float, str | None]:
 
 
 def _parted(text: str) -> tuple[str, str] | None:
-    """The number that a text starts with, and what follows it; None where it starts with none."""
+    """Return the number that a text starts with, and what follows it; None where it starts with none."""
     stripped = text.strip()
     match = _NUMBER.match(stripped)
     return None if match is None else (match[0], stripped[match.end() :].lstrip())
 
 
 def parse_quantity(text: str, unit: str) -> float:
-    """The number that `text` stands for in `unit`: `parse_quantity("1.1 bar", "kPa")` is 110.
+    """Return the number that `text` stands for in `unit`: `parse_quantity("1.1 bar", "kPa")` is 110.
 
     Raises
     ------
@@ -171,7 +171,7 @@ def check_unit(unit: str) -> None:
 
 
 def base_units(unit: str) -> BaseUnits | None:
-    """A unit in base units of the SI; None for one that nobody knows, or of broken powers."""
+    """Return a unit in base units of the SI; None for one that nobody knows, or of broken powers."""
     try:
         parsed = _parsed(unit)
     except SpecError:
@@ -193,7 +193,7 @@ def _registry() -> Any:
 
 @functools.cache
 def _parsed(unit: str) -> Any:
-    """A pint unit; `1` is dimensionless. The grammar is checked first, as pint would compute `m**9**9**9`."""
+    """Return a pint unit; `1` is dimensionless. The grammar is checked first, as pint would compute `m**9**9**9`."""
     text = unit.strip()
     if len(text) <= _LONGEST_UNIT and _UNIT.fullmatch(text):
         spelled, registry = re.sub(r"°([CF])", r"deg\1", text).replace("%", "percent"), _registry()
@@ -208,13 +208,13 @@ def _parsed(unit: str) -> Any:
 
 
 def _dimension(unit: str) -> str:
-    """A unit's dimension in words."""
+    """Return a unit's dimension in words."""
     here = _parsed(unit).dimensionality
     return next((words for known, words in _NAMED_DIMENSIONS.items() if _parsed(known).dimensionality == here), str(here))
 
 
 def _suggestion(unit: str) -> str | None:
-    """A did-you-mean for a misspelt unit; wrong capitals first (`kpa`), as they are the commonest slip."""
+    """Return a did-you-mean for a misspelt unit; wrong capitals first (`kpa`), as they are the commonest slip."""
     same_letters = [known for known in _COMMON if known.casefold() == unit.strip().casefold() and known != unit]
     near = same_letters or [known for known in get_close_matches(unit, _COMMON, n=1, cutoff=0.6) if known != unit]
     return f"did you mean `{near[0]}`?" if near and unit not in _COMMON else None

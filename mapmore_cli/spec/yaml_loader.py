@@ -47,7 +47,7 @@ class CoreLoader(yaml.SafeLoader):
         self._depth = 0
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
-        """A node, unless it lies too deep (PyYAML would recurse until Python's limit)."""
+        """Return a node, unless it lies too deep (PyYAML would recurse until Python's limit)."""
         self._depth += 1
         if parent is not None and self._depth > DEEPEST:
             raise TooDeep(parent.start_mark)
@@ -80,7 +80,7 @@ _CoreDumper.add_representer(str, _CoreDumper.represent_str)
 
 
 def tag_of(text: str) -> str:
-    """The core type of a plain scalar: `null`, `bool`, `int`, `float` or `str`."""
+    """Return the core type of a plain scalar: `null`, `bool`, `int`, `float` or `str`."""
     for tag, pattern in _RESOLVERS.get(text[:1], []):
         if pattern.match(text):
             return tag.removeprefix(_TAG)
@@ -88,7 +88,7 @@ def tag_of(text: str) -> str:
 
 
 def scalar(tag: str, text: str) -> str | int | float | bool | None:
-    """The value of a scalar with one of the core tags.
+    """Return the value of a scalar with one of the core tags.
 
     Raises
     ------
@@ -133,7 +133,7 @@ _BODY = re.compile(r"([A-Za-z_][A-Za-z0-9_]*)(:-(.*))?", re.DOTALL)
 
 
 def expand(text: str) -> str:
-    """The text with every reference replaced; `$${` stands for `${`.
+    """Return the text with every reference replaced; `$${` stands for `${`.
 
     As in a shell, `:-` gives its default for an unset and for an empty variable.
 
@@ -153,7 +153,7 @@ def unescaped(text: str) -> str:
 
 
 def escaped(value: Any) -> Any:
-    """A value with texts, wherever they are in it, that `expand` turns back into these."""
+    """Return a value with texts, wherever they are in it, that `expand` turns back into these."""
     if isinstance(value, dict):
         return {key: escaped(item) for key, item in value.items()}
     if isinstance(value, list):
@@ -196,7 +196,7 @@ _PLAINER = (  # what PyYAML says, what is meant, what to do
 
 
 def read_source(path: Path, shown: str | None = None) -> SourceText:
-    """A file's text.
+    """Return a file's text.
 
     Raises
     ------
@@ -248,7 +248,7 @@ class _Builder:
         self.count = 0
 
     def node(self, node: yaml.Node, depth: int, key_at: Position | None = None) -> Node:
-        """The tree under one node."""
+        """Return the tree under one node."""
         at = self._position(node.start_mark)
         self.count += 1
         if depth > DEEPEST:
@@ -295,7 +295,7 @@ class _Builder:
 
 
 def _encodable(text: str) -> str:
-    """The text; ValueError for one with half of a surrogate pair, which no file can hold."""
+    """Return the text; ValueError for one with half of a surrogate pair, which no file can hold."""
     if any("\ud800" <= character <= "\udfff" for character in text):
         raise ValueError(f"{text!r} holds half of a character")
     return text

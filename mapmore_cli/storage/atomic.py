@@ -37,7 +37,7 @@ def is_special(path: Path) -> bool:
 
 
 def replaced_place(path: Path) -> Path:
-    """What is replaced when a file of that name is written: where it is a link, the file that the link leads to."""
+    """Return what is replaced when a file of that name is written: where it is a link, the file that the link leads to."""
     return path.resolve() if path.is_symlink() else path
 
 

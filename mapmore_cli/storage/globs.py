@@ -62,7 +62,7 @@ def _matches(pattern: str, folder: Path) -> Iterator[Path]:
 
 
 def _folders(top: Path, seen: set[tuple[int, int]]) -> Iterator[Path]:
-    """A folder and all that lie in it, those that are hidden left out."""
+    """Yield a folder and all that lie in it, those that are hidden left out."""
     try:
         state = top.stat()
         if (state.st_dev, state.st_ino) in seen:

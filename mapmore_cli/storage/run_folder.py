@@ -69,7 +69,7 @@ class RunFiles:
     folder: Path
 
     def dataset(self) -> Dataset:
-        """What `ingest` handed on."""
+        """Return what `ingest` handed on."""
         found: Dataset = _read("read_dataset", self.folder / DATASET)
         return found
 
@@ -79,12 +79,12 @@ class RunFiles:
         return found
 
     def fit(self) -> FitResult:
-        """What was fitted."""
+        """Return what was fitted."""
         found: FitResult = _read("read_fit", self.folder / FIT)
         return found
 
     def model(self) -> Model:
-        """The model that stands alone."""
+        """Return the model that stands alone."""
         found: Model = _read("read_model", self.folder / MODEL)
         return found
 
@@ -94,7 +94,7 @@ class RunFiles:
         return found
 
     def scores(self) -> ScoreTable:
-        """The scores alone, without the predictions behind them."""
+        """Return the scores alone, without the predictions behind them."""
         from mapmore_cli.storage.score_files import read_scores
 
         return read_scores(self.folder / SCORES)
@@ -182,7 +182,7 @@ def recover(run_dir: Path, outputs: Iterable[str]) -> None:
 
 
 def is_tidy(run_dir: Path) -> bool:
-    """False where a process is at work, or was killed at work."""
+    """Return False where a process is at work, or was killed at work."""
     return not any(UNFINISHED.fullmatch(name) or name.startswith(ASIDE) for name in os.listdir(run_dir))  # noqa: PTH208
 
 

@@ -33,7 +33,7 @@ class Stamp:
 
 
 def take_stamp(path: Path, known: Stamp | None = None, rehash: bool = False) -> Stamp:
-    """The stamp of a file; the hash is `known`'s where size and time are too, unless `rehash`. OSError where it cannot be read."""
+    """Return the stamp of a file; the hash is `known`'s where size and time are too, unless `rehash`. OSError where it cannot be read."""
     # Looked at before it is read: a file that changes meanwhile has another time than its stamp, and is read again next time.
     state = path.stat()
     if known is not None and not rehash and (state.st_size, state.st_mtime_ns) == (known.size, known.mtime_ns):
@@ -43,7 +43,7 @@ def take_stamp(path: Path, known: Stamp | None = None, rehash: bool = False) -> 
 
 
 def stamps_of(folder: Path, outputs: tuple[str, ...]) -> dict[str, Stamp]:
-    """The stamps of every file of `outputs` (files or folders in `folder`), by POSIX path relative to `folder`."""
+    """Return the stamps of every file of `outputs` (files or folders in `folder`), by POSIX path relative to `folder`."""
     files = [path for output in outputs for path in _files_of(folder / output)]
     return {path.relative_to(folder).as_posix(): take_stamp(path) for path in files}
 
@@ -151,7 +151,7 @@ def load_origin(run_dir: Path) -> Origin | None:
 
 
 def load_records(run_dir: Path, warn: Callable[[str], None]) -> dict[str, StageRecord]:
-    """The committed stages of a run, by name; none, with a warning, where `run.json` is damaged.
+    """Return the committed stages of a run, by name; none, with a warning, where `run.json` is damaged.
 
     Raises DataError for a record of a newer format.
     """
@@ -182,7 +182,7 @@ def save_records(run_dir: Path, name: str, origin: Origin, records: Mapping[str,
 
 
 def _record(entry: Mapping[str, Any]) -> StageRecord:
-    """An entry, checked as far as the runner relies on it."""
+    """Return an entry, checked as far as the runner relies on it."""
     return StageRecord(
         fingerprint=str(entry["fingerprint"]),
         revision=int(entry["revision"]),

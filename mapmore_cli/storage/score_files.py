@@ -39,7 +39,7 @@ def write_scores(folder: Path, table: ScoreTable, name: str) -> None:
 
 
 def read_scores(path: Path) -> ScoreTable:
-    """What `write_scores` wrote; raises DataError for a file that says something else."""
+    """Return what `write_scores` wrote; raises DataError for a file that says something else."""
     try:
         return scores_in(json.loads(path.read_text(encoding="utf-8")))
     except (OSError, ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
@@ -48,7 +48,7 @@ def read_scores(path: Path) -> ScoreTable:
 
 
 def scores_in(document: Any) -> ScoreTable:
-    """The table in the document of a scores.json, also of older ones, which lack some keys.
+    """Return the table in the document of a scores.json, also of older ones, which lack some keys.
 
     Raises ValueError, TypeError, KeyError, AttributeError or OverflowError for another document.
     """
@@ -58,7 +58,7 @@ def scores_in(document: Any) -> ScoreTable:
 
 
 def _score(row: Mapping[str, Any]) -> Score:
-    """A row of the file; null stands for a number that is not finite."""
+    """Return a row of the file; null stands for a number that is not finite."""
     values: dict[str, Any] = {n: _text(row[n]) if kind is str else _number(row.get(n), kind) for n, kind in KINDS.items()}
     return Score(**values)
 
@@ -74,19 +74,19 @@ def _number(value: Any, kind: Callable[[Any], Any]) -> Any:
 
 
 def score_row(score: Score) -> Mapping[str, str | int | float | None]:
-    """A row of the table, by column in the order of `Score`."""
+    """Return a row of the table, by column in the order of `Score`."""
     return {column: _rounded(getattr(score, column)) for column in COLUMNS}
 
 
 def _rounded(value: str | int | float) -> str | int | float | None:
-    """A float to 12 significant digits, without a negative zero; None where it is not finite."""
+    """Return a float to 12 significant digits, without a negative zero; None where it is not finite."""
     if not isinstance(value, float):
         return value
     return float(f"{value:.{DIGITS}g}") + 0.0 if math.isfinite(value) else None
 
 
 def scores_beside(model: Path) -> tuple[Mapping[str, Any], ...]:
-    """The rows of the scores.json in the folder of a model; none where it was sent alone, or they cannot be read."""
+    """Return the rows of the scores.json in the folder of a model; none where it was sent alone, or they cannot be read."""
     try:
         rows = json.loads((model.parent / "scores.json").read_text(encoding="utf-8"))["scores"]
         return tuple(dict(row) for row in rows)

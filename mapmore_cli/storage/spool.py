@@ -126,7 +126,7 @@ def counted(function: Callable[[Any], Any], size: int) -> Any:
 
 
 def chosen(column: Any, mask: Any) -> Any:
-    """The values of a column where `mask`."""
+    """Return the values of a column where `mask`."""
     return by_blocks(lambda values, where: values[where], column, mask)
 
 

@@ -24,7 +24,7 @@ TOLD_EVERY = 4096  # lines
 
 
 def as_text(binary: IO[bytes]) -> TextIO:
-    """A text stream over a binary one; a byte order mark is swallowed."""
+    """Return a text stream over a binary one; a byte order mark is swallowed."""
     return io.TextIOWrapper(binary, encoding="utf-8-sig", errors=TEXT_ERRORS, newline="")
 
 

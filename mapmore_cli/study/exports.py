@@ -101,7 +101,7 @@ def _unit(model: Model, verify: bool, warn: Warn) -> bytes:
 
 
 def _archive(files: Mapping[str, bytes]) -> bytes:
-    """A zip file without dates."""
+    """Return a zip file without dates."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
         for name, data in files.items():
@@ -114,7 +114,7 @@ def _archive(files: Mapping[str, bytes]) -> bytes:
 
 
 def _table(model: Model, grid: str) -> str:
-    """A lookup table within the range in which the model was trained: what lies outside would be looked up as if it were known."""
+    """Return a lookup table within the range in which the model was trained: what lies outside would be looked up as if it were known."""
     if runs_over_time(model):
         raise UsageError("--grid: this model has memory, and a grid has no time", "export it as C or NumPy")
     header, *lines = predicted_lines(model, grid_lines(grid, [quantity.name for quantity in model.inputs]), "--grid")

@@ -19,19 +19,19 @@ Column = str | int
 
 
 def is_frame(table: Any) -> bool:
-    """True for a mapping of arrays, a structured array, and anything with `columns` that is indexed by them, as data frames are."""
+    """Return True for a mapping of arrays, a structured array, and anything with `columns` that is indexed by them, as data frames are."""
     return isinstance(table, Mapping) or hasattr(table, "columns") or getattr(getattr(table, "dtype", None), "names", None) is not None
 
 
 def names_of(frame: Any) -> tuple[str, ...]:
-    """The names of a frame's columns."""
+    """Return the names of a frame's columns."""
     if isinstance(frame, Mapping):
         return tuple(map(str, frame))
     return tuple(map(str, frame.columns if hasattr(frame, "columns") else frame.dtype.names))
 
 
 def canonical_columns(frame: Any) -> dict[str, dict[str, str]]:
-    """The section `columns` of a frame whose columns have canonical names; raises `SpecError` where none has."""
+    """Return the section `columns` of a frame whose columns have canonical names; raises `SpecError` where none has."""
     found = {name: {"column": name} for name in names_of(frame) if is_canonical(name)}
     if not found:
         known = known_names("", names_of(frame), "The frame has")
@@ -86,7 +86,7 @@ def write_frames(frames: Sequence[Any], columns: Mapping[str, Any], folder: Path
 
 
 def source_of(entry: Any) -> Column:
-    """The column that an entry of `columns` names; raises `SpecError` for another form."""
+    """Return the column that an entry of `columns` names; raises `SpecError` for another form."""
     found = entry.get("column") if isinstance(entry, Mapping) else entry
     if not isinstance(found, str | int):
         raise SpecError("columns: an entry names no column", 'write columns={"force": {"column": "F", "unit": "N"}}')
@@ -94,7 +94,7 @@ def source_of(entry: Any) -> Column:
 
 
 def quantities_of(frame: Any, wanted: Sequence[str], columns: Mapping[str, SourceColumn], units: Mapping[str, str]) -> dict[str, Array]:
-    """The `wanted` quantities of a frame in the model's `units`, (n,) each.
+    """Return the `wanted` quantities of a frame in the model's `units`, (n,) each.
 
     A column is found by its name in `columns`, with unit, scale and offset; else by the canonical name, already in the model's unit; else
     by its number in `columns`.

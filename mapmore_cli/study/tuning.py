@@ -83,7 +83,7 @@ def _variants(loaded: LoadedSpec, over: Mapping[str, Sequence[Any]]) -> Iterator
 
 
 def _tried(settings: Mapping[str, Any], choices: ModelChoices, bench: Bench) -> Trial:
-    """The errors on the folds, of models that were made without them; where a fit fails, why."""
+    """Return the errors on the folds, of models that were made without them; where a fit fails, why."""
     try:
         size = parameters(refitted(choices, bench.dataset))
         errors = errors_of(choices, bench)
@@ -96,7 +96,7 @@ def _tried(settings: Mapping[str, Any], choices: ModelChoices, bench: Bench) -> 
 
 
 def ranked(name: str, bench: Bench, trials: Sequence[Trial]) -> Tuning:
-    """The trials with what they err beyond the best, and the simplest within one standard error.
+    """Return the trials with what they err beyond the best, and the simplest within one standard error.
 
     Raises
     ------

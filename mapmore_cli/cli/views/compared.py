@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def of_scores(table: ScoreTable, published: Published | None = None) -> View:
-    """The score rows of every curve in the document; the pooled ones in the table, beside what a publication reports."""
+    """Return the score rows of every curve in the document; the pooled ones in the table, beside what a publication reports."""
     from mapmore_cli.reporting.score_tables import score_table
     from mapmore_cli.storage.score_files import score_row
 
@@ -29,7 +29,7 @@ def of_scores(table: ScoreTable, published: Published | None = None) -> View:
 
 
 def of_validation(validation: Validation) -> View:
-    """The scores pooled and by curve, and the formulas that were fitted as competitors."""
+    """Return the scores pooled and by curve, and the formulas that were fitted as competitors."""
     from mapmore_cli.reporting.model_tables import rival_minima
     from mapmore_cli.reporting.score_tables import curve_scores_table
 
@@ -47,7 +47,7 @@ ONE_CURVE = 2 / 3
 
 
 def of_comparisons(names: Sequence[str], results: Sequence[Comparison]) -> View:
-    """The last model against the first, curve by curve; every model where there are more than two. The document has every term."""
+    """Return the last model against the first, curve by curve; every model where there are more than two. The document has every term."""
     from mapmore_cli.reporting.score_tables import changes_table, drift_table
 
     last = results[-1]
@@ -75,7 +75,7 @@ def verdict(before: str, after: str, found: Comparison) -> str:
 
 
 def cautions(found: Comparison) -> list[str]:
-    """What the reader has to know of the interval."""
+    """Return what the reader has to know of the interval."""
     heaviest = max(found.curves, key=lambda curve: curve.weight)
     notes = []
     if heaviest.weight > ONE_CURVE:
@@ -105,7 +105,7 @@ def _document(found: Comparison) -> dict[str, Any]:
 
 
 def of_tuning(tuning: Tuning) -> View:
-    """A row for every combination, and the settings to use."""
+    """Return a row for every combination, and the settings to use."""
     document = {
         "name": tuning.name,
         "left_out": tuning.left_out,
@@ -122,7 +122,7 @@ def of_tuning(tuning: Tuning) -> View:
 
 
 def tuning_table(tuning: Tuning) -> Table:
-    """Settings, size and left-out error of every combination; the best and the chosen one are marked."""
+    """Return settings, size and left-out error of every combination; the best and the chosen one are marked."""
     keys = list(tuning.trials[0].settings)
     errors = (Column("left-out NRMSE", "%", ".3f"), Column("above the best", "%", ".3f"), Column("standard error", "%", ".3f"))
     rows: list[tuple[Cell, ...]] = []
@@ -178,7 +178,7 @@ def of_search(search: Search, spec: str) -> View:
 
 
 def document_of(search: Search) -> dict[str, Any]:
-    """The search as JSON has it."""
+    """Return the search as JSON has it."""
     return {
         "target": search.target,
         "left_out": search.left_out,

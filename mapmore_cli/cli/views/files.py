@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def of_file(path: Path, warn: Callable[[str], None], unverified: bool) -> View:
-    """What a result file or a run folder holds; DataError where it is neither.
+    """Return what a result file or a run folder holds; DataError where it is neither.
 
     `warn` is told where nothing shows that a file is as it was written; one that is not is only read where it may be `unverified`.
     """
@@ -33,7 +33,7 @@ def of_file(path: Path, warn: Callable[[str], None], unverified: bool) -> View:
 
 
 def of_stage(stage: str, run_dir: Path) -> View:
-    """What a stage found."""
+    """Return what a stage found."""
     if stage in RESULTS:
         return _of_hdf5(run_dir / RESULTS[stage])
     page = run_dir / RUN_PAGE
@@ -42,7 +42,7 @@ def of_stage(stage: str, run_dir: Path) -> View:
 
 
 def of_run(run_dir: Path) -> View:
-    """What a run is made of: why each stage ran, and the scores."""
+    """Return what a run is made of: why each stage ran, and the scores."""
     record = run_dir / "run.json"
     if not record.is_file():
         raise DataError(f"{run_dir}: is not a run folder (no run.json)", "name a folder that `mapmore run` wrote, as runs/NAME")

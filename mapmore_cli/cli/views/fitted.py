@@ -25,12 +25,12 @@ class View:
     lines: tuple[str, ...] = ()
 
     def under(self, head: Mapping[str, Any]) -> View:
-        """The same view with `head` in front of its document."""
+        """Return the same view with `head` in front of its document."""
         return View({**head, **self.document}, self.tables, self.lines)
 
 
 def of_fit(result: FitResult) -> View:
-    """The segments, or the model with memory, with their terms in the order of selection; theta is in scaled coordinates."""
+    """Return the segments, or the model with memory, with their terms in the order of selection; theta is in scaled coordinates."""
     from mapmore_cli.reporting.model_tables import terms_table
 
     document = {
@@ -63,7 +63,7 @@ def segment_document(named: SegmentFit | SegmentFunction, found: Selection | Seg
 
 
 def formula_document(formula: FormulaFit | None) -> dict[str, Any] | None:
-    """A fitted formula; None where there is none."""
+    """Return a fitted formula; None where there is none."""
     return None if formula is None else asdict(formula)
 
 

@@ -30,7 +30,7 @@ def of_inspection(inspection: Inspection, unconfirmed: Sequence[str] = ()) -> Vi
 
 
 def of_campaign(results: Mapping[str, Inspection | MapmoreError]) -> View:
-    """The issues of every run, or why it could not be looked at."""
+    """Return the issues of every run, or why it could not be looked at."""
     document: dict[str, Any] = {}
     lines: list[str] = []
     for run, result in results.items():

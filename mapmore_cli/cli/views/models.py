@@ -23,7 +23,7 @@ class Shown(NamedTuple):
 
 
 def of_model(model: Model) -> View:
-    """The inputs, what the kind has to show, and the equations; weights, limits and equations are in physical units."""
+    """Return the inputs, what the kind has to show, and the equations; weights, limits and equations are in physical units."""
     from mapmore_cli.modelling.kinds import equations
     from mapmore_cli.reporting.table import Column, Table
 
@@ -149,7 +149,7 @@ def _fusion_lines(fusion: Fusion) -> tuple[str, ...]:
 
 
 def of_adapted(model: Model, path: str) -> View:
-    """The scales of a specimen, and the file that was written."""
+    """Return the scales of a specimen, and the file that was written."""
     from mapmore_cli.reporting.table import Column, Table
 
     fit = model.backbone

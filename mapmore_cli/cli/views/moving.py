@@ -11,21 +11,21 @@ if TYPE_CHECKING:
 
 
 def model_document(motion: Motion) -> dict[str, Any]:
-    """The model as it is stored, with the poles (real and imaginary parts) and the gain of every section."""
+    """Return the model as it is stored, with the poles (real and imaginary parts) and the gain of every section."""
     derived = ({"poles": [[pole.real, pole.imag] for pole in section.poles], "gain": section.gain} for section in motion.sections)
     sections = [{**asdict(section), **more} for section, more in zip(motion.sections, derived, strict=True)]
     return {**asdict(motion), "sections": sections}
 
 
 def fit_document(fit: MotionFit | None) -> dict[str, Any] | None:
-    """The same, with how its sections were found."""
+    """Return the same, with how its sections were found."""
     if fit is None:
         return None
     return {**model_document(fit.model), "solver": fit.solver, "searches": [asdict(search) for search in fit.searches]}
 
 
 def fit_tables(fit: MotionFit) -> tuple[Table, ...]:
-    """The sections with their searches."""
+    """Return the sections with their searches."""
     from mapmore_cli.reporting.motion_tables import sections_table
 
     return (sections_table({"mapmore": fit}, ""),)

@@ -10,7 +10,7 @@ from mapmore_cli.reporting.table import Cell, Column, Table
 
 
 def of_plan(plan: Plan) -> View:
-    """A row for every candidate, the best first, and the forecast where one was asked for."""
+    """Return a row for every candidate, the best first, and the forecast where one was asked for."""
     document: dict[str, Any] = {
         "name": plan.name,
         "target": plan.target.name,
@@ -29,7 +29,7 @@ def of_plan(plan: Plan) -> View:
 
 
 def plan_table(plan: Plan) -> Table:
-    """The candidates in order, with half widths before and after."""
+    """Return the candidates in order, with half widths before and after."""
     unit, costs = plan.target.unit, {candidate.cost for candidate in plan.candidates} != {1.0}
     error = "expected error" if plan.candidates[0].kind == "point" else "left-out error"
     columns = [Column("rank"), *(Column(name, quantity.unit, ".4g") for name, quantity in plan.quantities.items()), Column("what")]
@@ -48,7 +48,7 @@ def _document(candidate: Candidate) -> dict[str, Any]:
 
 
 def _forecast(plan: Plan) -> str:
-    """The forecast in words."""
+    """Return the forecast in words."""
     assert plan.until is not None
     found, unit = plan.until, plan.target.unit
     wanted = f"a half width of {found.wanted:.3g} {unit} ({100 * found.wanted / plan.largest:.2g} %)"

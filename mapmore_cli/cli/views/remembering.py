@@ -11,12 +11,12 @@ if TYPE_CHECKING:
 
 
 def model_document(memory: MemoryModel) -> dict[str, Any]:
-    """The model with memory as it is stored; theta is of states scaled as `states` says."""
+    """Return the model with memory as it is stored; theta is of states scaled as `states` says."""
     return asdict(memory)
 
 
 def fit_document(fit: MemoryFit | None) -> dict[str, Any] | None:
-    """The same, with how its terms were found: those chosen forward, and the best substitute of each."""
+    """Return the same, with how its terms were found: those chosen forward, and the best substitute of each."""
     if fit is None:
         return None
     found = {
@@ -31,7 +31,7 @@ def fit_document(fit: MemoryFit | None) -> dict[str, Any] | None:
 
 
 def fit_tables(fit: MemoryFit) -> tuple[Table, ...]:
-    """What else would have served, where a ridge tells; then the tables of the model."""
+    """Return what else would have served, where a ridge tells; then the tables of the model."""
     from mapmore_cli.reporting.memory_tables import identified_table, sizes_table, substitutes_table
 
     others = (substitutes_table(fit),) if len(fit.substitutes) else ()

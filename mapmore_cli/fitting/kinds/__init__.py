@@ -37,7 +37,7 @@ def maker_of(part: FitChoices) -> Maker:
 
 
 def refitted(choices: ModelChoices, dataset: Dataset) -> Model:
-    """The model of the training samples of a dataset, made in one go, its number of terms included where left-out data choose it.
+    """Return the model of the training samples of a dataset, made in one go, its number of terms included where left-out data choose it.
 
     Raises
     ------

@@ -66,7 +66,7 @@ class ModelChoices(FitChoices):
 
 
 def with_definitions(spec: ExperimentSpec) -> ExperimentSpec:
-    """The spec with the definition of each own formula in the place of its name, so that what a stage reads needs nothing else."""
+    """Return the spec with the definition of each own formula in the place of its name, so that what a stage reads needs nothing else."""
     if not spec.own_formulas and spec.model.family is None:
         return spec
     units = units_of(spec)
@@ -99,7 +99,7 @@ def metres_of(unit: str) -> float:
 
 
 def lengths_of(spec: ExperimentSpec) -> dict[str, float | None]:
-    """The muscle's dimensions (m) where the formula that is the model or its backbone has one."""
+    """Return the muscle's dimensions (m) where the formula that is the model or its backbone has one."""
     from mapmore_cli.modelling import literature
 
     name = spec.model.name or spec.model.backbone
@@ -108,7 +108,7 @@ def lengths_of(spec: ExperimentSpec) -> dict[str, float | None]:
 
 
 def level_of(levels: Levels | None, segment: SegmentSection) -> str | None:
-    """The quantity whose curves are interpolated: that of `levels`, unless `segment: {<quantity>: none}` pools its curves.
+    """Return the quantity whose curves are interpolated: that of `levels`, unless `segment: {<quantity>: none}` pools its curves.
 
     Curves of step responses stand at the pressure of their plateau; the weights go by the pressure itself, which is known at any time.
     """

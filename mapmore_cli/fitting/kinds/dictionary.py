@@ -16,7 +16,7 @@ from mapmore_cli.spec.units import convert, default_unit
 
 
 def signal_of(name: str, rule: Rate | Direction, units: Mapping[str, str]) -> Signal:
-    """The signal that a rule derives, in the model's `units`."""
+    """Return the signal that a rule derives, in the model's `units`."""
     if isinstance(rule, Direction):
         return Signal(name, "direction", rule.direction_of, dead_band=rule.dead_band)
     return Signal(
@@ -31,13 +31,13 @@ def signal_of(name: str, rule: Rate | Direction, units: Mapping[str, str]) -> Si
 
 
 def derivations_of(spec: ExperimentSpec) -> dict[str, str | Rate | Direction]:
-    """What the spec derives, with the direction that segments are cut by."""
+    """Return what the spec derives, with the direction that segments are cut by."""
     cuts = {name: cut for name, cut in spec.segment.items() if isinstance(cut, CutByDirection)}
     return {**spec.data.derive, **{name: Direction(direction_of=cut.of, dead_band=cut.dead_band) for name, cut in cuts.items()}}
 
 
 def units_of(spec: ExperimentSpec) -> dict[str, str]:
-    """The model's unit of every quantity; a rate by any name has the unit of its quantity per unit of time."""
+    """Return the model's unit of every quantity; a rate by any name has the unit of its quantity per unit of time."""
     rates = {name: rule.rate_of for name, rule in spec.data.derive.items() if isinstance(rule, Rate)}
     return {name: default_unit(name, spec.units, rates) for name in spec.quantities}
 
@@ -72,7 +72,7 @@ def terms_of(dictionary: Sequence[DictionaryEntry], clock: Clock | None = None) 
 
 
 def _terms(entry: DictionaryEntry, clock: Clock | None, *, constant: bool) -> Sequence[str]:
-    """The terms of one family; within products, where `constant` is false, without the constant."""
+    """Return the terms of one family; within products, where `constant` is false, without the constant."""
     from mapmore_cli.modelling.expressions import parse, to_text
 
     name, family = entry.family

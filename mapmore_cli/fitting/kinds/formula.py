@@ -15,14 +15,14 @@ from mapmore_cli.modelling.pieces.segmentation import trained_at, uncut
 
 
 def fit(part: FitChoices, dataset: Dataset, workspace: Workspace) -> FitResult:
-    """The formula, fitted to all training samples; raises as `fitted`."""
+    """Return the formula, fitted to all training samples; raises as `fitted`."""
     del workspace
     assert part.model.name is not None
     return FitResult(fitted(part.model.name, part, dataset))
 
 
 def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:
-    """The fitted formula as a model."""
+    """Return the fitted formula as a model."""
     found = workspace.files.fit().formula
     assert found is not None
     training = workspace.files.segmentation()
@@ -31,7 +31,7 @@ def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:
 
 
 def refit(part: ModelChoices, dataset: Dataset) -> Model:
-    """The formula fitted to the training samples of a dataset, as a model; raises as `fitted`."""
+    """Return the formula fitted to the training samples of a dataset, as a model; raises as `fitted`."""
     assert part.model.name is not None
     level = level_of(part.levels, part.segment)
     training = uncut(trained_at(dataset.curves, part.fit.train_level), level is not None, dataset.target)
@@ -40,7 +40,7 @@ def refit(part: ModelChoices, dataset: Dataset) -> Model:
 
 
 def fitted(name: str, part: FitChoices, dataset: Dataset) -> FormulaFit:
-    """A formula fitted to all training samples of a dataset.
+    """Return a formula fitted to all training samples of a dataset.
 
     Raises
     ------

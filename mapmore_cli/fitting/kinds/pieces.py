@@ -42,7 +42,7 @@ def recipe_of(
 
 
 def fit(part: FitChoices, dataset: Dataset, workspace: Workspace) -> FitResult:
-    """The terms of every segment, fitted to what the backbone leaves where there is one; raises FitError where its fit failed."""
+    """Return the terms of every segment, fitted to what the backbone leaves where there is one; raises FitError where its fit failed."""
     from mapmore_cli.domain.results import FitResult, PiecesFit
     from mapmore_cli.modelling.pieces import build as method
     from mapmore_cli.modelling.pieces.segmentation import trained_at
@@ -66,7 +66,7 @@ def fit(part: FitChoices, dataset: Dataset, workspace: Workspace) -> FitResult:
 def _backbone(
     part: FitChoices, dataset: Dataset, curves: Sequence[Curve], recipe: Recipe, progress: Callable[[int, int], None]
 ) -> tuple[FormulaFit | None, tuple[str, ...]]:
-    """The formula that the spec names, or the one that left-out levels choose, fitted; and on what grounds it was chosen."""
+    """Return the formula that the spec names, or the one that left-out levels choose, fitted; and on what grounds it was chosen."""
     from mapmore_cli.fitting.kinds.formula import fitted
 
     name = part.model.backbone
@@ -80,7 +80,7 @@ def _backbone(
 
 
 def backbone_name(part: FitChoices, dataset: Dataset) -> str | None:
-    """The backbone that left-out levels choose."""
+    """Return the backbone that left-out levels choose."""
     from mapmore_cli.modelling.pieces.segmentation import trained_at
 
     curves = trained_at(dataset.curves, part.fit.train_level)

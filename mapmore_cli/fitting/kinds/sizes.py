@@ -30,7 +30,7 @@ class Size:
 
 
 def with_terms(part: P, terms: int) -> P:
-    """The choices with so many terms at most; as they are for 0."""
+    """Return the choices with so many terms at most; as they are for 0."""
     return replace(part, fit=replace(part.fit, max_terms=terms)) if terms else part
 
 
@@ -72,7 +72,7 @@ def size_of(part: FitChoices, dataset: Dataset, progress: Callable[[int, int], N
 
 
 def _trial(part: FitChoices, dataset: Dataset) -> ModelChoices:
-    """The choices of a whole model; a backbone that is to be chosen as well is chosen once, with the usual number of terms."""
+    """Return the choices of a whole model; a backbone that is to be chosen as well is chosen once, with the usual number of terms."""
     from mapmore_cli.fitting.kinds.pieces import backbone_name
 
     model = part.model

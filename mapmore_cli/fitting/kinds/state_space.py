@@ -38,7 +38,7 @@ def _fitted(part: FitChoices, dataset: Dataset, progress: Callable[[int, int], N
 
 
 def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:
-    """The model, with the training range of its inputs."""
+    """Return the model, with the training range of its inputs."""
     result = workspace.files.fit()
     assert result.motion is not None
     training = workspace.files.segmentation()
@@ -46,7 +46,7 @@ def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:
 
 
 def refit(part: ModelChoices, dataset: Dataset) -> Model:
-    """The model of the training samples of a dataset, in one go; raises as `fit`."""
+    """Return the model of the training samples of a dataset, in one go; raises as `fit`."""
     found = _fitted(part, dataset, lambda _done, _total: None)
     return motion.build(
         part.name,

@@ -45,20 +45,20 @@ def _fitted(formulas: Sequence[Summand], dataset: Dataset) -> FormulaFit:
 
 
 def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:
-    """The sum: static plus damping, or the parts that the spec names."""
+    """Return the sum: static plus damping, or the parts that the spec names."""
     joint = workspace.files.fit().formula
     return _built(part, dataset, joint, lambda path: RunFiles(workspace.needed[path]).model())
 
 
 def refit_parts(part: ModelChoices, dataset: Dataset, needed: Mapping[str, Path]) -> Model:
-    """The same where the runs that are added up are fitted anew without the levels and recordings that the dataset holds out."""
+    """Return the same where the runs that are added up are fitted anew without the levels and recordings that the dataset holds out."""
     formulas = summands_of(part.model.sum or [])
     joint = _fitted(formulas, dataset) if formulas else None
     return _built(part, dataset, joint, lambda path: _without(needed[path], dataset))
 
 
 def _built(part: ModelChoices, dataset: Dataset, joint: FormulaFit | None, model_of: Callable[[str], Model]) -> Model:
-    """The sum of formulas that were fitted as `joint`, or of the models of runs by the path of their spec."""
+    """Return the sum of formulas that were fitted as `joint`, or of the models of runs by the path of their spec."""
     output, quantities = dataset.quantities[dataset.target], dataset.quantities
     if part.model.sum is None:
         return sum_of(part.name, [Part(model_of(path)) for path in part.summands], output, quantities)
@@ -90,7 +90,7 @@ def _key(curve: Curve) -> float | str:
 
 
 def summands_of(parts: Sequence[sections.Summand]) -> list[Summand]:
-    """The parts that are formulas."""
+    """Return the parts that are formulas."""
     return [Summand(part.formula, float(part.sign), dict(part.inputs)) for part in parts if part.formula is not None]
 
 
@@ -109,7 +109,7 @@ def formula_parts(summands: Sequence[Summand], joint: FormulaFit, dataset: Datas
 
 
 def _unit(text: str, dataset: Dataset) -> str:
-    """The unit of an input, where it is a quantity as it stands or another sign of it; else that of a plain number."""
+    """Return the unit of an input, where it is a quantity as it stands or another sign of it; else that of a plain number."""
     source = parse(text)
     names = sorted(source.names)
     plain = len(names) == 1 and source in (Name(names[0]), parse(f"-{names[0]}"))

@@ -52,7 +52,7 @@ def dictionary_matrix(terms: Sequence[Expression], columns: Columns, n: int) -> 
 
 
 def dictionary_blocks(terms: Sequence[Expression], columns: Columns, n: int) -> Iterator[tuple[slice, Array]]:
-    """The rows of `dictionary_matrix` in blocks, `(b, M)`, with where they stand; the whole is never there. Raises as it does."""
+    """Yield the rows of `dictionary_matrix` in blocks, `(b, M)`, with where they stand; the whole is never there. Raises as it does."""
     values = _needed(frozenset[str]().union(*(term.names for term in terms)), columns, n)
     program = compiled(tuple(terms))
     for start in range(0, n, BLOCK):
@@ -143,7 +143,7 @@ class Compiled:
 
 @lru_cache(maxsize=4096)
 def compiled(expressions: tuple[Expression, ...]) -> Compiled:
-    """The program that evaluates `expressions`; powers and function values that several share are computed once."""
+    """Return the program that evaluates `expressions`; powers and function values that several share are computed once."""
     known: Known = {}
     parts = tuple(part_of(expression, known) for expression in expressions)
     return Compiled(parts, len(known))

@@ -94,14 +94,14 @@ def _factors_latex(factors: list[Expression], digits: int | None) -> str:
 
 
 def _sign(expression: Expression) -> tuple[Expression, bool]:
-    """The expression without its leading minus, and whether it had one."""
+    """Return the expression without its leading minus, and whether it had one."""
     first = expression.factors[0] if isinstance(expression, Product) else expression
     minus = isinstance(first, Number) and first.value < 0
     return (negate(expression) if minus else expression), minus
 
 
 def _inverse(factor: Expression) -> Expression | None:
-    """What `factor` divides by; None where it multiplies."""
+    """Return what `factor` divides by; None where it multiplies."""
     return power(factor.base, -factor.exponent) if isinstance(factor, Power) and factor.exponent < 0 else None
 
 
@@ -129,7 +129,7 @@ def _latex_number(value: float, digits: int | None) -> str:
 
 
 def _state_latex(found: State) -> _Bound:
-    """The numbers of an operator as an index."""
+    """Return the numbers of an operator as an index."""
     match found:
         case Measured(name):
             return _latex_name(name), _ATOM

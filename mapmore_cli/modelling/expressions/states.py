@@ -81,7 +81,7 @@ def lagged(source: State, steps: int) -> State:
 
 
 def state(text: str) -> State:
-    """The state that `text` names. Raises ExpressionError where it names none."""
+    """Return the state that `text` names. Raises ExpressionError where it names none."""
     found, end = read_state(text, 0)
     if _past_space(text, end) < len(text):
         raise ExpressionError(f"{text!r} goes on after the name of a state", end)
@@ -95,7 +95,7 @@ def opens_state(text: str, name: str, end: int) -> bool:
 
 
 def read_state(text: str, start: int, depth: int = 0) -> tuple[State, int]:
-    """The state whose name begins at `start`, and where it ends.
+    """Return the state whose name begins at `start`, and where it ends.
 
     Raises
     ------
@@ -119,7 +119,7 @@ def read_state(text: str, start: int, depth: int = 0) -> tuple[State, int]:
 
 
 def _operated(text: str, name: str, end: int, depth: int) -> tuple[State, int]:
-    """The quantity `name`, or the operator of that name with what stands in its bracket."""
+    """Return the quantity `name`, or the operator of that name with what stands in its bracket."""
     opening = _past(text, end, "(")
     if opening is None:
         return Measured(name), end

@@ -27,7 +27,7 @@ Class = TypeVar("Class", bound=type)
 
 @dataclass_transform(frozen_default=True)
 def _node(cls: Class) -> Class:
-    """A frozen dataclass that keeps its hash: trees are looked up often, and to hash one walks all of it."""
+    """Return a frozen dataclass that keeps its hash: trees are looked up often, and to hash one walks all of it."""
     made: Any = dataclass(frozen=True)(cls)
     walked = made.__hash__
 
@@ -256,7 +256,7 @@ def negate(expression: Expression) -> Expression:
 
 
 def _folded(numbers: list[float]) -> list[float]:
-    """The product of the numbers, as none where it is one; as their magnitudes where it would overflow or lose digits."""
+    """Return the product of the numbers, as none where it is one; as their magnitudes where it would overflow or lose digits."""
     product = math.prod(numbers)
     if sys.float_info.min <= abs(product) < math.inf:
         return [] if product == 1.0 else [product]

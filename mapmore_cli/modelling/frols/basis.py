@@ -111,7 +111,7 @@ class BasisRemainders:
         self.live[self.explicit] = self.squares[self.explicit] > RANK_TOLERANCE * self.pp[self.explicit]
 
     def _cleared(self, vectors: Array) -> Array:
-        """A vector, or the columns of a matrix, without what lies in the basis."""
+        """Return a vector, or the columns of a matrix, without what lies in the basis."""
         basis = self.basis[:, : self.size]
         cleared: Array = vectors - basis @ (basis.T @ vectors)
         return cleared

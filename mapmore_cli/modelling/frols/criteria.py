@@ -43,7 +43,7 @@ def information_criterion(name: str, unexplained: Array, n: int) -> Array:
 
 
 def fewest(values: Array) -> int:
-    """Number of terms at which a criterion is least; the smaller number wins a tie."""
+    """Return number of terms at which a criterion is least; the smaller number wins a tie."""
     return int(np.argmin(values)) + 1
 
 
@@ -76,7 +76,7 @@ def press(blocks: Blocks, chosen: IntArray, factor: Array, projections: Array) -
 
 
 def finished(path: Path, scale: Array, samples: int, blocks: Blocks, stopping: Stopping) -> Selection:
-    """The selection at the number of terms that the stop rule prefers.
+    """Return the selection at the number of terms that the stop rule prefers.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def finished(path: Path, scale: Array, samples: int, blocks: Blocks, stopping: S
 
 
 def _factor(path: Path, k: int, width: int) -> tuple[IntArray, Array, Array]:
-    """The first k chosen indices, their triangular factor R (k, k), and the projections `c = U'y` (k,)."""
+    """Return the first k chosen indices, their triangular factor R (k, k), and the projections `c = U'y` (k,)."""
     chosen = np.array([step.pick for step in path.steps[:k]], dtype=np.int64)
     rows = np.array([step.row for step in path.steps[:k]]).reshape(k, width)
     return chosen, np.triu(rows[:, chosen]), rows[:, -1]

@@ -95,7 +95,7 @@ class FROLS:
         return self
 
     def predict(self, X: ArrayLike) -> Array:
-        """The model at every row of `X`, (n,)."""
+        """Return the model at every row of `X`, (n,)."""
         self._check_fitted()
         names = _column_names(X)
         own = getattr(self, "feature_names_in_", None)
@@ -128,7 +128,7 @@ class FROLS:
         return (" + ".join(parts).replace("+ -", "- ") or "0",)
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:  # noqa: ARG002 - scikit-learn's protocol
-        """The parameters by name."""
+        """Return the parameters by name."""
         return {name: getattr(self, name) for name in inspect.signature(type(self).__init__).parameters if name != "self"}
 
     def set_params(self, **given: Any) -> Self:
@@ -146,7 +146,7 @@ class FROLS:
         return f"FROLS({', '.join(changed)})"
 
     def __sklearn_tags__(self) -> Any:
-        """What scikit-learn asks of an estimator; only it calls this."""
+        """Return what scikit-learn asks of an estimator; only it calls this."""
         from sklearn.utils import InputTags, RegressorTags, Tags, TargetTags
 
         return Tags(
@@ -166,13 +166,13 @@ class FROLS:
 
 
 def _column_names(X: Any) -> list[str] | None:
-    """The names of a frame's columns; None where there are none, or they are not all text."""
+    """Return the names of a frame's columns; None where there are none, or they are not all text."""
     names = list(X.columns) if hasattr(X, "columns") else []
     return names if names and all(isinstance(name, str) for name in names) else None
 
 
 def _table(X: Any) -> Array:
-    """A table of numbers, (n, m); raises `ValueError` or `TypeError` for anything else."""
+    """Return a table of numbers, (n, m); raises `ValueError` or `TypeError` for anything else."""
     if hasattr(X, "toarray"):
         raise TypeError("Sparse data was passed for X, but dense data is required. Use '.toarray()' to convert to a dense numpy array.")
     values = _numbers(X)
@@ -225,7 +225,7 @@ def _numbers(values: Any) -> Array:
 
 
 def _other_names(own: list[str], given: list[str]) -> str:
-    """What scikit-learn says of frames whose columns differ."""
+    """Return what scikit-learn says of frames whose columns differ."""
     told = ["The feature names should match those that were passed during fit."]
     unseen, missing = sorted({*given} - {*own}), sorted({*own} - {*given})
     if unseen:

@@ -24,7 +24,7 @@ SMALLEST, LARGEST = 1e-140, 1e140
 
 
 def row_blocks(P: Array, y: Array) -> Blocks:
-    """The rows of arrays in memory, as views."""
+    """Return the rows of arrays in memory, as views."""
 
     def blocks() -> Iterator[tuple[Array, Array]]:
         for start in range(0, len(y), BLOCK):
@@ -40,7 +40,7 @@ def gathered(blocks: Blocks) -> tuple[Array, Array]:
 
 
 def checked(blocks: Blocks) -> Blocks:
-    """The blocks as arrays of double precision, cut to `BLOCK` rows.
+    """Return the blocks as arrays of double precision, cut to `BLOCK` rows.
 
     Raises ValueError where a block's shape does not fit.
     """
@@ -58,7 +58,7 @@ def checked(blocks: Blocks) -> Blocks:
 
 
 def scaled(blocks: Blocks, scale: Array) -> Blocks:
-    """The blocks with each column of `Z` divided by its `scale`, (M+1,)."""
+    """Return the blocks with each column of `Z` divided by its `scale`, (M+1,)."""
 
     def divided() -> Iterator[tuple[Array, Array]]:
         for P, y in blocks():
@@ -89,7 +89,7 @@ def safe_scale(squares: Array, blocks: Blocks) -> Array:
 
 
 def power_of_two(positive: Array) -> Array:
-    """The power of two next above each value; one where the value is zero. Division by it is exact."""
+    """Return the power of two next above each value; one where the value is zero. Division by it is exact."""
     return np.ldexp(1.0, np.where(positive > 0, np.frexp(positive)[1], 0))
 
 
@@ -199,7 +199,7 @@ class Moments:
     products: Array
 
     def without(self, other: Moments) -> Moments:
-        """What is left when some of the rows are taken out."""
+        """Return what is left when some of the rows are taken out."""
         return Moments(self.samples - other.samples, self.sums - other.sums, self.products - other.products)
 
     @property
@@ -233,7 +233,7 @@ def standard(blocks: Blocks) -> Standard:
 
 
 def _spread(blocks: Blocks) -> tuple[Array, Array, Array]:
-    """The first row, the mean as seen from there, and the variance, (M+1,) each."""
+    """Return the first row, the mean as seen from there, and the variance, (M+1,) each."""
     first, sums, squares, samples = np.zeros(0), np.zeros(0), np.zeros(0), 0
     with np.errstate(over="ignore", invalid="ignore"):  # `safe_scale` looks for the cause
         for P, y in blocks():
@@ -274,7 +274,7 @@ def _mean_squares(blocks: Blocks) -> Array:
 
 
 def standardised(blocks: Blocks, by: Standard) -> Blocks:
-    """The blocks with every column centred and divided by its standard deviation."""
+    """Return the blocks with every column centred and divided by its standard deviation."""
 
     def passed() -> Iterator[tuple[Array, Array]]:
         for P, y in blocks():
@@ -284,7 +284,7 @@ def standardised(blocks: Blocks, by: Standard) -> Blocks:
 
 
 def moments(blocks: Blocks) -> Moments:
-    """Sums of the columns of standardised blocks and of their products, in one pass; memory O(M^2 + block)."""
+    """Return sums of the columns of standardised blocks and of their products, in one pass; memory O(M^2 + block)."""
     sums, products, samples = np.zeros(1), np.zeros((1, 1)), 0
     for P, y in blocks():
         M = P.shape[1]

@@ -72,7 +72,7 @@ def select(data: Regularised, max_terms: int, among: IntArray | None = None) -> 
 
 
 def _in_samples(found: Selection, data: Regularised, columns: IntArray) -> Selection:
-    """A selection on `Q` as one on the n samples, among all M candidates."""
+    """Return a selection on `Q` as one on the n samples, among all M candidates."""
     k, M = len(found.chosen), len(data.covariance) - 1
     chosen = columns[found.chosen]
     freedom = data.samples - k
@@ -132,7 +132,7 @@ RIDGES = (1e-5, 1e-4, 5e-4, 2e-3, 1e-2, 5e-2)
 
 
 def choose_ridge(total: Moments, blocks: Sequence[Moments], forward: int, max_terms: int) -> float:
-    """The ridge whose models predict left-out blocks of samples best, the weaker of equals.
+    """Return the ridge whose models predict left-out blocks of samples best, the weaker of equals.
 
     For each ridge and each block a model of `max_terms` terms is selected (forward, then pruned) on the other blocks. Everything comes from
     sums of products, so the rows are not read again.

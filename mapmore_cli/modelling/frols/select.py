@@ -44,7 +44,7 @@ class Stopping:
             raise ValueError(f"unknown stop rule {self.criterion!r}: {', '.join(CRITERIA)}")
 
     def limit(self, n: int, M: int) -> int:
-        """The most terms that n samples and M candidates allow."""
+        """Return the most terms that n samples and M candidates allow."""
         return min(n, M) if self.max_terms is None else min(self.max_terms, n, M)
 
 
@@ -121,7 +121,7 @@ def greedy(remainders: Remainders, stopping: Stopping, limit: int) -> Path:
 
 
 def _ranking(err: Array) -> tuple[int, int, int]:
-    """The winner, the second best (-1 where there is none) and the number of others that tie with the winner."""
+    """Return the winner, the second best (-1 where there is none) and the number of others that tie with the winner."""
     ties = _best(err)
     others = err.copy()
     others[ties[0]] = np.nan
@@ -130,7 +130,7 @@ def _ranking(err: Array) -> tuple[int, int, int]:
 
 
 def _best(err: Array) -> IntArray:
-    """Indices of the best candidate and of those that tie with it, ascending."""
+    """Return indices of the best candidate and of those that tie with it, ascending."""
     return np.flatnonzero(err >= np.nanmax(err) * (1 - TIE_TOLERANCE))
 
 

@@ -98,7 +98,7 @@ def _digest(columns: Columns, *how: object) -> bytes:
 
 
 def residual_of(curve: Curve, target: str, backbone: FormulaFit | None) -> Curve:
-    """The curve with its target replaced by what the backbone leaves; unchanged without one."""
+    """Return the curve with its target replaced by what the backbone leaves; unchanged without one."""
     if backbone is None:
         return curve
     rest = curve.columns[target] - literature.of(backbone).predict(backbone.parameters, curve.columns)

@@ -46,7 +46,7 @@ def fit(problem: Problem) -> Solution:
 
 
 def _descents(problem: Problem, starts: Sequence[Array], tolerance: float) -> list[End]:
-    """The nearest minima within the bounds, but for starts in which the formula overflows."""
+    """Return the nearest minima within the bounds, but for starts in which the formula overflows."""
     unit = float(np.linalg.norm(problem.target(starts[0]))) or 1.0
 
     def system(c: Array) -> tuple[Array, Array]:

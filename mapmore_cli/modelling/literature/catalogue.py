@@ -34,7 +34,7 @@ def names() -> tuple[str, ...]:
 
 
 def get(name: str) -> LiteratureModel:
-    """The formula called `name`, or defined by it; raises `UnknownFormula` with the nearest name."""
+    """Return the formula called `name`, or defined by it; raises `UnknownFormula` with the nearest name."""
     if is_family(name):
         from mapmore_cli.modelling.literature.family import family_of
 
@@ -48,5 +48,5 @@ def get(name: str) -> LiteratureModel:
 
 
 def of(fit: FormulaFit) -> LiteratureModel:
-    """The formula that was fitted."""
+    """Return the formula that was fitted."""
     return get(fit.formula)

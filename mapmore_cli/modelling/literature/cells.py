@@ -44,11 +44,11 @@ class Region:
         return ", ".join(map(str, self.conditions))
 
     def parameter(self, name: str) -> str:
-        """What the parameter `name` is called in this region, as `B0_rise`."""
+        """Return what the parameter `name` is called in this region, as `B0_rise`."""
         return f"{name}_{self.label}"
 
     def rows(self, columns: Columns) -> BoolArray:
-        """True on the rows in the region, `(n,)`."""
+        """Return True on the rows in the region, `(n,)`."""
         return np.asarray(np.all([condition.holds(columns) for condition in self.conditions], axis=0))
 
 
@@ -102,7 +102,7 @@ VALUES_A_LEVEL = 5
 
 
 def nominal(column: Array) -> Array:
-    """The column, `(n,)`, with every value replaced by the level that it scatters about; unchanged where there are no such levels.
+    """Return the column, `(n,)`, with every value replaced by the level that it scatters about; unchanged where there are no such levels.
 
     Levels are groups of values that lie nearer together than `SCATTER` times the smallest distance between two groups, `VALUES_A_LEVEL`
     or more in a group on the average; the finest such partition is taken.
@@ -125,14 +125,14 @@ def _place(column: Array) -> Array:
 
 
 def needed(name: str, columns: Columns) -> Array:
-    """The column `name`; raises `DataError` where it is absent."""
+    """Return the column `name`; raises `DataError` where it is absent."""
     if name not in columns:
         raise DataError(f"there is no column `{name}` among the inputs", "declare it under `columns` or `derive`")
     return np.asarray(columns[name], dtype=float)
 
 
 def finite(name: str, column: Array) -> Array:
-    """The column; raises `DataError` with the first row in which it is not finite."""
+    """Return the column; raises `DataError` with the first row in which it is not finite."""
     values = np.asarray(column, dtype=float)
     if not np.isfinite(values).all():
         row = int(np.argmin(np.isfinite(values)))

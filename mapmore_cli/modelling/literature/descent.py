@@ -67,7 +67,7 @@ class _Descents:
 
 
 def descend(system: System, starts: Sequence[Array], bounds: Bounds, tolerance: float) -> list[End]:
-    """The nearest minimum of `|r(x)|^2` from every start in which it is finite, in their order.
+    """Return the nearest minimum of `|r(x)|^2` from every start in which it is finite, in their order.
 
     A descent has converged where its steps, or what they gain, fall below the `tolerance` (relative), or where it has joined another that
     has: then its end is that one's. One that cannot come near the end of another in time is given up. `bounds` are the lowest and the
@@ -146,7 +146,7 @@ def _step(at: _Descents, systems: Systems, bounds: Bounds, tolerance: float) -> 
 
 
 def _towards(at: _Descents, bounds: Bounds) -> Array:
-    """The damped steps of Gauss and Newton, `(s, k)`, zero where a bound holds a coordinate."""
+    """Return the damped steps of Gauss and Newton, `(s, k)`, zero where a bound holds a coordinate."""
     lower, upper = bounds
     held = ((at.x <= lower) & (at.slope > 0)) | ((at.x >= upper) & (at.slope < 0))
     free = ~held
@@ -178,7 +178,7 @@ def _diagonal(square: Array) -> Array:
 
 
 def onto_bounds(x: Array, bounds: Bounds) -> tuple[Array, list[int]]:
-    """The coordinates `x`, `(k,)`, moved onto a bound where they all but touch it, and the indices of those."""
+    """Return the coordinates `x`, `(k,)`, moved onto a bound where they all but touch it, and the indices of those."""
     lower, upper = bounds
     width = upper - lower
     margin = TOUCHING * np.where(np.isfinite(width), width, 1.0)

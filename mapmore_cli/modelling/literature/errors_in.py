@@ -44,7 +44,7 @@ class Along:
         return self.problem.columns[self.name]
 
     def value(self, expression: Expression, x: Array, place: Array) -> Array:
-        """An expression of inputs and parameters at a place of the search, with the input at `x`, (n,)."""
+        """Return an expression of inputs and parameters at a place of the search, with the input at `x`, (n,)."""
         values = self.problem.values(*self.split(place))
         columns = {**self.problem.columns, self.name: x, **{name: np.asarray(value) for name, value in values.items()}}
         return evaluate(expression, columns, len(x))
@@ -55,7 +55,7 @@ class Along:
         return place[:count], place[count:]
 
     def roots(self, place: Array) -> Array:
-        """The solutions; where there is none, what a straight line from the end at which the least is missing leads to, (n,)."""
+        """Return the solutions; where there is none, what a straight line from the end at which the least is missing leads to, (n,)."""
         found = self.solutions(place)
         return np.where(np.isnan(found), self._beyond(*self.scan(place)), found)
 
@@ -88,33 +88,33 @@ class Along:
         return np.asarray(np.where(first < last, edges[0] - first / slope, edges[-1] + last / slope))
 
     def jacobian(self, place: Array) -> Array:
-        """Derivative of the roots for the parameters, (n, m + k)."""
+        """Return derivative of the roots for the parameters, (n, m + k)."""
         x, count = self.roots(place), len(self.problem.linear)
         matrix = np.stack([self.value(self.problem.gradient[name], x, place) for name in self.problem.names], axis=1)
         matrix[:, count:] /= self.problem.spans
         return -(matrix.T / self.slope(x, place)).T
 
     def slope(self, x: Array, place: Array) -> Array:
-        """Derivative of the formula for the input, (n,); not zero."""
+        """Return derivative of the formula for the input, (n,); not zero."""
         slope = self.value(derivative(self.problem.expression, self.name), x, place)
         least = 1e-9 * float(np.abs(self.problem.y).max() or 1.0)
         return np.where(np.abs(slope) < least, least, slope)
 
 
 def telling(problem: Problem, solution: Solution, name: str) -> Problem:
-    """The problem with the rows at which the formula depends on the input `name`."""
+    """Return the problem with the rows at which the formula depends on the input `name`."""
     missing = Along(problem, name).scan(np.concatenate([solution.beta, solution.c]))[1]
     rows = np.ptp(missing, axis=0) > FLAT * float(np.abs(problem.y).max())
     return replace(problem, columns={one: column[rows] for one, column in problem.columns.items()}, y=problem.y[rows])
 
 
 def moved(solution: Solution, of: Problem, to: Problem) -> Solution:
-    """The same parameters, in the coordinates of a problem of other rows."""
+    """Return the same parameters, in the coordinates of a problem of other rows."""
     return replace(solution, c=solution.c * to.spans / of.spans)
 
 
 def refined(problem: Problem, solution: Solution, name: str) -> Solution:
-    """The minimum of the error of the input `name` that is reached from a fit of the target; its other minima are not told."""
+    """Return the minimum of the error of the input `name` that is reached from a fit of the target; its other minima are not told."""
     along = Along(problem, name)
     count, unit = len(problem.linear), float(np.ptp(along.measured)) or 1.0
     low = np.concatenate([np.full(count, -np.inf), [p.bounds[0] for p in problem.nonlinear]])

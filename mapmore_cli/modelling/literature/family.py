@@ -135,7 +135,7 @@ class Family(Formula):
         return math.exp(float(np.mean(np.log(largest) - shape(best)))), math.exp(best)
 
     def equation(self, fit: FormulaFit) -> Expression:
-        """The formula with its numbers, the hinge as a person would write it."""
+        """Return the formula with its numbers, the hinge as a person would write it."""
         text = f"zero + ({_scale_text(self.settings, self.metres)})*({PRINTED})"
         return substitute(parse(text), {name: Number(value) for name, value in fit.parameters.items()})
 

@@ -89,7 +89,7 @@ class Formula(LiteratureModel):
             raise ValueError(f"{self.name}: a parameter is nonlinear without being declared so")
 
     def starting_from(self, start: str) -> Formula:
-        """The formula fitted from published starting values, or from random ones.
+        """Return the formula fitted from published starting values, or from random ones.
 
         Raises `SpecError` for starting values that nobody has published for it.
         """
@@ -182,7 +182,7 @@ class Formula(LiteratureModel):
         return replace(fit, errors=errors, notes=(said, *fit.notes))
 
     def predict(self, parameters: Mapping[str, float], columns: Columns) -> Array:
-        """The formula on every row, `(n,)`; NaN with the parameters of a failed fit."""
+        """Return the formula on every row, `(n,)`; NaN with the parameters of a failed fit."""
         inputs = {name: columns[name] for name in self.inputs if name in columns}
         rows = len(next(iter(columns.values()), ()))
         return evaluate(self.expression, {**inputs, **{name: np.asarray(parameters[name]) for name in self.parameters}}, rows)
@@ -197,11 +197,11 @@ class Formula(LiteratureModel):
         return {self.name: self.equation(fit)}
 
     def equation(self, fit: FormulaFit) -> Expression:
-        """The formula with the numbers of a fit that has not failed, in physical units."""
+        """Return the formula with the numbers of a fit that has not failed, in physical units."""
         return substitute(self.expression, {name: Number(value) for name, value in fit.parameters.items()})
 
     def _problem(self, columns: Columns, y: Array) -> Problem:
-        """The rows in canonical order, so that the order of the samples cannot change a digit of the fit."""
+        """Return the rows in canonical order, so that the order of the samples cannot change a digit of the fit."""
         inputs = {name: finite(name, needed(name, columns)) for name in self.inputs}
         target = finite("the target", y)
         if len(target) < len(self.fitted):
@@ -257,14 +257,14 @@ class Formula(LiteratureModel):
         return Optimum({name: values[name] for name in self.parameters}, float(residual @ residual))
 
     def _printed(self, values: Mapping[str, float]) -> dict[str, float]:
-        """The fitted parameters as printed, from those of the linear form."""
+        """Return the fitted parameters as printed, from those of the linear form."""
         if self.form is None:
             return {name: values[name] for name in self.fitted}
         scalars = {name: np.asarray(value) for name, value in values.items()}
         return {name: float(evaluate(parse(text), scalars, 1)[0]) for name, text in self.form.printed.items()}
 
     def _jacobian_at(self, values: Mapping[str, float]) -> Callable[[Columns], Array]:
-        """Derivatives for the fitted parameters at `values`, `(n, p)`, as a function of the inputs."""
+        """Return derivatives for the fitted parameters at `values`, `(n, p)`, as a function of the inputs."""
         numbers = {name: np.asarray(value) for name, value in {**values, **self.given}.items()}
         gradient = [self.gradient[name] for name in self.fitted]
         return lambda columns: dictionary_matrix(gradient, {**columns, **numbers}, len(next(iter(columns.values()))))
@@ -282,7 +282,7 @@ def can_be_solved(model: LiteratureModel) -> TypeGuard[Formula]:
 
 
 def dependence(rank: int, count: int, inputs: Columns, choice: str) -> str:
-    """The note for data that leave parameters undetermined, and what was chosen then."""
+    """Return the note for data that leave parameters undetermined, and what was chosen then."""
     distinct = ", ".join(f"{len(np.unique(column))} of {name}" for name, column in inputs.items())
     return (
         f"rank {rank} of {count}: the data do not tell all parameters apart (distinct values: {distinct}); "

@@ -27,7 +27,7 @@ A, A3, B, B1, LN_W = [0, 1, 3, 4, 5], 2, [6, 7, 8], 7, 9
 
 
 def force(q: Array, p: Array, x: Array) -> Array:
-    """The normalised force, `(n,)`; of several places q, `(s, 10)`, a row for each, `(s, n)`."""
+    """Return the normalised force, `(n,)`; of several places q, `(s, 10)`, a row for each, `(s, n)`."""
     _, high, low = _sides(q, p, x)
     w = np.exp(_each(q, LN_W))
     return np.asarray(low + w * np.logaddexp(0.0, (high - low) / w))
@@ -62,7 +62,7 @@ def foot_regressors(p: Array, x: Array) -> Array:
 
 
 def units(pressure: float, strain: float, target: float) -> Array:
-    """What one of every parameter is in the units of the data, `(10,)`, with the scales that the data were divided by."""
+    """Return what one of every parameter is in the units of the data, `(10,)`, with the scales that the data were divided by."""
     upper = [target / pressure, target, 1 / strain, target / (pressure * strain), target / pressure, target]
     return np.array([*upper, target, target / pressure, target / strain, target])
 
@@ -146,7 +146,7 @@ class _Problem:
     weight: Array
 
     def filled_up(self) -> _Problem:
-        """The same problem with rows without weight at its end, a number that depends on its own alone."""
+        """Return the same problem with rows without weight at its end, a number that depends on its own alone."""
         more = -len(self.f) % ROWS
         return replace(self, **{name: np.pad(getattr(self, name), (0, more)) for name in ("p", "x", "f", "root")})
 
@@ -160,7 +160,7 @@ class _Problem:
         return self.root * (force - self.f), self.root[..., None] * slopes
 
     def system(self, q: Array) -> tuple[Array, Array]:
-        """The same with the priors below, for a `descent`: `(s, n + 10)` and `(s, n + 10, 10)`."""
+        """Return the same with the priors below, for a `descent`: `(s, n + 10)` and `(s, n + 10, 10)`."""
         residual, slopes = self.of_data(q)
         priors = np.broadcast_to(self.weight[..., None] * _EACH, (*q.shape, len(NAMES)))
         return np.concatenate([residual, self.weight * (q - self.centre)], axis=-1), np.concatenate([slopes, priors], axis=-2)
@@ -224,7 +224,7 @@ def _found(problem: _Problem, ends: list[End], units: Array) -> HingeFit:
 
 
 def _natural(q: Array) -> Array:
-    """The normalised parameters, with w in place of its logarithm."""
+    """Return the normalised parameters, with w in place of its logarithm."""
     return np.concatenate([q[:LN_W], [np.exp(q[LN_W])]])
 
 

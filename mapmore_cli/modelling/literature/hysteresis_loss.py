@@ -166,14 +166,14 @@ class HysteresisLoss(LiteratureModel):
         )
 
     def predict(self, parameters: Mapping[str, float], columns: Columns) -> Array:
-        """The damping force on every row, `(n,)`."""
+        """Return the damping force on every row, `(n,)`."""
         inputs = {name: needed(name, columns) for name in self.inputs}
         numbers = {name: np.asarray(parameters[name]) for name in self.parameters}
         share = zeta(parameters, inputs["pressure"])
         return evaluate(self.expression, {**inputs, **numbers, "zeta": share}, len(share))
 
     def equations(self, fit: FormulaFit) -> dict[str, Expression]:
-        """The damping force with `zeta` as a name, and the two curves from which zeta follows."""
+        """Return the damping force with `zeta` as a name, and the two curves from which zeta follows."""
         numbers = {name: Number(value) for name, value in fit.parameters.items()}
         curves = {"upper": _branch(UPPER), "lower": _branch(LOWER)}
         return {
@@ -195,7 +195,7 @@ def zeta(parameters: Mapping[str, float], pressure: Array) -> Array:
 
 
 def hysteresis_loss(name: str, reference: str, text: str) -> HysteresisLoss:
-    """The formula with the damping force `text`."""
+    """Return the formula with the damping force `text`."""
     return HysteresisLoss(name, reference, ("pressure", "strain", "strain_rate", "load"), PARAMETERS, text, component="damping")
 
 

@@ -39,7 +39,7 @@ def half_width(error: float, freedom: int, level: float = 0.95) -> float:
 
 
 def hints(parameters: Mapping[str, float], errors: Mapping[str, float], jacobian: Jacobian, columns: Columns) -> Iterator[str]:
-    """A sentence for each measurement that would show parameters which these data do not.
+    """Yield a sentence for each measurement that would show parameters which these data do not.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def hints(parameters: Mapping[str, float], errors: Mapping[str, float], jacobian
 
 
 def _weak(parameters: Mapping[str, float], errors: Mapping[str, float], jacobian: Array, freedom: int) -> list[int]:
-    """Indices of the parameters whose interval reaches beyond zero, or that share in a direction which changes nothing."""
+    """Return indices of the parameters whose interval reaches beyond zero, or that share in a direction which changes nothing."""
     lengths = np.linalg.norm(jacobian, axis=0)
     _, s, vt = np.linalg.svd(jacobian / np.where(lengths > 0.0, lengths, 1.0), full_matrices=False)
     null = vt[s <= linear.RANK_TOLERANCE * s[:1]]
@@ -76,7 +76,7 @@ def _weak(parameters: Mapping[str, float], errors: Mapping[str, float], jacobian
 
 
 def _measurements(columns: Columns) -> Iterator[tuple[str, Columns]]:
-    """The rows with one input moved: below its range (not through zero), above it, and between its levels where these are few."""
+    """Yield the rows with one input moved: below its range (not through zero), above it, and between its levels where these are few."""
     for name, column in columns.items():
         low, high = float(column.min()), float(column.max())
         reach = FURTHER * (high - low or abs(high) or 1.0)

@@ -99,7 +99,7 @@ def numerical_rank(phi: Array) -> int:
 
 
 def standard_errors(jacobian: Array, sse: float) -> tuple[Array, int, float]:
-    """Standard errors `(p,)`, rank and condition from a Jacobian `(n, p)` at the solution.
+    """Return standard errors `(p,)`, rank and condition from a Jacobian `(n, p)` at the solution.
 
     `cov = sse/(n - p) (J'J)^-1`; NaN where the rank is deficient or no degree of freedom is left.
     """

@@ -55,7 +55,7 @@ class LiteratureModel(ABC):
     """Rows of a table up to which `fit_each` is quicker than one fit after the other."""
 
     def of_muscle(self, lengths: Mapping[str, float | None]) -> Self:
-        """The model with the dimensions of a muscle, in m, those that it needs among `lengths`.
+        """Return the model with the dimensions of a muscle, in m, those that it needs among `lengths`.
 
         Raises `SpecError` where one of them is not known.
         """
@@ -66,7 +66,7 @@ class LiteratureModel(ABC):
         return replace(self, given=given) if given else self
 
     def starting_from(self, start: str) -> LiteratureModel:
-        """The model fitted from starting values that a paper prints; raises `SpecError` where none are published."""
+        """Return the model fitted from starting values that a paper prints; raises `SpecError` where none are published."""
         raise SpecError(f"{self.name} has no starting values called `{start}`", "leave out `starts`")
 
     @abstractmethod
@@ -82,11 +82,11 @@ class LiteratureModel(ABC):
 
     @abstractmethod
     def predict(self, parameters: Mapping[str, float], columns: Columns) -> Array:
-        """The model on every row, `(n,)`; NaN with the parameters of a failed fit."""
+        """Return the model on every row, `(n,)`; NaN with the parameters of a failed fit."""
 
     @abstractmethod
     def equations(self, fit: FormulaFit) -> dict[str, Expression]:
-        """The model with the numbers of a fit that has not failed, in physical units: one equation, or one for each of its parts."""
+        """Return the model with the numbers of a fit that has not failed, in physical units: one equation, or one for each of its parts."""
 
 
 SEVERITY = ("converged", "at_bound", "stopped_by_limit", "rank_deficient", "failed")
@@ -94,7 +94,7 @@ SEVERITY = ("converged", "at_bound", "stopped_by_limit", "rank_deficient", "fail
 
 
 def renamed(fit: FormulaFit, name: Callable[[str], str]) -> FormulaFit:
-    """The fit with `name(parameter)` for every parameter."""
+    """Return the fit with `name(parameter)` for every parameter."""
     return replace(
         fit,
         parameters={name(parameter): value for parameter, value in fit.parameters.items()},
@@ -104,7 +104,7 @@ def renamed(fit: FormulaFit, name: Callable[[str], str]) -> FormulaFit:
 
 
 def merged(name: str, parts: Mapping[str, FormulaFit]) -> FormulaFit:
-    """The fit called `name` of independent parts, whose parameters have different names, by what their notes are headed with.
+    """Return the fit called `name` of independent parts, whose parameters have different names, by what their notes are headed with.
 
     Status and condition are those of the worst part; ranks, sums of squares and samples add up. A rival is that of one part, with the
     others as they are.

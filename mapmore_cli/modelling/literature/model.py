@@ -26,7 +26,7 @@ DIGITS = 6
 def build(
     name: str, output: Quantity, fit: FormulaFit, level: str | None, training: Sequence[SegmentedCurve], quantities: Mapping[str, Quantity]
 ) -> Model:
-    """A fitted formula as a model; the `training` curves, in the order of their levels, say the range of its inputs."""
+    """Return a fitted formula as a model; the `training` curves, in the order of their levels, say the range of its inputs."""
     inputs = sorted({*literature.of(fit).inputs, *([level] if level is not None else [])})
     ordered = sorted(training, key=lambda curve: (curve.level is not None, curve.level))
     ranges = tuple(CurveRange(curve.curve, curve.level, {i: curve.limits[i] for i in inputs}) for curve in ordered)
@@ -34,31 +34,31 @@ def build(
 
 
 def simulate(model: Model, columns: Columns) -> Run:
-    """The formula at every row, (n,); NaN where an input is."""
+    """Return the formula at every row, (n,); NaN where an input is."""
     body = model.body
     assert isinstance(body, Formula)
     return Run(by_blocks(model.inputs, columns, lambda inputs, n: backbone_values(body.fit, inputs, n)))
 
 
 def parameters(model: Model) -> int:
-    """The parameters of the formula."""
+    """Return the parameters of the formula."""
     assert isinstance(model.body, Formula)
     return len(model.body.fit.parameters)
 
 
 def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
-    """The formula with its parameters put in."""
+    """Return the formula with its parameters put in."""
     assert isinstance(model.body, Formula)
     return tuple(printed(name, formula) for name, formula in formula_equations(model.body.fit, units))
 
 
 def backbone_values(fit: FormulaFit | None, inputs: Columns, n: int) -> Array:
-    """A fitted formula at n rows; zero where there is none."""
+    """Return a fitted formula at n rows; zero where there is none."""
     return np.zeros(n) if fit is None else literature.of(fit).predict(fit.parameters, inputs)
 
 
 def formula_equations(fit: FormulaFit | None, units: Mapping[str, float]) -> list[tuple[str, Expression]]:
-    """A fitted formula by the names of its parts; `units` says how many of the model's units one unit of a quantity is."""
+    """Return a fitted formula by the names of its parts; `units` says how many of the model's units one unit of a quantity is."""
     if fit is None:
         return []
     other = {name: multiply(Number(factor), Name(name)) for name, factor in units.items()}
@@ -66,12 +66,12 @@ def formula_equations(fit: FormulaFit | None, units: Mapping[str, float]) -> lis
 
 
 def printed(name: str, expression: Expression) -> Equation:
-    """An equation as text and as LaTeX."""
+    """Return an equation as text and as LaTeX."""
     return Equation(name, to_text(expression, DIGITS), to_latex(expression, DIGITS))
 
 
 def by_blocks(inputs: Sequence[Quantity], columns: Columns, value: Callable[[dict[str, Array], int], Array]) -> Array:
-    """A function of the inputs, block of rows by block; NaN where an input is not finite, (n,)."""
+    """Return a function of the inputs, block of rows by block; NaN where an input is not finite, (n,)."""
     given = {quantity.name: np.asarray(columns[quantity.name], dtype=np.float64) for quantity in inputs}
     y = np.empty(len(next(iter(columns.values()))))
     for start in range(0, len(y), BLOCK):

@@ -40,7 +40,7 @@ def draw(nonlinear: tuple[Nonlinear, ...]) -> Iterator[Array]:
 
 
 def lowest(ends: Sequence[Found], starts: int) -> tuple[Found, str]:
-    """The end with the lowest cost of those that the `starts` have reached, and a note on how many came to it."""
+    """Return the end with the lowest cost of those that the `starts` have reached, and a note on how many came to it."""
     best = min(ends, key=lambda end: float(end.cost))
     agreeing = sum(end.cost <= (1 + AGREEMENT) * best.cost + 1e-20 for end in ends)
     return best, f"{agreeing} of {starts} starts agree on the sum of squares"

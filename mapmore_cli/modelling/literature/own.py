@@ -33,14 +33,14 @@ def definition(
     units: dict[str, str],
     starts: dict[str, float] | None,
 ) -> str:
-    """The definition as canonical JSON: `bounds` are of every parameter, None where the formula is linear in it."""
+    """Return the definition as canonical JSON: `bounds` are of every parameter, None where the formula is linear in it."""
     found = {"name": name, "reference": reference, "text": text, "bounds": bounds, "units": units, "starts": starts}
     return json.dumps(found, sort_keys=True)
 
 
 @lru_cache(maxsize=256)
 def formula_of(text: str) -> Formula:
-    """The formula of a definition.
+    """Return the formula of a definition.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def formula_of(text: str) -> Formula:
 
 
 def _intervals(low: float, high: float) -> Iterator[tuple[float, float]]:
-    """The bounds as intervals of which none holds zero: the search is by factors."""
+    """Yield the bounds as intervals of which none holds zero: the search is by factors."""
     least = NEAREST * max(abs(low), abs(high))
     if low < 0:
         yield low, min(high, -least)

@@ -48,7 +48,7 @@ class PiecewiseFormula(LiteratureModel):
         return replace(whole, notes=(*whole.notes, *_left_out(len(target) - whole.samples, len(target))))
 
     def predict(self, parameters: Mapping[str, float], columns: Columns) -> Array:
-        """The formula of the region that each row lies in, `(n,)`; zero in no region, NaN where an input is."""
+        """Return the formula of the region that each row lies in, `(n,)`; zero in no region, NaN where an input is."""
         inputs = np.array([needed(name, columns) for name in self.inputs])
         y = np.where(np.isnan(inputs).any(axis=0), np.nan, 0.0)
         for region in self.regions:
@@ -56,12 +56,12 @@ class PiecewiseFormula(LiteratureModel):
         return y
 
     def equations(self, fit: FormulaFit) -> dict[str, Expression]:
-        """The local formula with the numbers of each region, by the conditions of the region."""
+        """Return the local formula with the numbers of each region, by the conditions of the region."""
         parts = {region: replace(fit, parameters=self._own(region, fit.parameters)) for region in self.regions}
         return {f"{self.name}: {region}": self.local.equation(part) for region, part in parts.items()}
 
     def _own(self, region: Region, parameters: Mapping[str, float]) -> dict[str, float]:
-        """The parameters of one region, as the local formula names them."""
+        """Return the parameters of one region, as the local formula names them."""
         return {name: parameters[region.parameter(name)] for name in self.local.parameters}
 
     def _fit_region(self, region: Region, inputs: Columns, target: Array, method: str | None, advice: bool) -> FormulaFit:

@@ -36,7 +36,7 @@ class Nonlinear:
         return self.intervals[0][0], self.intervals[-1][1]
 
     def span(self, columns: Columns) -> float:
-        """The coordinate of the value one; one where the data have no span."""
+        """Return the coordinate of the value one; one where the data have no span."""
         quantity = self.per or self.of
         if quantity is None:
             return 1.0
@@ -51,7 +51,7 @@ class Nonlinear:
         return min(abs(end) for interval in self.intervals for end in interval) if self.of is not None else math.inf
 
     def written(self, c: float) -> str:
-        """A coordinate as a person would write the value."""
+        """Return a coordinate as a person would write the value."""
         return f"{c:g}" + (f"/max|{self.per}|" if self.per else f" max|{self.of}|" if self.of else "")
 
 
@@ -100,7 +100,7 @@ class Problem:
         return substitute(self.expression, dict.fromkeys(self.linear, Number(0.0)))
 
     def residual(self, beta: Array, c: Array) -> Array:
-        """Formula minus target, `(n,)`; not finite where the formula overflows."""
+        """Return formula minus target, `(n,)`; not finite where the formula overflows."""
         return self._weighted(evaluate(self.expression, self._with(self.values(beta, c)), len(self.y)) - self.y)
 
     def regressors(self, c: Array) -> Array:
@@ -119,11 +119,11 @@ class Problem:
         return self._weights * (self.y - stacked_matrices([self.offset], self.columns, values, len(self.y))[:, :, 0])
 
     def each_slopes(self, beta: Array, c: Array) -> Array:
-        """Derivative of the formula for c at several places `(beta, c)`: `(s, n, k)`, not finite where it overflows."""
+        """Return derivative of the formula for c at several places `(beta, c)`: `(s, n, k)`, not finite where it overflows."""
         return self._matrices(tuple(parameter.name for parameter in self.nonlinear), self._each(beta, c)) / self.spans
 
     def jacobian(self, beta: Array, c: Array) -> Array:
-        """Derivative of the formula for `(beta, c)`, `(n, m + k)`; raises `NotFinite` where it overflows."""
+        """Return derivative of the formula for `(beta, c)`, `(n, m + k)`; raises `NotFinite` where it overflows."""
         matrix = self._matrix(self.names, self.values(beta, c))
         matrix[:, len(self.linear) :] /= self.spans
         return matrix
@@ -155,7 +155,7 @@ class Problem:
         return held if linear.numerical_rank(held.regressors(np.empty(0))) < len(self.linear) else self
 
     def condensed(self) -> Problem:
-        """The problem over means of neighbouring samples, where there are many: quick, and nearly the same.
+        """Return the problem over means of neighbouring samples, where there are many: quick, and nearly the same.
 
         It stays as it is where the formula can bend within a hundredth of a range: a force that decays over the slowest rates shows in few
         samples, and which decay is best would be decided without them.
@@ -199,13 +199,13 @@ class Solution:
 
 
 def failure(problem: Problem, method: str) -> Solution:
-    """The solution where the formula overflows from every start: NaN throughout."""
+    """Return the solution where the formula overflows from every start: NaN throughout."""
     nothing = np.full(len(problem.linear), np.nan), np.full(len(problem.nonlinear), np.nan)
     return Solution(*nothing, "failed", method, ("every start overflowed",))
 
 
 def at_limit(parameter: Nonlinear, limit: float) -> str:
-    """The note for a parameter that ends at the `limit` of its coordinate."""
+    """Return the note for a parameter that ends at the `limit` of its coordinate."""
     return f"{parameter.name} runs to the limit of what is sought, {parameter.written(limit)}"
 
 
@@ -214,5 +214,5 @@ FASTEST, SLOWEST = 1e-3, 10.0
 
 
 def decay(name: str) -> Nonlinear:
-    """The rate over which the force decays by 1/e, positive."""
+    """Return the rate over which the force decays by 1/e, positive."""
     return Nonlinear(name, per=None, intervals=((FASTEST, SLOWEST),), of="strain_rate")

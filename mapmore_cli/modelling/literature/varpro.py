@@ -76,7 +76,7 @@ def _flat(sse: Array, y: Array) -> bool:
 
 
 def _refine(problem: Problem, grid: Array, i: int) -> tuple[float, str]:
-    """The lowest point of the valley around `grid[i]`, and the status of having got there."""
+    """Return the lowest point of the valley around `grid[i]`, and the status of having got there."""
     lower, c, upper = float(grid[max(i - 1, 0)]), float(grid[i]), float(grid[min(i + 1, len(grid) - 1)])
 
     @cache
@@ -95,7 +95,7 @@ def _refine(problem: Problem, grid: Array, i: int) -> tuple[float, str]:
 
 
 def _lowest(problem: Problem, lower: float, upper: float, within: float) -> float:
-    """The place with the lowest sum of squares."""
+    """Return the place with the lowest sum of squares."""
     from scipy.optimize import minimize_scalar
 
     return float(
@@ -141,7 +141,7 @@ def _finished(problem: Problem, few: Problem, c: float) -> float | None:
 
 
 def _sse(problem: Problem, places: Array) -> Array:
-    """Sums of squares at several places of the coordinate, `(s,)`."""
+    """Return sums of squares at several places of the coordinate, `(s,)`."""
     parts = np.array_split(places[:, None], -(-len(places) * len(problem.y) // STACK))
     return np.concatenate([linear.least_sse(problem.each_regressors(part), problem.each_target(part)) for part in parts])
 

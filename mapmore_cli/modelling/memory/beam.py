@@ -38,7 +38,7 @@ def trials(sizes: int) -> int:
 
 
 def beam(training: Training, sizes: int, tick: Tick) -> list[Member]:
-    """The best model of 1, 2, ... terms, up to `sizes` of them; models whose free run diverges are left out.
+    """Return the best model of 1, 2, ... terms, up to `sizes` of them; models whose free run diverges are left out.
 
     Forward, each of the `WIDTH` best models of a size is tried with each of the best few candidates of the next step of FROLS. Backward,
     the largest gives up the term whose loss its free run feels least, and so on.
@@ -62,7 +62,7 @@ def beam(training: Training, sizes: int, tick: Tick) -> list[Member]:
 
 
 def shortlist(ranking: Regularised, chosen: Sequence[int]) -> list[int]:
-    """The candidates that reduce the error one step ahead most beside the chosen ones, the best first."""
+    """Return the candidates that reduce the error one step ahead most beside the chosen ones, the best first."""
     gains = reductions(ranking, np.array(chosen, dtype=np.int64))
     order = np.argsort(-gains, kind="stable")[:SHORTLIST]
     return [int(place) for place in order if gains[place] > 0]
@@ -97,7 +97,7 @@ def _best_of(members: Iterable[Member]) -> list[Member]:
 
 
 def _pruned(training: Training, best: list[Member], tick: Tick) -> list[Member]:
-    """The best of each size, forward or by deletion from the next larger."""
+    """Return the best of each size, forward or by deletion from the next larger."""
     for size in range(len(best) - 1, 0, -1):
         larger = best[size]
         tried = [best[size - 1]]

@@ -139,7 +139,7 @@ def feedback_of(terms: Sequence[str], states: StateSet, output: str) -> Feedback
 
 
 def fed_back_states(states: StateSet, output: str) -> dict[str, int]:
-    """The states that depend on the output, with how many samples they look back at least.
+    """Return the states that depend on the output, with how many samples they look back at least.
 
     Raises
     ------
@@ -170,14 +170,14 @@ def looks_back(found: State) -> bool:
 
 
 def _parts(found: State) -> Iterator[Lagged | Operated]:
-    """The state and all that it is made of but the quantity, the innermost first."""
+    """Yield the state and all that it is made of but the quantity, the innermost first."""
     if not isinstance(found, Measured):
         yield from _parts(found.source)
         yield found
 
 
 def parted(term: Expression, fed_back: Container[str]) -> tuple[Expression, Expression]:
-    """A term as (part of fed-back states) times (part of inputs).
+    """Return a term as (part of fed-back states) times (part of inputs).
 
     Raises
     ------

@@ -117,7 +117,7 @@ def _start(records: Sequence[Record], recipe: MemoryRecipe, numbers: Unknown) ->
 
 
 def _short(records: Sequence[Record]) -> list[BoolArray]:
-    """The first training samples, up to `SHORT` of all pieces together."""
+    """Return the first training samples, up to `SHORT` of all pieces together."""
     left, short = SHORT, []
     for record in records:
         rows = np.flatnonzero(record.training)[:left]
@@ -132,14 +132,14 @@ def _of_terms(numbers: Unknown, part: Unknown, searched: Array) -> Array:
 
 
 def _with_own(numbers: Unknown, part: Unknown, searched: Array, own: Array) -> Array:
-    """The numbers with those of `part` in their places."""
+    """Return the numbers with those of `part` in their places."""
     changed = searched.copy()
     changed[[place.state in part.states for place in numbers.places]] = own
     return changed
 
 
 def _counted(recipe: MemoryRecipe, progress: Progress, *, refines: bool) -> Tick:
-    """What counts the models that are tried."""
+    """Return what counts the models that are tried."""
     sizes = trials(recipe.most_terms) if recipe.select == "free_run" else recipe.most_terms
     total = (sizes if recipe.stop == "free_run" else 0) + refines
     numbers = iter(range(1, total + 1))
@@ -191,7 +191,7 @@ def _one_step(training: Training, recipe: MemoryRecipe, tick: Tick) -> list[Memb
 
 
 def _late(record: Record) -> BoolArray:
-    """The last training samples of a piece."""
+    """Return the last training samples of a piece."""
     rows = np.flatnonzero(record.training)
     held = np.zeros(record.size, dtype=np.bool_)
     held[rows[len(rows) - int(LATE * len(rows)) :]] = True

@@ -30,7 +30,7 @@ def one_step_ahead(model: MemoryModel, columns: Columns) -> Array:
 
 
 def free_run(model: MemoryModel, columns: Columns) -> Run:
-    """Simulation from the first outputs, as the model's `start` says.
+    """Return simulation from the first outputs, as the model's `start` says.
 
     It starts anew at gaps of `time`, where that runs backwards, and after empty inputs. A model without delayed outputs needs none, and its
     free run is its one-step-ahead prediction. Otherwise the output must be measured at the beginning of every piece, for as many samples as

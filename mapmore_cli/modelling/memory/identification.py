@@ -71,7 +71,7 @@ class Unknown:
         return np.array([[_place(place.low, place), _place(place.high, place)] for place in self.places]).reshape(-1, 2)
 
     def grids(self) -> tuple[tuple[tuple[float, ...], ...], ...]:
-        """The starting numbers of each state, within the bounds."""
+        """Return the starting numbers of each state, within the bounds."""
         sets = []
         for one in self.states:
             starts = OPERATORS[one.operator].starts
@@ -85,12 +85,12 @@ class Unknown:
         return np.clip(places, *self.bounds.T) if places else np.empty(0)
 
     def numbers(self, searched: Array, digits: int = 17) -> tuple[float, ...]:
-        """The numbers at a place of the search, to so many significant digits."""
+        """Return the numbers at a place of the search, to so many significant digits."""
         values = (np.exp(at) if place.low > 0 else at for at, place in zip(searched.tolist(), self.places, strict=True))
         return tuple(float(f"{value:.{digits}g}") + 0.0 for value in values)
 
     def filled(self, texts: Sequence[str], numbers: Sequence[float]) -> tuple[str, ...]:
-        """The terms with the numbers in their states' names."""
+        """Return the terms with the numbers in their states' names."""
         rest, own = list(numbers), {}
         for one in self.states:
             count = len(OPERATORS[one.operator].parameters)
@@ -109,7 +109,7 @@ class Unknown:
 
 
 def unknown(texts: Sequence[str], step: float, longest: float) -> Unknown:
-    """What the terms leave open."""
+    """Return what the terms leave open."""
     states = {part for text in texts for name in parse(text).names for part in _parts(state(name))}
     found = sorted((part for part in states if isinstance(part, Operated) and is_open(part)), key=lambda one: (len(one.name), one.name))
     return Unknown(tuple(found), step, longest)
@@ -120,7 +120,7 @@ Error = Callable[[tuple[float, ...]], float]
 
 
 def scan(open_numbers: Unknown, error: Error, keep: int) -> list[tuple[float, ...]]:
-    """The `keep` best sets of numbers, the best first: each state over its grid in turn, the others as they are best so far."""
+    """Return the `keep` best sets of numbers, the best first: each state over its grid in turn, the others as they are best so far."""
     grids = open_numbers.grids()
     best = [grid[len(grid) // 2] for grid in grids]
     ranked: list[tuple[float, tuple[float, ...]]] = []
@@ -140,7 +140,7 @@ def _place(number: float, place: _Place) -> float:
 
 
 def _with(found: State, numbers: dict[Operated, tuple[float, ...]]) -> State:
-    """A state with the numbers of what was left open in it."""
+    """Return a state with the numbers of what was left open in it."""
     if isinstance(found, Measured):
         return found
     inner = _with(found.source, numbers)

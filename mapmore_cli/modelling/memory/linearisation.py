@@ -49,11 +49,11 @@ class Linearised:
             self.phi[:, j] = self.inputs[:, j] * own[group] if group >= 0 else self.inputs[:, j]
 
     def sensitivities(self) -> Array:
-        """Derivatives of the outputs by theta and by the constant, (n, k + 1); not finite where the run is unstable."""
+        """Return derivatives of the outputs by theta and by the constant, (n, k + 1); not finite where the run is unstable."""
         return self.solve(self.phi)
 
     def solve(self, right: Array) -> Array:
-        """What becomes of disturbances `right`, (n, p), that enter the output at each sample: (n, p)."""
+        """Return what becomes of disturbances `right`, (n, p), that enter the output at each sample: (n, p)."""
         if not self.feedback.owns:
             return right
         width = len(self.unknowns) + 1
@@ -65,7 +65,7 @@ class Linearised:
         return np.asarray(solution[width - 1 :: width])
 
     def _fed_values(self) -> dict[str, Array]:
-        """The fed-back states, scaled."""
+        """Return the fed-back states, scaled."""
         feedback, margin = self.feedback, self.feedback.states.margin
         values = dict(zip(feedback.names, self.trajectory.nodes[list(feedback.places)], strict=True))
         for name, (low, width) in zip(feedback.names, feedback.limits, strict=bool(feedback.limits)):
@@ -127,7 +127,7 @@ class Linearised:
 def run_at_once(
     course: Course, theta: Array, constant: float, bounds: tuple[float, float], horizon: int | None, guess: Array | None
 ) -> Trajectory | None:
-    """The run of `course.run`, all samples at once by Newton's method from a `guess` (n,), the measured outputs where there is none.
+    """Return the run of `course.run`, all samples at once by Newton's method from a `guess` (n,), the measured outputs where there is none.
 
     None where it does not settle within a few steps, leaves the `bounds`, or feeds back operators: then only the way sample by sample is
     left.
@@ -150,7 +150,7 @@ def run_at_once(
 
 
 def _delayed(course: Course, y: Array, begins: IntArray) -> Trajectory:
-    """The trajectory of outputs `y`: what a delay reaches before the beginning of a stretch is measured."""
+    """Return the trajectory of outputs `y`: what a delay reaches before the beginning of a stretch is measured."""
     nodes = np.empty((len(course.feedback.nodes), len(y)))
     rows = np.arange(len(y))
     for values, node in zip(nodes, course.feedback.nodes, strict=True):

@@ -31,7 +31,7 @@ def build(
     quantities: Mapping[str, Quantity],
     notes: tuple[str, ...] = (),
 ) -> Model:
-    """A model with memory, on the backbone that it was fitted on; the `training` curves say the range of the inputs."""
+    """Return a model with memory, on the backbone that it was fitted on; the `training` curves say the range of the inputs."""
     formula = () if backbone is None else literature.of(backbone).inputs
     inputs = sorted({*memory_inputs(memory), *formula})
     ranges = tuple(CurveRange(c.curve, c.level, {name: c.limits[name] for name in inputs}) for c in training)
@@ -39,7 +39,7 @@ def build(
 
 
 def simulate(model: Model, columns: Columns) -> Run:
-    """The model in free run along one recording, (n,), on its backbone where it has one."""
+    """Return the model in free run along one recording, (n,), on its backbone where it has one."""
     run = free_run(_body(model).model, columns)
     return Run(_base(model, columns) + run.values, run.diverged)
 
@@ -50,21 +50,21 @@ def one_step(model: Model, columns: Columns) -> Array:
 
 
 def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
-    """The backbone first, then the equation of the next output."""
+    """Return the backbone first, then the equation of the next output."""
     body = _body(model)
     parts = [*formula_equations(body.backbone, units), (PIECE, memory_equation(body.model, units))]
     return tuple(printed(name, equation) for name, equation in parts)
 
 
 def parameters(model: Model) -> int:
-    """The coefficients of the terms, with the model's own constant where it has one, and the parameters of the backbone."""
+    """Return the coefficients of the terms, with the model's own constant where it has one, and the parameters of the backbone."""
     body = _body(model)
     own = len(body.model.theta) + (body.model.constant != 0.0)
     return own + (0 if body.backbone is None else len(body.backbone.parameters))
 
 
 def fed_back(model: Model) -> tuple[str, ...]:
-    """The output, where the model goes on from it."""
+    """Return the output, where the model goes on from it."""
     memory = _body(model).model
     return (memory.output,) if fed_back_states(memory.states, memory.output) else ()
 

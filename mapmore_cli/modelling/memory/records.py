@@ -49,7 +49,7 @@ class Record:
 
 
 def uninterrupted(time: Array, step: float) -> list[slice]:
-    """The pieces of a record: it is cut where a step is longer than `step`, and where time runs backwards.
+    """Return the pieces of a record: it is cut where a step is longer than `step`, and where time runs backwards.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def uninterrupted(time: Array, step: float) -> list[slice]:
 
 
 def time_step(curves: Sequence[Curve]) -> float:
-    """The time between samples that all curves have in common, s: the median.
+    """Return the time between samples that all curves have in common, s: the median.
 
     Raises
     ------
@@ -98,7 +98,7 @@ def time_step(curves: Sequence[Curve]) -> float:
 
 
 def records_of(curves: Sequence[Curve], step: float) -> tuple[Record, ...]:
-    """The recordings of all curves cut into uninterrupted pieces; samples that are held out, or at rest, do not train.
+    """Return the recordings of all curves cut into uninterrupted pieces; samples that are held out, or at rest, do not train.
 
     Raises
     ------

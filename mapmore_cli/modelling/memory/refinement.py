@@ -109,7 +109,7 @@ class Problem:
         return int(sum(rows.sum() for rows in self.counted))
 
     def at(self, point: Coefficients, horizon: int | None = None, near: Coefficients | None = None) -> Coefficients:
-        """The point with its runs and its error; `near` is one whose runs are known to be alike."""
+        """Return the point with its runs and its error; `near` is one whose runs are known to be alike."""
         runs: list[Trajectory] = []
         sse = 0.0
         for place, (course, rows) in enumerate(zip(self.courses_at(point), self.counted, strict=True)):
@@ -122,7 +122,7 @@ class Problem:
         return replace(point, sse=sse, penalty=float(self.ridge @ point.theta**2), runs=tuple(runs))
 
     def courses_at(self, point: Coefficients) -> tuple[Course, ...]:
-        """The pieces with the operators' numbers of a point."""
+        """Return the pieces with the operators' numbers of a point."""
         return self.courses if self.moved is None else self.moved(point.numbers)
 
     def normal(self, point: Coefficients, horizon: int | None = None) -> tuple[Array, Array]:
@@ -143,7 +143,7 @@ class Problem:
         return curvature + np.diag(ridge), downhill - ridge * theta
 
     def _by_number(self, point: Coefficients, place: int, horizon: int | None) -> list[Array]:
-        """Derivatives of all runs by one number of an operator; one-sided at a bound, and where a run to the other side diverges."""
+        """Return derivatives of all runs by one number of an operator; one-sided at a bound, and where a run to the other side diverges."""
         ends = []
         for way in (NUDGE, -NUDGE):
             numbers = point.numbers.copy()
@@ -162,7 +162,7 @@ class Problem:
         return np.concatenate([np.ones(len(point.theta), dtype=np.bool_), [self.free_constant], ~held])
 
     def step(self, point: Coefficients, move: Array) -> Coefficients:
-        """The point moved, numbers within their bounds."""
+        """Return the point moved, numbers within their bounds."""
         k = len(point.theta)
         numbers = np.clip(point.numbers + move[k + 1 :], *self.between.T) if len(point.numbers) else point.numbers
         return Coefficients(point.theta + move[:k], point.constant + float(move[k]), numbers=numbers)
@@ -209,7 +209,7 @@ def minimise(problem: Problem, start: Coefficients, horizon: int | None, effort:
 def _step(
     problem: Problem, point: Coefficients, horizon: int | None, normal: tuple[Array, Array], damping: float
 ) -> tuple[Coefficients | None, float]:
-    """The next point, None where there is no better one; and the damping to go on with."""
+    """Return the next point, None where there is no better one; and the damping to go on with."""
     curvature, downhill = normal
     free = problem.free(point, downhill)
     size = np.sqrt(np.maximum(np.diag(curvature)[free], np.finfo(np.float64).tiny))
@@ -225,7 +225,7 @@ def _step(
 
 
 def standard_errors(problem: Problem, point: Coefficients) -> tuple[Array, Array]:
-    """Standard errors of theta (k,) and of the operators' numbers (m,), from the curvature of the simulation error.
+    """Return standard errors of theta (k,) and of the operators' numbers (m,), from the curvature of the simulation error.
 
     NaN without a degree of freedom or a finite curvature, and for a number at its bound.
     """

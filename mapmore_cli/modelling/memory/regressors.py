@@ -29,21 +29,21 @@ class Regressors:
         return len(self.y)
 
     def rows(self, part: slice) -> Regressors:
-        """Some of the samples."""
+        """Return some of the samples."""
         return Regressors(self.terms, {name: values[part] for name, values in self.states.items()}, self.y[part])
 
     def whole(self) -> Array:
-        """The dictionary as one matrix, (n, M)."""
+        """Return the dictionary as one matrix, (n, M)."""
         return dictionary_matrix(self.terms, self.states, self.samples)
 
     def blocks(self) -> Iterator[tuple[Array, Array]]:
-        """The dictionary and the output, block by block."""
+        """Yield the dictionary and the output, block by block."""
         for rows, P in dictionary_blocks(self.terms, self.states, self.samples):
             yield P, self.y[rows]
 
 
 def regressors(records: Sequence[Record], states: StateSet, terms: Sequence[Expression], target: str) -> Regressors:
-    """The training samples of all pieces on which every state has a value.
+    """Return the training samples of all pieces on which every state has a value.
 
     Raises
     ------

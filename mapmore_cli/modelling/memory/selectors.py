@@ -41,15 +41,15 @@ class Selector(Protocol):
     """Gives a model of any number of terms."""
 
     def best(self, stop: Stop, tolerance: float) -> Choice:
-        """The model whose number of terms the rule prefers."""
+        """Return the model whose number of terms the rule prefers."""
         ...
 
     def of_size(self, terms: int) -> Choice:
-        """The model of so many terms, or of as many as there can be."""
+        """Return the model of so many terms, or of as many as there can be."""
         ...
 
     def among(self, chosen: IntArray) -> Choice:
-        """The model of these candidates, in the order of their error reduction."""
+        """Return the model of these candidates, in the order of their error reduction."""
         ...
 
     def penalty(self, chosen: IntArray) -> Array:
@@ -180,7 +180,7 @@ def _plain(found: Selection) -> Choice:
 
 
 def _widened(found: Selection, among: IntArray, candidates: int) -> Selection:
-    """A selection among some candidates as one among all; the tables are empty (NaN) for all others."""
+    """Return a selection among some candidates as one among all; the tables are empty (NaN) for all others."""
     tables = np.full((2, len(found.chosen), candidates), np.nan)
     tables[:, :, among] = found.g_all, found.err_all
     runner_up = np.where(found.runner_up >= 0, among[found.runner_up], -1)
@@ -193,7 +193,7 @@ def _folds(data: Regressors, by: Standard) -> list[Moments]:
 
 
 def _in_units(found: Selection, by: Standard) -> Selection:
-    """A selection of standardised candidates as one of centred candidates."""
+    """Return a selection of standardised candidates as one of centred candidates."""
     y, columns = float(by.spread[-1]), by.spread[:-1]
     chosen = columns[found.chosen]
     return replace(

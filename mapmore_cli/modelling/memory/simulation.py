@@ -108,7 +108,7 @@ class Course:
     def _stretch(
         self, begin: int, end: int, base: list[float], weights: list[list[float]], bounds: tuple[float, float]
     ) -> tuple[Array, Array]:
-        """Outputs and nodes of the samples from `begin` up to `end`, or up to the first that leaves the bounds."""
+        """Return outputs and nodes of the samples from `begin` up to `end`, or up to the first that leaves the bounds."""
         feedback, depth = self.feedback, self.feedback.depth
         past = np.maximum(np.arange(-depth, 0) + self.start + begin, 0)  # at rest before row 0
         y = _at_rest_before(self.measured[past]).tolist()
@@ -138,7 +138,7 @@ class Course:
 
 
 def _at_rest_before(measured: Array) -> Array:
-    """Outputs with the first known one in place of those before it."""
+    """Return outputs with the first known one in place of those before it."""
     known = np.isfinite(measured)
     return np.where(np.arange(len(measured)) < np.argmax(known), measured[np.argmax(known)], measured)
 
@@ -162,7 +162,7 @@ def _wired(feedback: Feedback, history: Array, y: list[float]) -> tuple[list[Rea
 
 
 def _advanced(rule: Recursion, own: list[float], source: list[float], back: int) -> Callable[[], None]:
-    """What appends the next value of an operator to its `own` ones; the present value of its source stands `back` from the end."""
+    """Return what appends the next value of an operator to its `own` ones; the present value of its source stands `back` from the end."""
     following = partial(rule.next, FLOATS)
     if (rule.own, rule.source) == (1, 0):
         return lambda: own.append(following(own[-1], source[-back]))

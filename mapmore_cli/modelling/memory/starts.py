@@ -40,14 +40,14 @@ def begun(model: MemoryModel, feedback: Feedback, piece: Piece) -> Course:
 
 
 def _with_first(feedback: Feedback, piece: Piece, course: Course, first: Array, end: int | None = None) -> Course:
-    """The course with other outputs before its first sample, up to the row `end` of the piece."""
+    """Return the course with other outputs before its first sample, up to the row `end` of the piece."""
     measured = piece.measured.copy()
     measured[: course.start] = np.concatenate([np.full(course.start - len(first), first[:1].sum()), first])
     return course_of(feedback, Piece(measured, piece.driven, {}), end)
 
 
 def _steady(model: MemoryModel, feedback: Feedback, piece: Piece, course: Course) -> float:
-    """The output that the first inputs hold where it is: a root of (next output - output), by the secant."""
+    """Return the output that the first inputs hold where it is: a root of (next output - output), by the secant."""
     low, high = model.limits
     width = high - low or 1.0
 
@@ -71,7 +71,7 @@ def _steady(model: MemoryModel, feedback: Feedback, piece: Piece, course: Course
 
 
 def _identified(model: MemoryModel, feedback: Feedback, piece: Piece, course: Course) -> Course:
-    """The first outputs of least squared error over the first part of the run, by Gauss and Newton from the measured ones."""
+    """Return the first outputs of least squared error over the first part of the run, by Gauss and Newton from the measured ones."""
     end = course.start + max(int(FIRST * course.size), min(course.size, 4 * feedback.longest))
     wanted = piece.measured[course.start : end]
     known = np.isfinite(wanted)

@@ -62,7 +62,7 @@ def _computed(found: State, columns: Columns, numbers: StateSet, known: Known) -
 
 
 def setting_of(found: Operated, numbers: StateSet) -> Setting:
-    """What an operator's state depends on: numbers of its name, or those that training found."""
+    """Return what an operator's state depends on: numbers of its name, or those that training found."""
     source = found.source.name
     match OPERATORS[found.operator].needs:
         case "range":
@@ -156,7 +156,7 @@ def resolve(
     margin: float,
     resonances: Mapping[str, tuple[float, float]] | None = None,
 ) -> StateSet:
-    """The states of these names, with every number that they need.
+    """Return the states of these names, with every number that they need.
 
     Parameters
     ----------
@@ -188,7 +188,7 @@ def resolve(
 
 
 def _parts(found: State) -> Iterator[State]:
-    """The state and all that it is made of, the innermost first."""
+    """Yield the state and all that it is made of, the innermost first."""
     if not isinstance(found, Measured):
         yield from _parts(found.source)
     yield found

@@ -49,7 +49,7 @@ class Training:
     # one step ahead ------------------------------------------------------------------------------------------------------------------
 
     def fit(self, choice: Choice) -> MemoryFit:
-        """The model of a choice, with its coefficients of one step ahead."""
+        """Return the model of a choice, with its coefficients of one step ahead."""
         found = choice.selection
         states = self._states_of(found.chosen)
         terms = tuple(self.recipe.dictionary[i] for i in found.chosen)
@@ -72,7 +72,7 @@ class Training:
         return replace(fit, identified=numbers.found(point.numbers, of_numbers)) if numbers.places else fit
 
     def problem(self, chosen: IntArray, counted: Sequence[BoolArray] | None = None, open_terms: Sequence[str] | None = None) -> Problem:
-        """The simulation error of some candidates, over the training samples or those that are `counted`, (n,) for each record.
+        """Return the simulation error of some candidates, over the training samples or those that are `counted`, (n,) for each record.
 
         `open_terms` are the candidates as the dictionary names them, where numbers of their operators are to be searched as well.
 
@@ -111,7 +111,7 @@ class Training:
         return replace(problem, moved=lambda at: moved(tuple(at.tolist())), between=numbers.bounds)
 
     def unknown(self, terms: Sequence[str]) -> Unknown:
-        """What terms leave open."""
+        """Return what terms leave open."""
         longest = max((int(record.training.sum()) for record in self.records), default=1)
         return unknown(terms, self.recipe.step, longest * self.recipe.step)
 
@@ -134,7 +134,7 @@ class Training:
         return tuple(piece_of(self.states, self.recipe.target, record.columns) for record in self.records)
 
     def _states_of(self, chosen: IntArray) -> StateSet:
-        """The states that some candidates need, with their numbers."""
+        """Return the states that some candidates need, with their numbers."""
         used = frozenset[str]().union(*(self.terms[i].names for i in chosen))
         places = [place for place, name in enumerate(self.states.names) if name in used]
         scales = (self.states.low[places], self.states.high[places]) if self.states.scaled else (self.states.low, self.states.high)

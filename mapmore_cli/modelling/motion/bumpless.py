@@ -40,7 +40,7 @@ class Trace:
 
 
 def joined(motion: Motion, traces: Sequence[Trace], reach: float) -> Motion:
-    """The model with sections that meet, and poles refined for that.
+    """Return the model with sections that meet, and poles refined for that.
 
     Raises
     ------
@@ -111,7 +111,7 @@ def _heights_of(motion: Motion, run: Trace) -> Array:
 
 
 def _with_heights(motion: Motion, poles: Array, heights: Array) -> Motion:
-    """The weights of the drives `u, 1` (and `L, u L`) that the heights give in every section."""
+    """Return the weights of the drives `u, 1` (and `L, u L`) that the heights give in every section."""
     knots, lines = _knots(motion), _lines(motion)
     sections = []
     for number, (section, (p1, p2)) in enumerate(zip(motion.sections, poles.tolist(), strict=True)):
@@ -127,7 +127,7 @@ def _with_heights(motion: Motion, poles: Array, heights: Array) -> Motion:
 
 
 def continued(motion: Motion) -> Motion:
-    """A model with hard switching as one that shares its state: constants are added so that its sections meet, the first as it is.
+    """Return a model with hard switching as one that shares its state: constants are added so that its sections meet, the first as it is.
 
     For published sections, whose steady outputs disagree at the boundaries. Rise and fall are joined each for itself.
     """

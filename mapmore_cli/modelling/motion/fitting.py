@@ -56,7 +56,7 @@ def fit_motion(records: Sequence[Record], recipe: MotionRecipe, progress: Callab
 
 
 def _training_input(records: Sequence[Record], recipe: MotionRecipe) -> Array:
-    """The input at all training samples."""
+    """Return the input at all training samples."""
     u = np.concatenate([record.columns[recipe.input][record.training] for record in records])
     if len(u) and np.ptp(u) == 0:
         raise DataError(
@@ -68,7 +68,7 @@ def _training_input(records: Sequence[Record], recipe: MotionRecipe) -> Array:
 
 
 def _outline(recipe: MotionRecipe, boundaries: tuple[float, ...], limits: tuple[float, float]) -> Motion:
-    """The model with sections that know their place, and no parameters yet."""
+    """Return the model with sections that know their place, and no parameters yet."""
     empty = np.zeros(len(recipe.drives))
     sections = tuple(
         MotionSection(name, place, direction, 0.0, 0.0, empty)
@@ -104,7 +104,7 @@ def _count(traces: Sequence[Trace], number: int) -> int:
 
 
 def _search(traces: Sequence[Trace], recipe: MotionRecipe, outline: Motion, number: int) -> Found:
-    """The parameters of one section."""
+    """Return the parameters of one section."""
     section, samples, needed = outline.sections[number], _count(traces, number), 2 + len(outline.drives)
     if samples <= needed:
         low, high = outline.limits

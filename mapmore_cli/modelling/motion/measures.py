@@ -25,7 +25,7 @@ class MotionErrors:
 
 
 def last_wavelength(u: Array) -> int:
-    """Samples of the last wavelength of an input (n,), so many that it repeats itself before; n where it does not."""
+    """Return samples of the last wavelength of an input (n,), so many that it repeats itself before; n where it does not."""
     tolerance = REPEATS * float(np.ptp(u))
     moving = np.ptp(u) > 0
     for length in range(4, len(u) // 2 + 1):

@@ -22,19 +22,19 @@ from mapmore_cli.modelling.program.writing import Inputs, Writer, limit
 def build(
     name: str, motion: Motion, training: Sequence[SegmentedCurve], quantities: Mapping[str, Quantity], notes: tuple[str, ...]
 ) -> Model:
-    """A model of motion; the `training` curves say the range of the inputs."""
+    """Return a model of motion; the `training` curves say the range of the inputs."""
     inputs = motion_inputs(motion)
     ranges = tuple(CurveRange(c.curve, c.level, {name: c.limits[name] for name in inputs}) for c in training)
     return Model(name, quantities[motion.output], tuple(quantities[name] for name in inputs), StateSpace(motion, ranges), notes=notes)
 
 
 def motion_inputs(motion: Motion) -> list[str]:
-    """The quantities that drive the sections: the input first, then a load where they depend on one."""
+    """Return the quantities that drive the sections: the input first, then a load where they depend on one."""
     return list(dict.fromkeys([motion.input, *sorted(frozenset[str]().union(*(parse(text).names for text in motion.drives)))]))
 
 
 def simulate(model: Model, columns: Columns) -> Run:
-    """The model along one recording, (n,), from rest; NaN where an input is NaN, with a new beginning after it."""
+    """Return the model along one recording, (n,), from rest; NaN where an input is NaN, with a new beginning after it."""
     names = [*(quantity.name for quantity in model.inputs), *(["time"] if "time" in columns else [])]
     given = {name: np.asarray(columns[name], dtype=np.float64) for name in names}
     known = np.logical_and.reduce([np.isfinite(column) for column in given.values()])
@@ -46,7 +46,7 @@ def simulate(model: Model, columns: Columns) -> Run:
 
 
 def one_step(model: Model, columns: Columns) -> Array:
-    """The same, (n,): the model asks for no measured past."""
+    """Return the same, (n,): the model asks for no measured past."""
     return simulate(model, columns).values
 
 

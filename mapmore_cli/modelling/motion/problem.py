@@ -148,7 +148,7 @@ class Problem:
         return int(self.pieces[0].drives.shape[1])
 
     def responses(self, p1: float, p2: float) -> Array:
-        """Outputs (n, m) at the own samples, of a section that each drive alone moves with weight one."""
+        """Return outputs (n, m) at the own samples, of a section that each drive alone moves with weight one."""
         self.evaluations += 1
         return np.concatenate([response(p1, p2, piece.drives, self.start)[own] for piece, own in zip(self.pieces, self.own, strict=True)])
 
@@ -159,7 +159,7 @@ class Problem:
         return _root_mean_square(_weighted(self.responses(p1, p2), weights) - self.y)
 
     def projected(self, p1: float, p2: float) -> tuple[Array, Array]:
-        """The best weights (m,) for the poles, by linear least squares, and the residuals (n,) that they leave."""
+        """Return the best weights (m,) for the poles, by linear least squares, and the residuals (n,) that they leave."""
         moved = self.responses(p1, p2)
         if moved.shape[1] == 1:
             column = moved[:, 0]
@@ -176,7 +176,7 @@ class Problem:
         return _root_mean_square(self.projected(p1, p2)[1])
 
     def found(self, p1: float, p2: float, history: Sequence[float]) -> Found:
-        """What a search has come to, with the best weights for its poles."""
+        """Return what a search has come to, with the best weights for its poles."""
         weights, residuals = self.projected(p1, p2)
         return Found(p1, p2, weights, _root_mean_square(residuals), self.evaluations, np.asarray(history, dtype=np.float64))
 

@@ -59,7 +59,7 @@ def of_reflections(k1: float, k2: float, reach: float) -> tuple[float, float]:
 
 
 def reflections(p1: float, p2: float, reach: float) -> tuple[float, float]:
-    """The inverse of `of_reflections`; a section with a pole outside of the circle comes to the nearest edge."""
+    """Return the inverse of `of_reflections`; a section with a pole outside of the circle comes to the nearest edge."""
     k2 = min(max(-p1 / reach**2, -EDGE), EDGE)
     return min(max(-p2 / reach / (1.0 + k2), -EDGE), EDGE), k2
 
@@ -71,7 +71,7 @@ def of_angles(angles: Array, reach: float) -> tuple[float, float]:
 
 
 def angles(p1: float, p2: float, reach: float, inmost: float = EDGE) -> list[float]:
-    """The inverse of `of_angles`, of a section whose reflection coefficients are brought to `inmost` at most."""
+    """Return the inverse of `of_angles`, of a section whose reflection coefficients are brought to `inmost` at most."""
     return [math.atanh(min(max(k, -inmost), inmost)) for k in reflections(p1, p2, reach)]
 
 
@@ -132,7 +132,7 @@ def named(count: int, *, directed: bool) -> list[tuple[str, int, str]]:
 
 
 def extent(boundaries: Sequence[float], place: int) -> str:
-    """The inputs of the section at a place, as `from 1.05 to 2.35`."""
+    """Return the inputs of the section at a place, as `from 1.05 to 2.35`."""
     if not boundaries:
         return "any input"
     if place == 1:

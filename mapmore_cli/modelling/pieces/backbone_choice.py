@@ -107,7 +107,7 @@ def candidates(curves: Sequence[Curve], target: str) -> tuple[str | None, ...]:
 
 
 def simplest(found: Sequence[Candidate]) -> Candidate:
-    """The candidate with the fewest parameters of those within the margin of the least error, the better one of equals."""
+    """Return the candidate with the fewest parameters of those within the margin of the least error, the better one of equals."""
     least = min(one.rmse for one in found)
     return min((one for one in found if one.rmse <= (1 + MARGIN) * least), key=lambda one: (one.parameters, one.rmse))
 
@@ -132,7 +132,7 @@ class _Folds:
         self.said: dict[str | None, list[LeftOut]] = {}
 
     def tried(self, name: str | None, count: int) -> Candidate | None:
-        """The candidate on the first `count` folds, as if the others added no error; None where it cannot be fitted without one."""
+        """Return the candidate on the first `count` folds, as if the others added no error; None where it cannot be fitted without one."""
         said = self.said.setdefault(name, [])
         if len(said) == 1:  # it has come through the first: those that do are mostly tried on all
             fit_backbones(self.curves, self.folds, self.recipe, name)
@@ -148,7 +148,7 @@ class _Folds:
 
 
 def _raced(names: Sequence[str | None], folds: _Folds, progress: Callable[[int, int], None]) -> list[Candidate]:
-    """The candidates that can be fitted, each on as many folds as its choice depends on.
+    """Return the candidates that can be fitted, each on as many folds as its choice depends on.
 
     A sum of squares only grows from fold to fold, whatever the share. So the candidate that errs least so far is tried on one more fold,
     until all that are left have gone beyond the margin of the best one.
@@ -178,7 +178,7 @@ def _outermost(chosen: Candidate, curves: Sequence[Curve], recipe: Recipe, quant
 
 
 def _part(recipe: Recipe) -> str:
-    """What is left out in turn."""
+    """Return what is left out in turn."""
     return "training block" if recipe.level is None else "training level"
 
 

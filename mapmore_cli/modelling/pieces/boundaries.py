@@ -21,7 +21,7 @@ FEWEST_SAMPLES = 5
 
 
 def gradient_boundaries(x: Array, y: Array, cut: Cuts) -> Array:
-    """The `count - 1` inner boundaries at the largest peaks of |change of slope|, ascending.
+    """Return the `count - 1` inner boundaries at the largest peaks of |change of slope|, ascending.
 
     No boundary lies nearer than the separation to another one or to an end of the range, or leaves a segment with hardly any sample;
     there are fewer where the curve has fewer such peaks.
@@ -47,7 +47,7 @@ def gradient_boundaries(x: Array, y: Array, cut: Cuts) -> Array:
 
 
 def _filled(x: Array, boundaries: list[float]) -> bool:
-    """True where every segment holds samples enough."""
+    """Return True where every segment holds samples enough."""
     places = np.searchsorted(np.sort(np.array(boundaries)), x)
     return int(np.bincount(places, minlength=len(boundaries) + 1).min()) >= FEWEST_SAMPLES
 

@@ -123,7 +123,7 @@ def fuse(
 def build(
     name: str, curves: Sequence[Curve], recipe: Recipe, quantities: Mapping[str, Quantity], backbone: FormulaFit | None = None
 ) -> Model:
-    """A model from curves in one go."""
+    """Return a model from curves in one go."""
     segmentation = segment(curves, recipe, backbone)
     return fuse(name, curves, segmentation, FitResult(PiecesFit(fit(curves, segmentation, recipe, backbone)), backbone), recipe, quantities)
 
@@ -151,7 +151,7 @@ def _share(recipe: Recipe, backbone: FormulaFit | None) -> float:
 
 
 def _aligned_variable(recipe: Recipe, inputs: Sequence[str]) -> str | None:
-    """The variable along which thresholds are looked for: the first that is cut, else the first input that is not the level."""
+    """Return the variable along which thresholds are looked for: the first that is cut, else the first input that is not the level."""
     if recipe.fuse.align == "none" or recipe.level is None:
         return None
     return next(iter([*recipe.cuts, *(name for name in inputs if name != recipe.level)]), None)
@@ -195,7 +195,7 @@ def _function(fit: SegmentFit, limits: Mapping[str, tuple[float, float]]) -> Seg
 
 
 def _extrapolation(recipe: Recipe, result: FitResult, inputs: Sequence[str]) -> dict[str, tuple[Side, Side]]:
-    """The declared behaviour, or the default: `continue` for one-term fits, else `saturate`.
+    """Return the declared behaviour, or the default: `continue` for one-term fits, else `saturate`.
 
     A polynomial of several terms explodes beyond its data, and while interpolating between levels a curve is evaluated past its own end
     as a matter of course: on a simulated muscle that made a validation RMSE of 771 N out of 19.6 N.
@@ -211,7 +211,7 @@ def _several_terms(result: FitResult) -> list[str]:
 
 
 def _remarks(recipe: Recipe, result: FitResult, sides: Mapping[str, tuple[Side, Side]]) -> tuple[str, ...]:
-    """What the user should know about extrapolation."""
+    """Return what the user should know about extrapolation."""
     curves = _several_terms(result)
     if not curves:
         return ()

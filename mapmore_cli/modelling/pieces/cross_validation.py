@@ -65,7 +65,7 @@ def leave_out(
 def of_fold(
     curves: Sequence[Curve], left_out: Sequence[BoolArray], recipe: Recipe, quantities: Mapping[str, Quantity], backbone: str | None
 ) -> LeftOut:
-    """What a model of the rest says of one fold; raises FitError where the backbone cannot be fitted without it."""
+    """Return what a model of the rest says of one fold; raises FitError where the backbone cannot be fitted without it."""
     training = _rest(curves, left_out)
     formula = None if backbone is None else fit_formula(backbone, training, recipe.target, advice=False)
     if formula is not None and formula.failed:
@@ -84,12 +84,12 @@ def fit_backbones(curves: Sequence[Curve], folds: Folds, recipe: Recipe, backbon
 
 
 def _rest(curves: Sequence[Curve], left_out: Sequence[BoolArray]) -> list[Curve]:
-    """The curves without the training samples of a fold."""
+    """Return the curves without the training samples of a fold."""
     return [replace(c, held_out=c.held_out | out) for c, out in zip(curves, left_out, strict=True)]
 
 
 def _of_fewer_samples(recipe: Recipe) -> Recipe:
-    """The recipe with all of the residual, which joins segments that lack samples only since some are left out."""
+    """Return the recipe with all of the residual, which joins segments that lack samples only since some are left out."""
     least = recipe.fit.most_terms + 1
 
     def joining(cut: Cut) -> Cut:
@@ -118,7 +118,7 @@ def training_numbers(curves: Sequence[Curve]) -> list[int]:
 
 
 def inner_folds(curves: Sequence[Curve], recipe: Recipe) -> Folds:
-    """What is left out in turn: data that lie between others.
+    """Return what is left out in turn: data that lie between others.
 
     - Each inner level, since between levels is where a level-wise residual can do harm.
     - With fewer than three training levels, each inner block of the curves along the variable that is cut.
@@ -129,12 +129,12 @@ def inner_folds(curves: Sequence[Curve], recipe: Recipe) -> Folds:
 
 
 def outer_folds(curves: Sequence[Curve], recipe: Recipe) -> Folds:
-    """The lowest and the highest level or block in place of the inner ones: there a model extrapolates."""
+    """Return the lowest and the highest level or block in place of the inner ones: there a model extrapolates."""
     return [fold for along in _along(curves, recipe) for fold in (along[0], along[-1])]
 
 
 def _along(curves: Sequence[Curve], recipe: Recipe) -> list[Folds]:
-    """The folds along every quantity that has at least three, in ascending order."""
+    """Return the folds along every quantity that has at least three, in ascending order."""
     levels = _levels(curves, training_numbers(curves))
     if recipe.level is not None and len(levels) > 2:
         return [levels]
@@ -164,7 +164,7 @@ def in_curve(curves: Sequence[Curve], segmented: Sequence[str], target: str, lev
 
 
 def block(curve: Curve, along: str, number: int) -> BoolArray:
-    """The training samples in one of `BLOCKS` blocks of a curve, (n,), in the order of a quantity."""
+    """Return the training samples in one of `BLOCKS` blocks of a curve, (n,), in the order of a quantity."""
     out = np.zeros(curve.size, dtype=bool)
     rows = np.flatnonzero(curve.training)
     order = rows[np.argsort(curve.columns[along][rows], kind="stable")]

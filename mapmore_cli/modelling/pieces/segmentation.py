@@ -57,7 +57,7 @@ def cut_points(curve: Curve, rows: IntArray, name: str, target: str, cut: Cut, c
 
 
 def joined(boundaries: Array, x: Array, least: int) -> Array:
-    """The boundaries of one variable without those that must go for every segment to hold `least` samples, or only one to be left.
+    """Return the boundaries of one variable without those that must go for every segment to hold `least` samples, or only one to be left.
 
     The segment with the fewest samples is joined to the neighbour that has fewer, the left one of equals, until none has too few.
     """
@@ -101,7 +101,7 @@ def joined_cells(cells: Mapping[Cell, BoolArray], least: int, across: Sequence[b
 
 
 def _touch(group: Sequence[Cell], other: Sequence[Cell], across: Sequence[bool]) -> bool:
-    """True where a cell of one group lies beside one of the other."""
+    """Return True where a cell of one group lies beside one of the other."""
     steps = ([abs(a - b) for a, b in zip(one, two, strict=True)] for one, two in product(group, other))
     return any(sum(step) == 1 and across[step.index(1)] for step in steps)
 
@@ -124,7 +124,7 @@ def _optimal_points(curve: Curve, rows: IntArray, name: str, grid: Array, cut: C
 
 
 def training_curves(curves: Sequence[Curve], by_level: bool) -> tuple[Curve, ...]:
-    """The curves that get segments of their own: each by itself, or all pooled into one named `all`."""
+    """Return the curves that get segments of their own: each by itself, or all pooled into one named `all`."""
     if by_level:
         return tuple(curve for curve in curves if curve.training.any())
     if len(curves) == 1:
@@ -143,7 +143,7 @@ def training_curves(curves: Sequence[Curve], by_level: bool) -> tuple[Curve, ...
 
 
 def trained_at(curves: Sequence[Curve], level: str | float) -> tuple[Curve, ...]:
-    """The curves, of which only that at `level` (a number, or `highest` of the training levels) trains; all of them for `all`."""
+    """Return the curves, of which only that at `level` (a number, or `highest` of the training levels) trains; all of them for `all`."""
     if level == "all":
         return tuple(curves)
     chosen = max(c.level for c in curves if c.level is not None and c.training.any()) if level == "highest" else level
@@ -191,7 +191,7 @@ def cut_by_course(curves: Sequence[Curve], by_level: bool, cuts: Mapping[str, Cu
 
 
 def uncut(curves: Sequence[Curve], by_level: bool, target: str) -> list[SegmentedCurve]:
-    """The training curves whole, for models that have no segments: they say the range of the inputs."""
+    """Return the training curves whole, for models that have no segments: they say the range of the inputs."""
     return cut_by_course(curves, by_level, {}, target)
 
 

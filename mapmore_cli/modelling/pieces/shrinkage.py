@@ -29,7 +29,7 @@ def with_trusted_residual(
     quantities: Mapping[str, Quantity],
     progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> Model:
-    """A model on a backbone, with as much of its residual as left-out training data support.
+    """Return a model on a backbone, with as much of its residual as left-out training data support.
 
     - With three levels or more, inner levels are left out, and `shrunken_share` of the residual is carried between levels.
     - With fewer, inner blocks of the curves are left out, and the residual is dropped where it does harm there. With two, nothing is known
@@ -107,7 +107,7 @@ def _dropped(model: Model, left_out: LeftOut) -> Model:
 
 
 def _on_backbone(model: Model) -> tuple[Pieces, FormulaFit]:
-    """The pieces of a model, and the formula that they stand on."""
+    """Return the pieces of a model, and the formula that they stand on."""
     assert isinstance(model.body, Pieces)
     assert model.body.backbone is not None
     return model.body, model.body.backbone

@@ -154,7 +154,7 @@ def chosen(
 
 
 def _costs(places: Array, taken: Array, prices: Sequence[float]) -> Array:
-    """The price of every place, (m,), after some were taken, (k, d)."""
+    """Return the price of every place, (m,), after some were taken, (k, d)."""
     total = np.zeros(len(places))
     for column, price in enumerate(prices):
         total += price * ~np.isin(places[:, column], taken[:, column])

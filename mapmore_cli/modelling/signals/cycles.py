@@ -125,7 +125,7 @@ def _trimmed_runs(over: Array, turns: IntArray) -> Mapping[int, list[IntArray]]:
 
 
 def _noise(values: Array) -> float:
-    """Standard deviation of the noise, from second differences, which steady movement leaves at zero."""
+    """Return standard deviation of the noise, from second differences, which steady movement leaves at zero."""
     if len(values) < 3:
         return 0.0
     return 1.4826 * float(np.median(np.abs(np.diff(values, 2)))) / math.sqrt(6.0)

@@ -128,12 +128,12 @@ def _settled(signal: Array, later: IntArray, span: float) -> BoolArray:
 
 
 def _first(mask: BoolArray) -> int:
-    """Number of the first True, the length where there is none."""
+    """Return number of the first True, the length where there is none."""
     return int(np.argmax(mask)) if mask.any() else len(mask)
 
 
 def _last(mask: BoolArray) -> int:
-    """Number of the last True, -1 where there is none."""
+    """Return number of the last True, -1 where there is none."""
     return len(mask) - 1 - int(np.argmax(mask[::-1])) if mask.any() else -1
 
 

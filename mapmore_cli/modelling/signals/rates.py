@@ -134,7 +134,7 @@ def direction(rate: Array, dead_band: float) -> Array:
 
 
 def signal_values(signal: Signal, columns: Columns) -> Array:
-    """A signal over one recording, `(n,)`, from the quantity that it follows from and, for a rate, the `time`.
+    """Return a signal over one recording, `(n,)`, from the quantity that it follows from and, for a rate, the `time`.
 
     Raises
     ------
@@ -148,7 +148,7 @@ def signal_values(signal: Signal, columns: Columns) -> Array:
 
 
 def with_signals(signals: Sequence[Signal], columns: Columns) -> dict[str, Array]:
-    """The columns of one recording with every signal that they lack."""
+    """Return the columns of one recording with every signal that they lack."""
     found = dict(columns)
     for signal in signals:
         if signal.name not in found:

@@ -88,7 +88,7 @@ def find_repeats(time: Array) -> IntArray:
 
 
 def _after(time: Array, condition: Callable[[Array], BoolArray]) -> IntArray:
-    """The indices of the samples that are followed by a step of some kind."""
+    """Return the indices of the samples that are followed by a step of some kind."""
     found: list[IntArray] = [np.zeros(0, dtype=np.int64)]
     start = 0
     for block in in_blocks(time, overlap=1):

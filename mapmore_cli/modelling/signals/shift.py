@@ -109,7 +109,7 @@ def find_shift(
 
 
 def _peak(one: Array, other: Array, width: int, offset: float, step: float, within: float | None, same_sign: bool) -> Shift | None:
-    """The best shift by changes over `width` samples; None where there are none."""
+    """Return the best shift by changes over `width` samples; None where there are none."""
     if min(len(one), len(other)) <= 4 * width:
         return None
     u, v = changes(one, width), changes(other, width)
@@ -143,7 +143,7 @@ def _peak(one: Array, other: Array, width: int, offset: float, step: float, with
 
 
 def changes(y: Array, width: int) -> Array:
-    """The mean of the next `width` samples less that of the last, `(n - 2 width + 1,)` of `(n,)`."""
+    """Return the mean of the next `width` samples less that of the last, `(n - 2 width + 1,)` of `(n,)`."""
     total = np.concatenate([[0.0], np.cumsum(y - y.mean())])
     means = (total[width:] - total[:-width]) / width
     found: Array = means[width:] - means[:-width]
@@ -180,7 +180,7 @@ def correlation(u: Array, v: Array) -> tuple[Array, Array, Array]:
 
 
 def _lobe(size: Array, top: int) -> tuple[int, int]:
-    """The first and last lag of the peak itself: down to its feet on either side."""
+    """Return the first and last lag of the peak itself: down to its feet on either side."""
     below = top
     while below > 0 and size[below - 1] <= size[below]:
         below -= 1

@@ -11,7 +11,7 @@ from mapmore_cli.modelling.expressions import Name, parse
 
 
 def sum_of(name: str, parts: Sequence[Part], output: Quantity, quantities: Mapping[str, Quantity]) -> Model:
-    """The model `output = sum_m sign_m m(inputs_m)`, a function of every quantity that its parts' inputs are made of.
+    """Return the model `output = sum_m sign_m m(inputs_m)`, a function of every quantity that its parts' inputs are made of.
 
     Raises
     ------

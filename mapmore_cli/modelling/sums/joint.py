@@ -24,7 +24,7 @@ class Summand:
     inputs: Mapping[str, str] = field(default_factory=dict)
 
     def own_inputs(self, columns: Columns) -> Columns:
-        """The formula's inputs by its own names, `(n,)` each."""
+        """Return the formula's inputs by its own names, `(n,)` each."""
         n = len(next(iter(columns.values())))
         names = literature.get(self.formula).inputs
         return {name: evaluate(parse(self.inputs.get(name, name)), columns, n) for name in names}
@@ -49,7 +49,7 @@ def fit_jointly(summands: Sequence[Summand], columns: Columns, y: Array, method:
 
 
 def joint_formula(summands: Sequence[Summand]) -> Formula:
-    """The sum as one formula, of the summands' inputs and parameters with their numbers behind their names."""
+    """Return the sum as one formula, of the summands' inputs and parameters with their numbers behind their names."""
     parts = [_part(one) for one in summands]
     signs = [one.sign for one in summands]
     numbered = list(enumerate(parts, 1))
@@ -75,7 +75,7 @@ def joint_formula(summands: Sequence[Summand]) -> Formula:
 
 
 def split(fit: FormulaFit, summands: Sequence[Summand]) -> list[FormulaFit]:
-    """The fit of each summand out of the joint one, with its parameters by their own names."""
+    """Return the fit of each summand out of the joint one, with its parameters by their own names."""
     parts = []
     for i, one in enumerate(summands, 1):
         names = literature.get(one.formula).parameters
@@ -86,7 +86,7 @@ def split(fit: FormulaFit, summands: Sequence[Summand]) -> list[FormulaFit]:
 
 
 def predict(fit: FormulaFit, summands: Sequence[Summand], columns: Columns) -> Array:
-    """The sum at every row, `(n,)`; NaN with the parameters of a failed fit."""
+    """Return the sum at every row, `(n,)`; NaN with the parameters of a failed fit."""
     values = np.zeros(len(next(iter(columns.values()))))
     for one, part in zip(summands, split(fit, summands), strict=True):
         values += one.sign * literature.get(one.formula).predict(part.parameters, one.own_inputs(columns))

@@ -18,38 +18,38 @@ from mapmore_cli.modelling.program.writing import Inputs, Writer, times, total
 
 
 def simulate(model: Model, columns: Columns) -> Run:
-    """The sum at every row, (n,), and the rows at which a free run of any part diverges."""
+    """Return the sum at every row, (n,), and the rows at which a free run of any part diverges."""
     runs = [(part.sign, kinds.simulate(part.model, inputs)) for part, inputs in _parts(model, columns)]
     values = sum((sign * run.values for sign, run in runs), start=np.zeros(len(next(iter(columns.values())))))
     return Run(values, tuple(sorted({row for _, run in runs for row in run.diverged})))
 
 
 def one_step(model: Model, columns: Columns) -> Array:
-    """The sum from the measured past, (n,)."""
+    """Return the sum from the measured past, (n,)."""
     values: Array = np.sum([part.sign * kinds.one_step_ahead(part.model, inputs) for part, inputs in _parts(model, columns)], axis=0)
     return values
 
 
 def outside_range(model: Model, columns: Columns) -> BoolArray:
-    """True where any part is beyond its training range, (n,)."""
+    """Return True where any part is beyond its training range, (n,)."""
     found: BoolArray = np.logical_or.reduce([kinds.outside_range(part.model, inputs) for part, inputs in _parts(model, columns)])
     return found
 
 
 def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
-    """The sum of the parts by their names, with what their inputs are here; then the equations of each part, named after it."""
+    """Return the sum of the parts by their names, with what their inputs are here; then the equations of each part, named after it."""
     whole = () if all(part.sign == 1.0 and not part.inputs for part in _body(model).parts) else (_whole(model),)
     named = [(part.model.name, kinds.equations(part.model, units)) for part in _body(model).parts]
     return whole + tuple(replace(one, id=f"{name}: {one.id}") for name, found in named for one in found)
 
 
 def parameters(model: Model) -> int:
-    """The parameters of all parts."""
+    """Return the parameters of all parts."""
     return sum(kinds.parameters(part.model) for part in _body(model).parts)
 
 
 def fed_back(model: Model) -> tuple[str, ...]:
-    """The measured outputs that any part begins from."""
+    """Return the measured outputs that any part begins from."""
     return tuple(dict.fromkeys(name for part in _body(model).parts for name in kinds.fed_back(part.model)))
 
 
@@ -95,6 +95,6 @@ def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
 
 
 def _through(limit: Limit, renamed: Mapping[str, str], inputs: Inputs) -> Limit:
-    """The limit of a part, where its inputs are expressions of the sum's."""
+    """Return the limit of a part, where its inputs are expressions of the sum's."""
     own = {used for name in limit.inputs for used in (parse(renamed[name]).names if name in renamed else {name})}
     return replace(limit, inputs=frozenset(own & inputs.keys()))

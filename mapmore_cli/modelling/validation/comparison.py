@@ -164,7 +164,7 @@ class Place:
 
 
 def common_curves(before: Model, after: Model) -> list[Place]:
-    """The curves of both models at the same level, or of the same name where there are no levels.
+    """Return the curves of both models at the same level, or of the same name where there are no levels.
 
     Where the levels of the two differ, those of the model that has fewer of them inside of both ranges are taken, to which the other is
     interpolated: no more curves are counted than there are.

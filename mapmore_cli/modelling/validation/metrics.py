@@ -24,7 +24,7 @@ class Normaliser:
     value: float
 
     def fraction(self, error: float) -> float:
-        """The error as a fraction; NaN where there is nothing to divide by."""
+        """Return the error as a fraction; NaN where there is nothing to divide by."""
         return error / self.value if self.value > 0 else float("nan")
 
 
@@ -151,7 +151,7 @@ def _rmse(error: Array) -> float:
 
 
 def _unit_of(*values: Array) -> float:
-    """A power of two next to the largest value, in which squares neither vanish nor overflow; dividing by it changes no digit."""
+    """Return a power of two next to the largest value, in which squares neither vanish nor overflow; dividing by it changes no digit."""
     largest = max(float(np.abs(array).max(initial=0.0)) for array in values)
     return math.ldexp(0.5, math.frexp(largest)[1]) if 0 < largest < math.inf else 1.0
 
@@ -172,7 +172,7 @@ class _Part:
     half: Array | None
 
     def score(self, model: str, target: str, split: str, scale: Normaliser) -> Score:
-        """The row of these samples."""
+        """Return the row of these samples."""
         return score(
             model, target, split, self.curve, self.measured, self.predicted, scale, ready=self.ready, one_step=self.one_step, half=self.half
         )
@@ -227,7 +227,7 @@ def score_rows(
 
 
 def _of_groups(of: str, target: str, every: Sequence[tuple[Curve, Forecast]], masks: Sequence[BoolArray]) -> Iterator[_Part]:
-    """The samples of each group, of all curves together."""
+    """Yield the samples of each group, of all curves together."""
     for value in np.unique(np.concatenate([curve.columns[of][mask] for (curve, _), mask in zip(every, masks, strict=True)])):
         chosen = [(curve, found, mask & (curve.columns[of] == value)) for (curve, found), mask in zip(every, masks, strict=True)]
         found = [part for curve, said, mask in chosen for part in _parts("", target, curve, said, mask)]
@@ -236,7 +236,7 @@ def _of_groups(of: str, target: str, every: Sequence[tuple[Curve, Forecast]], ma
 
 
 def _parts(name: str, target: str, curve: Curve, found: Forecast, mask: BoolArray) -> list[_Part]:
-    """The samples of a mask; nothing where none of them could be predicted."""
+    """Return the samples of a mask; nothing where none of them could be predicted."""
     if not (mask & found.ready).any():
         return []
     one_step = None if found.one_step is None else found.one_step[mask]

@@ -26,7 +26,7 @@ class _Branch:
 
 
 def repeats(curves: Sequence[Curve], target: str, inputs: Sequence[str], logs: Mapping[str, str]) -> tuple[Array, ...] | None:
-    """The mean of the other recordings at the level, coordinate and direction of each sample, `(n_c,)` for every curve.
+    """Return the mean of the other recordings at the level, coordinate and direction of each sample, `(n_c,)` for every curve.
 
     Recordings of one curve repeat each other where they agree in every input that was held in them. Each is parted into its rising and its
     falling branch along the one input that varies; a branch is averaged in bins and interpolated between them, never beyond its ends. NaN
@@ -52,14 +52,14 @@ def rising(values: Array) -> BoolArray:
 
 
 def _recordings(curve: Curve) -> Iterator[tuple[str, IntArray]]:
-    """The id of each recording with its rows, in order of time."""
+    """Yield the id of each recording with its rows, in order of time."""
     if curve.origin is not None:
         for number, name in enumerate(curve.recordings):
             yield name, np.flatnonzero(curve.origin == number)
 
 
 def _varying(curves: Sequence[Curve], inputs: Sequence[str]) -> list[str]:
-    """The inputs that move within a recording."""
+    """Return the inputs that move within a recording."""
     spans = {name: [np.ptp(curve.columns[name][rows]) for curve in curves for _, rows in _recordings(curve)] for name in inputs}
     return [name for name in inputs if any(span > 0 for span in spans[name])]
 
@@ -95,7 +95,7 @@ SAME_COURSE = 0.05
 
 
 def repeated_cycles(curves: Sequence[Curve], target: str, driven: str, logs: Mapping[str, str]) -> tuple[Array, ...] | None:
-    """The target of the last training cycle of `driven`, again from the beginning of every held-out cycle, `(n_c,)` for every curve.
+    """Return the target of the last training cycle of `driven`, again from the beginning of every held-out cycle, `(n_c,)` for every curve.
 
     Where the quantity takes the same course in time again, as in a programme of steps, the same moment of that cycle stands beside each
     sample; where it does not, as in loops driven by hand, the same place on the same stroke, rise or fall, which leaves out what a slower
@@ -151,7 +151,7 @@ WORTH = 0.02
 
 
 def floors(x: Sequence[Array], y: Sequence[Array]) -> list[float]:
-    """The `monotone_floor` of every curve y(x) as a part of the largest target of all; nothing where none is worth a word.
+    """Return the `monotone_floor` of every curve y(x) as a part of the largest target of all; nothing where none is worth a word.
 
     Samples that all lie near some monotone curve need no nearest one: that takes a solver, which takes long to load.
     """
@@ -163,7 +163,7 @@ def floors(x: Sequence[Array], y: Sequence[Array]) -> list[float]:
 
 
 def monotone_floor(x: Array, y: Array) -> float:
-    """The RMSE of the best monotone single-valued curve y(x) through samples `(n,)`: what no static model of x alone goes below.
+    """Return the RMSE of the best monotone single-valued curve y(x) through samples `(n,)`: what no static model of x alone goes below.
 
     Isotonic regression, rising or falling, whichever is nearer; samples of one x count together. A loop has such a floor, and so has noise.
     """
@@ -173,7 +173,7 @@ def monotone_floor(x: Array, y: Array) -> float:
 
 
 def _least_error(x: Array, y: Array, rising: Callable[[Array, IntArray], Array]) -> float:
-    """The RMSE of a rising or of a falling curve through the mean targets at each x, whichever is nearer."""
+    """Return the RMSE of a rising or of a falling curve through the mean targets at each x, whichever is nearer."""
     places, inverse, counts = np.unique(x, return_inverse=True, return_counts=True)
     if len(places) == 1:
         return float(np.std(y))
@@ -183,5 +183,5 @@ def _least_error(x: Array, y: Array, rising: Callable[[Array, IntArray], Array])
 
 
 def _between_extremes(means: Array, _counts: IntArray) -> Array:
-    """Some rising curve near the means: halfway between the highest so far and the lowest from there on."""
+    """Return some rising curve near the means: halfway between the highest so far and the lowest from there on."""
     return np.asarray(0.5 * (np.maximum.accumulate(means) + np.minimum.accumulate(means[::-1])[::-1]))

@@ -26,7 +26,7 @@ FLOOR: dict[str, Any] = {"linestyle": "none", "marker": "|", "markersize": 9, "m
 
 
 def campaign_figures(scores: CampaignScores) -> list[Drawing]:
-    """A line of dots for each run, a dot for each model, on a logarithmic axis; none for a single run.
+    """Return a line of dots for each run, a dot for each model, on a logarithmic axis; none for a single run.
 
     Where most models are those of a few runs, a run's own model stands beside the best of its others.
     """
@@ -53,7 +53,7 @@ def campaign_figures(scores: CampaignScores) -> list[Drawing]:
 
 
 def _own_and_best(run: Mapping[str, float], own: str) -> dict[str, float]:
-    """The errors of a run's own model, of the best of its others, and of repeated measurements."""
+    """Return the errors of a run's own model, of the best of its others, and of repeated measurements."""
     others = [error for model, error in run.items() if model not in (own, REPEATABILITY) and math.isfinite(error)]
     best = {BEST_OTHER: min(others)} if others else {}
     return {model: error for model, error in run.items() if model in (own, REPEATABILITY)} | best
@@ -73,7 +73,7 @@ def _draw_runs(ax: Axes, runs: Mapping[str, dict[str, float]], styles: dict[str,
 
 
 def _shown(scores: CampaignScores) -> list[str]:
-    """The runs' own model first, and those of the others that are the nearest to the best, in the order of the table."""
+    """Return the runs' own model first, and those of the others that are the nearest to the best, in the order of the table."""
     others = [model for model in scores.models if model not in (scores.own, REPEATABILITY)]
     best = sorted(others, key=lambda model: _mean_logarithm(scores, model))[: MOST_LINES - 1]
     return [scores.own, *(model for model in others if model in best)]
@@ -100,7 +100,7 @@ def _label_logarithm(ax: Axes) -> None:
 
 
 def drift_drawing(names: Sequence[str], points: Sequence[ReferencePoint], output: Quantity) -> Drawing:
-    """A line for each reference point, a dot for each campaign, in per cent of the first."""
+    """Return a line for each reference point, a dot for each campaign, in per cent of the first."""
     colours = level_colours(len(points))
     labels = [_label(point) for point in points]
     data: dict[str, Values] = {"campaign": list(names)}

@@ -15,13 +15,13 @@ from mapmore_cli.reporting.inputs import FigureStyle, ReportInputs
 
 
 def drawings(name: str, inputs: ReportInputs) -> list[Drawing]:
-    """The figures behind a name: none where there is nothing to draw (no segments), or several (two variables)."""
+    """Return the figures behind a name: none where there is nothing to draw (no segments), or several (two variables)."""
     found: list[Drawing] = import_module(f"{__package__}.{name}").draw(inputs)
     return found
 
 
 def panel_of(name: str, inputs: ReportInputs, words: str) -> tuple[Drawing, Panel]:
-    """The panel of a curve, a recording or a model, also of one that the page leaves out.
+    """Return the panel of a curve, a recording or a model, also of one that the page leaves out.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ SIDE_BY_SIDE = 3
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """A panel for each model of motion, a line for each of its sections; none where there is no such model."""
+    """Return a panel for each model of motion, a line for each of its sections; none where there is no such model."""
     panels = [_panel(inputs, name, fit) for name, fit in inputs.motions.items()]
     if not panels:
         return []

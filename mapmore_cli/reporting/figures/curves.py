@@ -62,7 +62,7 @@ class CurveFit:
         return self.held_out if self.held_out.any() else ~self.held_out
 
     def predicted(self, model: str) -> bool:
-        """False where the model gave no prediction, because its fit failed."""
+        """Return False where the model gave no prediction, because its fit failed."""
         return bool(np.isfinite(self.predictions[model]).any())
 
 
@@ -158,7 +158,7 @@ def _panel(inputs: ReportInputs, key: str, curve: CurveFit, styles: Mapping[str,
 
 
 def curve_data(inputs: ReportInputs, curve: CurveFit) -> dict[str, Values]:
-    """What is drawn of a curve, by heading: measured, whether held out, and what every model predicts."""
+    """Return what is drawn of a curve, by heading: measured, whether held out, and what every model predicts."""
     unit, along = inputs.target.unit, inputs.in_curve
     data: dict[str, Values] = {f"{along.name} [{along.unit}]": curve.x, f"{inputs.target.name} [{unit}]": curve.y}
     data["data"] = np.where(curve.held_out, "validate", "train")

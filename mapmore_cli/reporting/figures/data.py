@@ -32,7 +32,7 @@ class Trace:
 
 
 def traces(recording: Recording, quantities: Mapping[str, Quantity], style: FigureStyle) -> list[Trace]:
-    """The recording's quantities in the order of its columns, time itself left out."""
+    """Return the recording's quantities in the order of its columns, time itself left out."""
     time = recording.columns.get(TIME.name)
     x = np.arange(recording.rows_kept, dtype=float) if time is None else time
     x_label = "Sample (–)" if time is None else style.axis_label(quantities.get(TIME.name, TIME))

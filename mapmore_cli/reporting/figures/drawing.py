@@ -98,7 +98,7 @@ class Drawing:
 
 
 def find_panel(drawings: Sequence[Drawing], keys: Collection[str]) -> tuple[Drawing, Panel] | None:
-    """The first panel that has one of the keys; None where there is none."""
+    """Return the first panel that has one of the keys; None where there is none."""
     every = ((drawing, panel) for drawing in drawings for panel in drawing.panels)
     return next((pair for pair in every if pair[1].key in keys), None)
 

@@ -11,7 +11,7 @@ from mapmore_cli.reporting.inputs import ReportInputs
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """The figures of the fit that suit the study."""
+    """Return the figures of the fit that suit the study."""
     if inputs.has_memory:
         return [*loop_figures(inputs), *motion_figures(inputs)]
     return motion_figures(inputs) if inputs.over_time else [*held_out_figures(inputs), *training_figures(inputs)]

@@ -96,7 +96,7 @@ class Course:
 
 
 def level_courses(model: Model, along: str, levels: Array) -> list[Course]:
-    """The model at `PLACES` of the range that all its curves have of `along`, other inputs in the middle of their ranges."""
+    """Return the model at `PLACES` of the range that all its curves have of `along`, other inputs in the middle of their ranges."""
     pieces = model.pieces
     assert pieces is not None
     level = str(pieces.level)

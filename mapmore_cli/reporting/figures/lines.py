@@ -44,7 +44,7 @@ def draw_model(ax: Axes, model: Model, level: float | None = None) -> None:
 
 
 def _varying(model: Model, ranges: tuple[CurveRange, ...]) -> str:
-    """The first segmented variable, else the input that varies most within a curve beside its range over all curves."""
+    """Return the first segmented variable, else the input that varies most within a curve beside its range over all curves."""
     if isinstance(model.body, Pieces) and model.body.variables:
         return model.body.variables[0]
 

@@ -93,7 +93,7 @@ def _panel(inputs: ReportInputs, number: int, styles: dict[str, ModelStyle]) -> 
 
 
 def shown_models(inputs: ReportInputs, most_rivals: int) -> list[str]:
-    """The run's own model and the competitors with the least pooled error, in the order of the table."""
+    """Return the run's own model and the competitors with the least pooled error, in the order of the table."""
     errors = inputs.pooled_errors
     best = sorted((model for model in inputs.models[1:] if model in errors), key=lambda model: errors[model])[:most_rivals]
     return [model for model in inputs.models if model in {inputs.own, *best}]
@@ -129,7 +129,7 @@ def _draw(inputs: ReportInputs, number: int, axes: Sequence[Axes], styles: dict[
 
 
 def _crossed(inputs: ReportInputs, curve: Curve, piece: IntArray) -> IntArray | None:
-    """Samples at which the input of a piecewise model of motion comes into another section; None without such a model."""
+    """Return samples at which the input of a piecewise model of motion comes into another section; None without such a model."""
     piecewise = next((fit.model for fit in inputs.motions.values() if fit.model.boundaries), None)
     if piecewise is None or piecewise.input not in curve.columns:
         return None

@@ -21,7 +21,7 @@ MARK: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 4}
 
 
 def plan_drawing(plan: Plan) -> Drawing:
-    """The half widths over one quantity as lines, over two as colours; with three the first two are drawn."""
+    """Return the half widths over one quantity as lines, over two as colours; with three the first two are drawn."""
     names = list(plan.quantities)[:2]
     labels = [_label(plan.quantities[name]) for name in names]
     half = f"half width of {plan.target.name} ({plan.target.unit})"

@@ -32,7 +32,7 @@ class Stretch:
 
 
 def stretches(inputs: ReportInputs) -> list[Stretch]:
-    """The held-out samples, or the training samples where nothing is held out."""
+    """Return the held-out samples, or the training samples where nothing is held out."""
     curves = inputs.dataset.curves
     held_out = any(curve.held_out.any() for curve in curves)
     found = []
@@ -51,7 +51,7 @@ def _timed(inputs: ReportInputs) -> bool:
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """A panel for the autocorrelation and one for each input; none where samples are few, or errors are all alike."""
+    """Return a panel for the autocorrelation and one for each input; none where samples are few, or errors are all alike."""
     found = stretches(inputs)
     every = np.concatenate([one.residuals for one in found]) if found else np.empty(0)
     known = every[np.isfinite(every)]
@@ -78,7 +78,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
 
 
 def _with_inputs(inputs: ReportInputs, found: Sequence[Stretch]) -> Iterator[tuple[Quantity, Correlation | PartMeans]]:
-    """The test with every input that varies."""
+    """Yield the test with every input that varies."""
     for quantity in inputs.model.inputs:
         if any(quantity.name not in one.inputs for one in found):
             continue
@@ -91,7 +91,7 @@ def _with_inputs(inputs: ReportInputs, found: Sequence[Stretch]) -> Iterator[tup
 
 
 def _sentence(inputs: ReportInputs, own: Correlation) -> str:
-    """What the autocorrelation says, in plain words."""
+    """Return what the autocorrelation says, in plain words."""
     along = "in time" if _timed(inputs) else f"along {inputs.in_curve.name}"
     count = f"{own.beyond} of {own.tested} lags lie outside"
     if own.beyond <= max(1.0, 2 * CHANCE * own.tested):

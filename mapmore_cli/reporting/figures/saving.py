@@ -22,7 +22,7 @@ _GROUP_ID = re.compile(r'<g id="[^"]*"')
 
 
 def to_svg(figure: Figure, name: str, alt: str) -> str:
-    """An `<svg>` element that can stand in a page or in a file of its own.
+    """Return an `<svg>` element that can stand in a page or in a file of its own.
 
     No date, no creator, and definitions named by a hash of their content, salted by the `name`. Groups lose their names (`axes_1`), which
     would repeat between the figures of one page.
@@ -74,7 +74,7 @@ class _Renderer(RendererPgf):
 
 
 def to_pgf(figure: Figure) -> str:
-    """A `pgfpicture` to be read with `\\input`; its letters are set in the fonts of the document."""
+    """Return a `pgfpicture` to be read with `\\input`; its letters are set in the fonts of the document."""
     text = io.StringIO()
     width, height = figure.get_size_inches()
     text.write("% \\usepackage{pgf} in the preamble, then \\input this file\n")

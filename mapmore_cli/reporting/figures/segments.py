@@ -51,7 +51,7 @@ class SegmentCurve:
 
 
 def segment_curves(inputs: ReportInputs, variable: int) -> list[SegmentCurve]:
-    """The segmented curves along variable number `variable`; held-out samples are left out."""
+    """Return the segmented curves along variable number `variable`; held-out samples are left out."""
     curves = {curve.id: curve for curve in training_curves(inputs.dataset.curves, by_level=inputs.model.level is not None)}
     panels = []
     for segmented in inputs.segmentation:

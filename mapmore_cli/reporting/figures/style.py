@@ -65,7 +65,7 @@ def figure_style(style: FigureStyle | None = None) -> Iterator[None]:
 
 
 def _changed() -> dict[Any, Any]:
-    """The defaults of what a user's matplotlibrc has changed.
+    """Return the defaults of what a user's matplotlibrc has changed.
 
     `rcdefaults` sets all, and first reads the style sheets, which takes longer than to draw a figure.
     """
@@ -103,7 +103,7 @@ def has_font(name: str) -> bool:
 
 
 def wrong_formula(label: str) -> str | None:
-    """What is wrong with the formula in a label; None where nothing is."""
+    """Return what is wrong with the formula in a label; None where nothing is."""
     try:
         MathTextParser("path").parse(label)
     except ValueError as fault:
@@ -159,7 +159,7 @@ def model_styles(models: Sequence[str], palette: Sequence[str] = ()) -> dict[str
 
 
 def shortened(text: str, length: int) -> str:
-    """The text, its middle left out where it is longer than `length`."""
+    """Return the text, its middle left out where it is longer than `length`."""
     if len(text) <= length:
         return text
     head = (length - 1) // 2
@@ -195,7 +195,7 @@ def places(inputs: ReportInputs, ids: Sequence[str], most: int) -> list[int]:
 
 
 def some_of(shown: int, count: int, what: str) -> str:
-    """A sentence that says what was left out; nothing where all is shown."""
+    """Return a sentence that says what was left out; nothing where all is shown."""
     return "" if shown == count else f" {shown} of {count} {what} are drawn, evenly spread."
 
 
@@ -205,18 +205,18 @@ def level_colours(count: int) -> list[str]:
 
 
 def best_of(shown: int, count: int) -> str:
-    """A sentence about the models that lines are drawn of; nothing where all are."""
+    """Return a sentence about the models that lines are drawn of; nothing where all are."""
     return "" if shown == count else f" Of {count} models, the run's own and the {shown - 1} others with the least error are drawn."
 
 
 def extent(values: Sequence[Array]) -> tuple[float, float]:
-    """The least and the greatest of some values, which an axis is to show whatever else is drawn."""
+    """Return the least and the greatest of some values, which an axis is to show whatever else is drawn."""
     every = np.concatenate(values)
     return float(np.nanmin(every)), float(np.nanmax(every))
 
 
 def beyond_scale(models: Sequence[str]) -> str:
-    """A sentence about the models that leave the panels; nothing where all are held."""
+    """Return a sentence about the models that leave the panels; nothing where all are held."""
     return f" Too far off for the scale: {', '.join(models)}." if models else ""
 
 
@@ -231,12 +231,12 @@ def draw_interval(ax: Axes, x: Array, ends: tuple[Array, Array], colour: str) ->
 
 
 def interval_key(colour: str) -> Patch:
-    """What the legend shows for it."""
+    """Return what the legend shows for it."""
     return Patch(color=colour, alpha=INTERVAL_ALPHA, linewidth=0, label=f"{INTERVAL:.0%} interval")
 
 
 def interval_words(inputs: ReportInputs) -> str:
-    """What the caption says of it, where there is one."""
+    """Return what the caption says of it, where there is one."""
     left_out = inputs.left_out
     if left_out is None:
         return ""
@@ -252,7 +252,7 @@ def draw_band(ax: Axes, x: Array, y: Array, colour: str, **look: Any) -> None:
 
 
 def thinned(sizes: Sequence[int]) -> str:
-    """A sentence about how curves of so many samples are drawn; nothing where every sample is."""
+    """Return a sentence about how curves of so many samples are drawn; nothing where every sample is."""
     if max(sizes) <= DOTS_A_CURVE:
         return ""
     lines = " Lines are means over short stretches, pale bands the range of the samples." if max(sizes) > MOST_ON_A_LINE else ""

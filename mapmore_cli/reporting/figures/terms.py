@@ -45,7 +45,7 @@ def term_steps(fit: SegmentFit) -> TermSteps:
 
 
 def whole_curves(fits: Sequence[SegmentFit], most: int) -> list[SegmentFit]:
-    """The segments of some curves, evenly spread, so that there are about `most` of them."""
+    """Return the segments of some curves, evenly spread, so that there are about `most` of them."""
     curves = list(dict.fromkeys(fit.curve for fit in fits))
     if len(fits) <= most:
         return list(fits)

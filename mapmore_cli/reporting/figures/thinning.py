@@ -81,7 +81,7 @@ def band(x: Array, y: Array) -> Band:
 
 
 def _stretches(x: Array, count: int) -> IntArray:
-    """Number, from 0, of the stretch that each sample lies in."""
+    """Return number, from 0, of the stretch that each sample lies in."""
     low, high = float(x.min()), float(x.max())
     if high <= low:
         return np.zeros(len(x), dtype=np.int64)

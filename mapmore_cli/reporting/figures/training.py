@@ -31,7 +31,7 @@ LABEL_ROOM, LABEL_HEIGHT = 0.24, 0.06
 
 
 def training_curve_fits(inputs: ReportInputs) -> list[CurveFit]:
-    """The training samples of every curve that has some."""
+    """Return the training samples of every curve that has some."""
     curves = inputs.dataset.curves
     return [curve_fit(inputs, i, ~curve.held_out) for i, curve in enumerate(curves) if not curve.held_out.all()]
 

@@ -14,7 +14,7 @@ from mapmore_cli.reporting.figures.style import GREY, LIGHT, level_colours
 
 
 def tuning_drawing(tuning: Tuning) -> Drawing:
-    """A dot for every combination, with the standard error of what it errs above the best; the simplest within that is ringed."""
+    """Return a dot for every combination, with the standard error of what it errs above the best; the simplest within that is ringed."""
     trials = [trial for trial in tuning.trials if trial.errors]
     first = next(iter(tuning.chosen.settings))
     groups = list(dict.fromkeys(str(trial.settings[first]) for trial in trials))

@@ -30,7 +30,7 @@ class OperatorFamily(Section):
     of: Of
 
     def numbers(self, step: float, longest: float) -> Sequence[tuple[float, ...]]:
-        """The numbers of each state; `step` is the time between samples, `longest` the duration of the longest piece, s."""
+        """Return the numbers of each state; `step` is the time between samples, `longest` the duration of the longest piece, s."""
         keys = [parameter.key for parameter in self.operator.parameters]
         if len(keys) == 1:
             given, count = getattr(self, keys[0]), getattr(self, "count", None)

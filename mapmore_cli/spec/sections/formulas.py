@@ -51,7 +51,7 @@ class OwnFormula(Section):
     parameters: Annotated[dict[Quantity, FormulaParameter], Field(min_length=1)]
 
     def definition(self, units: Mapping[str, str], target: str) -> str:
-        """The formula in a model's `units`, for an output in the unit `target`, as a definition that needs no spec.
+        """Return the formula in a model's `units`, for an output in the unit `target`, as a definition that needs no spec.
 
         Raises
         ------

@@ -49,7 +49,7 @@ _NO_UNITS: Mapping[str, str] = {}
 
 
 def units_of(dataset: Dataset) -> dict[str, str]:
-    """The units by quantity, with those of the `target` and the `level`, for the files of the later stages."""
+    """Return the units by quantity, with those of the `target` and the `level`, for the files of the later stages."""
     units = {name: quantity.unit for name, quantity in dataset.quantities.items()}
     level = {"level": dataset.unit(dataset.level)} if dataset.level else {}
     return {**units, "target": dataset.unit(dataset.target), **level}

@@ -67,12 +67,12 @@ class Codec:
 
 
 def place_of(group: h5py.Group, name: str) -> str:
-    """The path of something in a group, without the slash of the root."""
+    """Return the path of something in a group, without the slash of the root."""
     return f"{group.name}/{name}".lstrip("/")
 
 
 def stored(group: h5py.Group, name: str, kind: str) -> Any:
-    """What stands under a name: the `kind` is `Group` or `Dataset`."""
+    """Return what stands under a name: the `kind` is `Group` or `Dataset`."""
     with stored_at(place_of(group, name)):
         found = group.get(name)
     if found is None:
@@ -100,7 +100,7 @@ def _present(group: h5py.Group, name: str) -> bool:
 def numbers(
     dtype: str, ndim: int = 1, load_dtype: str | None = None, *, may_be_nan: bool = False, ascending: bool = False, least: int | None = None
 ) -> Codec:
-    """An array of `ndim` dimensions, stored as `dtype` (little-endian) and read as `load_dtype`.
+    """Return an array of `ndim` dimensions, stored as `dtype` (little-endian) and read as `load_dtype`.
 
     Real numbers are finite unless they `may_be_nan`; they may have to be strictly `ascending`; whole ones may have a `least` value.
     """
@@ -152,7 +152,7 @@ _mappings: WeakValueDictionary[tuple[int, ...], mmap.mmap] = WeakValueDictionary
 
 
 def mapped(dataset: h5py.Dataset) -> NDArray[Any]:
-    """The values of a contiguous dataset where they lie in its file, without reading them."""
+    """Return the values of a contiguous dataset where they lie in its file, without reading them."""
     with Path(dataset.file.filename).open("rb") as file:
         now = os.fstat(file.fileno())
         key = (now.st_dev, now.st_ino, now.st_mtime_ns, now.st_size)
@@ -162,7 +162,7 @@ def mapped(dataset: h5py.Dataset) -> NDArray[Any]:
 
 
 def texts() -> Codec:
-    """A tuple of texts, as a 1-D dataset of UTF-8 strings of variable length."""
+    """Return a tuple of texts, as a 1-D dataset of UTF-8 strings of variable length."""
 
     def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
         data = list(map(checked_text, value))
@@ -178,7 +178,7 @@ def texts() -> Codec:
 
 
 def number(kind: type[float] | type[int], *, may_be_nan: bool = False, least: float | None = None, most: float | None = None) -> Codec:
-    """A real number or an integer, as attribute of the group; finite unless it `may_be_nan`, from `least` to `most`."""
+    """Return a real number or an integer, as attribute of the group; finite unless it `may_be_nan`, from `least` to `most`."""
     dtype = "<f8" if kind is float else "<i8"
 
     def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
@@ -205,7 +205,7 @@ def number(kind: type[float] | type[int], *, may_be_nan: bool = False, least: fl
 
 
 def text(pattern: str | None = None, words: tuple[str, ...] = ()) -> Codec:
-    """A short text, as attribute of the group; of a `pattern`, or one of some `words`, where these are given."""
+    """Return a short text, as attribute of the group; of a `pattern`, or one of some `words`, where these are given."""
 
     def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
         del label
@@ -230,7 +230,7 @@ def text(pattern: str | None = None, words: tuple[str, ...] = ()) -> Codec:
 
 
 def optional(codec: Codec) -> Codec:
-    """The same, with None stored as nothing."""
+    """Return the same, with None stored as nothing."""
 
     def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
         if value is not None:
@@ -266,7 +266,7 @@ def added(codec: Codec, default: Any) -> Codec:
 def adapted(
     codec: Codec, store: Callable[[Any], Any], load: Callable[[Any], Any], check: Callable[[Any, str], None] | None = None
 ) -> Codec:
-    """The same for a value that is changed to what `codec` stores, and back; `check` raises Invalid for one that cannot be."""
+    """Return the same for a value that is changed to what `codec` stores, and back; `check` raises Invalid for one that cannot be."""
 
     def checked(value: Any, where: str, sizes: Sizes) -> None:
         codec.check(store(value), where, sizes)
@@ -284,7 +284,7 @@ def adapted(
 
 
 def numbered(codec: Codec) -> Codec:
-    """A tuple, as a group whose parts are called `000`, `001`, ... without a gap."""
+    """Return a tuple, as a group whose parts are called `000`, `001`, ... without a gap."""
 
     def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
         parts = group.create_group(name)
@@ -308,7 +308,7 @@ def numbered(codec: Codec) -> Codec:
 
 
 def named(codec: Codec) -> Codec:
-    """A mapping, as a group whose parts are called after the keys; the attribute `order` lists the keys in their order."""
+    """Return a mapping, as a group whose parts are called after the keys; the attribute `order` lists the keys in their order."""
 
     def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
         parts = group.create_group(name)
@@ -340,7 +340,7 @@ def named(codec: Codec) -> Codec:
 
 
 def pairs(codec: Codec) -> Codec:
-    """A mapping from names to numbers or texts, as a group with the parallel datasets `names` and `values`."""
+    """Return a mapping from names to numbers or texts, as a group with the parallel datasets `names` and `values`."""
 
     def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
         parts = group.create_group(name)
@@ -365,12 +365,12 @@ def pairs(codec: Codec) -> Codec:
 
 
 def plain(values: Any) -> Any:
-    """A list of numbers or texts as Python has them."""
+    """Return a list of numbers or texts as Python has them."""
     return values.tolist() if isinstance(values, np.ndarray) else values
 
 
 def shown(value: str, most: int = 60) -> str:
-    """A text from a file as a message may show it."""
+    """Return a text from a file as a message may show it."""
     return repr(value if len(value) <= most else f"{value[:most]}...")
 
 
@@ -382,7 +382,7 @@ def checked_text(value: str) -> str:
 
 
 def escaped(key: str) -> str:
-    """The key as one component of an HDF5 path: not empty, without `/`, and not `.`."""
+    """Return the key as one component of an HDF5 path: not empty, without `/`, and not `.`."""
     component = key.replace("%", "%25").replace("/", "%2F")
     if not component:
         return "%"

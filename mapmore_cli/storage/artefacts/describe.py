@@ -16,7 +16,7 @@ START, END = "<!-- stored types: start -->\n", "<!-- stored types: end -->\n"
 
 
 def described(page: str) -> str:
-    """The page with its part between the two markers made anew."""
+    """Return the page with its part between the two markers made anew."""
     head, rest = page.split(START)
     tail = rest.split(END)[1]
     return f"{head}{START}\n{''.join(map(_section, SCHEMAS))}{END}{tail}"

@@ -68,7 +68,7 @@ class FileKind:
                 steady.tell_fault()
 
     def read(self, path: Path, warn: Warn = silent, unverified: bool = False) -> Any:
-        """The record in a file, checked against its declaration; `warn` is told where nothing says that it is as it was written.
+        """Return the record in a file, checked against its declaration; `warn` is told where nothing says that it is as it was written.
 
         Raises
         ------
@@ -212,7 +212,7 @@ class SteadyFile:
         return self._file.seek(offset, whence)
 
     def tell(self) -> int:
-        """The current place."""
+        """Return the current place."""
         return self._file.tell()
 
     def flush(self) -> None:

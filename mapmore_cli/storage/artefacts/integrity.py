@@ -123,7 +123,7 @@ def _bytes_of(dataset: Any, where: str) -> int:
 
 
 def texts_of(dataset: h5py.Dataset, where: str) -> tuple[str, ...]:
-    """The texts of a 1-D dataset, few at a time: many can point at one and the same text of the file."""
+    """Return the texts of a 1-D dataset, few at a time: many can point at one and the same text of the file."""
     with stored_at(where):
         if dataset.ndim != 1 or dataset.dtype.kind not in "OS":
             raise Invalid(where, "is no list of texts")

@@ -27,20 +27,20 @@ class Label:
     scope: Mapping[str, str] = field(default_factory=dict)
 
     def of_part(self, key: str) -> Label:
-        """The label of one part of a sequence or mapping."""
+        """Return the label of one part of a sequence or mapping."""
         return replace(self, unit=self.unit.replace("*", key)) if "*" in self.unit else self
 
     def of_field(self, description: str, unit: str) -> Label:
-        """The label of a field of the object being written; a `*` of the field is still open."""
+        """Return the label of a field of the object being written; a `*` of the field is still open."""
         return replace(self, description=description, unit=unit)
 
     def within(self, units: Mapping[str, str]) -> Label:
-        """The label with the units that an object knows added to the scope."""
+        """Return the label with the units that an object knows added to the scope."""
         every = {**self.scope, **units}
         return replace(self, scope={**self.scope, **{name: _resolved(unit, every) for name, unit in units.items()}})
 
     def without_unit(self) -> Label:
-        """The label of something that has no unit."""
+        """Return the label of something that has no unit."""
         return replace(self, unit=NO_UNIT)
 
     def put_on(self, dataset: h5py.Dataset) -> None:
@@ -50,7 +50,7 @@ class Label:
 
 
 def _resolved(unit: str, scope: Mapping[str, str]) -> str:
-    """The unit with every known `[name]` replaced; a compound unit gets parentheses before a power."""
+    """Return the unit with every known `[name]` replaced; a compound unit gets parentheses before a power."""
 
     def known(match: re.Match[str]) -> str:
         name, power = match.groups()

@@ -33,11 +33,11 @@ class Field:
     derived: Callable[[Any], Any] | None = None
 
     def value_of(self, record: Any) -> Any:
-        """What to store for this field."""
+        """Return what to store for this field."""
         return self.derived(record) if self.derived else getattr(record, self.name)
 
     def label(self, outer: Label) -> Label:
-        """The attributes of this field, within an object that stands where `outer` says."""
+        """Return the attributes of this field, within an object that stands where `outer` says."""
         return outer.of_field(self.description, self.unit)
 
     @property
@@ -87,7 +87,7 @@ class Schema:
             field.codec.write(group, field.name, field.value_of(record), field.label(inner))
 
     def read_from(self, group: h5py.Group) -> Any:
-        """The record that `write_into` stored; Invalid where it is of another form."""
+        """Return the record that `write_into` stored; Invalid where it is of another form."""
         return self.type(**{field.name: field.codec.read(group, field.name) for field in self.fields if not field.derived})
 
     def check(self, record: Any, where: str, sizes: Sizes) -> None:
@@ -165,7 +165,7 @@ def variant(bodies: Mapping[str, Schema]) -> Codec:
 
 
 def rows(schema: Schema) -> Codec:
-    """A tuple of objects with scalar fields as a table: a group with one 1-D dataset for every field.
+    """Return a tuple of objects with scalar fields as a table: a group with one 1-D dataset for every field.
 
     A column that files of earlier versions lack is read as the default of its field, which no checksum counts.
     """

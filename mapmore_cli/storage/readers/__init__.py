@@ -26,11 +26,11 @@ READERS: Mapping[str, Reader] = _declared()
 
 
 def suffix_of(path: Path) -> str:
-    """The suffix that tells the format, in lower case: `.csv` of `a.csv.gz`."""
+    """Return the suffix that tells the format, in lower case: `.csv` of `a.csv.gz`."""
     return Path(path.name.casefold().removesuffix(".gz")).suffix
 
 
 def reader_of(path: Path) -> Reader | None:
-    """The reader for files of that name; None where no reader claims the suffix."""
+    """Return the reader for files of that name; None where no reader claims the suffix."""
     suffix = suffix_of(path)
     return next((reader for reader in READERS.values() if suffix in reader.suffixes), None)

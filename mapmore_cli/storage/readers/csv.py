@@ -168,7 +168,7 @@ def _parts(
 
 
 def _filled_until(end: int, lines: Lines, records: Iterator[Numbered]) -> Iterator[Numbered]:
-    """Records that are not blank, up to that which holds line `end`."""
+    """Yield records that are not blank, up to that which holds line `end`."""
     while lines.taken < end and (record := next(records, None)):
         if record[1]:
             yield record
@@ -201,7 +201,7 @@ def _header_hint(first: Sequence[str], request: TableRequest) -> str | None:
 
 
 def peek_csv(path: Path, most: int) -> Iterable[Top]:
-    """The first lines of a text file, cut in every way that is usual; those with decimal points first."""
+    """Return the first lines of a text file, cut in every way that is usual; those with decimal points first."""
     with _damage_told(path.name):
         encoding = guess_encoding(path)
         lines = [line.rstrip("\r\n") for line in _first_lines(path, encoding, most)]
@@ -217,7 +217,7 @@ def peek_csv(path: Path, most: int) -> Iterable[Top]:
 
 
 def _first_lines(path: Path, encoding: str, most: int) -> list[str]:
-    """The first lines; what is no UTF-8 is read as the encoding that it looks like."""
+    """Return the first lines; what is no UTF-8 is read as the encoding that it looks like."""
     if encoding == "utf-8":
         return list(islice(lines_of(path), most))
     try:

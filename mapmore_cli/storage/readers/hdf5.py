@@ -29,7 +29,7 @@ def read_hdf5(path: Path, request: TableRequest) -> list[RawTable]:
 
 
 def peek_hdf5(path: Path, most: int) -> Iterable[Top]:
-    """The first rows of the log that a file holds."""
+    """Return the first rows of the log that a file holds."""
     with _opened(path, path.name) as top:
         return [top_of(top, most)]
 

@@ -53,7 +53,7 @@ def read_mat(path: Path, request: TableRequest) -> list[RawTable]:
 
 
 def peek_mat(path: Path, most: int) -> Iterable[Top]:
-    """The first rows of the log that a file holds."""
+    """Return the first rows of the log that a file holds."""
     import h5py
 
     with reading(path.name, "MAT file"), path.open("rb") as stream:
@@ -106,13 +106,13 @@ def _variables(stream: Any, request: TableRequest | None, label: str) -> Member:
 
 
 def _file(names: Sequence[str], member: Callable[[str], Member]) -> Member:
-    """The variables of a file, each of which may be a recording."""
+    """Return the variables of a file, each of which may be a recording."""
     in_order = sorted(names, key=natural)
     return Member("the file", names, member=member, count=len(names), element=lambda number: member(in_order[number]))
 
 
 def _is_object(name: str, of_class: str) -> DataError:
-    """What is told of a value whose parts MATLAB alone can make out."""
+    """Return what is told of a value whose parts MATLAB alone can make out."""
     return DataError(
         f"'{name}' is an object of MATLAB ({of_class or 'a table, datetime, timeseries, string or the like'}), not an array of numbers",
         "save plain arrays in MATLAB: `S = table2struct(T, 'ToScalar', true); save('log.mat', '-struct', 'S')`, or use `writetable`",

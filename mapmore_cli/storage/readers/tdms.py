@@ -47,7 +47,7 @@ def read_tdms(path: Path, request: TableRequest) -> list[RawTable]:
 
 
 def peek_tdms(path: Path, most: int) -> Iterable[Top]:
-    """The first rows of the group with the longest channels; the step that LabVIEW noted is the sample time."""
+    """Return the first rows of the group with the longest channels; the step that LabVIEW noted is the sample time."""
     nptdms = optional_library("nptdms", "npTDMS", path.name)
     nptdms.log.log_manager.set_level("CRITICAL")
     with reading(path.name, "TDMS file"), path.open("rb") as stream, nptdms.TdmsFile.open(stream) as file:
@@ -62,7 +62,7 @@ def peek_tdms(path: Path, most: int) -> Iterable[Top]:
 
 
 def _groups(file: Any) -> Member:
-    """The groups of a file, in the order in which they were written."""
+    """Return the groups of a file, in the order in which they were written."""
     groups = {group.name: {channel.name: channel for channel in group.channels()} for group in file.groups()}
     every = list(groups.values())
     return Member(

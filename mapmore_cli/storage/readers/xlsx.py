@@ -55,7 +55,7 @@ def read_xlsx(path: Path, request: TableRequest) -> list[RawTable]:
 
 
 def peek_xlsx(path: Path, most: int) -> Iterable[Top]:
-    """The first rows of every sheet that has some, the first one's first; a later sheet has to be named."""
+    """Return the first rows of every sheet that has some, the first one's first; a later sheet has to be named."""
     openpyxl = optional_library("openpyxl", "openpyxl", path.name)
     with reading(path.name, "workbook (.xlsx)"), path.open("rb") as file:
         _refuse_bombs(path, path.name)
@@ -70,7 +70,7 @@ def peek_xlsx(path: Path, most: int) -> Iterable[Top]:
 
 
 def _even(rows: list[list[Any]]) -> list[list[Any]]:
-    """The rows, those with numbers as long as the longest of these: a row ends at its last cell that is filled."""
+    """Return the rows, those with numbers as long as the longest of these: a row ends at its last cell that is filled."""
     numbers = [any(isinstance(cell, int | float) for cell in row) for row in rows]
     width = max((len(row) for row, has_some in zip(rows, numbers, strict=True) if has_some), default=0)
     return [[*row, *[None] * (width - len(row))] if has_some else row for row, has_some in zip(rows, numbers, strict=True)]
@@ -91,7 +91,7 @@ def _refuse_bombs(path: Path, label: str) -> None:
 
 
 def _sheets(book: Any, request: TableRequest) -> list[tuple[str | None, Any]]:
-    """The sheets to read, with their titles where a glob chose them; of several, those that are empty are left out."""
+    """Return the sheets to read, with their titles where a glob chose them; of several, those that are empty are left out."""
     tables = {sheet.title: sheet for sheet in book.worksheets}
     if request.sheet is None:
         return [(None, book.worksheets[0])]
@@ -112,7 +112,7 @@ def _rows(sheet: Any, request: TableRequest) -> Iterator[Row]:
 
 
 def _bounded(rows: Iterator[Row], label: str) -> Iterator[Row]:
-    """The rows of a sheet; DataError for one that lies where no sheet has rows: all between would be passed over one by one."""
+    """Yield the rows of a sheet; DataError for one that lies where no sheet has rows: all between would be passed over one by one."""
     for number, row in rows:
         if number > MOST_ROWS:
             raise DataError(f"{label}: has a row beyond {MOST_ROWS}, the last that a sheet can have", "save the table as CSV")

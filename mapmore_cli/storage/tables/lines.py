@@ -52,7 +52,7 @@ class Lines:
         return self.position / size if 0 < self.position <= size else 1.0
 
     def take(self, count: int) -> list[str]:
-        """The next `count` lines, or as many as there are."""
+        """Return the next `count` lines, or as many as there are."""
         lines = [self._back.pop() for _ in range(min(count, len(self._back)))]
         lines += islice(self._lines, count - len(lines))
         self.taken += len(lines)
@@ -65,7 +65,7 @@ class Lines:
 
 
 def guess_encoding(path: Path) -> str:
-    """The encoding of a text file, plain or gzipped, as its beginning tells."""
+    """Return the encoding of a text file, plain or gzipped, as its beginning tells."""
     with path.open("rb") as raw:
         zipped = raw.read(2) == GZIP_MAGIC
         raw.seek(0)
@@ -73,7 +73,7 @@ def guess_encoding(path: Path) -> str:
 
 
 def last_lines(path: Path, encoding: str) -> list[str] | None:
-    """Some last lines of a text file, whole, with their ends; None for a gzipped file, which tells by itself where it was cut."""
+    """Return some last lines of a text file, whole, with their ends; None for a gzipped file, which tells by itself where it was cut."""
     with path.open("rb") as raw:
         zipped = raw.read(2) == GZIP_MAGIC
         size = raw.seek(0, os.SEEK_END)
@@ -85,7 +85,7 @@ def last_lines(path: Path, encoding: str) -> list[str] | None:
 
 
 def encoding_of(head: bytes) -> str:
-    """The encoding that the first bytes of a text are in: `utf-8`, one of UTF-16, or else what Windows calls ANSI."""
+    """Return the encoding that the first bytes of a text are in: `utf-8`, one of UTF-16, or else what Windows calls ANSI."""
     if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"
     pairs = len(head) // 2
@@ -134,7 +134,7 @@ def bounded_lines(text: TextIO, label: str, packed: int | None = None) -> Iterat
 
 
 def lines_of_text(text: str) -> Iterator[str]:
-    """The lines of a text in memory, with their ends."""
+    """Return the lines of a text in memory, with their ends."""
     return io.StringIO(text, newline="")
 
 
@@ -164,7 +164,7 @@ def _is_number(cell: str) -> bool:
 
 
 def open_quote(label: str, row: int) -> DataError:
-    """What is told of a record in which a quotation mark was left open."""
+    """Return what is told of a record in which a quotation mark was left open."""
     return DataError(f"{label}:row {row}: a quotation mark opens here and is not closed", "close it, or remove it")
 
 

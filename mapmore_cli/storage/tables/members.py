@@ -120,7 +120,7 @@ def tables(top: Member, request: TableRequest) -> list[RawTable]:
 
 
 def _has_some(element: Member, request: TableRequest) -> bool:
-    """True for an element in which a wanted column may be."""
+    """Return True for an element in which a wanted column may be."""
     firsts = [parse_address(column).steps[:1] if isinstance(column, str) else () for column in request.columns]
     return any(not first or first[0] in element.names for first in firsts)
 

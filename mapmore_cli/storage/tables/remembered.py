@@ -28,7 +28,7 @@ class _Kept:
         return sum(len(table.rows) * (1 + len(table.columns)) for table in self.tables)
 
     def answers(self, path: Path, request: TableRequest, of_rows: bool) -> bool:
-        """True where the tables have what is asked for.
+        """Return True where the tables have what is asked for.
 
         A table of rows has the columns of a smaller request as well; of a tree, arrays of other lengths would have cut it.
         """
@@ -37,7 +37,7 @@ class _Kept:
         return self.path == path and enough and _bare(self.request) == _bare(request)
 
     def chosen(self, columns: Sequence[SourceColumn], label: str) -> list[RawTable]:
-        """The wanted columns, under the name that the file has now."""
+        """Return the wanted columns, under the name that the file has now."""
         was = len(self.request.label)
         return [
             replace(table, columns={name: table.columns[name] for name in columns}, label=label + table.label[was:])
@@ -59,7 +59,7 @@ def remembered() -> Iterator[None]:
 
 
 def read_with(reader: Reader, path: Path, request: TableRequest) -> list[RawTable]:
-    """The tables of a file as `reader.read` gives them, those of before where they are remembered."""
+    """Return the tables of a file as `reader.read` gives them, those of before where they are remembered."""
     kept = _KEPT.get()
     if kept is None:
         return reader.read(path, request)
@@ -75,7 +75,7 @@ def read_with(reader: Reader, path: Path, request: TableRequest) -> list[RawTabl
 
 
 def _bare(request: TableRequest) -> TableRequest:
-    """The request without what does not change how a file is read."""
+    """Return the request without what does not change how a file is read."""
     return replace(request, columns=(), label="", progress=_untold)
 
 

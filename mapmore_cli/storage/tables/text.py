@@ -163,7 +163,7 @@ def _loaded(lines: Sequence[str], **dialect: Any) -> Array | None:
 
 
 def values_of_records(records: Sequence[Numbered], layout: Layout, request: TableRequest) -> Array:
-    """The wanted columns of records without blank ones, (n, columns); an empty field is NaN.
+    """Return the wanted columns of records without blank ones, (n, columns); an empty field is NaN.
 
     Raises
     ------

@@ -35,7 +35,7 @@ class Found:
 
 
 def top_of(top: Member, most: int, separator: str = "/") -> Top:
-    """The first rows of the log in a tree of arrays: of the group with the longest columns, of at least two.
+    """Return the first rows of the log in a tree of arrays: of the group with the longest columns, of at least two.
 
     Groups of the same members, and elements of an array, are recordings (`root` ends in `[*]`) of which the first one is shown; members
     with other names may lie beside them. A number named `fs` or `dt` is the log's `sample_time`.
@@ -68,7 +68,7 @@ def _is_number(cell: Any) -> bool:
 
 
 def _roots(top: Member, separator: str) -> Iterator[tuple[str, Member]]:
-    """The places whose elements may be recordings, with the first one of each."""
+    """Yield the places whose elements may be recordings, with the first one of each."""
     for address, here in (("", top), *((one.address, one.member) for one in _walk(top, separator))):
         if here.count:
             with suppress(DataError):
@@ -78,7 +78,7 @@ def _roots(top: Member, separator: str) -> Iterator[tuple[str, Member]]:
 
 
 def _first_alike(here: Member) -> Member | None:
-    """The first of two members or more that are groups of the same names; None without any.
+    """Return the first of two members or more that are groups of the same names; None without any.
 
     Beside them may be single values, and groups that have none of these names.
     """
@@ -103,7 +103,7 @@ class _Place:
 
 
 def _walk(top: Member, separator: str) -> Iterator[_Place]:
-    """The members below the top, level by level; so many of them, as links may lead in circles."""
+    """Yield the members below the top, level by level; so many of them, as links may lead in circles."""
 
     def below() -> Iterator[_Place]:
         waiting = deque([("", top)])
@@ -120,7 +120,7 @@ def _walk(top: Member, separator: str) -> Iterator[_Place]:
 
 
 def _member(here: Member, name: str) -> Member | None:
-    """A member; None where it is nothing that can be read, or that an address leads to."""
+    """Return a member; None where it is nothing that can be read, or that an address leads to."""
     if re.search(r"[./\[\]]", name) or name != name.strip():
         return None
     try:
@@ -139,7 +139,7 @@ def _columns(top: Member, separator: str, most: int) -> Iterator[Found]:
 
 
 def _of_array(member: Member, name: str, address: str, group: str, most: int) -> Iterator[Found]:
-    """The columns of an array: itself, or those of a matrix."""
+    """Yield the columns of an array: itself, or those of a matrix."""
     long = [length for length in member.shape if length != 1]
     matrix = len(member.shape) == 2 and len(long) == 2 and min(long) <= WIDEST
     if len(long) > 1 and not matrix:

@@ -51,7 +51,7 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
 
 
 def _name_of(run_dir: Path) -> str:
-    """The name of a run, as its record has it: a stranger's may lead anywhere."""
+    """Return the name of a run, as its record has it: a stranger's may lead anywhere."""
     name = _entry(run_dir / RUN_RECORD, "name")
     if not isinstance(name, str) or not TAG.fullmatch(name):
         raise DataError(f"{run_dir / RUN_RECORD}: has no name of a run", "make the run anew with `mapmore run CONFIG --force`")
@@ -59,7 +59,7 @@ def _name_of(run_dir: Path) -> str:
 
 
 def _entry(path: Path, *keys: str) -> object:
-    """What stands under some keys of a JSON file; None where there is nothing, or no such file."""
+    """Return what stands under some keys of a JSON file; None where there is nothing, or no such file."""
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
         for key in keys:
@@ -93,7 +93,7 @@ def _check_finished(run_dir: Path) -> None:
 
 
 def find_model(text: str, runs: Path, archive: Path) -> Path:
-    """The model file that a word on the command line means: a file, a run folder, a run, `NAME@TAG`, or a tag that one run has.
+    """Return the model file that a word on the command line means: a file, a run folder, a run, `NAME@TAG`, or a tag that one run has.
 
     Raises
     ------

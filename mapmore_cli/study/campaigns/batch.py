@@ -58,7 +58,7 @@ class Job:
     seconds: float = math.inf
 
     def elsewhere(self) -> Job:
-        """The same run on another machine: paths from the root, and patience with what an earlier, lost start of it still writes."""
+        """Return the same run on another machine: paths from the root, and patience with what an earlier, lost start of it still writes."""
         campaign = None if self.campaign is None else self.campaign.absolute()
         return replace(self, config=self.config.absolute(), runs=self.runs.absolute(), campaign=campaign, patient=True)
 
@@ -91,7 +91,7 @@ class Reading:
 
 
 def planned(jobs: Sequence[Job], specs: Sequence[LoadedSpec | None]) -> list[Job]:
-    """The jobs, with their spec known: how long they took before, and in groups that read the same recordings in the same way."""
+    """Return the jobs, with their spec known: how long they took before, and in groups that read the same recordings in the same way."""
     stages = pipeline()
     groups: dict[str, list[int]] = {}
     found = list(jobs)
@@ -111,7 +111,7 @@ def planned(jobs: Sequence[Job], specs: Sequence[LoadedSpec | None]) -> list[Job
 
 
 def _seconds_before(run_dir: Path) -> float:
-    """What the stages of a run took when each was done last; infinite where nothing is known of it."""
+    """Return what the stages of a run took when each was done last; infinite where nothing is known of it."""
     with suppress(MapmoreError):  # of a newer format, which the run itself will say
         if records := load_records(run_dir, lambda _message: None):
             return sum(record.seconds for record in records.values())

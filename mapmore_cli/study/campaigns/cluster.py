@@ -137,7 +137,7 @@ class ClusterWorkers:
 
 
 def _connected(address: str | None, file: Path | None, place: str) -> Any:
-    """A client; UsageError where there is no library for it, or no scheduler."""
+    """Return a client; UsageError where there is no library for it, or no scheduler."""
     try:
         from distributed import Client
     except ImportError:
@@ -167,7 +167,7 @@ def _failures_told(place: str) -> Iterator[None]:
 
 
 def _outcome(future: Any, place: str) -> Any:
-    """What came of a job: its result or its error."""
+    """Return what came of a job: its result or its error."""
     if future.cancelled() or future.status == "lost":
         return MapmoreError(f"{place}: the scheduler ended or dropped this run", "start it again; finished runs are not done anew")
     if (error := future.exception()) is None:

@@ -52,7 +52,7 @@ def _names(campaign: Campaign) -> tuple[str, ...]:
 
 
 def specs_of(entries: Sequence[Entry]) -> list[LoadedSpec | None]:
-    """The spec of every run; None where it is wrong, which its own run will say."""
+    """Return the spec of every run; None where it is wrong, which its own run will say."""
     specs: list[LoadedSpec | None] = []
     for entry in entries:
         try:
@@ -63,7 +63,7 @@ def specs_of(entries: Sequence[Entry]) -> list[LoadedSpec | None]:
 
 
 def run_names(entries: Sequence[Entry], campaigns: Sequence[Expanded], specs: Sequence[LoadedSpec | None]) -> list[str]:
-    """The name of every run; where its spec is wrong, what it is called in messages.
+    """Return the name of every run; where its spec is wrong, what it is called in messages.
 
     Raises
     ------
@@ -140,7 +140,7 @@ def write_page(campaign: Campaign, results: Mapping[str, Finished | BaseExceptio
 
 
 def scores_of(campaign: Campaign, results: Mapping[str, Finished | BaseException]) -> CampaignScores:
-    """What its tables are made of: the results of its runs by name, one for each."""
+    """Return what its tables are made of: the results of its runs by name, one for each."""
     from mapmore_cli.reporting.campaign import CampaignScores
 
     pairs = [(variant, run) for variant, run in zip(campaign.runs, results.values(), strict=True) if not isinstance(run, BaseException)]

@@ -83,7 +83,7 @@ class LocalWorkers:
 
 
 def worker_died(times: int) -> MapmoreError:
-    """What came of a job that no worker survived."""
+    """Return what came of a job that no worker survived."""
     remedy = "see whether the system ended it for want of memory; fewer runs at a time need less"
     return MapmoreError(f"the process that worked on it died {times} times", remedy)
 

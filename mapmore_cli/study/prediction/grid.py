@@ -34,7 +34,7 @@ def grid_lines(text: str, inputs: Sequence[str]) -> Iterator[str]:
 
 
 def grid_axes(text: str, inputs: Sequence[str]) -> dict[str, list[float]]:
-    """The places along every input of a grid; raises as `grid_lines`."""
+    """Return the places along every input of a grid; raises as `grid_lines`."""
     return {name: list(map(float, values)) for name, values in _of_inputs(text, inputs).items()}
 
 

@@ -42,7 +42,7 @@ class LoadedModel:
     scores: Sequence[Mapping[str, Any]] = ()  # rows of scores.json beside the file
 
     def __repr__(self) -> str:
-        """A line: what the model predicts, from what."""
+        """Return a line: what the model predicts, from what."""
         inputs = ", ".join(f"{quantity.name} [{quantity.unit}]" for quantity in self.inputs) or "its own past"
         return f"<model {self.model.name}: {self.output.name} [{self.output.unit}] of {inputs}>"
 
@@ -95,7 +95,7 @@ class LoadedModel:
         return ax
 
     def outside_range(self, **columns: ArrayLike) -> BoolArray:
-        """True where an input lies beyond the training range, in the shape of the output."""
+        """Return True where an input lies beyond the training range, in the shape of the output."""
         flat, shape = self._flattened(columns)
         return outside_range(self.model, flat).reshape(shape)
 
@@ -109,7 +109,7 @@ class LoadedModel:
         return low.reshape(shape), high.reshape(shape)
 
     def derivatives(self, **columns: ArrayLike) -> dict[str, Array]:
-        """Derivative of the output for every input by its name, in the shape of the output; not for models with memory."""
+        """Return derivative of the output for every input by its name, in the shape of the output; not for models with memory."""
         flat, shape = self._flattened(columns)
         return {name: slope.reshape(shape) for name, slope in slopes(self.model, flat).items()}
 

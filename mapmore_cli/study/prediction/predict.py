@@ -35,7 +35,7 @@ class Extra:
     derivatives: bool
 
     def names(self, model: Model) -> tuple[str, ...]:
-        """The columns."""
+        """Return the columns."""
         ends_of = () if self.level is None else (f"{model.output.name}_low", f"{model.output.name}_high")
         return (*ends_of, *(f"{model.output.name}_by_{quantity.name}" for quantity in model.inputs if self.derivatives))
 
@@ -110,7 +110,7 @@ def predicted_lines(
 
 
 def _added_names(model: Model, turned_for: str | None, extra: Extra, names: Sequence[str], label: str) -> tuple[str, ...]:
-    """The columns that are added; DataError where the table has one of them."""
+    """Return the columns that are added; DataError where the table has one of them."""
     added = (f"{turned_for or model.output.name}_predicted", FLAG, *extra.names(model))
     for name in added:
         if name in names:
@@ -119,7 +119,7 @@ def _added_names(model: Model, turned_for: str | None, extra: Extra, names: Sequ
 
 
 def _reading_turned(model: Model, name: str) -> Reading:
-    """What is read where a model is inverted; UsageError where it cannot be."""
+    """Return what is read where a model is inverted; UsageError where it cannot be."""
     inputs = [quantity.name for quantity in model.inputs]
     if name not in inputs:
         raise UsageError(f"--as: the model has no input '{name}'", f"it has {', '.join(inputs)}")
@@ -142,7 +142,7 @@ def _named(model: Model) -> str:
 def _added_cells(
     model: Model, reading: Reading, columns: dict[str, Array], block: Sequence[Row], label: str, extra: Extra
 ) -> tuple[list[str], tuple[int, ...]]:
-    """The new fields of every row of a block, and the rows at which a free run diverges."""
+    """Return the new fields of every row of a block, and the rows at which a free run diverges."""
     known = np.flatnonzero(np.logical_and.reduce([np.isfinite(columns[name]) for name in reading.columns]))
     added = ["," + "," * len(extra.names(model))] * len(block)
     if not len(known):

@@ -43,7 +43,7 @@ def recordings(rows: Iterator[Row], names: Sequence[str]) -> Iterator[list[Row]]
 
 
 def _time(cell: str) -> float:
-    """The time in a field; NaN for what the later, strict reading will report."""
+    """Return the time in a field; NaN for what the later, strict reading will report."""
     try:
         return float(cell)
     except ValueError:
@@ -51,7 +51,7 @@ def _time(cell: str) -> float:
 
 
 def stretches(time: Array) -> list[slice]:
-    """The parts of a recording between its gaps, by its finite times, (n,) and never decreasing."""
+    """Return the parts of a recording between its gaps, by its finite times, (n,) and never decreasing."""
     if len(time) < 2:
         return [slice(0, len(time))]
     return pieces(len(time), find_gaps(time, GAP * typical_step(time)).after)
@@ -103,7 +103,7 @@ class Row:
 
 
 def records(lines: Iterable[str], label: str) -> Iterator[Row]:
-    """Records with their text: a quoted field may go on over several lines."""
+    """Yield records with their text: a quoted field may go on over several lines."""
     consumed: list[str] = []
 
     def remembered() -> Iterator[str]:
@@ -125,7 +125,7 @@ def records(lines: Iterable[str], label: str) -> Iterator[Row]:
 
 
 def fields_of(row: Row, width: int, label: str) -> Sequence[str] | None:
-    """The fields of a record; None for a blank line, which in a table of one column is an empty field."""
+    """Return the fields of a record; None for a blank line, which in a table of one column is an empty field."""
     if not row.text.strip():
         return [""] if width == 1 else None
     if len(row.cells) != width:

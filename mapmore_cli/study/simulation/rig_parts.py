@@ -38,12 +38,12 @@ def _in_pascal(settings: Section, *names: str) -> dict[str, float]:
 
 
 def muscle_of(muscle: McKibbenMuscle | PeanoMuscle) -> StaticMuscle:
-    """The muscle at rest."""
+    """Return the muscle at rest."""
     return braid_of(muscle) if isinstance(muscle, McKibbenMuscle) else tube_of(muscle)
 
 
 def chamber_of(muscle: McKibbenMuscle | PeanoMuscle) -> Chamber:
-    """The same muscle, full of water."""
+    """Return the same muscle, full of water."""
     return Braid(braid_of(muscle)) if isinstance(muscle, McKibbenMuscle) else Tubes(tube_of(muscle), muscle.tubes)
 
 
@@ -53,7 +53,7 @@ def tube_of(muscle: PeanoMuscle) -> Peano:
 
 
 def braid_of(muscle: McKibbenMuscle) -> McKibben:
-    """The braid and its rubber."""
+    """Return the braid and its rubber."""
     pressures = _in_pascal(muscle, "c10", "c01", "threshold", "threshold_width", "crimp_pressure")
     return taken(McKibben, muscle, radius=0.5 * muscle.diameter, braid_angle=float(np.deg2rad(muscle.braid_angle)), **pressures)
 
@@ -69,60 +69,60 @@ def hysteresis_of(hysteresis: HysteresisSpec) -> Hysteresis:
 
 
 def load_cycle_of(experiment: LoadCycles) -> tuple[LoadCycle, Regulation]:
-    """The slow cycle and its regulator."""
+    """Return the slow cycle and its regulator."""
     return taken(LoadCycle, experiment, turns=tuple(experiment.turns)), experiment.regulation
 
 
 def wet_muscle_of(spec: SimulationSpec, rig: WaterRig) -> WetMuscle:
-    """The muscle at the end of its water line."""
+    """Return the muscle at the end of its water line."""
     return WetMuscle(chamber_of(spec.muscle), hysteresis_of(spec.hysteresis), rig.rubber, rig.wall, taken(Plumbing, rig))
 
 
 def step_rig_of(spec: SimulationSpec, experiment: StepResponses) -> tuple[StepRig, StepTimes]:
-    """The rig of the step responses, and when its valve is switched."""
+    """Return the rig of the step responses, and when its valve is switched."""
     rig = taken(StepRig, experiment, muscle=wet_muscle_of(spec, experiment.rig), load_cell=experiment.rig.load_cell)
     return rig, taken(StepTimes, experiment)
 
 
 def strokes_of(experiment: Perturbations) -> Strokes:
-    """The actuator's moves."""
+    """Return the actuator's moves."""
     stretched, contracted = experiment.between
     return Strokes(stretched, contracted, tuple(experiment.moves), experiment.dwell, experiment.sample_time)
 
 
 def waveform_rig_of(muscle: McKibbenMuscle, hysteresis: HysteresisSpec, experiment: Waveforms) -> WaveformRig:
-    """The muscle that hangs behind a regulator."""
+    """Return the muscle that hangs behind a regulator."""
     parts = {"hysteresis": hysteresis_of(hysteresis), "regulator": regulator_of(experiment.regulator)}
     return taken(WaveformRig, experiment, muscle=braid_of(muscle), **parts)
 
 
 def regulator_of(regulator: RegulatorSpec) -> Regulator:
-    """The regulator."""
+    """Return the regulator."""
     return taken(Regulator, regulator, **_in_pascal(regulator, "slope", "offset", "band", "supply"))
 
 
 def waveform_of(experiment: Waveforms, waveform: WaveformSpec) -> Waveform:
-    """The input of one recording."""
+    """Return the input of one recording."""
     return taken(Waveform, waveform, rest=experiment.rest, rest_input=waveform.rest_at, sample_time=experiment.sample_time)
 
 
 def loading_of(experiment: ContractionTable) -> Loading:
-    """The weights of a table of contractions."""
+    """Return the weights of a table of contractions."""
     return Loading(tuple(experiment.masses), experiment.regulator_error * KPA)
 
 
 def closed_muscle_of(muscle: McKibbenMuscle, hysteresis: HysteresisSpec, experiment: RandomVelocity | Antagonists) -> ClosedMuscle:
-    """A muscle full of air."""
+    """Return a muscle full of air."""
     return ClosedMuscle(braid_of(muscle), hysteresis_of(hysteresis), experiment.rubber, experiment.air)
 
 
 def random_motion_of(experiment: RandomVelocity) -> RandomMotion:
-    """What the motor does."""
+    """Return what the motor does."""
     return taken(RandomMotion, experiment, rest=_rest_of(experiment.rest))
 
 
 def joint_of(flexor: McKibbenMuscle, hysteresis: HysteresisSpec, experiment: Antagonists) -> tuple[Joint, Swing]:
-    """The joint, and its sine."""
+    """Return the joint, and its sine."""
     muscles = (closed_muscle_of(flexor, hysteresis, experiment), closed_muscle_of(experiment.extensor, hysteresis, experiment))
     upright = (experiment.pressure * KPA, experiment.taut)
     return taken(Joint, experiment, muscles=muscles, rest=_rest_of(experiment.rest), upright=upright), taken(Swing, experiment)

@@ -102,7 +102,7 @@ def label(cause: Cause) -> str:
 
 
 def recording(spec: SimulationSpec, cause: Cause) -> Columns:
-    """Readings, each `(n,)`, by the names and in the units of `HEADER`: those that the experiment measures."""
+    """Return readings, each `(n,)`, by the names and in the units of `HEADER`: those that the experiment measures."""
     rng = recording_generator(spec.seed, f"pressure={cause:g}" if isinstance(cause, float) else f"waveform={label(cause)}")
     repeats = spec.experiment.repeats if isinstance(spec.experiment, ContractionTable) else 1
     read = [_readings(spec, cause, rng) for _ in range(repeats)]
@@ -116,12 +116,12 @@ def _readings(spec: SimulationSpec, cause: Cause, rng: np.random.Generator) -> C
 
 
 def quantity(name: str) -> str:
-    """The quantity of a column: `pressure` of `pressure_2`, which is the second muscle's."""
+    """Return the quantity of a column: `pressure` of `pressure_2`, which is the second muscle's."""
     return name.removesuffix("_1").removesuffix("_2")
 
 
 def truth(spec: SimulationSpec, cause: Cause, rng: np.random.Generator) -> Columns:
-    """What happens in the spec's experiment, in SI units."""
+    """Return what happens in the spec's experiment, in SI units."""
     match spec.experiment, spec.muscle, cause:
         case Waveforms() as experiment, McKibbenMuscle() as muscle, WaveformSpec() as waveform:
             hanging = waveform_rig_of(muscle, spec.hysteresis, experiment)
@@ -151,7 +151,7 @@ def truth(spec: SimulationSpec, cause: Cause, rng: np.random.Generator) -> Colum
 
 
 def sensors(spec: SimulationSpec) -> dict[str, SensorSpec]:
-    """The sensors that the experiment has, by quantity."""
+    """Return the sensors that the experiment has, by quantity."""
     return {name: sensor for name, sensor in spec.sensors if sensor is not None}
 
 
@@ -168,7 +168,7 @@ def _digits(step: float) -> int:
 
 
 def csv_text(columns: Columns, digits: Mapping[str, int]) -> str:
-    """The file: a header, and a line for each sample."""
+    """Return the file: a header, and a line for each sample."""
     names = [name for number in ("", "_1", "_2") for name in (f"{of}{number}" for of in HEADER) if name in columns]
     formatted = [[f"{value:.{digits[quantity(name)]}f}" for value in columns[name]] for name in names]
     header = [HEADER[quantity(name)] + name.removeprefix(quantity(name)) for name in names]

@@ -20,6 +20,6 @@ OPERATORS: Mapping[str, Operator] = MappingProxyType({operator.name: operator fo
 
 
 def families() -> Mapping[str, tuple[Operator, ...]]:
-    """The operators that each family of a spec writes, by its key."""
+    """Return the operators that each family of a spec writes, by its key."""
     keys = dict.fromkeys(operator.family or operator.name for operator in OPERATORS.values())
     return {key: tuple(one for one in OPERATORS.values() if (one.family or one.name) == key) for key in keys}

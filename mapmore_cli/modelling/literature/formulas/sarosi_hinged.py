@@ -95,7 +95,7 @@ class SarosiHinged(Formula):
         return Optimum({name: parameters[name] for name in self.parameters}, float(residual @ residual))
 
     def equation(self, fit: FormulaFit) -> Expression:
-        """The formula as a person would write it; where `hi - lo` is beyond 700 w it overflows, which `predict` does not."""
+        """Return the formula as a person would write it; where `hi - lo` is beyond 700 w it overflows, which `predict` does not."""
         return substitute(parse(PRINTED), {name: Number(value) for name, value in fit.parameters.items()})
 
     def _check_linearity(self) -> None:
@@ -147,7 +147,7 @@ def _notes(hinged: HingeFit, plain: FormulaFit, share: float, scatter: list[floa
 
 
 def _levels(strain: Array) -> int:
-    """Number of strains that lie apart; many where the strain is swept."""
+    """Return number of strains that lie apart; many where the strain is swept."""
     values = np.unique(strain)
     gap = APART * float(np.abs(values).max())
     count, i = 0, 0

@@ -20,6 +20,6 @@ NAMES = tuple(SOLVERS)
 
 
 def solve(problem: Problem, recipe: MotionRecipe) -> Found:
-    """What the recipe's solver finds, polished where it says so."""
+    """Return what the recipe's solver finds, polished where it says so."""
     found = SOLVERS[recipe.solver](problem, recipe)
     return least_squares.polish(problem, found) if recipe.polish else found

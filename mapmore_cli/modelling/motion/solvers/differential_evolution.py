@@ -11,7 +11,7 @@ POPULATION = 10
 
 
 def solve(problem: Problem, recipe: MotionRecipe) -> Found:
-    """The best of `iterations` generations, or of fewer where the population has settled."""
+    """Return the best of `iterations` generations, or of fewer where the population has settled."""
     from scipy.optimize import Bounds, differential_evolution
 
     history: list[float] = []

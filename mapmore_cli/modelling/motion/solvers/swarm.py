@@ -58,7 +58,7 @@ WIDE = 4.0
 
 
 def solve(problem: Problem, recipe: MotionRecipe) -> Found:
-    """The best of `iterations` over the recipe's bounds; an unstable particle costs more than any stable one.
+    """Return the best of `iterations` over the recipe's bounds; an unstable particle costs more than any stable one.
 
     Raises
     ------

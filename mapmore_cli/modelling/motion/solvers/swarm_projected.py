@@ -13,7 +13,7 @@ from mapmore_cli.modelling.motion.solvers.swarm import fly
 
 
 def solve(problem: Problem, recipe: MotionRecipe) -> Found:
-    """The best of `iterations` over all frequencies and dampings of `plane`."""
+    """Return the best of `iterations` over all frequencies and dampings of `plane`."""
     low = np.array([math.log(SLOWEST), LEAST_DAMPED])
     high = np.array([math.log(FASTEST), MOST_DAMPED])
 

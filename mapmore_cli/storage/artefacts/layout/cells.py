@@ -53,7 +53,7 @@ LIMITS = named(SPAN)
 
 
 def expression_faults(field: str, expressions: Iterable[str], known: Iterable[str]) -> Iterator[Fault]:
-    """What is wrong with texts that are to be expressions of `known` names."""
+    """Yield what is wrong with texts that are to be expressions of `known` names."""
     names = frozenset(known)
     for expression in expressions:
         try:
