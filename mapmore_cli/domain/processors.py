@@ -110,7 +110,7 @@ def _copy(work: Callable[[T], R], share: Sequence[T]) -> Iterator[Connection]:
 
 
 def _deliver(work: Callable[[T], R], share: Sequence[T], sender: Connection, parent: int) -> None:
-    """What a fork does. It ends without a word and without what others are to do at the end."""
+    """Do the work of a fork. It ends without a word and without what others are to do at the end."""
     with suppress(BaseException):
         killed_with(parent)
         sender.send([work(item) for item in share])

@@ -59,7 +59,7 @@ def learned(name: str, x: Array, y: Array) -> Callable[[Array], Array]:
 
 
 def features(curve: Curve, names: Sequence[str], delays: Sequence[int]) -> Array:
-    """The inputs of every sample and those before it in its recording, (n, features); the first value stands for what was before it."""
+    """Return the inputs of every sample and those before it in its recording, (n, features); the first stands for what came before."""
     found = np.empty((curve.size, len(names) * len(delays)))
     for rows in curve.logs:
         places = np.arange(len(rows))

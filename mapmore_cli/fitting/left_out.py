@@ -154,7 +154,7 @@ def _training(dataset: Dataset, model: Model, astray: float) -> Training:
 
 
 def parts_of(dataset: Dataset, choices: ModelChoices) -> tuple[LeftOutKind, int, dict[str, tuple[BoolArray, ...]]]:
-    """What is left out of the training data in turn, how many such parts train, and for each part its name and its samples of every curve.
+    """Return what is left out of the training data in turn, how many such parts train, and each part's name and samples of every curve.
 
     They are the inner levels, since within its training range a new curve lies between two others; recordings where there are no levels;
     of a family, specimens;
@@ -191,7 +191,7 @@ def _part(dataset: Dataset, curve: Curve) -> str:
 
 
 def made_anew(choices: ModelChoices, dataset: Dataset, needed: Mapping[str, Path]) -> Model:
-    """A model of any kind, made in one go of the training samples of a dataset; `needed` are the folders of the runs that a sum adds up."""
+    """Return a model of any kind, made of the training samples of a dataset; `needed` are the folders of the runs that a sum adds up."""
     maker = maker_of(choices)
     if maker.refit is not None:
         return kinds.refitted(choices, dataset)

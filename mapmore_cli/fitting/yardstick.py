@@ -52,7 +52,7 @@ def black_boxes(dataset: Dataset, inputs: Sequence[str], folds: Sequence[Sequenc
 
 
 def strongest(curves: Sequence[Curve], residual: Sequence[Array], inputs: Sequence[str], past: bool) -> str:
-    """What explains most of a residual, (n_c,) of each curve with NaN where it is unknown: an input, an earlier one, a direction, the time.
+    """Return what explains most of a residual, (n_c,) of each curve, NaN where unknown: an input, an earlier one, a direction, the time.
 
     It is the share of the variance between the means of equally full bins; "" where nothing explains a fifth.
     """

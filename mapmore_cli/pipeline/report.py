@@ -194,7 +194,7 @@ LOOKS = "report.style."
 def drawn_figure(
     run_dir: Path, name: str, key: str | None, suffix: str, warn: Callable[[str], None], looks: Sequence[str] = ()
 ) -> tuple[bytes, str | None]:
-    """A figure of a run as a file: all of it, or the panel of one curve (or model) as wide as the spec says, with its numbers as CSV.
+    """Draw a figure of a run as a file: all of it, or the panel of one curve (or model) as wide as the spec says, with its numbers as CSV.
 
     Parameters
     ----------

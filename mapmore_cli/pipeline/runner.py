@@ -196,7 +196,7 @@ def _origin(loaded: LoadedSpec, run_dir: Path, campaign: Path | None) -> Origin:
 
 
 def _from(run_dir: Path, path: Path) -> str:
-    """The path from the run's folder; the name alone where the way leads over the root, since files of a run name nobody's folders."""
+    """Return the path from the run's folder; the name alone where the way leads over the root: files of a run name nobody's folders."""
     path, run_dir = path.resolve(), run_dir.resolve()
     if os.path.commonpath([path, run_dir]) == path.anchor:
         return path.name

@@ -80,7 +80,7 @@ class StageMaker:
 
 
 def _check_outputs(stage: Stage, out: Path) -> None:
-    """A stage that does not write what it declares is wrong itself."""
+    """Raise for a stage that does not write what it declares: it is wrong itself."""
     written = {path.name for path in out.iterdir()}
     if written != set(stage.outputs):
         raise RuntimeError(f"stage {stage.name} wrote {sorted(written)} and declares {sorted(stage.outputs)}")
@@ -115,7 +115,7 @@ def variables_set(variables: Mapping[str, str]) -> Iterator[None]:
 
 @cache
 def _thread_pools(_with_scipy: bool) -> ThreadpoolController:
-    """The libraries with threads that are loaded; looked for when SciPy's has come too, else once: it takes longer than a small stage."""
+    """Return the libraries with threads loaded; looked for when SciPy's has come too, else once: it takes longer than a small stage."""
     import numpy  # noqa: F401 - has one of them
     from threadpoolctl import ThreadpoolController
 

@@ -84,7 +84,7 @@ def plan_stages(
 
 
 def as_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
-    """The spec with the structure that the search of its run has found; as it is where it asks for none, or nothing was found yet."""
+    """Return the spec with the structure that the search of its run found; as it is where it asks for none, or none was found yet."""
     if loaded.spec.model.type != "auto":
         return loaded
     from mapmore_cli.pipeline.search import as_found

@@ -204,7 +204,7 @@ def limits(require: Mapping[str, float], scores: Sequence[Score]) -> tuple[Limit
 
 
 def needs(spec: ExperimentSpec) -> list[Need]:
-    """The other runs that this one is compared with, its own variations among them, and the static run that composites are fitted to."""
+    """Return the runs that this one is compared with, its own variations among them, and the static run that composites are fitted to."""
     static = reads(spec).static
     competitors = [c for c in spec.validation.against if isinstance(c, Competitor)]
     runs = [c.run for c in competitors if c.run is not None]

@@ -186,7 +186,7 @@ class ReportInputs:
         return self.model.left_out if self.target == self.model.output else None
 
     def interval(self, number: int) -> tuple[Array, Array] | None:
-        """Ends of the run's own intervals along a curve of the dataset, (n,) each; None where the model has none."""
+        """Return ends of the run's own intervals along a curve of the dataset, (n,) each; None where the model has none."""
         if self.left_out is None:
             return None
         from mapmore_cli.modelling.kinds import outside_range

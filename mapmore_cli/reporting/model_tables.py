@@ -166,7 +166,7 @@ def _formula_rows(name: str, role: str, formula: FormulaFit) -> list[tuple[Cell,
 
 
 def _interval(formula: FormulaFit, parameter: str) -> tuple[float, float]:
-    """Ends of the confidence interval of a parameter; NaN where its error is unknown."""
+    """Return ends of the confidence interval of a parameter; NaN where its error is unknown."""
     reach = half_width(formula.errors.get(parameter, math.nan), formula.samples - formula.rank, CONFIDENCE)
     return formula.parameters[parameter] - reach, formula.parameters[parameter] + reach
 

@@ -70,7 +70,7 @@ def opening(muscle: Peano, driving: Array, strain: Array) -> Array:
 
 
 def opening_angle(muscle: Peano, driving: float, strain: float) -> float:
-    """`opening` of a single pressure and strain, faster; at least 1e-9 rad."""
+    """Return `opening` of a single pressure and strain, faster; at least 1e-9 rad."""
 
     def excess(alpha: float) -> float:
         return float(_excess(muscle, driving, strain, alpha))

@@ -148,7 +148,7 @@ NAME = "a state-space model"
 
 
 def time(spec: ExperimentSpec) -> Iterator[Finding]:
-    """It goes by the time, in seconds, along whole recordings."""
+    """Require the time, in seconds, along whole recordings."""
     if spec.model.type != "state_space":
         return
     data = spec.data

@@ -75,7 +75,7 @@ def _kept(conditions: Sequence[Keep], loc: Loc) -> Iterator[_Use]:
 
 
 def derived(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Derived quantities have names of their own, do not depend on themselves, and rates have a time."""
+    """Check that derived quantities have names of their own and do not depend on themselves, and that rates have a time."""
     from mapmore_cli.modelling.expressions import ExpressionError, parse
 
     needs: dict[str, set[str]] = {}

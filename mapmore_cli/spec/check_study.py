@@ -202,7 +202,7 @@ def _baseline(spec: ExperimentSpec, name: str, loc: Loc) -> Iterator[Finding]:
 
 
 def _starts(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Starting values are published for the formula that they are wanted for."""
+    """Check that starting values are published for the formula that they are wanted for."""
     against = enumerate(spec.validation.against)
     wanted = [(c.model, c.starts, ("validate", "against", i, "starts")) for i, c in against if isinstance(c, Competitor)]
     for name, starts, loc in [(spec.model.name, spec.model.starts, ("model", "starts")), *wanted]:

@@ -50,7 +50,7 @@ def locate(finding: Finding, root: Node) -> Mistake:
 
 
 def within(at: Position, value: object, offset: int) -> Position:
-    """The place of character `offset` of a text value that starts at `at`; `at` itself where the source spells the text differently."""
+    """Return the place of character `offset` of a text that starts at `at`; `at` itself where the source spells the text differently."""
     written = _line(at)[at.column - 1 :]
     for quote in ("", '"', "'"):
         if isinstance(value, str) and offset and written.startswith(quote + value):
@@ -154,7 +154,7 @@ def faulty(error: ValidationError, root: Node) -> list[Loc]:
 
 
 def unknown_keys(error: ValidationError, root: Node, model: type[BaseModel]) -> dict[Loc, Loc | None]:
-    """The ways to unknown keys, each with that to the key which it stands for; None where it is near to no key that the spec lacks."""
+    """Return the ways to unknown keys, each with that to the key meant; None where it is near to no key that the spec lacks."""
     found: dict[Loc, Loc | None] = {}
     for details in error.errors(include_url=False):
         if details["type"] in _UNKNOWN:

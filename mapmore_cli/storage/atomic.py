@@ -43,7 +43,7 @@ def replaced_place(path: Path) -> Path:
 
 @contextmanager
 def unfinished_beside(path: Path, folder: bool = False) -> Iterator[Path]:
-    """An empty file or folder that is to become `path`, gone at the end unless it was moved there.
+    """Make an empty file or folder that is to become `path`, gone at the end unless it was moved there.
 
     What killed processes left of the same file is cleared away. This process holds its own with a lock of the system, which dies with it.
     """
@@ -106,7 +106,7 @@ def remove(place: Path) -> None:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[BufferedRandom]:
-    """A file that takes the place of `path` when the block ends without an error: written beside it, flushed to the disk, moved over it.
+    """Open a file that takes the place of `path` when the block ends without error: written beside it, flushed to the disk, moved over it.
 
     In an unfinished folder it is not flushed: `sync_tree` flushes the whole folder before that takes its place.
     """

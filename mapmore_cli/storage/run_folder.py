@@ -188,7 +188,7 @@ def is_tidy(run_dir: Path) -> bool:
 
 @contextmanager
 def stage_folder(run_dir: Path, stage: str) -> Iterator[Path]:
-    """A fresh folder inside the run's, on the same file system, gone when the stage ends in whatever way."""
+    """Make a fresh folder inside the run's, on the same file system, gone when the stage ends in whatever way."""
     folder = Path(mkdtemp(prefix=f"{TEMPORARY}{stage}-", dir=run_dir))
     try:
         yield folder

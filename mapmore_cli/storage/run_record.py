@@ -124,7 +124,7 @@ class Origin:
     settings: tuple[str, ...] = ()
 
     def rival_of(self, other: Origin, run_dir: Path) -> str | None:
-        """The file that claims the run's name beside this origin: another spec, or another campaign with other settings; None for none."""
+        """Return the file that claims the run's name beside this origin: another spec, or a campaign with other settings; None for none."""
         if other.spec != self.spec:
             return other.spec if (run_dir / other.spec).is_file() else None
         campaigns = self.campaign and other.campaign and self.campaign != other.campaign
@@ -132,7 +132,7 @@ class Origin:
 
 
 def stale_stages(records: Mapping[str, StageRecord]) -> dict[str, str]:
-    """Committed stages whose results are of other results than those that lie before them now, by the stage before that was done since."""
+    """Return committed stages whose results follow from others than lie before them now, by the earlier stage that was done since."""
     found: dict[str, str] = {}
     done = [name for name in STAGES if name in records]
     for before, name in pairwise(done):

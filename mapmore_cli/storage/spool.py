@@ -116,7 +116,7 @@ def by_blocks(function: Callable[..., Any], *columns: Any) -> Any:
 
 
 def counted(function: Callable[[Any], Any], size: int) -> Any:
-    """`function` of the row numbers from 0 to `size`, where each row depends on its number alone."""
+    """Return `function` of the row numbers from 0 to `size`, where each row depends on its number alone."""
     if is_one_block(size):
         return function(np.arange(size))
     result = Growing(function(np.arange(0)).dtype)

@@ -50,7 +50,7 @@ def lines_of(path: Path, told: Callable[[int, int], None] = lambda _read, _size:
 
 @contextmanager
 def replaced(path: Path) -> Iterator[TextIO]:
-    """A text stream that takes the place of `path` when the block ends without an error; WriteError where that cannot be.
+    """Open a text stream that takes the place of `path` when the block ends without an error; WriteError where that cannot be.
 
     What is no file, as a pipe or `/dev/null`, is written into.
 
@@ -76,7 +76,7 @@ def replaced(path: Path) -> Iterator[TextIO]:
 
 @contextmanager
 def _into(path: Path) -> Iterator[TextIO]:
-    """A text stream into something that is no file; BrokenPipeError where nobody reads any more."""
+    """Open a text stream into something that is no file; BrokenPipeError where nobody reads any more."""
     try:
         with path.open("wb") as raw, _encoded(raw, path.suffix == ".gz") as text:
             yield text

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def of_inspection(inspection: Inspection, unconfirmed: Sequence[str] = ()) -> View:
-    """The curves where there are any, then the issues with their remedies, the worst first, and guesses that nobody has confirmed."""
+    """Return the curves if any, then the issues with their remedies, the worst first, and guesses that nobody has confirmed."""
     found = View({}) if inspection.dataset is None else measured.of_dataset(inspection.dataset)
     issues = [asdict(issue) for issue in inspection.issues]
     questions = [f"not confirmed: {question}" for question in unconfirmed]

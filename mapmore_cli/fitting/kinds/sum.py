@@ -70,7 +70,7 @@ def _built(part: ModelChoices, dataset: Dataset, joint: FormulaFit | None, model
 
 
 def _without(run_dir: Path, dataset: Dataset) -> Model:
-    """The model of a run, fitted anew to its own data without the curves that a dataset holds out as a whole: by level, else by name."""
+    """Return the model of a run, fitted anew to its data without the curves that a dataset holds out as a whole: by level, else by name."""
     from mapmore_cli.fitting.kinds.choices import model_choices
     from mapmore_cli.fitting.left_out import made_anew
     from mapmore_cli.spec.loader import load

@@ -135,7 +135,7 @@ class Compiled:
     slots: int
 
     def values(self, columns: Mapping[str, Value]) -> Iterator[Value]:
-        """The expressions' values one after the other; an array may be a column itself, or shared with a later value: not to be changed."""
+        """Yield the expressions' values in order; an array may be a column itself, or shared with a later value: do not change it."""
         shared: Shared = [None] * self.slots
         for part in self.parts:
             yield part(columns, shared)
@@ -201,7 +201,7 @@ def _divisor(factor: Expression, known: Known) -> Part:
 
 
 def _once(expression: Power | Call, known: Known) -> Part:
-    """Computed at its first occurrence, and looked up at every other."""
+    """Compute at its first occurrence, and look up at every other."""
     if expression not in known:
         compute, slot = _computed(expression, known), len(known)
 

@@ -51,7 +51,7 @@ def delays(of: Sequence[str], times: Sequence[float], step: float) -> tuple[str,
 
 
 def operated(family: str, of: Sequence[str], numbers: Sequence[float | tuple[float, ...]] = ()) -> tuple[str, ...]:
-    """The operators of a `family` on every state `of`, with each of `numbers`: `slow(pressure, 0.5)`; or without, `resonance(pressure)`.
+    """Return operators of a `family` on every state `of`, with each of `numbers` (`slow(pressure, 0.5)`) or none: `resonance(pressure)`.
 
     Raises `ValueError` for numbers that do not fit the operator.
     """

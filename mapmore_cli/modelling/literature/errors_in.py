@@ -60,7 +60,7 @@ class Along:
         return np.where(np.isnan(found), self._beyond(*self.scan(place)), found)
 
     def solutions(self, place: Array) -> Array:
-        """The input at which the formula gives the target, nearest to what was measured, (n,); NaN where there is none within reach."""
+        """Return the input at which the formula gives the target, nearest to what was measured, (n,); NaN without one within reach."""
         edges, missing = self.scan(place)
         crosses = np.sign(missing[:-1]) * np.sign(missing[1:]) <= 0
         middle = (edges[:-1] + edges[1:]) / 2
@@ -133,7 +133,7 @@ def refined(problem: Problem, solution: Solution, name: str) -> Solution:
 
 
 def standard_errors(problem: Problem, solution: Solution, name: str, slopes: Array) -> tuple[Array, float]:
-    """Standard errors of parameters, (p,), and the sum of squared errors of the input, from the formula's `slopes` for them, (n, p)."""
+    """Return standard errors of parameters, (p,), and the sum of squared errors of the input, from the formula's `slopes`, (n, p)."""
     along = Along(problem, name)
     place = np.concatenate([solution.beta, solution.c])
     x = along.roots(place)

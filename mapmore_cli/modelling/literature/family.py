@@ -118,7 +118,7 @@ class Family(Formula):
         )
 
     def _law(self, lengths: Array, largest: Array) -> tuple[float, float]:
-        """a and b by least squares of ln S, with the prior of ln b."""
+        """Return a and b by least squares of ln S, with the prior of ln b."""
 
         def shape(log_b: float) -> Array:
             b = math.exp(log_b)

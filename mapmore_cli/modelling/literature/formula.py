@@ -188,7 +188,7 @@ class Formula(LiteratureModel):
         return evaluate(self.expression, {**inputs, **{name: np.asarray(parameters[name]) for name in self.parameters}}, rows)
 
     def solved(self, fit: FormulaFit, columns: Columns, y: Array, name: str) -> Array:
-        """The input `name` at which the fitted formula gives `y`, `(n,)`, nearest to what was measured; NaN where there is none near."""
+        """Return the input `name` at which the fitted formula gives `y`, `(n,)`, nearest to what was measured; NaN without one near."""
         inputs = {one: columns[one] for one in self.inputs}
         return errors_in.Along(Problem(self.equation(fit), (), (), {}, inputs, y), name).solutions(np.empty(0))
 

@@ -267,7 +267,7 @@ def _least_squares(problem: _Problem, phi: Array, chosen: BoolArray) -> Array:
 
 
 def _errors(problem: _Problem, q: Array) -> Array:
-    """Standard errors of q, `(10,)`; NaN where there are no more independent samples than parameters, or the data do not show one."""
+    """Return standard errors of q, `(10,)`; NaN without more independent samples than parameters, or where the data do not show one."""
     (data, _), (_, slopes) = problem.of_data(q), problem.system(q)
     freedom = float(problem.root @ problem.root) - len(NAMES)
     variance = float(data @ data) / freedom if freedom > 0.5 else np.nan

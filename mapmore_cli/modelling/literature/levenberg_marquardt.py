@@ -51,7 +51,7 @@ def _starts(problem: Problem) -> Iterator[Array]:
 
 
 def _descend(problem: Problem, start: Array) -> OptimizeResult | None:
-    """The nearest minimum, of residuals divided by the largest target so that the unit is no matter; None where the formula overflows."""
+    """Return the nearest minimum, of residuals over the largest target so that the unit is no matter; None where the formula overflows."""
     from scipy.optimize import least_squares
 
     m = len(problem.linear)

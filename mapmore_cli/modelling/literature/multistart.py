@@ -33,7 +33,7 @@ Found = TypeVar("Found", bound=End)
 
 
 def draw(nonlinear: tuple[Nonlinear, ...]) -> Iterator[Array]:
-    """`STARTS` seeded places in the intervals, each `(k,)` and log-uniform in magnitude; a single empty one without parameters."""
+    """Return `STARTS` seeded places in the intervals, each `(k,)` and log-uniform in magnitude; a single empty one without parameters."""
     rng = np.random.default_rng(SEED)
     for _ in range(STARTS if nonlinear else 1):
         yield np.array([_place(parameter, rng) for parameter in nonlinear])
@@ -47,7 +47,7 @@ def lowest(ends: Sequence[Found], starts: int) -> tuple[Found, str]:
 
 
 def rivals(converged: Sequence[Found], best: Found) -> list[Found]:
-    """Ends in other minima than the best that are nearly as deep, one of each, the deepest first."""
+    """Return ends in other minima than the best that are nearly as deep, one of each, the deepest first."""
     found = [best]
     for end in sorted(converged, key=lambda end: float(end.cost)):
         if (1 + DISTINCT) * found[-1].cost < end.cost <= RIVAL * best.cost:

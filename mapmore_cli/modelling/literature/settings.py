@@ -30,7 +30,7 @@ class FamilySettings(Settings):
         return self.rate or (19.03 if self.scale == "saturating" else 2.0)
 
     def definition(self, metres: float) -> str:
-        """The family as a text that travels with its fit; one unit of the quantity `of` is so many `metres` (1 for other quantities)."""
+        """Return the family as a text that travels with its fit; one unit of `of` is so many `metres` (1 for other quantities)."""
         return json.dumps({"family": {**vars(self), "rate": self.centre, "metres": metres}}, sort_keys=True)
 
 

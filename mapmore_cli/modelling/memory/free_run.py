@@ -79,7 +79,7 @@ def _pieces(model: MemoryModel, columns: Columns) -> Iterator[IntArray]:
 
 
 def _refuse_other_steps(time: Array, step: float) -> None:
-    """A record with longer steps than the model's would be all gaps."""
+    """Refuse a record with longer steps than the model's, which would be all gaps."""
     usual = float(np.median(np.diff(time))) if len(time) > FEW else step
     if usual > step * (1 + UNEVEN):
         raise AtSample(

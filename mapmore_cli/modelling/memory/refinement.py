@@ -169,7 +169,7 @@ class Problem:
 
 
 def refine(problem: Problem, start: Coefficients, effort: Effort) -> Coefficients:
-    """The coefficients of least error in free run, searched from `start`; of infinite error where no run along the way stays finite."""
+    """Return coefficients of least error in free run, searched from `start`; of infinite error where no run on the way stays finite."""
     fed_back = any(course.feedback.owns for course in problem.courses)
     point, last, horizon = start, 0, FIRST if fed_back else problem.longest
     while True:

@@ -61,7 +61,7 @@ class Training:
     # free run ------------------------------------------------------------------------------------------------------------------------
 
     def refined(self, choice: Choice, point: Coefficients, open_terms: Sequence[str]) -> MemoryFit:
-        """The model of a choice with coefficients found in free run, and their standard errors; theta are in the order of the choice.
+        """Return the model of a choice with coefficients found in free run, and standard errors; theta are in the order of the choice.
 
         `open_terms` are its terms as the dictionary names them, where numbers of their operators were searched as well.
         """

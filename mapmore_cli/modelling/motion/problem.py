@@ -182,7 +182,7 @@ class Problem:
 
 
 def _weighted(moved: Array, weights: Array) -> Array:
-    """`moved @ weights`, which is slow for a single column."""
+    """Return `moved @ weights`, which is slow for a single column."""
     return moved[:, 0] * weights[0] if len(weights) == 1 else moved @ weights
 
 

@@ -158,7 +158,7 @@ def _blocks_of_each(curves: Sequence[Curve], along: str) -> Folds:
 
 
 def in_curve(curves: Sequence[Curve], segmented: Sequence[str], target: str, level: str | None) -> str:
-    """The quantity along which curves are cut into blocks: the first segmented one, else the first by name that varies within them."""
+    """Return the quantity along which curves are cut into blocks: the first segmented one, else the first by name that varies in them."""
     known = curves[0].columns
     return next(name for name in (*segmented, *sorted(known)) if name in known and name not in (target, level))
 

@@ -72,7 +72,7 @@ def joined(boundaries: Array, x: Array, least: int) -> Array:
 
 
 def joined_cells(cells: Mapping[Cell, BoolArray], least: int, across: Sequence[bool]) -> dict[Cell, BoolArray]:
-    """The samples of every cell, `(n,)` masks, with those of the cells that it is joined to: `least` at least, or all that can be reached.
+    """Return the samples of every cell, `(n,)` masks, with those of the cells joined to it: `least` at least, or all that can be reached.
 
     Points of a table need not fill a grid: a muscle that is hardly inflated reaches no large strain. The group of cells with the fewest
     samples is joined to the neighbour that has fewest, the first of equals, until none has too few. Cells of one group have one segment

@@ -158,7 +158,7 @@ def cycle_starts(x: Array) -> IntArray:
 
 
 def last_cycles(x: Array, share: float) -> BoolArray:
-    """The samples of the last `share` of the cycles of `x` (n,), rounded down to whole cycles; the rest before them is not among them.
+    """Return the samples of the last `share` of the cycles of `x` (n,), rounded down to whole cycles, without the rest before them.
 
     Raises
     ------

@@ -268,7 +268,7 @@ class ReferencePoint:
 
 
 def reference_points(models: Sequence[Model]) -> list[ReferencePoint]:
-    """The middle of every curve that the first model has in common with the last, inside of the ranges of both; at most `MOST_POINTS`."""
+    """Return the middle of every curve that the first and last model have in common, inside the ranges of both; at most `MOST_POINTS`."""
     first, last = models[0], models[-1]
     places = common_curves(first, last)
     shown = sorted({round(place) for place in np.linspace(0, len(places) - 1, min(len(places), MOST_POINTS))})

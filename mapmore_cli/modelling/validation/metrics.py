@@ -179,7 +179,7 @@ class _Part:
 
 
 def divisor(dataset: Dataset, normaliser: str) -> Normaliser:
-    """What all errors of a study are divided by: a measure of the validation rows, as in the papers; of the training rows without these.
+    """Return what all errors of a study are divided by: a measure of the validation rows, as in the papers, else of the training rows.
 
     `normaliser` is one of `metrics.NORMALISERS`.
     """
@@ -189,7 +189,7 @@ def divisor(dataset: Dataset, normaliser: str) -> Normaliser:
 
 
 def on_common_rows(forecasts: Mapping[str, Sequence[Forecast]]) -> dict[str, tuple[Forecast, ...]]:
-    """The forecasts of every model on the rows that all of them predict: models that need a history would else be scored on fewer rows."""
+    """Return the forecasts of every model on the rows that all predict: models that need a history would else be scored on fewer rows."""
     common = [np.logical_and.reduce([found.ready for found in curve]) for curve in zip(*forecasts.values(), strict=True)]
     return {name: tuple(replace(one, ready=ready) for one, ready in zip(found, common, strict=True)) for name, found in forecasts.items()}
 

@@ -43,7 +43,7 @@ def repeats(curves: Sequence[Curve], target: str, inputs: Sequence[str], logs: M
 
 
 def rising(values: Array) -> BoolArray:
-    """True where `values` `(n,)`, in order of time, are on their way up; reversals smaller than a tenth of their range do not count."""
+    """Return True where `values` `(n,)`, in order of time, rise; reversals smaller than a tenth of their range do not count."""
     turns = turning_points(values, SWING * float(np.ptp(values)))
     if len(turns) < 2:
         return np.ones(len(values), dtype=np.bool_)
@@ -137,7 +137,7 @@ def _again(x: Array, y: Array, held_out: BoolArray) -> Array:
 
 
 def _on_strokes(x: Array, x_last: Array, y_last: Array) -> Array:
-    """The target of the last cycle where it was at `x`, (n,), on the rise for samples before the highest of `x`, else on the fall."""
+    """Return the target of the last cycle at `x`, (n,), on the rise for samples before the highest of `x`, else on the fall."""
     values = np.empty(len(x))
     peak, peak_last = int(np.argmax(x)), int(np.argmax(x_last))
     for rows, rows_last in ((slice(peak), slice(peak_last + 1)), (slice(peak, None), slice(peak_last, None))):

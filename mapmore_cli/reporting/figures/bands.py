@@ -17,7 +17,7 @@ from mapmore_cli.reporting.tables import bands_table
 
 
 def draw_bands(ax: Axes, found: Sequence[Band], models: Sequence[str], styles: Mapping[str, ModelStyle]) -> None:
-    """A line for each model over the bands, on a logarithmic scale where the errors differ much."""
+    """Draw a line for each model over the bands, on a logarithmic scale where the errors differ much."""
     for model in models:
         values = [band.rmse[model] for band in found]
         look = styles[model]

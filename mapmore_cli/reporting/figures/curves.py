@@ -80,7 +80,7 @@ def curve_fit(inputs: ReportInputs, number: int, rows: BoolArray | None = None) 
 
 
 def held_out_spans(x: Array, held_out: BoolArray) -> list[tuple[float, float]]:
-    """Runs of held-out samples along sorted `x` as (start, end), each reaching halfway to the neighbouring training samples."""
+    """Yield runs of held-out samples along sorted `x` as (start, end), each reaching halfway to the neighbouring training samples."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], held_out, [False]]).astype(int)))
     middle = np.concatenate([x[:1], (x[1:] + x[:-1]) / 2, x[-1:]])
     return [(float(middle[start]), float(middle[end])) for start, end in edges.reshape(-1, 2)]

@@ -44,7 +44,7 @@ def traces(recording: Recording, quantities: Mapping[str, Quantity], style: Figu
 
 
 def draw_trace(ax: Axes, trace: Trace) -> None:
-    """The trace as one line, its peaks kept."""
+    """Draw the trace as one line, its peaks kept."""
     rows = envelope(trace.y, POINTS_A_TRACE)
     ax.plot(trace.x[rows], trace.y[rows], color=BLUE, linewidth=0.7)
 

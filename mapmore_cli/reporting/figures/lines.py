@@ -14,7 +14,7 @@ POINTS = 201
 
 
 def draw_model(ax: Axes, model: Model, level: float | None = None) -> None:
-    """A line for every training curve, over the input that varies most within it; other inputs are held in the middle of their ranges.
+    """Draw a line for every training curve, over the input that varies most within it; other inputs are held in the middle of their ranges.
 
     With `level`, as 0.95, the band of that interval around each.
 

@@ -22,7 +22,7 @@ POINTS_A_PATH = 600
 
 
 def loop_figures(inputs: ReportInputs) -> list[Drawing]:
-    """A row of panels for each held-out recording: the run's own model over the measured loops, and its best competitors likewise."""
+    """Draw a row of panels for each held-out recording: the run's own model over the measured loops, and its best competitors."""
     numbers = [i for i, curve in enumerate(inputs.dataset.curves) if curve.held_out.any()]
     shown = [numbers[i] for i in places(inputs, [inputs.dataset.curves[i].id for i in numbers], MOST_RECORDINGS)]
     if not shown:

@@ -43,7 +43,7 @@ CROSSING: Mapping[str, Any] = {"linestyle": "none", "marker": ".", "markersize":
 
 
 def motion_figures(inputs: ReportInputs) -> list[Drawing]:
-    """Recordings with held-out samples, and training recordings in a figure of their own: target above, error below, the plateau shaded."""
+    """Draw recordings with held-out samples, and training recordings in another figure: target above, error below, the plateau shaded."""
     numbers = {
         "fit": [i for i, curve in enumerate(inputs.dataset.curves) if curve.held_out.any()],
         "training": [i for i, curve in enumerate(inputs.dataset.curves) if not curve.held_out.any()],

@@ -52,7 +52,7 @@ def nrmse_bars(models: Sequence[str], scores: Sequence[Score], published: Mappin
 
 
 def draw_nrmse(ax: Axes, bars: NrmseBars, styles: Mapping[str, ModelStyle]) -> None:
-    """A pair of bars a model, solid for held-out and hatched for training data, values at the right, published ones as diamonds.
+    """Draw a pair of bars a model, solid for held-out and hatched for training data, values at the right, published ones as diamonds.
 
     A dashed line marks what repeated measurements differ by, of the data that the solid bars are about.
     """

@@ -67,7 +67,7 @@ def segment_curves(inputs: ReportInputs, variable: int) -> list[SegmentCurve]:
 
 
 def draw_segments(ax: Axes, curve: SegmentCurve) -> None:
-    """The samples, coloured and marked by segment."""
+    """Draw the samples, coloured and marked by segment."""
     for place in range(1, len(curve.boundaries)):
         rows = np.flatnonzero(curve.cell == place)
         rows = rows[cloud(curve.x[rows], curve.y[rows], DOTS_A_SEGMENT)]

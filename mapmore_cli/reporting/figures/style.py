@@ -55,7 +55,7 @@ BACKEND = ("backend", "backend_fallback")
 
 @contextmanager
 def figure_style(style: FigureStyle | None = None) -> Iterator[None]:
-    """The look of all figures over Matplotlib's own defaults: a user's matplotlibrc must not change a report."""
+    """Set the look of all figures over Matplotlib's own defaults: a user's matplotlibrc must not change a report."""
     style = style or FigureStyle()
     large, small = ["axes.labelsize", "font.size"], ["axes.titlesize", "legend.fontsize", "xtick.labelsize", "ytick.labelsize"]
     sizes: dict[Any, Any] = {**dict.fromkeys(large, style.size), **dict.fromkeys(small, style.size - SMALLER)}
@@ -91,7 +91,7 @@ def _no_word_of_absent_fonts() -> Iterator[None]:
 
 @contextmanager
 def fonts_may_lack_glyphs() -> Iterator[None]:
-    """A character that the layout font lacks is still written as text in SVG, and drawn with the reader's fonts."""
+    """Write a character that the layout font lacks as text in SVG, drawn with the reader's fonts."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing from")
         yield
@@ -167,7 +167,7 @@ def shortened(text: str, length: int) -> str:
 
 
 def two_lines(text: str, length: int) -> str:
-    """The text in two lines where it is longer than `length`, broken after a separator if there is one; longer ones are shortened."""
+    """Return the text in two lines where it is longer than `length`, broken after a separator if it has one; longer ones are shortened."""
     if len(text) <= length:
         return text
     text = shortened(text, 2 * length)
@@ -221,7 +221,7 @@ def beyond_scale(models: Sequence[str]) -> str:
 
 
 def zero_line(ax: Axes) -> None:
-    """A thin line at an error of zero."""
+    """Draw a thin line at an error of zero."""
     ax.axhline(0.0, color=GREY, linewidth=0.5, zorder=0)
 
 

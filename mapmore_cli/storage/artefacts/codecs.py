@@ -251,7 +251,7 @@ def optional(codec: Codec) -> Codec:
 
 
 def added(codec: Codec, default: Any) -> Codec:
-    """The same for a field that files of earlier versions lack: they are read as if it held the default, which no checksum counts."""
+    """Return the same for a field that earlier files lack: they are read as if it held the default, which no checksum counts."""
 
     def read(group: h5py.Group, name: str) -> Any:
         return codec.read(group, name) if _present(group, name) else default

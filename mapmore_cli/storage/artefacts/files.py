@@ -150,7 +150,7 @@ def _as_numbers(version: str) -> tuple[int, ...]:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[h5py.File]:
-    """The file, open for reading; DataError where HDF5 cannot open it. What goes wrong in the block is not this one's to explain."""
+    """Open the file for reading; DataError where HDF5 cannot open it. What goes wrong in the block is not this one's to explain."""
     if not path.exists():
         raise DataError(f"{path}: no such file", "`mapmore run CONFIG` makes it")
     if not path.is_file():

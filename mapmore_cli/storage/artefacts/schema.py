@@ -115,7 +115,7 @@ def record(schema: Schema) -> Codec:
 
 
 def nested(type_: type, schema: Callable[[], Schema]) -> Codec:
-    """The same for a type that has parts of its own type, whose schema is not known before it is used. Such parts may lie too deep."""
+    """Return the same for a type with parts of its own type, whose schema is not known before it is used. Such parts may lie too deep."""
 
     def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
         schema().write_into(group.create_group(name), value, label)

@@ -175,7 +175,7 @@ def _filled_until(end: int, lines: Lines, records: Iterator[Numbered]) -> Iterat
 
 
 def _doubts(path: Path, request: TableRequest) -> tuple[str, ...]:
-    """A warning where the last line has no end and its last number is shorter than all before it: 254.126 was cut to 2 or to 254.1."""
+    """Return a warning where the last line has no end and its last number is shorter than all before: 254.126 was cut to 2 or 254.1."""
     lines = last_lines(path, request.encoding)
     if lines is None or lines[-1].endswith(("\n", "\r")):
         return ()

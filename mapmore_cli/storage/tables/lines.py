@@ -170,7 +170,7 @@ def open_quote(label: str, row: int) -> DataError:
 
 @contextmanager
 def open_lines(path: Path, encoding: str, label: str) -> Iterator[Lines]:
-    """The lines of a file, plain or gzipped (recognised by content), which end in LF, CR LF or CR."""
+    """Open the lines of a file, plain or gzipped (recognised by content), which end in LF, CR LF or CR."""
     # utf-8-sig swallows a byte order mark; newline="" leaves CR, LF and CRLF to the parser
     encoding = "utf-8-sig" if codecs.lookup(encoding).name == "utf-8" else encoding
     with path.open("rb") as raw:

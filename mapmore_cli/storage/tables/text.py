@@ -133,7 +133,7 @@ class Layout:
 
 
 def values_of_lines(lines: Sequence[str], layout: Layout, request: TableRequest) -> Array | None:
-    """The wanted columns, (n, columns), where every line is one record of full width with nothing but plain numbers in them; else None.
+    """Return the wanted columns, (n, columns), where every line is one record of full width with only plain numbers in them; else None.
 
     NumPy's parser takes a twentieth of the time of `values_of_records`, and every number that it accepts is the same number there.
     """

@@ -51,7 +51,7 @@ def top_of(top: Member, most: int, separator: str = "/") -> Top:
 
 
 def _log(columns: Sequence[Found]) -> list[Found]:
-    """The columns of one length that lie together, the longest of these; those of one length from anywhere where none lie together."""
+    """Return the columns of one length that lie together, the longest of these; where none lie together, those of one length anywhere."""
     long = [column for column in columns if column.length > 1]
     for key in (lambda column: (column.length, column.group), lambda column: (column.length, "")):
         logs: dict[tuple[int, str], list[Found]] = {}

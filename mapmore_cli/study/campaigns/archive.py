@@ -82,7 +82,7 @@ def _fill(folder: Path, run_dir: Path, name: str, tag: str) -> None:
 
 
 def _check_finished(run_dir: Path) -> None:
-    """What `run.json` says was written has to be what is there."""
+    """Check that what `run.json` says was written is there."""
     remedy = "bring the run up to date with `mapmore run`"
     if missing := [kept for kept in KEPT if not (run_dir / kept).is_file()]:
         raise DataError(f"{run_dir}: is no finished run ({', '.join(missing)} missing)", remedy)

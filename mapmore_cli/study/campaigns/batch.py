@@ -138,7 +138,7 @@ def run_all(jobs: Sequence[Job], workers: Workers) -> Generator[tuple[int, Finis
 
 
 def _with_reading(result: Finished | BaseException, reading: Reading | BaseException | None, leads: bool) -> Finished | BaseException:
-    """A run with what was told when its recordings were read, before it or for another; where that failed, the run itself has said so."""
+    """Return a run with what was told when its recordings were read, before it or for another; a failure the run itself has told."""
     if isinstance(result, BaseException) or not isinstance(reading, Reading):
         return result
     stages = {**result.stages, **reading.stages} if leads else result.stages

@@ -45,7 +45,7 @@ def expanded(configs: Sequence[Path], overrides: Sequence[str]) -> tuple[list[Ex
 
 
 def _names(campaign: Campaign) -> tuple[str, ...]:
-    """What its runs are called in messages: their own name, else that of their spec, with its folder where another is called alike."""
+    """Return what runs are called in messages: their own name, else that of their spec, with its folder where another is called alike."""
     bases = [str(run.base or campaign.base) for run in campaign.runs]
     short = [run.name or PurePosixPath(base).stem for run, base in zip(campaign.runs, bases, strict=True)]
     return tuple(name if short.count(name) == 1 else base for name, base in zip(short, bases, strict=True))
