@@ -16,19 +16,12 @@ from mapmore_cli.domain.recording import Quantity
 class Candidate:
     """A measurement that could be made.
 
-    Attributes
-    ----------
-    at
-        Values of the quantities to set, by name, in the model's units.
-    kind
-        `between` two levels, a `repeat` of a level, or a `point` of a map.
-    half_width, after
-        Half of the width of the 95 % interval there before the measurement, and the forecast for after it, in the target's unit; NaN where
-        unknown.
-    error
-        Expected root mean square error there before the measurement; NaN where unknown.
-    cost
-        What it costs, by the user's prices of a change of each quantity.
+    - `at`: values of the quantities to set, by name, in the model's units.
+    - `kind`: `between` two levels, a `repeat` of a level, or a `point` of a map.
+    - `half_width`, `after`: half of the width of the 95 % interval there before the measurement, and the forecast for after it, in the
+      target's unit; NaN where unknown.
+    - `error`: expected root mean square error there before the measurement; NaN where unknown.
+    - `cost`: what it costs, by the user's prices of a change of each quantity.
     """
 
     at: Mapping[str, float]
@@ -56,14 +49,9 @@ class Until:
 class Picture:
     """Half widths over the range that was measured, for the figure.
 
-    Attributes
-    ----------
-    places
-        Coordinates of the half widths by name, (n,) each.
-    before, after
-        Half widths now, and with all of the plan's points or with its first level measured, (n,).
-    measured
-        Coordinates of what trains, by name, (m,) each.
+    - `places`: coordinates of the half widths by name, (n,) each.
+    - `before`, `after`: half widths now, and with all of the plan's points or with its first level measured, (n,).
+    - `measured`: coordinates of what trains, by name, (m,) each.
     """
 
     places: Columns

@@ -73,16 +73,10 @@ class Run:
 class Forecast:
     """Predictions of the samples of a curve, (n,) each.
 
-    Attributes
-    ----------
-    values
-        The model's prediction, in free run where it has memory; NaN before there is history, and from where a run diverged.
-    ready
-        Samples with enough history to be predicted; what is NaN among them has diverged.
-    one_step
-        Prediction of every sample from the measured past; None for a model without memory.
-    half
-        Half of the width of the interval at every sample, NaN where there is none; None for a model without intervals.
+    - `values`: the model's prediction, in free run where it has memory; NaN before there is history, and from where a run diverged.
+    - `ready`: samples with enough history to be predicted; what is NaN among them has diverged.
+    - `one_step`: prediction of every sample from the measured past; None for a model without memory.
+    - `half`: half of the width of the interval at every sample, NaN where there is none; None for a model without intervals.
     """
 
     values: Array

@@ -164,16 +164,10 @@ def deciding(scores: Iterable[Score]) -> list[Score]:
 class Trial:
     """One combination of settings, by their place in the spec.
 
-    Attributes
-    ----------
-    parameters
-        Free numbers of its model of all training data.
-    errors
-        NRMSE on each fold of a model without it; empty where a fit failed, for which `failure` says why.
-    error
-        Their mean.
-    excess, spread
-        Mean over the folds of the error less that of the best combination, and the standard error of that mean.
+    - `parameters`: free numbers of its model of all training data.
+    - `errors`: NRMSE on each fold of a model without it; empty where a fit failed, for which `failure` says why.
+    - `error`: their mean.
+    - `excess`, `spread`: mean over the folds of the error less that of the best combination, and the standard error of that mean.
     """
 
     settings: Mapping[str, Any]

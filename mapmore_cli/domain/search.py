@@ -11,24 +11,16 @@ from typing import Any
 class Tried:
     """One structure that was tried.
 
-    Attributes
-    ----------
-    family, words
-        The family that offered it, and what it is called.
-    sections
-        The sections of a spec that make it, by their names.
-    parameters
-        Free numbers of its model of all training data.
-    errors
-        RMSE on each fold of a model without it, as a fraction of `Search.scale`; empty where a fit failed, for which `failure` says why.
-    error
-        Their root mean square.
-    parts
-        The same over left-out levels or recordings; NaN where there are too few of them.
-    excess, spread
-        Mean over all folds of the logarithm of the error over that of the best structure, and the standard error of that mean.
-    seconds
-        How long it took.
+    - `family`, `words`: the family that offered it, and what it is called.
+    - `sections`: the sections of a spec that make it, by their names.
+    - `parameters`: free numbers of its model of all training data.
+    - `errors`: RMSE on each fold of a model without it, as a fraction of `Search.scale`; empty where a fit failed, for which `failure` says
+      why.
+    - `error`: their root mean square.
+    - `parts`: the same over left-out levels or recordings; NaN where there are too few of them.
+    - `excess`, `spread`: mean over all folds of the logarithm of the error over that of the best structure, and the standard error of that
+      mean.
+    - `seconds`: how long it took.
     """
 
     family: str

@@ -69,10 +69,7 @@ class Contest:
     def rival(self, competitor: str | Competitor) -> Rival:
         """Fit a competitor to the same training data and predict every sample.
 
-        Raises
-        ------
-        SpecError, DataError
-            Where another run is of other quantities, or a formula lacks what it is fitted to.
+        Raises SpecError, DataError where another run is of other quantities, or a formula lacks what it is fitted to.
         """
         if isinstance(competitor, str):
             competitor = Competitor(model=competitor)

@@ -93,12 +93,8 @@ def residuals(choices: ModelChoices, dataset: Dataset, needed: Mapping[str, Path
 
     `needed` are the folders of the runs that a sum adds up, which are fitted anew as well. Held-out data are in nothing of it.
 
-    Raises
-    ------
-    SpecError
-        Where runs are added up that were trained on fewer than three levels or recordings.
-    DataError, FitError
-        Where a model cannot be fitted without a part, or has no prediction for it; the part is named.
+    Raises SpecError where runs are added up that were trained on fewer than three levels or recordings; DataError, FitError where a model
+    cannot be fitted without a part, or has no prediction for it; the part is named.
     """
     kind, count, folds = parts_of(dataset, choices)
     if kind == "blocks" and needed:

@@ -63,23 +63,14 @@ Need = str | Compared | Variation
 class Stage:
     """One step of the pipeline.
 
-    Attributes
-    ----------
-    name
-        `ingest`, `segment`, ...
-    revision
-        Raised when the stage's numbers or its file change: results of older revisions are then stale.
-    outputs
-        Files or folders that it writes, relative to the run folder.
-    reads
-        The stage's slice of the spec: a frozen dataclass or a pydantic model, dumped to JSON for the fingerprint.
-    run
-        Does the work, given the slice.
-    sources
-        Files outside of the run folder that it reads (recordings), given the spec and its folder.
-    needs
-        Runs whose models it reads: those of the specs at some paths, which it is built on; those that it is compared with; and variations
-        of the spec itself.
+    - `name`: `ingest`, `segment`, ...
+    - `revision`: raised when the stage's numbers or its file change: results of older revisions are then stale.
+    - `outputs`: files or folders that it writes, relative to the run folder.
+    - `reads`: the stage's slice of the spec: a frozen dataclass or a pydantic model, dumped to JSON for the fingerprint.
+    - `run`: does the work, given the slice.
+    - `sources`: files outside of the run folder that it reads (recordings), given the spec and its folder.
+    - `needs`: runs whose models it reads: those of the specs at some paths, which it is built on; those that it is compared with; and
+      variations of the spec itself.
     """
 
     name: str

@@ -63,10 +63,7 @@ def bench_of(dataset: Dataset, choices: ModelChoices, normaliser: str, by_level:
     Where the study holds levels out (`by_level`), training levels are left out also of pooled curves, and the outer ones where there are
     fewer than three inner ones.
 
-    Raises
-    ------
-    DataError
-        Where there are too few samples to leave a block out.
+    Raises DataError where there are too few samples to leave a block out.
     """
     level = None if choices.over_time else level_of(choices.levels, choices.segment)
     levels = sorted({curve.level for curve in dataset.curves if curve.level is not None})

@@ -159,10 +159,7 @@ def found_shift(first: Samples, second: Samples, join: Join, units: Mapping[str,
 
     Two records of one unit are taken to rise together; of different units, one may fall while the other rises.
 
-    Raises
-    ------
-    DataError
-        Where nothing changes, where noise would do as well, and where another shift is nearly as good.
+    Raises DataError where nothing changes, where noise would do as well, and where another shift is nearly as good.
     """
     match = join.match
     assert match is not None

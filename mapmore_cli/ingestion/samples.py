@@ -24,20 +24,12 @@ from mapmore_cli.storage.tables.remembered import read_with
 class Samples:
     """Samples of one table.
 
-    Attributes
-    ----------
-    label, place, rows
-        Where they stand, for messages: the file (and part of it), and `(n,)` rows or indices in it.
-    columns
-        Quantities by name, each `(n,)`.
-    left_out
-        The rows of samples that were left out, by reason.
-    element
-        Number of the recording in its file, or the title of its sheet; None where the file holds a single one.
-    merged
-        How many samples fewer there are since resampling.
-    doubts
-        What its reader warns of.
+    - `label`, `place`, `rows`: where they stand, for messages: the file (and part of it), and `(n,)` rows or indices in it.
+    - `columns`: quantities by name, each `(n,)`.
+    - `left_out`: the rows of samples that were left out, by reason.
+    - `element`: number of the recording in its file, or the title of its sheet; None where the file holds a single one.
+    - `merged`: how many samples fewer there are since resampling.
+    - `doubts`: what its reader warns of.
     """
 
     label: str

@@ -32,10 +32,7 @@ Plateau = Literal["auto"] | tuple[float, float]
 def with_plateau(recording: Recording, plateau: Plateau, units: Mapping[str, str]) -> Recording:
     """Return the recording with `plateau` and `step_pressure`, the mean pressure there.
 
-    Raises
-    ------
-    DataError
-        Where there is no plateau, or no sample in the one that is given.
+    Raises DataError where there is no plateau, or no sample in the one that is given.
     """
     columns = recording.columns
     seconds = convert(columns["time"], units["time"], "s")
@@ -59,10 +56,7 @@ def with_plateau(recording: Recording, plateau: Plateau, units: Mapping[str, str
 def static_model(run_dir: Path, force: Quantity, units: Mapping[str, str]) -> Model:
     """Return the static model that a spec needs.
 
-    Raises
-    ------
-    SpecError
-        Where it is of another quantity or unit, or has an input that the recordings lack or hold in another unit.
+    Raises SpecError where it is of another quantity or unit, or has an input that the recordings lack or hold in another unit.
     """
     model = RunFiles(run_dir).model()
     if model.output != force:

@@ -66,12 +66,7 @@ class SolvedInput:
 def invert(model: Model, wanted: Array, given: Columns, name: str, rule: str = LOWEST) -> Inverse:
     """Return every value of the input `name` at which the model gives the `wanted` output, (n,), at the `given` other inputs, (n,) each.
 
-    Raises
-    ------
-    UsageError
-        For an unknown input or rule.
-    DataError
-        For a model with memory.
+    Raises UsageError for an unknown input or rule; DataError for a model with memory.
     """
     if rule not in (LOWEST, NEAREST):
         raise UsageError(f"there is no rule '{rule}'", f"take {LOWEST} or {NEAREST}")
@@ -99,10 +94,7 @@ def solve_for_input(model: Model, columns: Columns, name: str) -> SolvedInput:
     columns
         The output and all inputs but `name`, by name, each `(n,)`.
 
-    Raises
-    ------
-    UsageError, DataError
-        As `invert`.
+    Raises UsageError, DataError as `invert`.
     """
     evaluated = _evaluated(model, name)
     needed = [model.output.name, *(quantity.name for quantity in model.inputs if quantity.name != name)]
@@ -144,10 +136,7 @@ def _lines(model: Model, evaluated: Evaluated, wanted: Array, given: Columns, na
 def knots(model: Model, name: str) -> Array:
     """Return ascending values of an input between which the model is smooth along it, and the ends of its training range.
 
-    Raises
-    ------
-    UsageError
-        Where the range is not known, as of an input that a sum renames.
+    Raises UsageError where the range is not known, as of an input that a sum renames.
     """
     found = np.unique([place for place in program_of(model).knots.get(name, ()) if np.isfinite(place)])
     if len(found) < 2:

@@ -88,12 +88,8 @@ def simulate(model: Model, columns: Columns) -> Run:
     columns
         The model's inputs by name, each (n,), in the model's units; with memory also `time`, and the output where it is fed back.
 
-    Raises
-    ------
-    KeyError
-        Where an input is missing.
-    DataError
-        Where a free run has nothing to begin from, or samples are not at the model's time steps.
+    Raises KeyError where an input is missing; DataError where a free run has nothing to begin from, or samples are not at the model's time
+    steps.
     """
     found: Run = kind_of(model).verb("simulate")(model, columns)
     return found
@@ -112,10 +108,7 @@ def _outside(model: Model, columns: Columns) -> BoolArray:
 def equations(model: Model, units: Mapping[str, float] = MODEL_UNITS) -> tuple[Equation, ...]:
     """Return the model as equations, in its units or in others: of a sum, those of each summand.
 
-    Raises
-    ------
-    DataError
-        Where a coefficient is too large to be a number.
+    Raises DataError where a coefficient is too large to be a number.
     """
     with _numbers_in_reach(model):
         found: tuple[Equation, ...] = kind_of(model).verb("equations")(model, units)
@@ -151,10 +144,7 @@ def fed_back(model: Model) -> tuple[str, ...]:
 def program_of(model: Model) -> Program:
     """Return the model as a program of one sample's numbers, from which other languages and derivatives follow.
 
-    Raises
-    ------
-    DataError
-        Where a part of the model is no closed expression, and where a coefficient is too large to be a number.
+    Raises DataError where a part of the model is no closed expression, and where a coefficient is too large to be a number.
     """
     from mapmore_cli.modelling.program.model import program_of
 
@@ -179,10 +169,7 @@ def slopes(model: Model, columns: Columns) -> dict[str, Array]:
 
     At a boundary it is that of the piece that holds there.
 
-    Raises
-    ------
-    DataError
-        For a model with memory, and where a part of the model is no closed expression.
+    Raises DataError for a model with memory, and where a part of the model is no closed expression.
     """
     from mapmore_cli.modelling.program.slopes import with_slopes
     from mapmore_cli.modelling.program.values import evaluator

@@ -45,10 +45,7 @@ def runs_built_on(loaded: LoadedSpec, heirs: tuple[Path, ...]) -> list[Needed]:
 def runs_at(needs: Sequence[Need], loaded: LoadedSpec, heirs: tuple[Path, ...]) -> list[Needed]:
     """Return the runs of the specs at some paths from a spec's folder, and of variations of the spec itself.
 
-    Raises
-    ------
-    SpecError
-        Where runs need each other in a circle, or a needed spec is missing or wrong.
+    Raises SpecError where runs need each other in a circle, or a needed spec is missing or wrong.
     """
     from mapmore_cli.spec.loader import load
 

@@ -85,10 +85,8 @@ def _published(report: Report) -> list[str]:
 def sources(spec: ExperimentSpec, folder: Path) -> list[Path]:
     """Return the tables of a publication.
 
-    Raises
-    ------
-    SpecError
-        Where one is missing, is no CSV file, or lies neither below the spec's folder nor below one of `--tables`: a page shows it whole.
+    Raises SpecError where one is missing, is no CSV file, or lies neither below the spec's folder nor below one of `--tables`: a page shows
+    it whole.
     """
     paths = [folder / path for path in _published(spec.report)]
     allowed = [folder, *(Path(place) for place in os.environ.get(TABLES, "").split(os.pathsep) if place)]
@@ -105,10 +103,7 @@ def sources(spec: ExperimentSpec, folder: Path) -> list[Path]:
 def published_table(path: Path) -> Table:
     """Return a table of a publication as it was transcribed, every cell as text.
 
-    Raises
-    ------
-    SpecError
-        Where the file is no table.
+    Raises SpecError where the file is no table.
     """
     import csv
 
@@ -203,12 +198,8 @@ def drawn_figure(
     looks
         Values that replace those of the run's spec, as `report.style.width=120 mm`.
 
-    Raises
-    ------
-    DataError
-        Where the folder holds no finished run.
-    UsageError
-        Where there is no such panel (the message names those that there are), or `looks` are about anything else.
+    Raises DataError where the folder holds no finished run; UsageError where there is no such panel (the message names those that there
+    are), or `looks` are about anything else.
     """
     from mapmore_cli.reporting.figures.catalogue import drawings, panel_of
     from mapmore_cli.reporting.figures.drawing import alone, compose

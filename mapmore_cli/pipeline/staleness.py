@@ -60,10 +60,7 @@ def plan_stages(
 ) -> Iterator[Plan]:
     """Yield the plan of every stage up to `until`, in order, from the files as they are now; `heirs` are the specs that need this one.
 
-    Raises
-    ------
-    DataError
-        Where a source is missing or cannot be read.
+    Raises DataError where a source is missing or cannot be read.
     """
     previous: Plan | None = None
     for stage in stages:

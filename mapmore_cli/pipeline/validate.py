@@ -216,10 +216,7 @@ def needs(spec: ExperimentSpec) -> list[Need]:
 def sources(spec: ExperimentSpec, folder: Path) -> list[Path]:
     """Return the frozen models that this one is compared with.
 
-    Raises
-    ------
-    SpecError
-        Where there is no such file.
+    Raises SpecError where there is no such file.
     """
     frozen = [c for c in spec.validation.against if isinstance(c, Competitor) and c.is_file]
     paths = [folder / str(competitor.model) for competitor in frozen]

@@ -24,24 +24,14 @@ SPARSE = 0.5
 class CampaignScores:
     """What the tables of a campaign are made of.
 
-    Attributes
-    ----------
-    runs
-        The scores of every run, by its name.
-    own
-        The name of the runs' own model.
-    units
-        The unit of the modelled quantity, by run.
-    published
-        Numbers of publications, by run.
-    relative_to
-        The model that ratios are taken to.
-    best_of
-        Models of which the best in each run, picked afterwards, is compared with.
-    groups
-        What runs are summarised together, by run.
-    failed
-        The runs that have no scores.
+    - `runs`: the scores of every run, by its name.
+    - `own`: the name of the runs' own model.
+    - `units`: the unit of the modelled quantity, by run.
+    - `published`: numbers of publications, by run.
+    - `relative_to`: the model that ratios are taken to.
+    - `best_of`: models of which the best in each run, picked afterwards, is compared with.
+    - `groups`: what runs are summarised together, by run.
+    - `failed`: the runs that have no scores.
     """
 
     runs: Mapping[str, Sequence[Score]]

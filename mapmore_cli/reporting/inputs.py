@@ -36,16 +36,10 @@ SINGLE = 3.5
 class FigureStyle:
     """How figures look.
 
-    Attributes
-    ----------
-    width
-        Inches of a panel that stands by itself.
-    font, size
-        Name of the font (None: the sans-serif one of the machine), and points of the axis labels.
-    labels
-        Axis labels by quantity, unit included; formulas may stand between dollars.
-    palette
-        Colours of the models, that of the run's own first.
+    - `width`: inches of a panel that stands by itself.
+    - `font`, `size`: name of the font (None: the sans-serif one of the machine), and points of the axis labels.
+    - `labels`: axis labels by quantity, unit included; formulas may stand between dollars.
+    - `palette`: colours of the models, that of the run's own first.
     """
 
     width: float = SINGLE
@@ -70,28 +64,16 @@ class FigureStyle:
 class ReportInputs:
     """Everything that the report shows; no number is computed from it that is not a summary of what is here.
 
-    Attributes
-    ----------
-    muscle
-        Labels of the muscle as the spec gives them (`name`, `kind`, `length`, ...), ready to print.
-    target
-        What is modelled, with the unit of every prediction and error.
-    spec_text
-        The resolved spec.
-    provenance
-        Versions, hashes and the like, in the order in which to print them.
-    other_equations
-        The equations in other units, by the words that name these.
-    style
-        How its figures look.
-    published_tables
-        Tables of a publication, as they were transcribed.
-    unconfirmed
-        Guesses of the spec that nobody has confirmed.
-    asked
-        Ids of the curves and recordings that alone are to be drawn; empty for some that stand for all.
-    search
-        The structures that were tried, where the spec left the structure to a search.
+    - `muscle`: labels of the muscle as the spec gives them (`name`, `kind`, `length`, ...), ready to print.
+    - `target`: what is modelled, with the unit of every prediction and error.
+    - `spec_text`: the resolved spec.
+    - `provenance`: versions, hashes and the like, in the order in which to print them.
+    - `other_equations`: the equations in other units, by the words that name these.
+    - `style`: how its figures look.
+    - `published_tables`: tables of a publication, as they were transcribed.
+    - `unconfirmed`: guesses of the spec that nobody has confirmed.
+    - `asked`: ids of the curves and recordings that alone are to be drawn; empty for some that stand for all.
+    - `search`: the structures that were tried, where the spec left the structure to a search.
     """
 
     name: str

@@ -44,14 +44,9 @@ class Column:
 class Table:
     """Rows under named columns.
 
-    Attributes
-    ----------
-    name
-        Stem of its file, as `scores`.
-    rows
-        One tuple a row, as long as `columns`.
-    notes
-        What a reader has to know, one sentence each.
+    - `name`: stem of its file, as `scores`.
+    - `rows`: one tuple a row, as long as `columns`.
+    - `notes`: what a reader has to know, one sentence each.
     """
 
     name: str

@@ -22,10 +22,7 @@ DEEPEST = 20
 def read(path: Path, problems: list[Mistake]) -> Node:
     """Return the tree of a spec with everything that it inherits; each value keeps the place in the file that it comes from.
 
-    Raises
-    ------
-    SpecError
-        A file that cannot be read or is no mapping, or files that extend each other in a circle.
+    Raises SpecError for a file that cannot be read or is no mapping, or files that extend each other in a circle.
     """
     return _read(path, problems, ())
 
@@ -75,10 +72,7 @@ def _base(reference: Node, path: Path, problems: list[Mistake], heirs: tuple[Pat
 def with_formulas(root: Node, problems: list[Mistake]) -> Node:
     """Return the tree with the files of `formulas` read, each in the place of its path; a single one may stand without a list.
 
-    Raises
-    ------
-    SpecError
-        A file that cannot be read, or is no YAML.
+    Raises SpecError for a file that cannot be read, or is no YAML.
     """
     listed = root.child("formulas")
     if listed is None:
@@ -106,12 +100,8 @@ def apply(root: Node, overrides: Sequence[str], problems: list[Mistake]) -> Node
     Values are YAML (`[80, 150]`, `250 kPa`); `null` removes the key. One that no section knows is left to validation, as if it stood in
     the file.
 
-    Raises
-    ------
-    UsageError
-        An override without `=` or with an empty step.
-    SpecError
-        A value that is no YAML, or a path that leads into a list or a scalar where it cannot.
+    Raises UsageError for an override without `=` or with an empty step; SpecError for a value that is no YAML, or a path that leads into a
+    list or a scalar where it cannot.
     """
     for override in overrides:
         path, equals, text = override.partition("=")

@@ -29,14 +29,9 @@ Check = Callable[[M], Iterable[Finding]]
 class Loaded(Generic[M]):
     """A valid spec.
 
-    Attributes
-    ----------
-    spec
-        What the file says, with defaults; numbers in the model's units.
-    path, folder
-        The file, and the folder that relative paths start at.
-    overrides
-        What was set on top of the file.
+    - `spec`: what the file says, with defaults; numbers in the model's units.
+    - `path`, `folder`: the file, and the folder that relative paths start at.
+    - `overrides`: what was set on top of the file.
     """
 
     spec: M
@@ -71,12 +66,8 @@ LoadedSpec = Loaded[ExperimentSpec]
 def load(path: Path, overrides: Sequence[str] = ()) -> LoadedSpec:
     """Read an experiment spec, with `key.path=value` overrides on top.
 
-    Raises
-    ------
-    SpecError
-        Every mistake at once, each with its place, the source line, and what would be right.
-    UsageError
-        An override that is not of the form `key.path=value`.
+    Raises SpecError for every mistake at once, each with its place, the source line, and what would be right; UsageError for an override
+    that is not of the form `key.path=value`.
     """
     return load_as(path, ExperimentSpec, overrides, semantics.findings)
 

@@ -90,10 +90,7 @@ def convert(values: Array, source_unit: str, target_unit: str) -> Array: ...
 def convert(values: float | Array, source_unit: str, target_unit: str) -> float | Array:
     """Values in `target_unit`.
 
-    Raises
-    ------
-    SpecError
-        A unit that nobody knows, or two units of different dimension; the message names both.
+    Raises SpecError for a unit that nobody knows, or two units of different dimension; the message names both.
     """
     if source_unit == target_unit:
         return values
@@ -154,10 +151,7 @@ def _parted(text: str) -> tuple[str, str] | None:
 def parse_quantity(text: str, unit: str) -> float:
     """Return the number that `text` stands for in `unit`: `parse_quantity("1.1 bar", "kPa")` is 110.
 
-    Raises
-    ------
-    SpecError
-        Text that is no number with a unit, a unit that nobody knows, or one of another dimension.
+    Raises SpecError for text that is no number with a unit, a unit that nobody knows, or one of another dimension.
     """
     number, source_unit = split_quantity(text)
     # 15 digits: a decimal number stays one (110 kPa rather than 110.00000000000001).

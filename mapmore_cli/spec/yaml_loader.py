@@ -90,10 +90,8 @@ def tag_of(text: str) -> str:
 def scalar(tag: str, text: str) -> str | int | float | bool | None:
     """Return the value of a scalar with one of the core tags.
 
-    Raises
-    ------
-    ValueError
-        An explicit tag that is none of them, or that the text does not fit (`!!int x`), or an integer of thousands of digits.
+    Raises ValueError for an explicit tag that is none of them, or that the text does not fit (`!!int x`), or an integer of thousands of
+    digits.
     """
     kind = tag.removeprefix(_TAG)
     if kind == "str":
@@ -137,10 +135,8 @@ def expand(text: str) -> str:
 
     As in a shell, `:-` gives its default for an unset and for an empty variable.
 
-    Raises
-    ------
-    ValueError
-        A variable that is not set and has no default, one that no spec may read, or something after `${` that is no variable.
+    Raises ValueError for a variable that is not set and has no default, one that no spec may read, or something after `${` that is no
+    variable.
     """
     return _REFERENCE.sub(_value, text) if "${" in text else text
 
@@ -198,10 +194,7 @@ _PLAINER = (  # what PyYAML says, what is meant, what to do
 def read_source(path: Path, shown: str | None = None) -> SourceText:
     """Return a file's text.
 
-    Raises
-    ------
-    SpecError
-        A file that is missing, unreadable, larger than a spec can be, or not UTF-8.
+    Raises SpecError for a file that is missing, unreadable, larger than a spec can be, or not UTF-8.
     """
     name = shown or str(path)
     try:
@@ -223,10 +216,7 @@ def read_source(path: Path, shown: str | None = None) -> SourceText:
 def parse(source: SourceText, problems: list[Mistake]) -> Node:
     """Return the tree of a YAML text; a duplicate key is added to `problems`.
 
-    Raises
-    ------
-    SpecError
-        Text that is no YAML, or nests or multiplies without end.
+    Raises SpecError for text that is no YAML, or nests or multiplies without end.
     """
     try:
         root = CoreLoader(source.text).get_single_node()

@@ -82,26 +82,15 @@ FORMAT_VERSION = "1.1"
 class StageRecord:
     """The entry of one stage.
 
-    Attributes
-    ----------
-    fingerprint
-        Of everything that the stage's numbers depend on.
-    revision
-        Of the stage's code.
-    before
-        Fingerprint of the stage before; empty for the first.
-    slice
-        The stage's part of the spec, as JSON values.
-    inputs
-        Source files, by POSIX path relative to the spec's folder.
-    outputs
-        Files written, by POSIX path relative to the run's folder.
-    tools
-        Versions of the tools that it was made with.
-    seconds
-        How long the stage took.
-    why
-        Why it ran.
+    - `fingerprint`: of everything that the stage's numbers depend on.
+    - `revision`: of the stage's code.
+    - `before`: fingerprint of the stage before; empty for the first.
+    - `slice`: the stage's part of the spec, as JSON values.
+    - `inputs`: source files, by POSIX path relative to the spec's folder.
+    - `outputs`: files written, by POSIX path relative to the run's folder.
+    - `tools`: versions of the tools that it was made with.
+    - `seconds`: how long the stage took.
+    - `why`: why it ran.
     """
 
     fingerprint: str

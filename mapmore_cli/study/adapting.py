@@ -22,12 +22,7 @@ def adapt(model: Model, lines: Iterable[str] | None, label: str, constants: Mapp
     `lines` are those of a CSV table with pressure, strain and the output in the model's units; `constants` give what specimens differ in.
     Rows with an empty field are left out. The intervals stay those of the family.
 
-    Raises
-    ------
-    UsageError
-        For a model that is no family, or without its dimension.
-    DataError
-        Where the table is empty or lacks a column.
+    Raises UsageError for a model that is no family, or without its dimension; DataError where the table is empty or lacks a column.
     """
     if not isinstance(model.body, Formula) or not is_family(model.body.fit.definition):
         raise UsageError(f"the model {model.name} is not one of a family", "make one with `model: {family: {of: length}}`")

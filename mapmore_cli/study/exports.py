@@ -46,14 +46,8 @@ def exported(
     C, units and modules are compared with `predict` where `verify` is set. `warn` is told where a unit has no binary for this machine,
     and where nothing could be compared for want of a compiler.
 
-    Raises
-    ------
-    UsageError
-        For a grid that is malformed or goes beyond the training range, and for a name that has no letter.
-    DataError
-        Where a part of the model is no closed expression.
-    MapmoreError
-        Where the code that was written has other numbers than `predict`.
+    Raises UsageError for a grid that is malformed or goes beyond the training range, and for a name that has no letter; DataError where a
+    part of the model is no closed expression; MapmoreError where the code that was written has other numbers than `predict`.
     """
     match to:
         case "c":

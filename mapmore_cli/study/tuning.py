@@ -44,12 +44,8 @@ def tune(
 
     The data are ingested in the folder of the run; nothing else is written. Held-out samples are dropped before anything is computed.
 
-    Raises
-    ------
-    UsageError
-        Where a setting changes the data, so that errors could not be compared.
-    SpecError, DataError, FitError
-        Where the spec is wrong with some setting, or no combination can be fitted.
+    Raises UsageError where a setting changes the data, so that errors could not be compared; SpecError, DataError, FitError where the spec
+    is wrong with some setting, or no combination can be fitted.
     """
     variants = list(_variants(loaded, over))
     outcome = bring_up_to_date(loaded, runs, "ingest", progress=progress, warn=warn, on_stage=on_stage)
@@ -98,10 +94,7 @@ def _tried(settings: Mapping[str, Any], choices: ModelChoices, bench: Bench) -> 
 def ranked(name: str, bench: Bench, trials: Sequence[Trial]) -> Tuning:
     """Return the trials with what they err beyond the best, and the simplest within one standard error.
 
-    Raises
-    ------
-    FitError
-        Where none of them could be fitted.
+    Raises FitError where none of them could be fitted.
     """
     usable = [number for number, trial in enumerate(trials) if trial.errors]
     if not usable:

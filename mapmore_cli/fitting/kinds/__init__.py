@@ -39,10 +39,7 @@ def maker_of(part: FitChoices) -> Maker:
 def refitted(choices: ModelChoices, dataset: Dataset) -> Model:
     """Return the model of the training samples of a dataset, made in one go, its number of terms included where left-out data choose it.
 
-    Raises
-    ------
-    SpecError
-        Where the model is a sum of those of other runs.
+    Raises SpecError where the model is a sum of those of other runs.
     """
     from mapmore_cli.domain.errors import SpecError
     from mapmore_cli.fitting.kinds.sizes import size_of, with_terms

@@ -61,12 +61,8 @@ class Clock:
 def terms_of(dictionary: Sequence[DictionaryEntry], clock: Clock | None = None) -> tuple[str, ...]:
     """Names of all candidate terms in the order of the dictionary, each once; terms with memory need a `clock`.
 
-    Raises
-    ------
-    SpecError
-        Where products are wanted with a term that is none of theirs.
-    DataError
-        Where there would be more of them than memory allows.
+    Raises SpecError where products are wanted with a term that is none of theirs; DataError where there would be more of them than memory
+    allows.
     """
     return tuple(dict.fromkeys(term for entry in dictionary for term in _terms(entry, clock, constant=True)))
 

@@ -42,10 +42,7 @@ def refit(part: ModelChoices, dataset: Dataset) -> Model:
 def fitted(name: str, part: FitChoices, dataset: Dataset) -> FormulaFit:
     """Return a formula fitted to all training samples of a dataset.
 
-    Raises
-    ------
-    FitError
-        Where it did not converge to anything usable: the model stands on it.
+    Raises FitError where it did not converge to anything usable: the model stands on it.
     """
     model = part.model
     found = fit_formula(name, dataset.curves, dataset.target, model.method, part.lengths, model.starts, model.errors_in)

@@ -23,12 +23,8 @@ from mapmore_cli.modelling.pieces.segmentation import uncut
 def fit(part: FitChoices, dataset: Dataset, workspace: Workspace) -> FitResult:
     """One model of all recordings, of what the backbone leaves where there is one.
 
-    Raises
-    ------
-    DataError
-        Where recordings are not sampled alike, or too few samples have a history.
-    FitError
-        Where the fit of the backbone failed.
+    Raises DataError where recordings are not sampled alike, or too few samples have a history; FitError where the fit of the backbone
+    failed.
     """
     return _fitted(part, dataset, lambda done, total: workspace.progress("models", done, total))
 

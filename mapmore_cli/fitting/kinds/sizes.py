@@ -37,10 +37,7 @@ def with_terms(part: P, terms: int) -> P:
 def size_of(part: FitChoices, dataset: Dataset, progress: Callable[[int, int], None] = lambda _done, _total: None) -> Size:
     """Choose the number of terms where the spec leaves it to left-out training data.
 
-    Raises
-    ------
-    FitError
-        Where no number of terms can be fitted without some of the data.
+    Raises FitError where no number of terms can be fitted without some of the data.
     """
     if part.fit.max_terms != AUTO or part.kind not in ("pieces", "memory"):
         return Size()

@@ -21,12 +21,8 @@ from mapmore_cli.modelling.pieces.segmentation import uncut
 def fit(part: FitChoices, dataset: Dataset, workspace: Workspace) -> FitResult:
     """Every section, on all recordings.
 
-    Raises
-    ------
-    DataError
-        Where recordings are not sampled alike, the input never changes, or a section has too few samples.
-    SpecError, FitError
-        Where the solver refuses the sections, or finds no stable one.
+    Raises DataError where recordings are not sampled alike, the input never changes, or a section has too few samples; SpecError, FitError
+    where the solver refuses the sections, or finds no stable one.
     """
     return FitResult(_fitted(part, dataset, lambda done, total: workspace.progress("sections", done, total)))
 

@@ -26,10 +26,7 @@ from mapmore_cli.storage.run_folder import RunFiles
 def fit(part: FitChoices, dataset: Dataset, workspace: Workspace) -> FitResult:
     """Formulas together; nothing where the summands are fitted by runs of their own.
 
-    Raises
-    ------
-    FitError
-        Where the formulas did not converge to anything usable.
+    Raises FitError where the formulas did not converge to anything usable.
     """
     del workspace
     formulas = summands_of(part.model.sum or [])

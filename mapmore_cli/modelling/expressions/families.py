@@ -72,12 +72,8 @@ def products(of: Sequence[str], order: int, partners: Sequence[str] | None = Non
     >>> [to_text(term) for term in products(["p", "play(p, 0.1)", "p[k-1]"], 2, partners=["p"], constant=False)]
     ['p', 'play(p, 0.1)', 'p[k-1]', 'p^2', 'p*play(p, 0.1)', 'p*p[k-1]', 'play(p, 0.1)^2', 'p[k-1]^2']
 
-    Raises
-    ------
-    ValueError
-        For an order outside of 0..20, a state named twice, or a partner that is none of the states.
-    DataError
-        Where there would be more of them than memory allows, before any is built.
+    Raises ValueError for an order outside of 0..20, a state named twice, or a partner that is none of the states; DataError where there
+    would be more of them than memory allows, before any is built.
     """
     if not 0 <= order <= MAX_EXPONENT:
         raise ValueError(f"the order of products must lie in 0..{MAX_EXPONENT}, not {order}")

@@ -19,18 +19,11 @@ from mapmore_cli.domain.arrays import Array
 class Parameter:
     """One number of an operator.
 
-    Attributes
-    ----------
-    key
-        What a spec calls it, or a list of it.
-    unit
-        The unit that a name's number is in; `1` for a ratio.
-    example
-        A value as a spec's author would write it.
-    above, below
-        What it has to be larger and smaller than.
-    between
-        Least and greatest value that training tries, of the time between samples and the longest piece's duration, both s.
+    - `key`: what a spec calls it, or a list of it.
+    - `unit`: the unit that a name's number is in; `1` for a ratio.
+    - `example`: a value as a spec's author would write it.
+    - `above`, `below`: what it has to be larger and smaller than.
+    - `between`: least and greatest value that training tries, of the time between samples and the longest piece's duration, both s.
     """
 
     key: str
@@ -45,14 +38,9 @@ class Parameter:
 class Setting:
     """What a state of an operator depends on besides its source.
 
-    Attributes
-    ----------
-    numbers
-        Those of the state's name, or those that training found.
-    step
-        Time between samples, s.
-    limits
-        Training range of the source; NaN for operators that do not need it.
+    - `numbers`: those of the state's name, or those that training found.
+    - `step`: time between samples, s.
+    - `limits`: training range of the source; NaN for operators that do not need it.
     """
 
     numbers: tuple[float, ...]
@@ -89,16 +77,10 @@ class Recursion:
     This is the one definition of an operator: values along a recording, steps of a free run, derivatives and exported code follow
     from it. `next` is called with floats, with columns and with the names of a program, so it branches by `m.where` and not by `if`.
 
-    Attributes
-    ----------
-    own, source
-        How many past values of its own, p, and of its source, q, it needs.
-    next
-        The new value, of the arithmetic m and p + q + 1 numbers in the order above.
-    rest
-        The value where the source has always been x.
-    weights
-        Of a linear operator, the p + q + 1 weights; None for others.
+    - `own`, `source`: how many past values of its own, p, and of its source, q, it needs.
+    - `next`: the new value, of the arithmetic m and p + q + 1 numbers in the order above.
+    - `rest`: the value where the source has always been x.
+    - `weights`: of a linear operator, the p + q + 1 weights; None for others.
     """
 
     own: int
@@ -118,27 +100,18 @@ def linear(past: Sequence[float], driven: Sequence[float], steady: float = 1.0) 
 class Operator:
     """Everything that is known of an operator.
 
-    Attributes
-    ----------
-    name
-        As in `slow(pressure, 0.3)`.
-    summary
-        What a spec's author reads of its family.
-    recursion
-        From one sample to the next.
-    parameters
-        Its numbers, in the order of its name.
-    needs
-        What training has to find of the source: its `range`, which widths are fractions of; or the `oscillator` that it drives, where the
-        name has no numbers.
-    starts
-        Where training can find its numbers: sets of them to begin from, of the time between samples and the longest piece's duration, s.
-    spread
-        Numbers where a spec gives a `count` of them: of that count, the time between samples and the longest piece's duration, both s.
-    family
-        The key of the spec's family that writes it, if that is not its name: a family may write several operators.
-    along
-        A faster way to compute its values on one uninterrupted piece, (n,), which begins at rest; None takes the recursion.
+    - `name`: as in `slow(pressure, 0.3)`.
+    - `summary`: what a spec's author reads of its family.
+    - `recursion`: from one sample to the next.
+    - `parameters`: its numbers, in the order of its name.
+    - `needs`: what training has to find of the source: its `range`, which widths are fractions of; or the `oscillator` that it drives,
+      where the name has no numbers.
+    - `starts`: where training can find its numbers: sets of them to begin from, of the time between samples and the longest piece's
+      duration, s.
+    - `spread`: numbers where a spec gives a `count` of them: of that count, the time between samples and the longest piece's duration, both
+      s.
+    - `family`: the key of the spec's family that writes it, if that is not its name: a family may write several operators.
+    - `along`: a faster way to compute its values on one uninterrupted piece, (n,), which begins at rest; None takes the recursion.
     """
 
     name: str

@@ -40,10 +40,7 @@ _SPACE = re.compile(r"\s*", re.ASCII)
 def parse(text: str) -> Expression:
     """Syntax tree of `text`, in canonical form; of a text that comes again, the same tree.
 
-    Raises
-    ------
-    ExpressionError
-        Where `text` is no expression; its `position` says where.
+    Raises ExpressionError where `text` is no expression; its `position` says where.
 
     Examples
     --------

@@ -97,10 +97,7 @@ def opens_state(text: str, name: str, end: int) -> bool:
 def read_state(text: str, start: int, depth: int = 0) -> tuple[State, int]:
     """Return the state whose name begins at `start`, and where it ends.
 
-    Raises
-    ------
-    ExpressionError
-        With the place of the first character that does not fit.
+    Raises ExpressionError with the place of the first character that does not fit.
     """
     start = _past_space(text, start)
     word = _IDENTIFIER.match(text, start)

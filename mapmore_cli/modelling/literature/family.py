@@ -87,10 +87,7 @@ class Family(Formula):
     def fit(self, columns: Columns, y: Array, method: str | None = None, *, advice: bool = True) -> FormulaFit:
         """Fit the scales of all specimens and their common function; standard errors are those of the function.
 
-        Raises
-        ------
-        DataError
-            Where all samples are of one specimen.
+        Raises DataError where all samples are of one specimen.
         """
         of = self.settings.of
         which, number = np.unique(columns[of], return_inverse=True)

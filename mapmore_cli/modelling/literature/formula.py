@@ -54,19 +54,12 @@ class LinearForm:
 class Formula(LiteratureModel):
     """A formula that one expression holds.
 
-    Attributes
-    ----------
-    text
-        The formula as an expression of inputs and parameters.
-    nonlinear
-        The parameters in which it is not linear, and where to seek them; every term must be linear in one of the others, or hold a
-        dimension of the muscle.
-    form
-        How it is fitted, where it is printed in parameters in which it is not linear.
-    published_starts
-        Starting values that papers print for it, by the names that specs have for them.
-    start
-        The one of them that `levenberg_marquardt` starts from, or `random`.
+    - `text`: the formula as an expression of inputs and parameters.
+    - `nonlinear`: the parameters in which it is not linear, and where to seek them; every term must be linear in one of the others, or hold
+      a dimension of the muscle.
+    - `form`: how it is fitted, where it is printed in parameters in which it is not linear.
+    - `published_starts`: starting values that papers print for it, by the names that specs have for them.
+    - `start`: the one of them that `levenberg_marquardt` starts from, or `random`.
     """
 
     text: str
@@ -132,14 +125,8 @@ class Formula(LiteratureModel):
         derivatives). A poor fit is told by the status and the notes, never raised. With `advice`, notes name the parameters that the data
         do not show, and what to measure for them.
 
-        Raises
-        ------
-        DataError
-            For a value that is not finite, an absent input, or fewer samples than parameters.
-        SpecError
-            For a dimension of the muscle that `of_muscle` has not put in.
-        ValueError
-            For an unknown method.
+        Raises DataError for a value that is not finite, an absent input, or fewer samples than parameters; SpecError for a dimension of the
+        muscle that `of_muscle` has not put in; ValueError for an unknown method.
         """
         method = method or VARIABLE_PROJECTION
         if method not in _SOLVERS:
@@ -158,10 +145,7 @@ class Formula(LiteratureModel):
         It goes on from `fit`. The sum of squares of the result is that of the target all the same; the standard errors and the first note
         are of the error of the input.
 
-        Raises
-        ------
-        SpecError
-            For what is no input, and as `fit`, as DataError.
+        Raises SpecError for what is no input, and as `fit`, as DataError.
         """
         if name not in self.inputs:
             raise SpecError(f"{self.name} has no input `{name}` that could be measured wrong", f"write one of {', '.join(self.inputs)}")

@@ -102,20 +102,12 @@ ROWS = 16
 class HingeFit:
     """Parameters of the hinged formula and how they were found.
 
-    Attributes
-    ----------
-    parameters, errors
-        In the units of the data, `(10,)` each, as `hinge.NAMES`; the errors with the priors taken as observations.
-    a3, w, prior
-        Normalised curvature and width, and the centre of the curvature's prior.
-    limits
-        Names of the parameters that end at a bound.
-    rank, condition
-        Of the data without the priors.
-    agreement
-        How many starts came to it.
-    others
-        Parameters of other minima that are nearly as deep, `(10,)` each.
+    - `parameters`, `errors`: in the units of the data, `(10,)` each, as `hinge.NAMES`; the errors with the priors taken as observations.
+    - `a3`, `w`, `prior`: normalised curvature and width, and the centre of the curvature's prior.
+    - `limits`: names of the parameters that end at a bound.
+    - `rank`, `condition`: of the data without the priors.
+    - `agreement`: how many starts came to it.
+    - `others`: parameters of other minima that are nearly as deep, `(10,)` each.
     """
 
     parameters: Array

@@ -54,14 +54,9 @@ class ForceCurve:
 class Stroke:
     """The strain to which the muscle contracts at n pressures, and whether it is known, `(n,)` each.
 
-    Attributes
-    ----------
-    end
-        The free strain; `strain_min` where the muscle is slack.
-    slack
-        The upper curve does not pull, even at `strain_min`.
-    endless
-        It pulls at every strain: `end` is where it turns up again, or `SHORTEST`.
+    - `end`: the free strain; `strain_min` where the muscle is slack.
+    - `slack`: the upper curve does not pull, even at `strain_min`.
+    - `endless`: it pulls at every strain: `end` is where it turns up again, or `SHORTEST`.
     """
 
     end: Array
@@ -145,10 +140,7 @@ class HysteresisLoss(LiteratureModel):
         Status and condition are those of the worse branch; ranks and sums of squares add up. Notes say at which pressures zeta had to be
         limited, or there is no free strain. Length and least strain are given, so that they have no standard error.
 
-        Raises
-        ------
-        DataError
-            For a column that is absent or not finite, too few samples, or a length that is not positive.
+        Raises DataError for a column that is absent or not finite, too few samples, or a length that is not positive.
         """
         if not 0.0 < length < np.inf:
             raise DataError(f"{self.name} needs the length of the muscle, which is {length:g} m", "state it as `muscle: {length: 88 mm}`")

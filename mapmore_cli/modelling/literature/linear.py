@@ -16,16 +16,11 @@ RANK_TOLERANCE = 1e-13
 class LinearFit:
     """The minimum-norm solution `beta` of `min |Phi beta - y|` with unit columns.
 
-    Attributes
-    ----------
-    beta
-        `(m,)`, in the units of the given columns.
-    basis
-        `(n, rank)` orthonormal basis of the columns' space.
-    residual
-        `(n,)`, `Phi beta - y`, taken as the part of -y outside of the basis.
-    rank, condition
-        Of the columns scaled to unit length; the condition is that of the space which is left when the rank is deficient.
+    - `beta`: `(m,)`, in the units of the given columns.
+    - `basis`: `(n, rank)` orthonormal basis of the columns' space.
+    - `residual`: `(n,)`, `Phi beta - y`, taken as the part of -y outside of the basis.
+    - `rank`, `condition`: of the columns scaled to unit length; the condition is that of the space which is left when the rank is
+      deficient.
     """
 
     beta: Array

@@ -20,24 +20,14 @@ LOAD_CYCLES = "load_cycles"
 class LiteratureModel(ABC):
     """A parametric model with a name; its output may stand against any target.
 
-    Attributes
-    ----------
-    name, reference
-        As in the spec, and where it is published.
-    inputs
-        Quantities that it predicts from.
-    parameters
-        In the order of the publication.
-    component
-        The component of the force that it was published for, `static`, `damping` or `dynamic`.
-    dimensions
-        Those of its parameters that are dimensions of the muscle (`diameter`, in m), given and not fitted.
-    given
-        Values of the dimensions, once `of_muscle` has put them in.
-    units, definition
-        Units of the parameters, and what defines the formula, where a spec does (`own`).
-    fitted_to
-        `target`: fitted by `fit`. `load_cycles`: fitted by a method of its own to another experiment than it predicts.
+    - `name`, `reference`: as in the spec, and where it is published.
+    - `inputs`: quantities that it predicts from.
+    - `parameters`: in the order of the publication.
+    - `component`: the component of the force that it was published for, `static`, `damping` or `dynamic`.
+    - `dimensions`: those of its parameters that are dimensions of the muscle (`diameter`, in m), given and not fitted.
+    - `given`: values of the dimensions, once `of_muscle` has put them in.
+    - `units`, `definition`: units of the parameters, and what defines the formula, where a spec does (`own`).
+    - `fitted_to`: `target`: fitted by `fit`. `load_cycles`: fitted by a method of its own to another experiment than it predicts.
     """
 
     name: str

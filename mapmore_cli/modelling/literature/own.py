@@ -42,10 +42,7 @@ def definition(
 def formula_of(text: str) -> Formula:
     """Return the formula of a definition.
 
-    Raises
-    ------
-    ValueError
-        For a text that defines no formula; an expression that is none is an `ExpressionError`.
+    Raises ValueError for a text that defines no formula; an expression that is none is an `ExpressionError`.
     """
     if len(text) > LONGEST:
         raise ValueError(f"the definition has {len(text)} characters, more than {LONGEST}")

@@ -30,10 +30,7 @@ class PiecewiseFormula(LiteratureModel):
         fewer samples than parameters has zeros, as the solution of least norm would: nothing is predicted there, and the status is
         `rank_deficient`.
 
-        Raises
-        ------
-        DataError
-            For a value that is not finite, an absent input, or too few samples in every region.
+        Raises DataError for a value that is not finite, an absent input, or too few samples in every region.
         """
         inputs = {name: finite(name, needed(name, columns)) for name in self.inputs}
         target = finite("the target", y)

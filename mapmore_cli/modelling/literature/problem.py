@@ -61,22 +61,13 @@ class Problem:
 
     (Or the formula's own residual, where it is not such a product.)
 
-    Attributes
-    ----------
-    expression
-        The formula, of inputs and parameters.
-    linear
-        Names of the m parameters `beta` in which the formula is linear.
-    nonlinear
-        The k parameters with coordinates `c`.
-    gradient
-        Derivative of the formula for every parameter, linear and nonlinear; those for `linear` are the regressors.
-    columns, y
-        The inputs and the target, each `(n,)`.
-    counts
-        Number of samples that each row stands for, `(n,)`; None where each is one.
-    start
-        A published value to start from for every parameter, where one is asked for.
+    - `expression`: the formula, of inputs and parameters.
+    - `linear`: names of the m parameters `beta` in which the formula is linear.
+    - `nonlinear`: the k parameters with coordinates `c`.
+    - `gradient`: derivative of the formula for every parameter, linear and nonlinear; those for `linear` are the regressors.
+    - `columns`, `y`: the inputs and the target, each `(n,)`.
+    - `counts`: number of samples that each row stands for, `(n,)`; None where each is one.
+    - `start`: a published value to start from for every parameter, where one is asked for.
     """
 
     expression: Expression

@@ -39,20 +39,12 @@ class Node:
 class Feedback:
     """A model's terms, `D_j = own_j(fed-back states) * input_j(states of inputs alone)`.
 
-    Attributes
-    ----------
-    output
-        The quantity that is fed back.
-    states
-        All states of the model.
-    names
-        The m states that are fed back.
-    inputs
-        (k) input parts.
-    owns
-        The G different parts of fed-back states.
-    groups
-        (k) place of each term's part among them, -1 for a term of inputs alone.
+    - `output`: the quantity that is fed back.
+    - `states`: all states of the model.
+    - `names`: the m states that are fed back.
+    - `inputs`: (k) input parts.
+    - `owns`: the G different parts of fed-back states.
+    - `groups`: (k) place of each term's part among them, -1 for a term of inputs alone.
     """
 
     output: str
@@ -126,10 +118,7 @@ class Feedback:
 def feedback_of(terms: Sequence[str], states: StateSet, output: str) -> Feedback:
     """Take the terms of a model apart.
 
-    Raises
-    ------
-    DataError
-        For a state or a term that cannot be fed back.
+    Raises DataError for a state or a term that cannot be fed back.
     """
     names = tuple(fed_back_states(states, output))
     parts = [parted(parse(text), names) for text in terms]
@@ -141,10 +130,7 @@ def feedback_of(terms: Sequence[str], states: StateSet, output: str) -> Feedback
 def fed_back_states(states: StateSet, output: str) -> dict[str, int]:
     """Return the states that depend on the output, with how many samples they look back at least.
 
-    Raises
-    ------
-    DataError
-        For a state of the output as it is now: a model cannot explain its output by itself.
+    Raises DataError for a state of the output as it is now: a model cannot explain its output by itself.
     """
     found: dict[str, int] = {}
     for name in states.names:
@@ -179,10 +165,7 @@ def _parts(found: State) -> Iterator[Lagged | Operated]:
 def parted(term: Expression, fed_back: Container[str]) -> tuple[Expression, Expression]:
     """Return a term as (part of fed-back states) times (part of inputs).
 
-    Raises
-    ------
-    DataError
-        Where one factor has both: its value at every sample could not be prepared.
+    Raises DataError where one factor has both: its value at every sample could not be prepared.
     """
     fed: list[Expression] = []
     inputs: list[Expression] = []

@@ -39,11 +39,8 @@ def fit_with_memory(records: Sequence[Record], recipe: MemoryRecipe, progress: P
 
     Numbers of operators that the dictionary leaves open are found first; they and the coefficients minimise the error in free run.
 
-    Raises
-    ------
-    DataError
-        Where a quantity is missing, no sample has enough history, a state cannot be fed back, the dictionary needs more memory than there
-        is, or no model's free run stays finite.
+    Raises DataError where a quantity is missing, no sample has enough history, a state cannot be fed back, the dictionary needs more memory
+    than there is, or no model's free run stays finite.
     """
     longest = recipe.step * max((int(record.training.sum()) for record in records), default=1)
     numbers = unknown(recipe.dictionary, recipe.step, longest)

@@ -41,10 +41,7 @@ def free_run(model: MemoryModel, columns: Columns) -> Run:
     columns
         The model's inputs, (n,) each, in its units; the output where it has a part; `time` in s, without which all samples are one piece.
 
-    Raises
-    ------
-    DataError
-        Where an input is missing; as `AtSample` where a first output is, or samples are not at the model's time steps.
+    Raises DataError where an input is missing; as `AtSample` where a first output is, or samples are not at the model's time steps.
     """
     feedback = feedback_of(model.terms, model.states, model.output)
     if not feedback.names:

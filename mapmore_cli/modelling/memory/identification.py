@@ -43,12 +43,8 @@ class _Place(NamedTuple):
 class Unknown:
     """The numbers that some terms leave open.
 
-    Attributes
-    ----------
-    states
-        Operators without their numbers, the innermost first, each once; those of fewer terms keep their order.
-    step, longest
-        Time between samples and duration of the longest piece, s.
+    - `states`: operators without their numbers, the innermost first, each once; those of fewer terms keep their order.
+    - `step`, `longest`: time between samples and duration of the longest piece, s.
     """
 
     states: tuple[Operated, ...]

@@ -31,10 +31,7 @@ Coupling = tuple[int, int, int, Array]
 class Linearised:
     """A trajectory of `course` with the coefficients `theta`, (k,), and how small changes of it go on.
 
-    Attributes
-    ----------
-    phi
-        (n, k + 1) the terms along the trajectory, and ones for the constant.
+    - `phi`: (n, k + 1) the terms along the trajectory, and ones for the constant.
     """
 
     def __init__(self, course: Course, trajectory: Trajectory, theta: Array) -> None:

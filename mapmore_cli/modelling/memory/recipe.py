@@ -14,14 +14,9 @@ class MemoryRecipe(Fit):
     With a ridge candidates are centred and divided by their standard deviations, and the model has a constant of its own; without, a
     constant is a candidate like any other. `tolerance` is a fraction of the output's square (of its variance with a ridge).
 
-    Attributes
-    ----------
-    target
-        The output.
-    dictionary
-        Candidate terms as text, products of names of states.
-    step
-        Time between samples, s.
+    - `target`: the output.
+    - `dictionary`: candidate terms as text, products of names of states.
+    - `step`: time between samples, s.
     """
 
     target: str

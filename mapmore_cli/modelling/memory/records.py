@@ -58,10 +58,7 @@ def uninterrupted(time: Array, step: float) -> list[slice]:
     step
         Time between samples, s.
 
-    Raises
-    ------
-    AtSample
-        Where stamps are neither `step` apart nor a gap: the memory of the model counts samples.
+    Raises AtSample where stamps are neither `step` apart nor a gap: the memory of the model counts samples.
     """
     distances = np.diff(time)
     slack = UNEVEN * step + 4 * np.finfo(np.float64).eps * float(np.abs(time).max(initial=0.0))
@@ -79,10 +76,7 @@ def uninterrupted(time: Array, step: float) -> list[slice]:
 def time_step(curves: Sequence[Curve]) -> float:
     """Return the time between samples that all curves have in common, s: the median.
 
-    Raises
-    ------
-    DataError
-        Where a curve has another one: lags count samples, so all recordings must be sampled alike.
+    Raises DataError where a curve has another one: lags count samples, so all recordings must be sampled alike.
     """
     steps = {curve.id: float(np.median(np.diff(curve.columns["time"]))) for curve in curves if curve.size > 1}
     usual = float(np.median(list(steps.values()))) if steps else float("nan")
@@ -100,10 +94,7 @@ def time_step(curves: Sequence[Curve]) -> float:
 def records_of(curves: Sequence[Curve], step: float) -> tuple[Record, ...]:
     """Return the recordings of all curves cut into uninterrupted pieces; samples that are held out, or at rest, do not train.
 
-    Raises
-    ------
-    DataError
-        Where samples are not at even time steps.
+    Raises DataError where samples are not at even time steps.
     """
     return tuple(
         Record({name: values[rows][piece] for name, values in curve.columns.items()}, curve.training[rows][piece])

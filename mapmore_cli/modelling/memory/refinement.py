@@ -45,16 +45,10 @@ QUICK = Effort(6, 1e-2)
 class Coefficients:
     """A point of the search: theta (k,), the constant, and the error there; infinite where a run diverges.
 
-    Attributes
-    ----------
-    numbers
-        (m,) the operators' numbers that are searched as well, as `Unknown.searched` says.
-    sse
-        Sum of squared simulation errors over the counted samples.
-    penalty
-        What the ridge adds.
-    runs
-        The runs of all pieces.
+    - `numbers`: (m,) the operators' numbers that are searched as well, as `Unknown.searched` says.
+    - `sse`: sum of squared simulation errors over the counted samples.
+    - `penalty`: what the ridge adds.
+    - `runs`: the runs of all pieces.
     """
 
     theta: Array
@@ -74,20 +68,12 @@ class Coefficients:
 class Problem:
     """Simulation error of one set of terms on training samples.
 
-    Attributes
-    ----------
-    courses, counted
-        Pieces, and (n - start,) the samples of each that count.
-    bounds
-        Least and greatest output of a run.
-    ridge
-        (k,) penalty of each squared coefficient.
-    free_constant
-        Whether the model has a constant of its own.
-    moved
-        The pieces with other numbers of operators, (m,).
-    between
-        (m, 2) least and greatest of these numbers.
+    - `courses`, `counted`: pieces, and (n - start,) the samples of each that count.
+    - `bounds`: least and greatest output of a run.
+    - `ridge`: (k,) penalty of each squared coefficient.
+    - `free_constant`: whether the model has a constant of its own.
+    - `moved`: the pieces with other numbers of operators, (m,).
+    - `between`: (m, 2) least and greatest of these numbers.
     """
 
     courses: tuple[Course, ...]

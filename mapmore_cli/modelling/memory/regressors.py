@@ -45,10 +45,7 @@ class Regressors:
 def regressors(records: Sequence[Record], states: StateSet, terms: Sequence[Expression], target: str) -> Regressors:
     """Return the training samples of all pieces on which every state has a value.
 
-    Raises
-    ------
-    DataError
-        Where there are none, or the output is missing.
+    Raises DataError where there are none, or the output is missing.
     """
     parts = [_part(record, states, target) for record in records]
     pooled = {name: np.concatenate([values[name] for values, _ in parts]) for name in states.names}

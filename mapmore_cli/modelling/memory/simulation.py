@@ -27,14 +27,9 @@ DIVERGED = 100.0
 class Trajectory:
     """A run from row `start` of a piece on, and where in it the run began anew.
 
-    Attributes
-    ----------
-    output
-        (n,) simulated outputs; fewer than the rest of the piece where the run left all bounds.
-    nodes
-        (nodes, n) unscaled values of the fed-back states and of what they are made of.
-    begins
-        (n,) the row, counted from `start`, at which the stretch of each sample began.
+    - `output`: (n,) simulated outputs; fewer than the rest of the piece where the run left all bounds.
+    - `nodes`: (nodes, n) unscaled values of the fed-back states and of what they are made of.
+    - `begins`: (n,) the row, counted from `start`, at which the stretch of each sample began.
     """
 
     output: Array
@@ -46,16 +41,10 @@ class Trajectory:
 class Course:
     """A piece of n rows, of which the rows from `start` on can be simulated.
 
-    Attributes
-    ----------
-    feedback
-        The model's terms taken apart.
-    inputs
-        (n - start, k) input parts of the terms.
-    measured
-        (n,) output; NaN where it is not known.
-    history
-        (nodes, n) the fed-back states and what they are made of along the measured output, at rest before.
+    - `feedback`: the model's terms taken apart.
+    - `inputs`: (n - start, k) input parts of the terms.
+    - `measured`: (n,) output; NaN where it is not known.
+    - `history`: (nodes, n) the fed-back states and what they are made of along the measured output, at rest before.
     """
 
     feedback: Feedback
@@ -175,14 +164,9 @@ def _advanced(rule: Recursion, own: list[float], source: list[float], back: int)
 class Piece:
     """One piece of n rows with what does not depend on the choice of terms.
 
-    Attributes
-    ----------
-    measured
-        (n,) output; NaN where it is not known.
-    driven
-        (n,) each, the states of inputs alone, scaled as the model's are.
-    known
-        Fed-back states along the measured output that were computed already.
+    - `measured`: (n,) output; NaN where it is not known.
+    - `driven`: (n,) each, the states of inputs alone, scaled as the model's are.
+    - `known`: fed-back states along the measured output that were computed already.
     """
 
     measured: Array
@@ -193,10 +177,7 @@ class Piece:
 def piece_of(states: StateSet, output: str, columns: Columns) -> Piece:
     """Prepare one piece; `columns` hold the inputs, and the output where it is known.
 
-    Raises
-    ------
-    DataError
-        Where an input is missing.
+    Raises DataError where an input is missing.
     """
     n = len(next(iter(columns.values())))
     measured = np.asarray(columns.get(output, np.full(n, np.nan)), dtype=np.float64)

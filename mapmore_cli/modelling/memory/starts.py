@@ -26,10 +26,7 @@ NUDGE = 1e-6
 def begun(model: MemoryModel, feedback: Feedback, piece: Piece) -> Course:
     """Return a piece ready to be run, with the first outputs as the model's `start` says.
 
-    Raises
-    ------
-    DataError
-        Where a steady start is asked for and the model has no steady output near its training range.
+    Raises DataError where a steady start is asked for and the model has no steady output near its training range.
     """
     course = course_of(feedback, piece)
     if model.start == "measured" or not course.size:

@@ -23,10 +23,7 @@ Known = dict[str, Array]
 def evaluate_states(states: StateSet, columns: Columns) -> dict[str, Array]:
     """Every state along one uninterrupted piece, (n,) each, scaled and clipped as `states` says; NaN before there is history.
 
-    Raises
-    ------
-    DataError
-        Where a quantity is missing.
+    Raises DataError where a quantity is missing.
     """
     known: Known = {}
     values = {name: value_of(state(name), columns, states, known) for name in states.names}
@@ -171,10 +168,7 @@ def resolve(
     resonances
         Those that were found already.
 
-    Raises
-    ------
-    DataError
-        Where a quantity is missing, or no training sample has a value of every state.
+    Raises DataError where a quantity is missing, or no training sample has a value of every state.
     """
     states = StateSet(tuple(names), step, {}, dict(resonances or {}), np.empty(0), np.empty(0), margin)
     known: list[Known] = [{} for _ in records]

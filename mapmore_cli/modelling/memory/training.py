@@ -76,10 +76,7 @@ class Training:
 
         `open_terms` are the candidates as the dictionary names them, where numbers of their operators are to be searched as well.
 
-        Raises
-        ------
-        DataError
-            Where no sample has a history, or a first output is missing.
+        Raises DataError where no sample has a history, or a first output is missing.
         """
         wanted = [record.training for record in self.records] if counted is None else counted
         terms = [self.recipe.dictionary[i] for i in chosen]

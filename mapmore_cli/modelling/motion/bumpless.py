@@ -42,10 +42,7 @@ class Trace:
 def joined(motion: Motion, traces: Sequence[Trace], reach: float) -> Motion:
     """Return the model with sections that meet, and poles refined for that.
 
-    Raises
-    ------
-    DataError
-        Where a boundary lies at an end of the training range: the section beyond it would have no width.
+    Raises DataError where a boundary lies at an end of the training range: the section beyond it would have no width.
     """
     from scipy.optimize import least_squares
 

@@ -27,12 +27,8 @@ def fit_motion(records: Sequence[Record], recipe: MotionRecipe, progress: Callab
 
     A section's samples are those at which it holds; with hard switching it runs on the whole input all the same.
 
-    Raises
-    ------
-    DataError
-        Where the input never changes, boundaries leave a section without samples or with too few of them.
-    SpecError, FitError
-        Where the solver refuses the sections, or finds no stable one.
+    Raises DataError where the input never changes, boundaries leave a section without samples or with too few of them; SpecError, FitError
+    where the solver refuses the sections, or finds no stable one.
     """
     u = _training_input(records, recipe)
     boundaries = spread(u, recipe.sections) if isinstance(recipe.sections, int) else tuple(recipe.sections)

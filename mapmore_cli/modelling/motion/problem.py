@@ -42,27 +42,16 @@ class Bounds(Settings):
 class MotionSettings(Settings):
     """The keys of a model of motion.
 
-    Attributes
-    ----------
-    sections
-        The inner boundaries in the input's unit, or how many sections with equal shares of the samples.
-    direction
-        Whether rise and fall of the input have sections of their own.
-    offset, load
-        Whether a section has a constant of its own; the quantity that P3 and the constant depend on, where there is one.
-    slowest
-        Longest time constant of a section, s; None for a quarter of the longest piece of a training record, which cannot tell a slower one
-        from a drift. The swarm as published has no such bound.
-    start
-        Where a run begins: `rest` or `zero`.
-    mask
-        `input` or `displacement`: the quantity whose direction says which training samples are those of rise and of fall.
-    seed
-        Seed of the solver; every section draws numbers of its own from it.
-    bounds, begin
-        Where the published swarm looks, and where its particles begin; None for everywhere in the bounds.
-    polish
-        Whether `least_squares` goes on from what another solver has found.
+    - `sections`: the inner boundaries in the input's unit, or how many sections with equal shares of the samples.
+    - `direction`: whether rise and fall of the input have sections of their own.
+    - `offset`, `load`: whether a section has a constant of its own; the quantity that P3 and the constant depend on, where there is one.
+    - `slowest`: longest time constant of a section, s; None for a quarter of the longest piece of a training record, which cannot tell a
+      slower one from a drift. The swarm as published has no such bound.
+    - `start`: where a run begins: `rest` or `zero`.
+    - `mask`: `input` or `displacement`: the quantity whose direction says which training samples are those of rise and of fall.
+    - `seed`: seed of the solver; every section draws numbers of its own from it.
+    - `bounds`, `begin`: where the published swarm looks, and where its particles begin; None for everywhere in the bounds.
+    - `polish`: whether `least_squares` goes on from what another solver has found.
     """
 
     input: str | None = None

@@ -83,10 +83,7 @@ def unstable_sections(motion: Motion) -> list[str]:
 def spread(u: Array, count: int) -> tuple[float, ...]:
     """Boundaries between `count` sections with equal shares of the samples u (n,).
 
-    Raises
-    ------
-    DataError
-        Where the input dwells so long at one value that a section would have no width.
+    Raises DataError where the input dwells so long at one value that a section would have no width.
     """
     boundaries = np.quantile(u, np.arange(1, count) / count)
     edges = np.array([u.min(), *boundaries, u.max()])

@@ -17,12 +17,7 @@ def simulate(motion: Motion, columns: Columns) -> Array:
 
     Every piece begins as `motion.start` says: in the steady state of its first input, or at zero. The measured output is not needed.
 
-    Raises
-    ------
-    FitError
-        Where a section is unstable.
-    AtSample
-        Where the stamps are neither the model's step apart nor a gap.
+    Raises FitError where a section is unstable; AtSample where the stamps are neither the model's step apart nor a gap.
     """
     loose = unstable_sections(motion)
     if loose:

@@ -38,10 +38,7 @@ def model_inputs(recipe: Recipe, backbone: FormulaFit | None) -> tuple[str, ...]
 def segment(curves: Sequence[Curve], recipe: Recipe, backbone: FormulaFit | None = None) -> tuple[SegmentedCurve, ...]:
     """Cut every training curve: by its measured course, or (`optimal`) by what the fits of its segments would leave.
 
-    Raises
-    ------
-    DataError
-        Where a segment holds no sample, or a curve has too few for the cut.
+    Raises DataError where a segment holds no sample, or a curve has too few for the cut.
     """
     terms = [parse(text) for text in recipe.dictionary]
     training = training_curves(curves, recipe.level is not None)

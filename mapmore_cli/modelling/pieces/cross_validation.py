@@ -48,10 +48,7 @@ def leave_out(
 ) -> LeftOut:
     """Predictions of left-out training data by models of the rest, backbone included; of `inner_folds` where none are given.
 
-    Raises
-    ------
-    FitError
-        Where the backbone cannot be fitted without some of the data.
+    Raises FitError where the backbone cannot be fitted without some of the data.
     """
     folds = inner_folds(curves, recipe) if folds is None else folds
     fit_backbones(curves, folds, recipe, backbone)

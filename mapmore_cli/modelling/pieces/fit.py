@@ -105,10 +105,7 @@ def fit_segments(
 ) -> tuple[SegmentFit, ...]:
     """Fit every segment of every training curve; `tick` is called after each.
 
-    Raises
-    ------
-    DataError
-        Where a segment has too few samples, or a term is not finite on its samples.
+    Raises DataError where a segment has too few samples, or a term is not finite on its samples.
     """
     by_id = {curve.id: curve for curve in curves}
     terms = [parse(text) for text in recipe.dictionary]

@@ -131,17 +131,11 @@ class Fuse(Joining):
 class Recipe:
     """The choices of a MAPMORE model of one `target` (M2 section 4.4 has the paper's).
 
-    Attributes
-    ----------
-    dictionary
-        Candidate terms as text, in scaled coordinates.
-    cuts
-        Segmentation of each segmented variable.
-    level
-        Quantity whose curves are interpolated; None pools all curves into one. It is constant within a curve, or the pressure of step
-        responses, whose curves stand at the pressure of their plateau (M2 figure 3h).
-    pooled
-        Quantity whose levels the curves have, where they are pooled into one surface all the same.
+    - `dictionary`: candidate terms as text, in scaled coordinates.
+    - `cuts`: segmentation of each segmented variable.
+    - `level`: quantity whose curves are interpolated; None pools all curves into one. It is constant within a curve, or the pressure of
+      step responses, whose curves stand at the pressure of their plateau (M2 figure 3h).
+    - `pooled`: quantity whose levels the curves have, where they are pooled into one surface all the same.
     """
 
     target: str

@@ -156,10 +156,7 @@ def segment_curve(curve: Curve, cuts: Mapping[str, Cut], target: str, cost: Inte
     A sample on a boundary belongs to both segments, since segments include both ends. Cells of several variables that hold fewer than
     `min_samples` are joined to their neighbours (`joined_cells`).
 
-    Raises
-    ------
-    DataError
-        Where a segment holds no sample, or the curve has too few for the cut.
+    Raises DataError where a segment holds no sample, or the curve has too few for the cut.
     """
     rows = np.flatnonzero(curve.training)
     values = samples_of(curve, rows)

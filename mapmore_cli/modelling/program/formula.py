@@ -19,10 +19,7 @@ from mapmore_cli.modelling.program.writing import Writer, times, total
 def formula_value(m: Writer, fit: FormulaFit | None, inputs: Mapping[str, Expression]) -> Expression:
     """Write a fitted formula; zero where there is none.
 
-    Raises
-    ------
-    DataError
-        Where the fit failed, or the formula is no closed expression.
+    Raises DataError where the fit failed, or the formula is no closed expression.
     """
     if fit is None:
         return Number(0.0)

@@ -15,10 +15,7 @@ from mapmore_cli.modelling.program.writing import Inputs, Writer
 def program_of(model: Model) -> Program:
     """Return a model of any kind as a program.
 
-    Raises
-    ------
-    DataError
-        Where parts have different times between samples or go on from different outputs, or one is no closed expression.
+    Raises DataError where parts have different times between samples or go on from different outputs, or one is no closed expression.
     """
     m = Writer()
     names = {quantity.name: Name(f"{INPUT}{quantity.name}") for quantity in model.inputs}

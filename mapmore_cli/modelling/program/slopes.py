@@ -29,10 +29,7 @@ FUNCTION = "{}_slopes"
 def with_slopes(model: Program) -> Program:
     """Return the program with the derivative for every input behind its output.
 
-    Raises
-    ------
-    DataError
-        For a model with memory: its output depends on what was before.
+    Raises DataError for a model with memory: its output depends on what was before.
     """
     if model.step is not None:
         raise DataError("a model with memory has no derivative at a point: its output depends on the past", "differentiate along a run")

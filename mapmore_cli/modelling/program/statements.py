@@ -92,16 +92,10 @@ class Function:
 class Limit:
     """Training range of one input of a model or of a part of it.
 
-    Attributes
-    ----------
-    inputs
-        The model's inputs that are beyond the range where `value` is.
-    value
-        The input as the part knows it, an expression of the model's inputs.
-    at
-        Where the range depends on a level: the level's value; else None.
-    levels, low, high
-        (L,) levels, and the range there, linear between them; one range for all where `at` is None.
+    - `inputs`: the model's inputs that are beyond the range where `value` is.
+    - `value`: the input as the part knows it, an expression of the model's inputs.
+    - `at`: where the range depends on a level: the level's value; else None.
+    - `levels`, `low`, `high`: (L,) levels, and the range there, linear between them; one range for all where `at` is None.
     """
 
     inputs: frozenset[str]
@@ -116,16 +110,11 @@ class Limit:
 class Kept:
     """Memory of a model from sample to sample.
 
-    Attributes
-    ----------
-    numbers
-        Single numbers by name, and what they are after a reset.
-    queues
-        Delayed values by name, and how many of them.
-    fed_back
-        The queues of its own outputs, by the name of the output, where the model goes on from them; several where several summands do.
-    steps
-        Times between samples of the parts with memory, s; none for a model without memory.
+    - `numbers`: single numbers by name, and what they are after a reset.
+    - `queues`: delayed values by name, and how many of them.
+    - `fed_back`: the queues of its own outputs, by the name of the output, where the model goes on from them; several where several
+      summands do.
+    - `steps`: times between samples of the parts with memory, s; none for a model without memory.
     """
 
     numbers: dict[str, float] = field(default_factory=dict)

@@ -24,16 +24,10 @@ Inputs = Mapping[str, Expression]
 class Writer:
     """One program in the making. A statement goes to the innermost side that is open.
 
-    Attributes
-    ----------
-    kept
-        What the model keeps from sample to sample.
-    functions
-        By name, in the order in which they are written.
-    limits
-        Training ranges of the inputs.
-    knots
-        By input, places at which the program takes another side.
+    - `kept`: what the model keeps from sample to sample.
+    - `functions`: by name, in the order in which they are written.
+    - `limits`: training ranges of the inputs.
+    - `knots`: by input, places at which the program takes another side.
     """
 
     def __init__(self) -> None:

@@ -54,10 +54,7 @@ def split_cycles(over: Array, columns: Columns, samples: int) -> Branches:
     samples
         Number of values on which the branches are given.
 
-    Raises
-    ------
-    DataError
-        Where there is no full cycle, or too few samples on a branch.
+    Raises DataError where there is no full cycle, or too few samples on a branch.
     """
     turns = turning_points(over, SWING * float(np.ptp(over))) if len(over) else np.zeros(0, dtype=np.int64)
     runs = _trimmed_runs(over, turns)
@@ -160,10 +157,7 @@ def cycle_starts(x: Array) -> IntArray:
 def last_cycles(x: Array, share: float) -> BoolArray:
     """Return the samples of the last `share` of the cycles of `x` (n,), rounded down to whole cycles, without the rest before them.
 
-    Raises
-    ------
-    DataError
-        Where there are fewer than two cycles, or a share of none or all of them.
+    Raises DataError where there are fewer than two cycles, or a share of none or all of them.
     """
     starts = cycle_starts(x)
     first = math.ceil((1 - share) * len(starts) - 1e-9)

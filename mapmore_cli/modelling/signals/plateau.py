@@ -93,10 +93,7 @@ def find_plateau(time: Array, pressure: Array, others: Mapping[str, Array]) -> t
     others
         Further signals `(n,)` that come to rest, by name.
 
-    Raises
-    ------
-    DataError
-        Where the pressure never rises, or nothing rests after it has.
+    Raises DataError where the pressure never rises, or nothing rests after it has.
     """
     low, high_end = float(pressure.min()), float(pressure.max())
     upper = pressure > (low + high_end) / 2

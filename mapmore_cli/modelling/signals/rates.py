@@ -62,10 +62,7 @@ def rate(time: Array, values: Array, window: float, order: int) -> Array:
     order
         Degree of the polynomial; the rate of a polynomial up to this degree is exact.
 
-    Raises
-    ------
-    DataError
-        Where a window holds fewer than `order + 1` different stamps.
+    Raises DataError where a window holds fewer than `order + 1` different stamps.
     """
     slack = 1e-9 * window + 4 * np.finfo(float).eps * float(np.abs(time).max())  # a stamp on the edge is inside, however it was rounded
     begin = np.clip(time - window / 2, time[0], max(time[0], time[-1] - window))
@@ -136,10 +133,7 @@ def direction(rate: Array, dead_band: float) -> Array:
 def signal_values(signal: Signal, columns: Columns) -> Array:
     """Return a signal over one recording, `(n,)`, from the quantity that it follows from and, for a rate, the `time`.
 
-    Raises
-    ------
-    DataError
-        Where the window of a rate holds too few samples.
+    Raises DataError where the window of a rate holds too few samples.
     """
     source = columns[signal.of]
     if signal.kind == "direction":

@@ -35,18 +35,12 @@ FEWEST = 8
 class Shift:
     """What is to be added to the second log's time, and how sure that is.
 
-    Attributes
-    ----------
-    value, half_width
-        In the unit of the stamps; the latter of the 95 % interval.
-    step
-        The coarser of the two records' typical steps.
-    correlation
-        Of the changes in both records at this shift; negative where one falls when the other rises.
-    next_best
-        The absolute correlation of the next peak, and `rival` the shift that it stands for; 0 and None where there is no other peak.
-    sigmas
-        How far the peak stands out of noise.
+    - `value`, `half_width`: in the unit of the stamps; the latter of the 95 % interval.
+    - `step`: the coarser of the two records' typical steps.
+    - `correlation`: of the changes in both records at this shift; negative where one falls when the other rises.
+    - `next_best`: the absolute correlation of the next peak, and `rival` the shift that it stands for; 0 and None where there is no other
+      peak.
+    - `sigmas`: how far the peak stands out of noise.
     """
 
     value: float

@@ -13,10 +13,7 @@ from mapmore_cli.modelling.expressions import Name, parse
 def sum_of(name: str, parts: Sequence[Part], output: Quantity, quantities: Mapping[str, Quantity]) -> Model:
     """Return the model `output = sum_m sign_m m(inputs_m)`, a function of every quantity that its parts' inputs are made of.
 
-    Raises
-    ------
-    SpecError
-        Where an output is not in the unit of the sum, or an input is not among the `quantities` in its unit.
+    Raises SpecError where an output is not in the unit of the sum, or an input is not among the `quantities` in its unit.
     """
     used: set[str] = set()
     for part in parts:

@@ -36,12 +36,7 @@ def fit_jointly(summands: Sequence[Summand], columns: Columns, y: Array, method:
     A parameter `F` of the second summand is called `F_2`. Where the sum alone does not tell parameters apart, as the constants of both, the
     rank is deficient and the notes name them.
 
-    Raises
-    ------
-    SpecError
-        For a formula that is fitted in a way of its own, or needs a dimension of the muscle.
-    DataError
-        As `Formula.fit`.
+    Raises SpecError for a formula that is fitted in a way of its own, or needs a dimension of the muscle; DataError as `Formula.fit`.
     """
     formula = joint_formula(summands)
     inputs = {_numbered(name, i): x for i, one in enumerate(summands, 1) for name, x in one.own_inputs(columns).items()}

@@ -41,17 +41,11 @@ MOST_POINTS = 6
 class CurveChange:
     """How a curve of the later model differs from that of the earlier one.
 
-    Attributes
-    ----------
-    ratio, weight
-        `sum(a b)/sum(a^2)` of the earlier output a and the later b at the points of the grid: the factor that turns the one into the other.
-        Its weight in the factor of all curves is the curve's share of `sum(a^2)`.
-    difference, rms
-        Mean and root mean square of `b - a`, in the unit of the output.
-    largest
-        The largest `b - a` by size, and `place` where it is.
-    interpolated
-        True where one of the models has no curve at this level.
+    - `ratio`, `weight`: `sum(a b)/sum(a^2)` of the earlier output a and the later b at the points of the grid: the factor that turns the
+      one into the other. Its weight in the factor of all curves is the curve's share of `sum(a^2)`.
+    - `difference`, `rms`: mean and root mean square of `b - a`, in the unit of the output.
+    - `largest`: the largest `b - a` by size, and `place` where it is.
+    - `interpolated`: true where one of the models has no curve at this level.
     """
 
     curve: str
@@ -129,10 +123,7 @@ class Comparison:
 def compare(before: Model, after: Model, margin: float = MARGIN) -> Comparison:
     """Compare two models on the curves that both were trained on.
 
-    Raises
-    ------
-    ValueError
-        Where they are of other quantities, or have fewer than two curves in common; the message says which.
+    Raises ValueError where they are of other quantities, or have fewer than two curves in common; the message says which.
     """
     if before.output != after.output or set(before.inputs) != set(after.inputs):
         raise ValueError(f"{before.name} and {after.name} are models of other quantities, or in other units")
@@ -211,10 +202,7 @@ def _level(one: CurveRange) -> float:
 def grid(before: Model, after: Model, place: Place) -> dict[str, Array]:
     """Points inside of the ranges of both models by input: evenly spread along every one that varies, in every combination, (m,) each.
 
-    Raises
-    ------
-    ValueError
-        Where the ranges do not overlap.
+    Raises ValueError where the ranges do not overlap.
     """
     limits = {name: (_limits(before, place, name), _limits(after, place, name)) for name in (q.name for q in before.inputs)}
     ends = {name: (max(a[0], b[0]), min(a[1], b[1])) for name, (a, b) in limits.items() if name != before.level}

@@ -32,12 +32,8 @@ PARTS = ("drift", "change", "shape", "rest")
 class ErrorParts:
     """RMS of the parts of the errors on samples of `cycles` cycles, held out or not.
 
-    Attributes
-    ----------
-    rms
-        By `PARTS`; their squares add up to the mean square error.
-    offsets
-        (cycles,) mean error of each cycle, in order of time.
+    - `rms`: by `PARTS`; their squares add up to the mean square error.
+    - `offsets`: (cycles,) mean error of each cycle, in order of time.
     """
 
     split: str

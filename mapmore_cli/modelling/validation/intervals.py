@@ -69,10 +69,7 @@ class Training:
 def summary(kind: LeftOutKind, curves: int, residuals: Mapping[str, Sequence[Array]], training: Training | None = None) -> LeftOut:
     """Return what intervals need of the residuals (measured minus predicted) of each left-out part, where so many `curves` train.
 
-    Raises
-    ------
-    FitError
-        Where a model of the rest has no prediction for a part, as where its free run diverges.
+    Raises FitError where a model of the rest has no prediction for a part, as where its free run diverges.
     """
     joined = {part: np.concatenate(list(arrays)) for part, arrays in residuals.items()}
     for part, values in joined.items():
@@ -145,12 +142,7 @@ def many_curves(left_out: LeftOut, level: float) -> float:
 def half_widths_of(model: Model, columns: Columns, level: float) -> Array:
     """Return half of the width of a model's intervals at every row, (n,); NaN where they are refused.
 
-    Raises
-    ------
-    UsageError
-        For a level that is not between 0 and 1.
-    DataError
-        For a model that holds no left-out residuals.
+    Raises UsageError for a level that is not between 0 and 1; DataError for a model that holds no left-out residuals.
     """
     left_out = checked(model, level)
     count = len(next(iter(columns.values())))

@@ -28,10 +28,7 @@ def panel_of(name: str, inputs: ReportInputs, words: str) -> tuple[Drawing, Pane
     words
         The panel's key, or what a user calls a curve: its level alone (`250`, `250 kPa` for `pressure=250`), or a log that was cut.
 
-    Raises
-    ------
-    UsageError
-        Where there is no such panel; the message names those that there are.
+    Raises UsageError where there is no such panel; the message names those that there are.
     """
     ids = inputs.ids_of(words)
     if found := find_panel(drawings(name, inputs), (words, *ids)):

@@ -28,16 +28,10 @@ Values = Sequence[Any] | np.ndarray
 class Panel:
     """Axes below each other with one x axis: the smallest part of a figure that can stand by itself.
 
-    Attributes
-    ----------
-    key
-        What tells it from the others of its figure, as a curve or a model; empty where it is the only one.
-    draw
-        Draws on the given axes, from top to bottom.
-    data
-        The numbers that are drawn, by heading with unit, each `(n,)`.
-    y_limits
-        What each of the axes has to show, where that is not all that is drawn.
+    - `key`: what tells it from the others of its figure, as a curve or a model; empty where it is the only one.
+    - `draw`: draws on the given axes, from top to bottom.
+    - `data`: the numbers that are drawn, by heading with unit, each `(n,)`.
+    - `y_limits`: what each of the axes has to show, where that is not all that is drawn.
     """
 
     key: str
@@ -53,16 +47,10 @@ class Panel:
 class Grid:
     """How the panels of a figure stand on a page.
 
-    Attributes
-    ----------
-    columns
-        Panels side by side.
-    width, height
-        Inches of the whole figure, and of one row of panels.
-    stack
-        Relative heights of the axes of a panel, from top to bottom.
-    common_x, common_y
-        Whether all panels have one x axis (else each its own); whether those of a row, or all, have one y axis.
+    - `columns`: panels side by side.
+    - `width`, `height`: inches of the whole figure, and of one row of panels.
+    - `stack`: relative heights of the axes of a panel, from top to bottom.
+    - `common_x`, `common_y`: whether all panels have one x axis (else each its own); whether those of a row, or all, have one y axis.
     """
 
     columns: int = 1
@@ -77,16 +65,10 @@ class Grid:
 class Drawing:
     """One figure.
 
-    Attributes
-    ----------
-    name
-        Stem of its file, as `fit`.
-    caption
-        What it shows, and what was left out of it.
-    alt
-        What one would tell somebody who cannot see it.
-    legend
-        Handles of the legend above the panels.
+    - `name`: stem of its file, as `fit`.
+    - `caption`: what it shows, and what was left out of it.
+    - `alt`: what one would tell somebody who cannot see it.
+    - `legend`: handles of the legend above the panels.
     """
 
     name: str

@@ -18,10 +18,7 @@ def draw_model(ax: Axes, model: Model, level: float | None = None) -> None:
 
     With `level`, as 0.95, the band of that interval around each.
 
-    Raises
-    ------
-    TypeError
-        For a model that has no training curves: it runs along recordings, or is a sum.
+    Raises TypeError for a model that has no training curves: it runs along recordings, or is a sum.
     """
     if not isinstance(model.body, Pieces | Formula):
         raise TypeError(f"{model.name} has no curves to draw; call it with a recording, and draw what it says")

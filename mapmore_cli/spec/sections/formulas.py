@@ -53,10 +53,8 @@ class OwnFormula(Section):
     def definition(self, units: Mapping[str, str], target: str) -> str:
         """Return the formula in a model's `units`, for an output in the unit `target`, as a definition that needs no spec.
 
-        Raises
-        ------
-        ExpressionError, SpecError, ValueError
-            For an expression that is none, a unit that does not fit, or a parameter in which it is not linear.
+        Raises ExpressionError, SpecError, ValueError for an expression that is none, a unit that does not fit, or a parameter in which it
+        is not linear.
         """
         from mapmore_cli.modelling.expressions import Name, Number, multiply, parse, substitute, to_text
         from mapmore_cli.modelling.literature.own import definition

@@ -44,18 +44,11 @@ def _anything(_value: Any, _where: str, _sizes: Sizes) -> None:
 class Codec:
     """Writes a value under a name into a group, and reads it back.
 
-    Attributes
-    ----------
-    form
-        What the documentation calls it.
-    write, read
-        Of a group and a name in it; `read` raises Invalid for what is not of the form.
-    feed
-        Adds a value to a checksum, under the path that it stands at.
-    check
-        Raises Invalid for a value that is of the form and yet cannot be.
-    column
-        Stores a list of such values, where they can be the cells of a table.
+    - `form`: what the documentation calls it.
+    - `write`, `read`: of a group and a name in it; `read` raises Invalid for what is not of the form.
+    - `feed`: adds a value to a checksum, under the path that it stands at.
+    - `check`: raises Invalid for a value that is of the form and yet cannot be.
+    - `column`: stores a list of such values, where they can be the cells of a table.
     """
 
     form: str

@@ -66,16 +66,10 @@ def _impossible(_: Any) -> Any:
 class Member:
     """A struct or group, a collection, or an array inside a file, as its format reads it.
 
-    Attributes
-    ----------
-    kind
-        What it is, in words: `a struct array of 5`.
-    names, member
-        The names of its members, empty where it has none, and how to get one.
-    count, element
-        The number of its elements, None where it is no collection, and how to get one, from 0.
-    values, shape
-        For an array: reads a selection of it, `()` being all; raises IndexError. And its size along each axis.
+    - `kind`: what it is, in words: `a struct array of 5`.
+    - `names`, `member`: the names of its members, empty where it has none, and how to get one.
+    - `count`, `element`: the number of its elements, None where it is no collection, and how to get one, from 0.
+    - `values`, `shape`: for an array: reads a selection of it, `()` being all; raises IndexError. And its size along each axis.
     """
 
     kind: str

@@ -22,30 +22,17 @@ SourceColumn = str | int
 class TableRequest:
     """Which columns of a file are wanted, and what its reader has to know; `label` is how messages name the file.
 
-    Attributes
-    ----------
-    columns
-        The wanted columns.
-    header
-        Number of header lines, the first of which holds the names (text, sheets).
-    skip_rows
-        Lines before the header (text, sheets).
-    delimiter
-        One character, `tab`, or `whitespace`: any run of blanks and tabs (text).
-    decimal
-        The decimal point of the numbers (text).
-    encoding
-        Of the characters (text); a byte order mark of UTF-8 is swallowed.
-    sheet
-        Title of the sheet, or a glob of which every match is a recording; the first sheet where None (workbooks).
-    root
-        Where the columns start; `train[*]` makes every element a recording (MAT, HDF5).
-    missing
-        Texts, besides the usual ones, that stand where there is no value (text, sheets).
-    incomplete
-        True where records that break off are missing values, False where they are errors.
-    progress
-        Told now and then how many bytes of the file have been read (text, the only format of which a long file takes long).
+    - `columns`: the wanted columns.
+    - `header`: number of header lines, the first of which holds the names (text, sheets).
+    - `skip_rows`: lines before the header (text, sheets).
+    - `delimiter`: one character, `tab`, or `whitespace`: any run of blanks and tabs (text).
+    - `decimal`: the decimal point of the numbers (text).
+    - `encoding`: of the characters (text); a byte order mark of UTF-8 is swallowed.
+    - `sheet`: title of the sheet, or a glob of which every match is a recording; the first sheet where None (workbooks).
+    - `root`: where the columns start; `train[*]` makes every element a recording (MAT, HDF5).
+    - `missing`: texts, besides the usual ones, that stand where there is no value (text, sheets).
+    - `incomplete`: true where records that break off are missing values, False where they are errors.
+    - `progress`: told now and then how many bytes of the file have been read (text, the only format of which a long file takes long).
     """
 
     label: str
@@ -136,22 +123,14 @@ class Top:
 class Reader:
     """A format of recordings. Everything that the program knows of it is declared in one file of `storage/readers/`, as its `READER`.
 
-    Attributes
-    ----------
-    name
-        The word of `data.reader`.
-    read
-        Reads the wanted columns of a file: one table for every recording in it.
-    suffixes
-        How the names of such files end, lower case.
-    keys
-        The keys of `data` that it has a use for, besides those of every reader.
-    column
-        How the spec names a column, as an example.
-    by_index
-        Whether columns also go by their 0-based index.
-    peek
-        Reads the first rows of a file in every way that it may be meant, the likeliest first; None where columns have to be named by hand.
+    - `name`: the word of `data.reader`.
+    - `read`: reads the wanted columns of a file: one table for every recording in it.
+    - `suffixes`: how the names of such files end, lower case.
+    - `keys`: the keys of `data` that it has a use for, besides those of every reader.
+    - `column`: how the spec names a column, as an example.
+    - `by_index`: whether columns also go by their 0-based index.
+    - `peek`: reads the first rows of a file in every way that it may be meant, the likeliest first; None where columns have to be named by
+      hand.
     """
 
     name: str

@@ -37,10 +37,7 @@ class NotANumber(DataError):
 def number_of(cell: str, missing: Set[str] = frozenset()) -> float:
     """Return the number in a cell, or the seconds of its time stamp; NaN where the value is missing, as `missing` texts say.
 
-    Raises
-    ------
-    ValueError
-        Anything else.
+    Raises ValueError for anything else.
     """
     if "_" in cell and cell.strip() not in missing:  # Python reads 1_5 as 15
         raise ValueError(cell)
@@ -59,10 +56,7 @@ def seconds_of_stamp(text: str) -> float:
     Dates are as in ISO 8601, `2026/03/01 12:00:00` or `01.03.2026 12:00:00`. A stamp without a time zone counts as if it were UTC, since
     only differences matter. Months and days between slashes (`3/1/2026`) are refused: they read one way here and another way there.
 
-    Raises
-    ------
-    ValueError
-        Text that is no such stamp.
+    Raises ValueError for text that is no such stamp.
     """
     if len(text) > LONGEST_STAMP or ":" not in text:
         raise ValueError(text)
@@ -165,10 +159,7 @@ def _loaded(lines: Sequence[str], **dialect: Any) -> Array | None:
 def values_of_records(records: Sequence[Numbered], layout: Layout, request: TableRequest) -> Array:
     """Return the wanted columns of records without blank ones, (n, columns); an empty field is NaN.
 
-    Raises
-    ------
-    DataError
-        A record with too few or too many fields; a field that is not a number; with row and column.
+    Raises DataError for a record with too few or too many fields; a field that is not a number; with row and column.
     """
     whole = [_of_width(row, record, layout.width, request) for row, record in records]
     values = np.empty((len(whole), len(layout.places)))

@@ -25,14 +25,8 @@ READ_ONLY = 0o444
 def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
     """Copy the model of a finished run, its scores, spec and hashes to `ARCHIVE/NAME@TAG`; the folder.
 
-    Raises
-    ------
-    DataError
-        Where the run is not finished, its files are not the ones that it wrote, or its record has no name of a run.
-    UsageError
-        Where the tag is no name.
-    WriteError
-        Where that name is taken, or the archive cannot be written.
+    Raises DataError where the run is not finished, its files are not the ones that it wrote, or its record has no name of a run; UsageError
+    where the tag is no name; WriteError where that name is taken, or the archive cannot be written.
     """
     if not TAG.fullmatch(tag):
         raise UsageError(f"{tag!r} cannot be a tag", "use letters, digits, points, dashes and underscores, as 2026-spring")
@@ -95,12 +89,7 @@ def _check_finished(run_dir: Path) -> None:
 def find_model(text: str, runs: Path, archive: Path) -> Path:
     """Return the model file that a word on the command line means: a file, a run folder, a run, `NAME@TAG`, or a tag that one run has.
 
-    Raises
-    ------
-    DataError
-        Where there is none, or a frozen model is not what was frozen.
-    UsageError
-        Where several runs have the tag.
+    Raises DataError where there is none, or a frozen model is not what was frozen; UsageError where several runs have the tag.
     """
     path = Path(text)
     if path.is_file():

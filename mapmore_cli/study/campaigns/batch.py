@@ -29,20 +29,12 @@ if TYPE_CHECKING:
 class Job:
     """One run to do.
 
-    Attributes
-    ----------
-    config, runs, overrides, force, rehash, campaign
-        As on the command line; `campaign` is the file that the run belongs to.
-    patient
-        Whether it waits where another process writes it.
-    leader
-        The name of the first of the runs that read the same recordings in the same way; empty where it is the only one.
-    leads
-        Whether it is that run itself.
-    needs_others
-        Whether it needs runs of other specs.
-    seconds
-        How long it took when it was done last; infinite where that is not known.
+    - `config`, `runs`, `overrides`, `force`, `rehash`, `campaign`: as on the command line; `campaign` is the file that the run belongs to.
+    - `patient`: whether it waits where another process writes it.
+    - `leader`: the name of the first of the runs that read the same recordings in the same way; empty where it is the only one.
+    - `leads`: whether it is that run itself.
+    - `needs_others`: whether it needs runs of other specs.
+    - `seconds`: how long it took when it was done last; infinite where that is not known.
     """
 
     config: Path

@@ -65,10 +65,7 @@ def specs_of(entries: Sequence[Entry]) -> list[LoadedSpec | None]:
 def run_names(entries: Sequence[Entry], campaigns: Sequence[Expanded], specs: Sequence[LoadedSpec | None]) -> list[str]:
     """Return the name of every run; where its spec is wrong, what it is called in messages.
 
-    Raises
-    ------
-    UsageError
-        Where two of the runs, their variations and the campaigns have one name, which would be the same folder.
+    Raises UsageError where two of the runs, their variations and the campaigns have one name, which would be the same folder.
     """
     called = {number: name for campaign in campaigns for number, name in zip(campaign.jobs, campaign.names, strict=True)}
     names: list[str] = []

@@ -24,11 +24,8 @@ MOST_POINTS = 10_000_000
 def grid_lines(text: str, inputs: Sequence[str]) -> Iterator[str]:
     """Yield the header and the points of a grid, the last input of `text` varying fastest; both ends are included.
 
-    Raises
-    ------
-    UsageError
-        Where `text` is malformed, names an input twice or one that the model has not, leaves one out, or has a step that does not lead from
-        the first value to the last.
+    Raises UsageError where `text` is malformed, names an input twice or one that the model has not, leaves one out, or has a step that does
+    not lead from the first value to the last.
     """
     return _lines(_of_inputs(text, inputs))
 
@@ -96,12 +93,8 @@ def inverted_lines(model: Model, lines: Iterable[str], label: str, name: str, ru
     ascending, with a space between; `found` is the one that the rule picks; the status is `none`, `one`, `several` or `flat`. Rows with an
     empty number have none of them. The whole table is in memory, since the rule `nearest` goes from row to row.
 
-    Raises
-    ------
-    UsageError
-        For an input that the model has not, a rule that there is none of, or a model with memory.
-    DataError
-        Where the table is empty, lacks a column, has one of the added ones already, or a field that is no number.
+    Raises UsageError for an input that the model has not, a rule that there is none of, or a model with memory; DataError where the table
+    is empty, lacks a column, has one of the added ones already, or a field that is no number.
     """
     if runs_over_time(model):
         raise UsageError("this model has memory: the input for an output depends on what was before", "invert a static model")

@@ -73,13 +73,9 @@ def predicted_lines(
     along each recording in the same way, from the first measured outputs where it feeds its output back; there is no prediction before
     there is history, and from where the run diverges, which `warn` is told. One recording is in memory at a time.
 
-    Raises
-    ------
-    DataError
-        Where the table is empty, lacks an input, already has one of the added columns, or has a field that is not a number; where a model
-        with memory has nothing to go on from, or rows are not at its time steps; where the model holds nothing to make intervals from.
-    UsageError
-        For an interval that there is none of, or a model that cannot be inverted for that input.
+    Raises DataError where the table is empty, lacks an input, already has one of the added columns, or has a field that is not a number;
+    where a model with memory has nothing to go on from, or rows are not at its time steps; where the model holds nothing to make intervals
+    from; UsageError for an interval that there is none of, or a model that cannot be inverted for that input.
     """
     if interval is not None and (why := refusal(checked(model, interval))) is not None:
         warn(f"{model.name}: {why}")

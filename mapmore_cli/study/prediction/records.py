@@ -61,18 +61,11 @@ def stretches(time: Array) -> list[slice]:
 class Reading:
     """What is read of a table.
 
-    Attributes
-    ----------
-    columns
-        Quantities without which a row has no prediction.
-    signals
-        Quantities that follow from the columns over time.
-    outputs
-        Measured outputs that a model with memory goes on from; they may be empty once it runs.
-    over_time
-        Whether rows belong to recordings, and `time` is among the columns.
-    turned_for
-        The input that the model is inverted for, where it is; the output is read in its place.
+    - `columns`: quantities without which a row has no prediction.
+    - `signals`: quantities that follow from the columns over time.
+    - `outputs`: measured outputs that a model with memory goes on from; they may be empty once it runs.
+    - `over_time`: whether rows belong to recordings, and `time` is among the columns.
+    - `turned_for`: the input that the model is inverted for, where it is; the output is read in its place.
     """
 
     columns: tuple[str, ...]
@@ -156,10 +149,7 @@ def _number(cell: str) -> float:
 def with_constants(lines: Iterable[str], label: str, constants: Mapping[str, float]) -> Iterator[str]:
     """Yield the lines of a table with columns that have one value in every row.
 
-    Raises
-    ------
-    DataError
-        Where the table has such a column already.
+    Raises DataError where the table has such a column already.
     """
     rows = records(lines, label)
     for number, row in enumerate(rows):

@@ -183,10 +183,7 @@ STUDY = "study.yaml"
 def write_example(folder: Path, progress: Progress) -> list[Path]:
     """Write the study, the rig and its simulated recordings into a folder, which is made where missing; their paths, the study first.
 
-    Raises
-    ------
-    WriteError
-        Where the folder is not empty, or cannot be written.
+    Raises WriteError where the folder is not empty, or cannot be written.
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise WriteError(f"{folder}: is not an empty folder", "name a new folder")

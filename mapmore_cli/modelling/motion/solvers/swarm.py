@@ -60,12 +60,7 @@ WIDE = 4.0
 def solve(problem: Problem, recipe: MotionRecipe) -> Found:
     """Return the best of `iterations` over the recipe's bounds; an unstable particle costs more than any stable one.
 
-    Raises
-    ------
-    SpecError
-        Where a section has more parameters than P's three.
-    FitError
-        Where no particle was stable.
+    Raises SpecError where a section has more parameters than P's three; FitError where no particle was stable.
     """
     if problem.drives > 1:
         raise SpecError(
