@@ -38,12 +38,8 @@ def shared_out(
     The others are forks: copies that have the items already. What they return must be picklable, and whatever else they change is lost.
     What a copy does not deliver, for whatever reason, is done here, so that an error is raised as without copies.
 
-    Parameters
-    ----------
-    progress
-        Is told how many items are done, of how many, as far as this process sees it.
-    processes
-        How many there are with this one; by default as many as this machine has for them (`free_processors`).
+    - `progress`: is told how many items are done, of how many, as far as this process sees it.
+    - `processes`: how many there are with this one; by default as many as this machine has for them (`free_processors`).
     """
     count = max(1, min(len(items), free_processors() if processes is None else processes))
     shares = [items[start::count] for start in range(count)]

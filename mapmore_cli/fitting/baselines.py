@@ -29,12 +29,8 @@ MOST_SAMPLES = {"gaussian_process": 400, "gradient_boosting": 20_000, "mlp": 5_0
 def predictions(name: str, dataset: Dataset, model: Model) -> list[Array]:
     """Fit the baseline to the training samples, and predict every sample of every curve, (n_c,) each.
 
-    Parameters
-    ----------
-    name
-        One of `domain.scores.BASELINES`.
-    model
-        The run's own model, for the names of the inputs.
+    - `name`: one of `domain.scores.BASELINES`.
+    - `model`: the run's own model, for the names of the inputs.
     """
     names = [quantity.name for quantity in model.inputs if quantity.name != dataset.target]
     delays = DELAYS if runs_over_time(model) else (0,)

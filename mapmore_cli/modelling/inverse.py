@@ -89,10 +89,7 @@ def solve_for_input(model: Model, columns: Columns, name: str) -> SolvedInput:
     At every row, `(n,)`, it is the lowest solution within the training range, or, where there is none, the place that comes nearest to the
     output: a strain that no force of the range makes has the force at the end of the range. NaN where a column is.
 
-    Parameters
-    ----------
-    columns
-        The output and all inputs but `name`, by name, each `(n,)`.
+    - `columns`: the output and all inputs but `name`, by name, each `(n,)`.
 
     Raises UsageError, DataError as `invert`.
     """

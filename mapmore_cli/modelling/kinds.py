@@ -83,10 +83,7 @@ def simulate(model: Model, columns: Columns) -> Run:
 
     A model with memory runs free along one recording: it has no prediction before there is history, and starts anew after rows with a NaN.
 
-    Parameters
-    ----------
-    columns
-        The model's inputs by name, each (n,), in the model's units; with memory also `time`, and the output where it is fed back.
+    - `columns`: the model's inputs by name, each (n,), in the model's units; with memory also `time`, and the output where it is fed back.
 
     Raises KeyError where an input is missing; DataError where a free run has nothing to begin from, or samples are not at the model's time
     steps.

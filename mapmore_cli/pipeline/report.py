@@ -191,12 +191,8 @@ def drawn_figure(
 ) -> tuple[bytes, str | None]:
     """Draw a figure of a run as a file: all of it, or the panel of one curve (or model) as wide as the spec says, with its numbers as CSV.
 
-    Parameters
-    ----------
-    warn
-        Is told of a font that this machine does not have.
-    looks
-        Values that replace those of the run's spec, as `report.style.width=120 mm`.
+    - `warn`: is told of a font that this machine does not have.
+    - `looks`: values that replace those of the run's spec, as `report.style.width=120 mm`.
 
     Raises DataError where the folder holds no finished run; UsageError where there is no such panel (the message names those that there
     are), or `looks` are about anything else.

@@ -122,12 +122,8 @@ def bring_up_to_date(
     that the run belongs to. A `patient` one waits for another process that is writing the run. Results of the run in the folder `like`
     that have the fingerprints of this one's are taken over, unless by `force` all are made anew.
 
-    Raises
-    ------
-    WriteError
-        Where the folder cannot be written or holds the run of another spec, the disk is full, or another process is writing the run.
-    MapmoreError
-        Whatever a stage found wrong; its outputs, and those of the stages after it, are then as they were.
+    Raises WriteError where the folder cannot be written or holds the run of another spec, the disk is full, or another process is writing
+    the run; MapmoreError for whatever a stage found wrong; its outputs, and those of the stages after it, are then as they were.
     """
     every = stages or pipeline()
     run_dir = runs / loaded.spec.name

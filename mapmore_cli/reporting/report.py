@@ -74,13 +74,9 @@ LONGEST_STEM = 80
 def write_report(inputs: ReportInputs, out: Path, figures: Sequence[str], formats: Sequence[str]) -> None:
     """Write the report into the folder `out`, byte for byte the same for the same inputs.
 
-    Parameters
-    ----------
-    figures
-        Names out of `domain.page.FIGURES`.
-    formats
-        `html`: index.html, with the figures in it; `svg`: a file for each figure; `csv`, `tex`: tables/*; `pdf`, `png`, `pgf`: panels/*,
-        every panel of every figure in these formats (and as SVG where that is asked for too), and as CSV.
+    - `figures`: names out of `domain.page.FIGURES`.
+    - `formats`: `html`: index.html, with the figures in it; `svg`: a file for each figure; `csv`, `tex`: tables/*; `pdf`, `png`, `pgf`:
+      panels/*, every panel of every figure in these formats (and as SVG where that is asked for too), and as CSV.
     """
     tables = all_tables(inputs)
     out.mkdir(parents=True, exist_ok=True)

@@ -22,12 +22,8 @@ BLOCK = 8192
 def evaluate(expression: Expression, columns: Columns, n: int | None = None) -> Array:
     """Value of `expression` on every row, `(n,)`; a new array.
 
-    Parameters
-    ----------
-    columns
-        Quantities by name, each `(n,)`, or `()` for a parameter that holds for every row.
-    n
-        Number of rows; the length of the first column where it is left out.
+    - `columns`: quantities by name, each `(n,)`, or `()` for a parameter that holds for every row.
+    - `n`: number of rows; the length of the first column where it is left out.
 
     Values that are not finite (a logarithm of a negative number, a division by zero) are left in, without a warning.
     Raises `DataError` where a column is absent or of another length.

@@ -130,12 +130,9 @@ class HysteresisLoss(LiteratureModel):
     def fit_cycles(self, cycles: Columns, length: float) -> FormulaFit:
         """Fit Sárosi's formula to the upper and to the lower branch of load cycles (M2 eq 17-18), each by variable projection.
 
-        Parameters
-        ----------
-        cycles
-            `pressure` (kPa), `strain`, `force` (N, the mean of the branches) and `hysteresis` (N, half their distance), `(n,)` each.
-        length
-            Length of the muscle at rest, m.
+        - `cycles`: `pressure` (kPa), `strain`, `force` (N, the mean of the branches) and `hysteresis` (N, half their distance), `(n,)`
+          each.
+        - `length`: length of the muscle at rest, m.
 
         Status and condition are those of the worse branch; ranks and sums of squares add up. Notes say at which pressures zeta had to be
         limited, or there is no free strain. Length and least strain are given, so that they have no standard error.

@@ -41,12 +41,9 @@ def half_width(error: float, freedom: int, level: float = 0.95) -> float:
 def hints(parameters: Mapping[str, float], errors: Mapping[str, float], jacobian: Jacobian, columns: Columns) -> Iterator[str]:
     """Yield a sentence for each measurement that would show parameters which these data do not.
 
-    Parameters
-    ----------
-    parameters, errors
-        Values and standard errors by name, in the order of the Jacobian's columns; errors are NaN where the rank is deficient.
-    jacobian, columns
-        The derivatives at the solution as a function of inputs, and the inputs of the fit, `(n,)` each.
+    - `parameters`, `errors`: values and standard errors by name, in the order of the Jacobian's columns; errors are NaN where the rank is
+      deficient.
+    - `jacobian`, `columns`: the derivatives at the solution as a function of inputs, and the inputs of the fit, `(n,)` each.
     """
     n = len(next(iter(columns.values())))
     share = {name: column[np.linspace(0, n - 1, min(n, ROWS)).astype(int)] for name, column in columns.items()}

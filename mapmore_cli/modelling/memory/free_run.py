@@ -36,10 +36,8 @@ def free_run(model: MemoryModel, columns: Columns) -> Run:
     free run is its one-step-ahead prediction. Otherwise the output must be measured at the beginning of every piece, for as many samples as
     the longest delay (over a twentieth of it to identify them; not for a steady start); measured outputs after them are not used.
 
-    Parameters
-    ----------
-    columns
-        The model's inputs, (n,) each, in its units; the output where it has a part; `time` in s, without which all samples are one piece.
+    - `columns`: the model's inputs, (n,) each, in its units; the output where it has a part; `time` in s, without which all samples are one
+      piece.
 
     Raises DataError where an input is missing; as `AtSample` where a first output is, or samples are not at the model's time steps.
     """

@@ -51,12 +51,8 @@ class Record:
 def uninterrupted(time: Array, step: float) -> list[slice]:
     """Return the pieces of a record: it is cut where a step is longer than `step`, and where time runs backwards.
 
-    Parameters
-    ----------
-    time
-        Stamps, (n,), s.
-    step
-        Time between samples, s.
+    - `time`: stamps, (n,), s.
+    - `step`: time between samples, s.
 
     Raises AtSample where stamps are neither `step` apart nor a gap: the memory of the model counts samples.
     """

@@ -100,12 +100,8 @@ def find_resonance(driving: Sequence[Array], output: Sequence[Array], training: 
     The output is fitted with `[1, x, x^2, s, y, v]`: the driving quantity x, a slow state s of it, the oscillator's position y and
     velocity v.
 
-    Parameters
-    ----------
-    driving, output
-        (n,) for every piece.
-    training
-        (n,) samples that count.
+    - `driving`, `output`: (n,) for every piece.
+    - `training`: (n,) samples that count.
     """
     frequencies = [f for f in FREQUENCIES if f * step <= FASTEST]
     if not frequencies:
@@ -155,18 +151,11 @@ def resolve(
 ) -> StateSet:
     """Return the states of these names, with every number that they need.
 
-    Parameters
-    ----------
-    names
-        Texts of states; each once.
-    target
-        The output: `resonance` without numbers is the oscillator that explains most of it.
-    step
-        Time between samples, s.
-    scale
-        Whether states are scaled to [0, 1] on the training samples and clipped `margin` beyond.
-    resonances
-        Those that were found already.
+    - `names`: texts of states; each once.
+    - `target`: the output: `resonance` without numbers is the oscillator that explains most of it.
+    - `step`: time between samples, s.
+    - `scale`: whether states are scaled to [0, 1] on the training samples and clipped `margin` beyond.
+    - `resonances`: those that were found already.
 
     Raises DataError where a quantity is missing, or no training sample has a value of every state.
     """

@@ -26,10 +26,7 @@ def gradient_boundaries(x: Array, y: Array, cut: Cuts) -> Array:
     No boundary lies nearer than the separation to another one or to an end of the range, or leaves a segment with hardly any sample;
     there are fewer where the curve has fewer such peaks.
 
-    Parameters
-    ----------
-    x, y
-        Samples in any order, (n,).
+    - `x`, `y`: samples in any order, (n,).
     """
     low, high = float(x.min()), float(x.max())
     window = min(cut.window or DEFAULT_WINDOW * (high - low), high - low)
@@ -100,10 +97,7 @@ def optimal_partition(cost: Callable[[int, int], float], cells: int, count: int)
     With `best_k(j)` the least cost of the first j cells in k intervals, `best_k(j) = min_i best_{k-1}(i) + cost(i, j)` (Bellman 1961):
     at most `cells (cells + 1) / 2` costs are asked for instead of one for every partition.
 
-    Parameters
-    ----------
-    cost
-        Of the interval of cells i..j-1; infinity forbids it.
+    - `cost`: of the interval of cells i..j-1; infinity forbids it.
     """
     table = np.full((cells + 1, cells + 1), np.inf)
     for i in range(cells):

@@ -215,12 +215,8 @@ def weight_of(body: Pieces, segments: Set[str], columns: Columns) -> Array:
 
     With `levels: pchip` weights between levels depend on the values of the curves; these are those of such functions.
 
-    Parameters
-    ----------
-    segments
-        Their ids.
-    columns
-        All inputs of the model by name, each (n,).
+    - `segments`: their ids.
+    - `columns`: all inputs of the model by name, each (n,).
     """
 
     def constant(segment: SegmentFunction) -> SegmentFunction:

@@ -36,12 +36,8 @@ def placements(rule: str, X: Array, y: Array, variables: Sequence[str]) -> tuple
     - `max_abs`: division by the largest magnitude, no offset.
     - `none`: data as they are.
 
-    Parameters
-    ----------
-    X
-        Independent variables, (n, v).
-    y
-        Dependent variable, (n,).
+    - `X`: independent variables, (n, v).
+    - `y`: dependent variable, (n,).
     """
     names = tuple(variables)
     count = len(names)

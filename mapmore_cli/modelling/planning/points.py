@@ -82,14 +82,9 @@ def thinned(x: Array, y: Array) -> tuple[Array, Array]:
 class Committee:
     """Processes of what each formula leaves, on a fixed set of places; measured values are added one by one.
 
-    Parameters
-    ----------
-    measured
-        Points that train.
-    places
-        Candidates, (m, d).
-    formulas
-        By name, what each says of the measured points, (n,), and of the places, (m,); zeros for none.
+    - `measured`: points that train.
+    - `places`: candidates, (m, d).
+    - `formulas`: by name, what each says of the measured points, (n,), and of the places, (m,); zeros for none.
     """
 
     def __init__(self, measured: Measured, places: Array, formulas: Mapping[str, tuple[Array, Array]]) -> None:

@@ -45,14 +45,9 @@ def split_cycles(over: Array, columns: Columns, samples: int) -> Branches:
     `samples` bins over the range that both cover, which also merges repeated values, and interpolated linearly between the mean
     positions of its bins: the result does not depend on how fast the cycle was run.
 
-    Parameters
-    ----------
-    over
-        `(n,)` the cycled quantity, in order of time.
-    columns
-        Quantities to split, each `(n,)`.
-    samples
-        Number of values on which the branches are given.
+    - `over`: `(n,)` the cycled quantity, in order of time.
+    - `columns`: quantities to split, each `(n,)`.
+    - `samples`: number of values on which the branches are given.
 
     Raises DataError where there is no full cycle, or too few samples on a branch.
     """

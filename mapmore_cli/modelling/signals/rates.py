@@ -20,12 +20,8 @@ def running_median(x: Array, y: Array, window: float) -> tuple[Array, Array]:
     For samples on a straight line the medians lie on it, and a spike narrower than a quarter of the window is not seen. Where no sample is
     near, the line between the neighbours stands.
 
-    Parameters
-    ----------
-    x, y
-        Samples in any order, (n,).
-    window
-        In the unit of x.
+    - `x`, `y`: samples in any order, (n,).
+    - `window`: in the unit of x.
     """
     order = np.lexsort((y, x))
     x, y = x[order], y[order]
@@ -51,16 +47,10 @@ def rate(time: Array, values: Array, window: float, order: int) -> Array:
     this is `scipy.signal.savgol_filter(deriv=1, mode="interp")`. Loggers however round and repeat stamps; resampling such a
     record to even steps first would turn the rounding into noise of the rate, where the fit averages it.
 
-    Parameters
-    ----------
-    time
-        `(n,)` seconds, never decreasing.
-    values
-        `(n,)` in any unit.
-    window
-        Width in seconds, ends included.
-    order
-        Degree of the polynomial; the rate of a polynomial up to this degree is exact.
+    - `time`: `(n,)` seconds, never decreasing.
+    - `values`: `(n,)` in any unit.
+    - `window`: width in seconds, ends included.
+    - `order`: degree of the polynomial; the rate of a polynomial up to this degree is exact.
 
     Raises DataError where a window holds fewer than `order + 1` different stamps.
     """

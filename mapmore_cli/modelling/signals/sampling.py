@@ -118,14 +118,9 @@ def resample(time: Array, columns: Columns, step: float) -> tuple[Array, dict[st
     block is left out where the record does not fill it. Where a step holds one sample or less, the record is interpolated linearly at
     `t_0 + k step`.
 
-    Parameters
-    ----------
-    time
-        `(n,)`, increasing.
-    columns
-        Quantities, each `(n,)`; a `time` among them is left out.
-    step
-        In the unit of `time`.
+    - `time`: `(n,)`, increasing.
+    - `columns`: quantities, each `(n,)`; a `time` among them is left out.
+    - `step`: in the unit of `time`.
 
     Returns
     -------
@@ -155,12 +150,8 @@ def align(stamps: Array, time: Array, values: Array, max_gap: float | None) -> A
     NaN where a stamp lies outside of the log, or between two of its samples more than `max_gap` apart (None: any distance will do),
     or is NaN itself. A stamp that is one of the log's own gets the value as logged.
 
-    Parameters
-    ----------
-    stamps
-        `(n,)` in any order, on the same clock as `time`.
-    time
-        `(m,)` strictly increasing, at least one.
+    - `stamps`: `(n,)` in any order, on the same clock as `time`.
+    - `time`: `(m,)` strictly increasing, at least one.
     """
     after = np.searchsorted(time, stamps, side="left").clip(0, len(time) - 1)
     before = np.where(time[after] == stamps, after, (after - 1).clip(0))

@@ -72,16 +72,10 @@ def find_shift(
 ) -> Shift | None:
     """Find the shift of a second log.
 
-    Parameters
-    ----------
-    time, first
-        Stamps `(n,)`, strictly increasing, and values `(n,)` of the first log.
-    other_time, second
-        The same of the second log, `(m,)`.
-    within
-        Shifts beyond this are not looked at.
-    same_sign
-        Whether both rise together; else the one may fall while the other rises.
+    - `time`, `first`: stamps `(n,)`, strictly increasing, and values `(n,)` of the first log.
+    - `other_time`, `second`: the same of the second log, `(m,)`.
+    - `within`: shifts beyond this are not looked at.
+    - `same_sign`: whether both rise together; else the one may fall while the other rises.
 
     Returns
     -------

@@ -52,14 +52,9 @@ def error_parts(
 ) -> tuple[ErrorParts, ...]:
     """Return the parts of the errors on training and on held-out samples; nothing where no log has two cycles of `driven` in a split.
 
-    Parameters
-    ----------
-    curves, predicted
-        Pieces of recordings, and (n,) predictions of each.
-    target, driven
-        The predicted quantity, and the input that goes up and down.
-    logs
-        The log that each recording is a piece of: cycles go on over gaps.
+    - `curves`, `predicted`: pieces of recordings, and (n,) predictions of each.
+    - `target`, `driven`: the predicted quantity, and the input that goes up and down.
+    - `logs`: the log that each recording is a piece of: cycles go on over gaps.
     """
     names = [logs[curve.recordings[0]] for curve in curves]
     error, held_out, cycle, place = [], [], [], []

@@ -76,10 +76,7 @@ def autocorrelation(residuals: Sequence[Array]) -> Correlation:
 
     Bounds are `1.96/sqrt(n)` for n residuals in all pieces.
 
-    Parameters
-    ----------
-    residuals
-        One array a piece, NaN where there is none.
+    - `residuals`: one array a piece, NaN where there is none.
     """
     (e,), n = _centred([residuals])
     lags = np.arange(longest_lag(residuals) + 1)
@@ -141,10 +138,7 @@ ROWS = {"train": "training data", "validate": "held-out data"}
 def alarms(model: Model, dataset: Dataset, predictions: Sequence[Array], scores: Sequence[Score]) -> tuple[str, ...]:
     """Everything that a reader of the scores of the run's own model has to know first, one sentence each.
 
-    Parameters
-    ----------
-    predictions
-        Of the model, for every curve of the dataset.
+    - `predictions`: of the model, for every curve of the dataset.
     """
     own = [row for row in scores if row.model == OWN and row.curve == "all"]
     found = [told for row in own for told in _of_scores(row)]

@@ -23,10 +23,7 @@ def drawings(name: str, inputs: ReportInputs) -> list[Drawing]:
 def panel_of(name: str, inputs: ReportInputs, words: str) -> tuple[Drawing, Panel]:
     """Return the panel of a curve, a recording or a model, also of one that the page leaves out.
 
-    Parameters
-    ----------
-    words
-        The panel's key, or what a user calls a curve: its level alone (`250`, `250 kPa` for `pressure=250`), or a log that was cut.
+    - `words`: the panel's key, or what a user calls a curve: its level alone (`250`, `250 kPa` for `pressure=250`), or a log that was cut.
 
     Raises UsageError where there is no such panel; the message names those that there are.
     """

@@ -70,11 +70,8 @@ class FileKind:
     def read(self, path: Path, warn: Warn = silent, unverified: bool = False) -> Any:
         """Return the record in a file, checked against its declaration; `warn` is told where nothing says that it is as it was written.
 
-        Raises
-        ------
-        DataError
-            The file is missing, no regular file, damaged, of another kind or of a newer format; it holds more than the format knows, or
-            values that cannot be; its checksum does not match (but not where it may be `unverified`).
+        Raises DataError for the file is missing, no regular file, damaged, of another kind or of a newer format; it holds more than the
+        format knows, or values that cannot be; its checksum does not match (but not where it may be `unverified`).
         """
         with _opened(path) as file:
             found, version = _kind_and_version(path, file)
