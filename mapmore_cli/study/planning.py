@@ -43,7 +43,7 @@ EQUAL = (
     "Equal distances are as good on most measured muscles (docs/planning.md): this order helps where one part of the range errs much more "
     "than the others."
 )
-MAP = "On measured maps, some ten such points err less than evenly spread ones; from eighteen on they do not (docs/planning.md)."
+MAP = "On four measured maps, such points left 0.7 to 1.1 times the error of evenly spread ones (docs/planning.md)."
 FORECAST = "How many more is a forecast: it holds on average, and single cases miss it by much."
 
 
@@ -185,7 +185,7 @@ def _of_points(
     x, y = of_points.thinned(np.column_stack([columns[one] for one in names]), columns[dataset.target])
     measured = of_points.Measured(names, x, y)
     places = measured.grid(STEPS[len(names)])
-    formulas = _formulas(dataset, measured, places)
+    formulas = formulas_of(dataset, measured, places)
 
     def committee() -> of_points.Committee:
         return of_points.Committee(measured, places, formulas)
@@ -208,7 +208,7 @@ def _of_points(
     )
 
 
-def _formulas(dataset: Dataset, measured: of_points.Measured, places: Array) -> dict[str, tuple[Array, Array]]:
+def formulas_of(dataset: Dataset, measured: of_points.Measured, places: Array) -> dict[str, tuple[Array, Array]]:
     """What each member of the committee says of the measured points and of the places; of none, nothing."""
     found = {"none": (np.zeros(len(measured.y)), np.zeros(len(places)))}
     for name in COMMITTEE:

@@ -12,13 +12,14 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import stats
 
-from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.models import LeftOut, Model
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import Cuts, Recipe
 from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.modelling.validation.comparison import common_curves, compare, grid, reference_points, term_changes
+from mapmore_cli.modelling.validation.intervals import SHARES
 from mapmore_cli.modelling.validation.significance import sign_permutation, weighted_mean
 
 QUANTITIES = {q.name: q for q in (Quantity("pressure", "kPa"), Quantity("strain", "1"), Quantity("force", "N"))}
@@ -42,6 +43,31 @@ def muscle(name: str, scale=1.0, levels=LEVELS, scatter=0.0, seed=0, end=0.2) ->
         columns = {"pressure": np.full(60, level), "strain": strain, "force": force}
         curves.append(Curve(f"pressure={level:g}", level, columns, np.zeros(60, dtype=bool), ("a",)))
     return build(name, curves, RECIPE, QUANTITIES)
+
+
+def sure(model: Model, error: float) -> Model:
+    """The model with intervals, from such an error of its inner levels when left out."""
+    e = np.full(2, error)
+    places = tuple(one.level for one in model.pieces.curves)
+    kept = (np.array([60, 60]), 0 * e, e, e[:, None] * SHARES, places, (1,) * 4, 400.0, 0.01)
+    return replace(model, left_out=LeftOut("levels", 4, ("200", "300"), *kept))
+
+
+class TestResolution:
+    def test_at_common_levels_it_is_half_of_the_interval(self):
+        found = compare(sure(muscle("a"), 50.0), sure(muscle("b", 1.05, scatter=0.02), 50.0))
+        assert found.resolution == pytest.approx((found.interval[1] - found.interval[0]) / 2)
+
+    def test_models_that_are_unsure_between_levels_cannot_tell(self):
+        levels = (150.0, 250.0, 350.0, 390.0)
+        first, later = muscle("a"), muscle("b", 1.05, levels=levels)
+        assert compare(first, later).answer == "changed"
+        told = {error: compare(sure(first, error), sure(later, error)) for error in (0.01, 100.0)}
+        assert told[100.0].resolution > told[0.01].resolution > 0
+        assert (told[0.01].answer, told[100.0].answer) == ("changed", "cannot tell")
+        same = compare(sure(first, 100.0), sure(muscle("b", levels=levels), 100.0))
+        assert same.answer == "cannot tell"
+        assert compare(first, muscle("b", levels=levels)).answer == "same"
 
 
 class TestMean:

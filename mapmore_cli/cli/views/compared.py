@@ -71,7 +71,12 @@ def verdict(before: str, after: str, found: Comparison) -> str:
     if found.answer == "same":
         low, high = found.narrow
         return f"{after} is the same within {margin}: {size}; two one-sided tests show it (90 % interval {low:.4f} to {high:.4f})."
-    return f"The data cannot tell whether {after} has changed by more than {margin}: {size}."
+    least = (
+        f"a change of less than {100 * found.resolution:.2g} % cannot be told from none"
+        if found.resolution < 1
+        else "the curves tell nothing"
+    )
+    return f"The data cannot tell whether {after} has changed by more than {margin}: {size}; {least}."
 
 
 def cautions(found: Comparison) -> list[str]:
@@ -94,6 +99,7 @@ def _ends(found: Comparison) -> dict[str, Any]:
         "ratio": found.ratio,
         "interval": found.interval,
         "interval_90": found.narrow,
+        "resolution": found.resolution,
         "p": found.p,
         "p_permutation": found.p_permutation,
     }

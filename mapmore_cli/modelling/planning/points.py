@@ -2,8 +2,8 @@
 
 Several models, each with a Gaussian process of what it leaves, stand in a committee. A point counts by the product of the committee's
 spread and the processes' deviation, times `SLACK` where the muscle is expected to pull less than 2 % of its largest force. Points are taken
-one after the other, each as if it had measured what the committee expects. On measured maps, this leaves about two thirds of the error of
-evenly spread points at ten to twelve points, and no less at eighteen (docs/planning.md).
+one after the other, each as if it had measured what the committee expects. docs/planning.md
+has what that gains on measured maps.
 """
 
 from __future__ import annotations

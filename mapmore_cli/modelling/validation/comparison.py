@@ -16,6 +16,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.models import CurveRange, Model, Pieces
 from mapmore_cli.modelling.kinds import predict
+from mapmore_cli.modelling.validation.intervals import half_widths
 from mapmore_cli.modelling.validation.significance import sign_permutation, weighted_mean
 
 CONFIDENCE = 0.95
@@ -85,7 +86,8 @@ class Comparison:
     `ratio` is the factor that turns the earlier output into the later one over all curves, by least squares: the mean of the curves' own,
     weighted by the squares of the output. `interval` is its t-interval with K - 1 degrees of freedom for K curves, `p` is of the test that
     it is one, and `p_permutation` of the signs of the curves' changes in every combination, None where K is too small for a small p.
-    `narrow` is the interval of the level `EQUIVALENCE`.
+    `narrow` is the interval of the level `EQUIVALENCE`. `resolution` is the smallest relative change that these curves tell from none: half
+    of the interval, and no less than the uncertainty of the models where they are interpolated to a level of the other.
     """
 
     before: str
@@ -98,13 +100,14 @@ class Comparison:
     p: float
     p_permutation: float | None
     margin: float
+    resolution: float
     terms: tuple[TermChange, ...] = ()
 
     @property
     def changed(self) -> bool:
         """Whether there is a change that is both certain (the interval excludes one) and of interest (larger than the margin)."""
         low, high = self.interval
-        return (low > 1 or high < 1) and abs(self.ratio - 1) > self.margin
+        return (low > 1 or high < 1) and abs(self.ratio - 1) > max(self.margin, self.resolution)
 
     @property
     def answer(self) -> str:
@@ -112,7 +115,9 @@ class Comparison:
         if self.changed:
             return CHANGED
         low, high = self.narrow
-        return SAME if 1 - self.margin < low <= high < 1 + self.margin else UNCLEAR
+        half = (self.interval[1] - self.interval[0]) / 2
+        sure = self.resolution <= max(half, self.margin)  # else it is that of models between their levels, which the interval lacks
+        return SAME if sure and 1 - self.margin < low <= high < 1 + self.margin else UNCLEAR
 
     @property
     def by_effect(self) -> tuple[CurveChange, ...]:
@@ -141,8 +146,27 @@ def compare(before: Model, after: Model, margin: float = MARGIN) -> Comparison:
         p=weighted_mean(ratios - 1, weights, CONFIDENCE).p,
         p_permutation=sign_permutation(weights * (ratios - 1)),
         margin=margin,
+        resolution=max((found.interval[1] - found.interval[0]) / 2, _of_interpolation(before, after, curves, weights / weights.sum())),
         terms=term_changes(before, after),
     )
+
+
+def _of_interpolation(before: Model, after: Model, curves: Sequence[CurveChange], shares: Array) -> float:
+    """Uncertainty of the factor from models that are interpolated between their levels, with their intervals (`validate.intervals`).
+
+    `1.96 sqrt(sum(share^2 u^2))`, u the standard deviation of a model between its levels over the root mean square of its output; 0 where
+    no curve is interpolated, or no model holds intervals. Infinite where a model's intervals are refused.
+    """
+    squares = 0.0
+    for curve, share in zip(curves, shares, strict=True):
+        for model in (before, after) if curve.interpolated else ():
+            if model.left_out is None or model.level is None:
+                continue
+            points = grid(before, after, Place(curve.curve, curve.level, True))
+            half = float(half_widths(model.left_out, points[model.level][:1], CONFIDENCE)[0])
+            size = float(np.sqrt(np.mean(predict(before, points) ** 2)))
+            squares += (share * half / size) ** 2 if math.isfinite(half) and size > 0 else math.inf
+    return math.sqrt(squares)
 
 
 @dataclass(frozen=True)

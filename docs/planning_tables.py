@@ -1,0 +1,287 @@
+"""Write the tables of docs/planning.md: `python docs/planning_tables.py RUNS`.
+
+The measured recordings must be there (docs/data.md). It takes some minutes.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from pages import CONFIGS, DOCS, write_tables
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.fitting.kinds import refitted
+from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
+from mapmore_cli.fitting.left_out import residuals
+from mapmore_cli.modelling.forecast import forecast
+from mapmore_cli.modelling.literature.backbone import pooled_training
+from mapmore_cli.modelling.planning import levels as of_levels
+from mapmore_cli.modelling.planning.points import Committee, Measured
+from mapmore_cli.modelling.validation.intervals import INTERVAL, half_widths, refusal
+from mapmore_cli.pipeline.runner import bring_up_to_date
+from mapmore_cli.reporting.table import Cell, Column, Table
+from mapmore_cli.spec.loader import load
+from mapmore_cli.storage.artefacts import read_dataset
+from mapmore_cli.study.planning import formulas_of
+
+DRAWS = 9
+"""Random orders, of which the median counts."""
+
+OVER_STRAIN = (
+    "model={type: mapmore}",
+    "segment={strain: none}",
+    "dictionary=[{polynomial: {of: [strain], order: 3}}]",
+    "fit={max_terms: 3}",
+)
+FESTO = (
+    *OVER_STRAIN[:2],
+    "dictionary=[{polynomial: {of: [strain], order: 2}}]",
+    "fit={max_terms: 3}",
+    "data.levels={of: pressure, at: [100, 140, 180, 220, 260, 300, 350, 400, 450, 500, 550, 600], within: 4}",
+)
+LEVELS: Mapping[str, tuple[str, tuple[str, ...]]] = {
+    "pgm, pressures": ("pgm/pgm_force", OVER_STRAIN),
+    "datasheet, pressures": ("festo/festo_datasheet", OVER_STRAIN),
+    "bellows, strains": ("bellows/bellows_strain", ("model={type: mapmore}",)),
+    **{f"Festo {cm} cm, pressures": (f"festo/festo_10mm_{cm}cm_strain", FESTO) for cm in (10, 20, 30)},
+}
+"""Studies with their overrides: the levels of one quantity."""
+
+MAPS = ("datasheet, pressures", "Festo 10 cm, pressures", "Festo 20 cm, pressures", "Festo 30 cm, pressures")
+"""Those whose samples are also taken as a map of pressure and strain."""
+
+WANTED = (0.02, 0.03, 0.05)
+"""Half widths at which a campaign stops, as parts of the largest |target|."""
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """Levels in the order of their measuring, with the error of the model of the first k, k from `START` on, as parts of the largest."""
+
+    order: tuple[float, ...]
+    errors: Array
+
+
+START = 3
+
+
+@cache
+def study(name: str, runs: Path) -> tuple[ModelChoices, Dataset]:
+    """A study whose samples all train."""
+    config, overrides = LEVELS[name]
+    loaded = load(CONFIGS / f"{config}.yaml", (f"name=plan-{name.split(',')[0].replace(' ', '-')}", "data.split={}", *overrides))
+    return model_choices(loaded.spec), read_dataset(bring_up_to_date(loaded, runs, "ingest").run_dir / "ingest.h5")
+
+
+def trained_on(dataset: Dataset, at: Sequence[float]) -> Dataset:
+    """The dataset with only these levels for training."""
+    return replace(dataset, curves=tuple(replace(c, held_out=np.full(c.size, c.level not in at)) for c in dataset.curves))
+
+
+def error_of(choices: ModelChoices, dataset: Dataset, at: Sequence[float]) -> float:
+    """RMS over all levels of the error of a model of some, each level counting alike, as a part of the largest |target|."""
+    return float(np.sqrt(np.mean([np.mean(e**2) for e in misses(choices, dataset, at)])))
+
+
+def misses(choices: ModelChoices, dataset: Dataset, at: Sequence[float]) -> list[Array]:
+    """Errors at every level of a model of some, as parts of the largest |target|."""
+    model = refitted(choices, trained_on(dataset, at))
+    largest = max(float(np.abs(c.columns[dataset.target]).max()) for c in dataset.curves)
+    return [(forecast(model, c).values - c.columns[dataset.target]) / largest for c in dataset.curves]
+
+
+def campaign(choices: ModelChoices, dataset: Dataset, choose: Callable[[list[float], list[float]], float]) -> Campaign:
+    """Measure level after level, from the outer ones and the one nearest their middle on."""
+    every = sorted({c.level for c in dataset.curves if c.level is not None})
+    order = [every[0], every[-1], nearest(every[1:-1], (every[0] + every[-1]) / 2)]
+    errors = [error_of(choices, dataset, order)]
+    while len(order) < min(len(every) - 1, 9):
+        order.append(choose(sorted(order), [v for v in every if v not in order]))
+        errors.append(error_of(choices, dataset, order))
+    return Campaign(tuple(order), np.array(errors))
+
+
+def nearest(values: Sequence[float], to: float) -> float:
+    """The value nearest to another."""
+    return min(values, key=lambda value: abs(value - to))
+
+
+def in_gap(known: Sequence[float], rest: Sequence[float], worth: Array) -> float:
+    """The level that is nearest the middle of the gap of greatest worth that has one."""
+    for gap in np.argsort(-worth, kind="stable"):
+        within = [value for value in rest if known[gap] < value < known[gap + 1]]
+        if within:
+            return nearest(within, (known[gap] + known[gap + 1]) / 2)
+    raise AssertionError
+
+
+def quiet(_what: str, _done: int, _of: int) -> None:
+    """No progress."""
+
+
+def by_plan(choices: ModelChoices, dataset: Dataset, known: Sequence[float], rest: Sequence[float]) -> float:
+    """The level that `plan` names."""
+    data = trained_on(dataset, known)
+    left_out = residuals(choices, data, {}, quiet, refitted(choices, data))
+    return in_gap(known, rest, of_levels.gap_errors(np.array(known), of_levels.level_errors(left_out)))
+
+
+@cache
+def of_levels_by(name: str, runs: Path) -> Mapping[str, Campaign]:
+    """The campaigns of one study, by the way in which levels are chosen; of random ones the medians."""
+    choices, dataset = study(name, runs)
+
+    def best(known: list[float], rest: list[float]) -> float:
+        return min(rest, key=lambda value: error_of(choices, dataset, [*known, value]))
+
+    drawn = []
+    for seed in range(DRAWS):
+        rng = np.random.default_rng(seed)
+        drawn.append(campaign(choices, dataset, lambda _known, rest, rng=rng: float(rng.choice(rest))))  # type: ignore[misc]
+    return {
+        "plan": campaign(choices, dataset, lambda known, rest: by_plan(choices, dataset, known, rest)),
+        "equal": campaign(choices, dataset, lambda known, rest: in_gap(known, rest, np.diff(known))),
+        "random": Campaign((), np.median([one.errors for one in drawn], axis=0)),
+        "oracle": campaign(choices, dataset, best),
+    }
+
+
+def levels_table(runs: Path) -> Table:
+    """Errors over the number of levels."""
+    rows: list[tuple[Cell, ...]] = []
+    for name in LEVELS:
+        found = of_levels_by(name, runs)
+        counts = range(START + 1, START + len(found["plan"].errors))
+        rows += [(name, k, *(100 * float(one.errors[k - START]) for one in found.values())) for k in counts]
+    ratio = np.array([[row[2], row[4], row[5]] for row in rows], dtype=float) / np.array([[row[3]] for row in rows], dtype=float)
+    mean = np.exp(np.log(ratio).mean(axis=0))
+    columns = (Column("map"), Column("levels"), *(Column(one, "%", ".2f") for one in ("plan", "equal", "random", "oracle")))
+    note = f"Geometric mean of the ratio to equal distances: plan {mean[0]:.2f}, random {mean[1]:.2f}, oracle {mean[2]:.2f}."
+    return Table(
+        "levels", "RMS error over all levels, in per cent of the largest force, after so many levels", columns, tuple(rows), (note,)
+    )
+
+
+def stopping_table(runs: Path) -> Table:
+    """How often a campaign by equal distances that stops by its half width had reached what was wanted, and how the forecast of it was."""
+    rows: list[tuple[Cell, ...]] = []
+    for wanted in WANTED:
+        stopped = reached = 0
+        forecasts: list[str] = []
+        for name in LEVELS:
+            choices, dataset = study(name, runs)
+            order = of_levels_by(name, runs)["equal"].order
+            for k in range(START, len(order) + 1):
+                known = sorted(order[:k])
+                data = trained_on(dataset, known)
+                left_out = replace(residuals(choices, data, {}, quiet, refitted(choices, data)), repeats=(1,) * k)
+                if refusal(left_out) is not None:
+                    continue
+                middles = (np.array(known[1:]) + np.array(known[:-1])) / 2
+                if k == START:
+                    more = of_levels.until(left_out, wanted * left_out.largest).more
+                    forecasts.append("–" if more is None else str(more))
+                if half_widths(left_out, middles, INTERVAL).max() <= wanted * left_out.largest:
+                    stopped += 1
+                    errors = np.abs(np.concatenate(misses(choices, dataset, known)))
+                    reached += bool(np.quantile(errors, INTERVAL) <= wanted)
+                    break
+        rows.append((100 * wanted, len(LEVELS), stopped, reached, ", ".join(forecasts)))
+    columns = (
+        Column("wanted", "%", ".0f"),
+        Column("campaigns"),
+        Column("stopped"),
+        Column("reached"),
+        Column("forecast of more, from three levels"),
+    )
+    return Table("stopping", "Campaigns that stop where the widest half width is the wanted one", columns, tuple(rows))
+
+
+# Maps ---------------------------------------------------------------------------------------------------------------------------------
+
+POOL, SIZES = 60, (8, 10, 12, 18)
+"""Points of a map that can be measured, and how many are."""
+
+
+@cache
+def pool_of(name: str, runs: Path) -> Measured:
+    """Some points of a study, spread over it."""
+    from mapmore_cli.modelling.planning.points import thinned
+
+    choices, dataset = study(name, runs)
+    del choices
+    columns = pooled_training(dataset.curves)
+    x, y = thinned(np.column_stack([columns["pressure"], columns["strain"]]), columns["force"])
+    return Measured(("pressure", "strain"), x[:POOL], y[:POOL])
+
+
+def committee_of(name: str, runs: Path, taken: Sequence[int]) -> Committee:
+    """The committee of some points of a map."""
+    pool, dataset = pool_of(name, runs), study(name, runs)[1]
+    own = Measured(pool.names, pool.x[list(taken)], pool.y[list(taken)])
+    curve = replace(
+        dataset.curves[0],
+        level=None,
+        columns={"pressure": own.x[:, 0], "strain": own.x[:, 1], "force": own.y},
+        held_out=np.zeros(len(own.y), dtype=bool),
+        at_rest=None,
+        origin=None,
+    )
+    return Committee(own, pool.x, formulas_of(replace(dataset, curves=(curve,)), own, pool.x))
+
+
+def map_error(committee: Committee, pool: Measured) -> float:
+    """RMS error of the committee over all points of the map, as a part of the largest force."""
+    return float(np.sqrt(np.mean((committee.expected - pool.y) ** 2)) / np.abs(pool.y).max())
+
+
+def points_by(name: str, runs: Path, way: str, seed: int = 0) -> dict[int, float]:
+    """Errors by the number of points, from the corners and the middle on."""
+    pool, rng = pool_of(name, runs), np.random.default_rng(seed)
+    scaled = pool.scaled(pool.x)
+    spots = [(0, 0), (1, 0), (0, 1), (1, 1), (0.5, 0.5)]
+    taken = list(dict.fromkeys(int(np.argmin(np.sum((scaled - spot) ** 2, axis=1))) for spot in spots))
+    found: dict[int, float] = {}
+    while len(taken) <= max(SIZES):
+        committee = committee_of(name, runs, taken) if way == "plan" or len(taken) in SIZES else None
+        if committee is not None and len(taken) in SIZES:
+            found[len(taken)] = map_error(committee, pool)
+        rest = np.setdiff1d(np.arange(len(pool.y)), taken)
+        if way == "plan":
+            assert committee is not None
+            taken.append(int(rest[np.argmax(committee.score[rest])]))
+        elif way == "equal":
+            distance = np.min(np.sum((scaled[rest][:, None] - scaled[taken][None]) ** 2, axis=2), axis=1)
+            taken.append(int(rest[np.argmax(distance)]))
+        else:
+            taken.append(int(rng.choice(rest)))
+    return found
+
+
+def maps_table(runs: Path) -> Table:
+    """Errors over the number of points."""
+    rows: list[tuple[Cell, ...]] = []
+    for name in MAPS:
+        plan, equal = (points_by(name, runs, way) for way in ("plan", "equal"))
+        drawn = [points_by(name, runs, "random", seed) for seed in range(5)]
+        middle = {size: float(np.median([one[size] for one in drawn])) for size in SIZES}
+        rows += [(name.split(",")[0], size, 100 * plan[size], 100 * equal[size], 100 * middle[size]) for size in SIZES]
+    columns = (Column("map"), Column("points"), *(Column(one, "%", ".2f") for one in ("plan", "equal", "random")))
+    ratios = {size: np.exp(np.mean([np.log(row[2] / row[3]) for row in rows if row[1] == size])) for size in SIZES}  # type: ignore[operator]
+    note = "Geometric mean of plan over equal: " + ", ".join(f"{ratio:.2f} at {size} points" for size, ratio in ratios.items()) + "."
+    return Table("maps", "RMS error over the map, in per cent of the largest force, after so many points", columns, tuple(rows), (note,))
+
+
+def tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
+    """Every table of the page."""
+    return {"levels": lambda: levels_table(runs), "stopping": lambda: stopping_table(runs), "maps": lambda: maps_table(runs)}
+
+
+if __name__ == "__main__":
+    write_tables(DOCS / "planning.md", tables(Path(sys.argv[1])))

@@ -1,0 +1,43 @@
+"""docs/families.md: its tables are those of the command, and its sentences follow from them."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from page_tables import DOCS, numbers, page_table
+
+PAGE = DOCS / "families.md"
+
+
+@pytest.fixture(scope="module")
+def family_tables() -> Iterator[ModuleType]:
+    sys.path.insert(0, str(DOCS))
+    yield importlib.import_module("family_tables")
+    sys.path.remove(str(DOCS))
+
+
+def test_the_sentences_follow_from_the_tables() -> None:
+    mean = numbers(page_table("lengths", PAGE)["geometric mean"])
+    assert mean["family"] < mean["pooled sarosi_hinged"] < mean["pooled sarosi"]
+    assert 3.5 < mean["family"] / mean["own fit of sarosi_hinged"] < 4.5
+    rows = {name: numbers(row) for name, row in page_table("adapt", PAGE).items()}
+    apart, near = rows["rest and third"], rows["rest and second"]
+    assert 0.9 < apart["adapted"] / apart["family as it is"] < 1.0
+    assert near["adapted"] > near["family as it is"]
+    assert all(row["adapted"] < row["fit to these levels alone"] for row in rows.values() if row["count"] == 2)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["lengths", "adapt"])
+def test_a_table_made_anew(name: str, family_tables: ModuleType, tmp_path_factory: pytest.TempPathFactory, measured_data: Path) -> None:
+    table = family_tables.tables(tmp_path_factory.getbasetemp() / "family-runs")[name]()
+    shown = page_table(name, PAGE)
+    for first, *cells in table.rows:
+        key = f"{first:.0f}" if isinstance(first, float) else first
+        found = {column.name: cell for column, cell in zip(table.columns[1:], cells, strict=True) if cell is not None}
+        assert numbers(shown[key]) == pytest.approx(found, rel=0.02)

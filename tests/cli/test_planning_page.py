@@ -1,0 +1,75 @@
+"""docs/planning.md: its sentences follow from its tables, and a campaign of them is made anew."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from page_tables import DOCS
+
+PAGE = DOCS / "planning.md"
+
+
+def rows_of(name: str) -> list[list[str]]:
+    """The rows of a table of the page, whose first cells repeat."""
+    block = re.search(rf"<!-- table {name} -->\n(.*?)<!-- end -->", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    assert block
+    lines = [line for line in block[1].splitlines() if line.startswith("|")]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
+
+
+def means_of(name: str) -> list[float]:
+    """What the note of a table says."""
+    block = PAGE.read_text(encoding="utf-8").split(f"<!-- table {name} -->")[1].split("<!-- end -->")[0]
+    return [float(text) for text in re.findall(r"\d\.\d\d", block.split("Geometric mean")[1])]
+
+
+@pytest.fixture(scope="module")
+def planning_tables() -> Iterator[ModuleType]:
+    sys.path.insert(0, str(DOCS))
+    yield importlib.import_module("planning_tables")
+    sys.path.remove(str(DOCS))
+
+
+def test_equal_distances_are_as_good_as_is_said() -> None:
+    errors = np.array([[float(cell) for cell in row[2:]] for row in rows_of("levels")])
+    ratios = np.exp(np.log(errors[:, [0, 2, 3]] / errors[:, [1]]).mean(axis=0))
+    assert ratios == pytest.approx(means_of("levels"), abs=0.01)
+    assert 0.98 < ratios[0] < 1.02
+    assert 0.8 < ratios[2] < 0.87
+    assert np.abs(errors[:, 0] / errors[:, 1] - 1).max() < 0.4
+    assert len({row[0] for row in rows_of("levels")}) == 6
+
+
+def test_what_is_said_of_stopping() -> None:
+    *_, last = rows_of("stopping")
+    assert [int(cell) for cell in last[1:4]] == [6, 4, 2]
+
+
+def test_what_is_said_of_maps() -> None:
+    rows = rows_of("maps")
+    for size, said in zip(("8", "10", "12", "18"), means_of("maps"), strict=True):
+        ratios = [float(row[2]) / float(row[3]) for row in rows if row[1] == size]
+        assert np.exp(np.mean(np.log(ratios))) == pytest.approx(said, abs=0.01)
+        assert 0.7 < said < 1.1
+
+
+def test_a_campaign_by_equal_distances_is_made_anew(planning_tables: ModuleType, tmp_path: Path, measured_data: Path) -> None:
+    name = "datasheet, pressures"
+    choices, dataset = planning_tables.study(name, tmp_path)
+    found = planning_tables.campaign(choices, dataset, lambda known, rest: planning_tables.in_gap(known, rest, np.diff(known)))
+    told = [float(row[3]) for row in rows_of("levels") if row[0] == name]
+    assert 100 * found.errors[1:] == pytest.approx(told, rel=0.02)
+
+
+@pytest.mark.long
+def test_a_map_is_made_anew(planning_tables: ModuleType, tmp_path: Path, measured_data: Path) -> None:
+    found = planning_tables.points_by("datasheet, pressures", tmp_path, "plan")
+    told = {int(row[1]): float(row[2]) for row in rows_of("maps") if row[0] == "datasheet"}
+    assert {size: 100 * error for size, error in found.items()} == pytest.approx(told, rel=0.05)
