@@ -21,6 +21,10 @@ BLOCKS = 5
 MOST_PARTS = 6
 """Levels or recordings that are left out in turn, evenly chosen of more."""
 
+FAIR = (0.2, 1.2)
+"""Times an even share of the training samples that a level or recording has, which is left out: without a larger one too little is learnt,
+and a smaller one says nothing."""
+
 MOST_SAMPLES, MOST_STEPS = 6_000, 12_000
 """Training samples that structures without memory are tried on, of more an even share; and those of any, of more the first part of every
 block."""
@@ -133,9 +137,13 @@ def _cut(parts: Sequence[IntArray], count: int, size: int) -> list[BoolArray]:
 
 
 def _parts(dataset: Dataset) -> tuple[Masks, ...]:
-    """Inner levels, or recordings where there are no levels; none where there are fewer than three of them."""
-    numbers = [number for number, curve in enumerate(dataset.curves) if curve.training.any()]
-    if dataset.level is not None:
+    """Inner levels, or recordings where there are no levels; none where there are fewer than two of a fair size."""
+    sizes = np.array([curve.training.sum() for curve in dataset.curves])
+    numbers = np.flatnonzero(sizes).tolist()
+    low, high = (bound * sizes.sum() / len(numbers) for bound in FAIR)
+    if dataset.level is None:
+        numbers = [number for number in numbers if low <= sizes[number] <= high]
+    else:
         numbers = numbers[1:-1]
     if len(numbers) < 2:
         return ()

@@ -11,6 +11,7 @@ ORDER = (
     "lags",
     "slow_and_play",
     "friction",
+    "friction_states",
     "autoregression",
     "rich",
     "loops",
@@ -20,6 +21,7 @@ ORDER = (
     "formula",
     "levels",
     "sections",
+    "free_run",
 )
 """Names of the files in the order in which they are tried: where time is short, the last ones are left out."""
 

@@ -12,23 +12,22 @@ TINY = 1e-6
 """The ridge where delays are near-copies, whose small differences count."""
 
 MOST_INPUTS = 4
-MOST_SELECTED = 3_000
-"""Training samples, up to which terms are chosen in free run too."""
 
 
 def candidates(of: Situation) -> Iterator[Candidate]:
-    """Two delays: linear, with products, and with products chosen in free run."""
+    """Two delays: linear, and with products."""
     output, inputs = {"of": [of.target], "steps": [1, 2], "constant": False}, [*of.inputs]
     free: dict[str, Any] = {"ridge": TINY, "criterion": "free_run"}
     now = [{"lags": output}, {"lags": {"of": inputs, "steps": [0, 1, 2], "constant": False}}]
     yield memory("two delays of the output, linear", of, now, 8, **free)
-    both = [{"lags": {"of": [of.target, *inputs], "steps": [1, 2], "order": 2}}]
+    both = [squares(of)]
     yield memory("two delays of the output, order 2, one step ahead", of, both, 8, scaling="none", ridge=0.0, stop="bic")
     yield memory("two delays of the output, order 2", of, both, 8, margin=0.0, **free)
-    if of.samples <= MOST_SELECTED and len(inputs) <= 2:
-        yield memory("two delays of the output, order 2, sized in free run", of, both, 8, margin=0.0, stop="free_run", **free)
-        chosen = {**free, "margin": 0.0, "stop": "free_run", "select": "free_run"}
-        yield memory("two delays of the output, order 2, chosen in free run", of, both, 8, **chosen)
+
+
+def squares(of: Situation) -> dict[str, Any]:
+    """Two delays of the output and of every input, and their products."""
+    return {"lags": {"of": [of.target, *of.inputs], "steps": [1, 2], "order": 2}}
 
 
 FAMILY = Family(lambda of: of.timed and 0 < len(of.inputs) <= MOST_INPUTS, candidates)

@@ -14,20 +14,41 @@ WIDTHS = [0.04, 0.08, 0.16, 0.24, 0.32, 0.40, 0.46]
 DELAYED = (0.16, 0.32)
 """Widths of the plays that are followed slowly."""
 
+FOLLOWED, LONGER = (10, 30, 100, 300), 2
+"""Steps by which inputs are followed, and times these that the longest recording lasts at least."""
+
+MARGIN = 0.15
+"""Of the range, by which states may leave it in a run."""
+
 MOST_INPUTS = 3
 
 
 def candidates(of: Situation) -> Iterator[Candidate]:
-    """With a resonance of what moves first, without, and a leaner one."""
+    """With time constants by decades, or evenly spread; with a resonance of what moves first, without, and a leaner one."""
     moving = [*of.moving]
-    states: list[Any] = [*of.inputs, {"slow": {"of": moving, "count": 4}}, {"play": {"of": moving, "widths": WIDTHS}}]
-    states.append({"slow": {"of": [f"play({name}, {width})" for name in moving for width in DELAYED], "count": 2}})
+    assert of.step is not None
+    resonance = {"resonance": {"of": moving[:1]}}
+    taus = [steps * of.step for steps in FOLLOWED if LONGER * steps * of.step <= of.longest]
+    if len(taus) > 1:
+        states = with_plays(of, {"tau": taus}, {"tau": taus[1:3]})
+        for words, more in (("resonance and many plays", [resonance]), ("many plays", [])):
+            dictionary = [products([*states, *more], partners=of.inputs)]
+            yield memory(f"slow by decades, {words}, 12 terms", of, dictionary, 12, forward=36, margin=MARGIN)
+    states = with_plays(of, {"count": 4}, {"count": 2})
     for terms in (12, 20):
-        dictionary = [products([*states, {"resonance": {"of": moving[:1]}}], partners=of.inputs)]
+        dictionary = [products([*states, resonance], partners=of.inputs)]
         yield memory(f"slow, resonance and many plays, {terms} terms", of, dictionary, terms, forward=36)
     yield memory("slow and many plays, 12 terms", of, [products(states, partners=of.inputs)], 12, forward=36)
     lean = [monomials(of.inputs, 3), {"play": {"of": moving, "count": 6}}, products([{"slow": {"of": moving, "count": 4}}])]
     yield memory("cubic, plays and products of slow states, 16 terms", of, lean, 16)
+
+
+def with_plays(of: Situation, followed: dict[str, Any], behind: dict[str, Any]) -> list[Any]:
+    """The inputs, what follows them, their plays, and what follows two of the plays."""
+    moving = [*of.moving]
+    plays = [f"play({name}, {width})" for name in moving for width in DELAYED]
+    states = [{"slow": {"of": moving, **followed}}, {"play": {"of": moving, "widths": WIDTHS}}, {"slow": {"of": plays, **behind}}]
+    return [*of.inputs, *states]
 
 
 FAMILY = Family(lambda of: of.timed and len(of.moving) > 0 and len(of.inputs) <= MOST_INPUTS, candidates)
