@@ -141,10 +141,7 @@ def _parts(dataset: Dataset) -> tuple[Masks, ...]:
     sizes = np.array([curve.training.sum() for curve in dataset.curves])
     numbers = np.flatnonzero(sizes).tolist()
     low, high = (bound * sizes.sum() / len(numbers) for bound in FAIR)
-    if dataset.level is None:
-        numbers = [number for number in numbers if low <= sizes[number] <= high]
-    else:
-        numbers = numbers[1:-1]
+    numbers = numbers[1:-1] if dataset.level is not None else [number for number in numbers if low <= sizes[number] <= high]
     if len(numbers) < 2:
         return ()
     if len(numbers) > MOST_PARTS:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
-from mapmore_cli.fitting.search_bench import Slice
+from mapmore_cli.fitting.search_bench import Bench, Slice
 from mapmore_cli.fitting.searching import choices_of
 from mapmore_cli.modelling.pieces.recipe import Fuse
 from mapmore_cli.modelling.search.choice import chosen_of
@@ -64,3 +64,18 @@ def test_the_simplest_within_one_standard_error_is_taken() -> None:
     blocks = np.array([[1.0, 1.2, 1.1], [1.0, 1.1, 1.15], [3.0, 3.1, 2.9]])
     ranked = chosen_of([4, 9, 1], blocks, np.zeros((3, 0)))
     assert (ranked.best, ranked.chosen) == (1, 0)
+
+
+def test_recordings_too_short_to_say_or_too_long_to_miss_are_not_left_out() -> None:
+    def recorded(*sizes: int) -> Dataset:
+        time = [np.arange(size) * 0.01 for size in sizes]
+        curves = [Curve(f"{n}", None, {"time": t, "u": t, "y": t}, np.zeros(len(t), dtype=bool), (f"{n}",)) for n, t in enumerate(time)]
+        return Dataset("y", None, {name: Quantity(name, "1") for name in ("time", "u", "y")}, (), tuple(curves))
+
+    def left_out(dataset: Dataset) -> list[list[int]]:
+        part = Slice(None, ModelChoice(type="auto"), Fuse(), {}, None, (), False)
+        return [[int(mask.sum()) for mask in fold] for fold in Bench.of(dataset, situation_of(dataset), part).parts]
+
+    assert left_out(recorded(100, 100, 100)) == [[100, 0, 0], [0, 100, 0], [0, 0, 100]]
+    assert left_out(recorded(10, 3000)) == []
+    assert left_out(recorded(10, 100, 100)) == []  # without either of the long ones half is left

@@ -9,7 +9,7 @@ from mapmore_cli.modelling.search.candidate import Candidate, Family, memory
 from mapmore_cli.modelling.search.families.autoregression import TINY, squares
 from mapmore_cli.modelling.search.situation import Situation
 
-MOST_INPUTS, MOST_SAMPLES = 2, 3_000
+MOST_INPUTS, MOST_SAMPLES = 2, 1_500
 MOST_CHOSEN = 1_000
 """Training samples, up to which each term is chosen in free run."""
 

@@ -1,4 +1,4 @@
-"""A surface with steep functions at the ends of an input, or anywhere along it."""
+"""A surface with hinges, or with steep functions at the ends of an input or anywhere along it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,9 @@ MOST_INPUTS = 3
 
 
 def candidates(of: Situation) -> Iterator[Candidate]:
-    """Exponentials and smooth steps of each input, times every input."""
+    """Exponentials and smooth steps of each input, times every input; hinges."""
+    hinges = [f"abs({name}-{place})" for name in of.inputs for place in PLACES[1:-1]]
+    yield surface("surface of order 2 with hinges, 8 terms", of, [*polynomial(of, 2), {"terms": hinges}], 8)
     at_ends = [text for name in of.inputs for w in WIDTHS for text in (f"exp(-{name}/{w})", f"exp(({name}-1)/{w})")]
     anywhere = [f"tanh(({name}-{place})/{slope})" for name in of.inputs for place in PLACES for slope in SLOPES]
     for order, terms in ((2, 8), (3, 12)):
