@@ -37,7 +37,7 @@ def init(
     hold: Annotated[str | None, typer.Option("--hold", metavar="NAME", help="What was held, or none.", show_default=False)] = None,
     group: Annotated[
         str | None,
-        typer.Option("--group", metavar="NAME", help="What tells files apart; none pools them.", show_default=False),
+        typer.Option("--group", metavar="NAME", help="What names tell apart, as specimen: one study of groups.", show_default=False),
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing: guess, and mark what is not sure.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace specs that exist.")] = False,
@@ -55,6 +55,8 @@ def init(
 
     if name is not None:
         _check_name(name)
+    if group is not None and not (group.isascii() and group.isidentifier()):
+        raise UsageError(f"--group: {group!r} is no name of a quantity", "say what the names of files tell apart, as specimen, or none")
     answers = Answers({} if columns is None else read_columns(columns), target, hold, group, None if length is None else _metres(length))
     folder = Path() if output is None or output == STDOUT else output.parent
     with Reporter(quiet) as reporter:

@@ -31,6 +31,7 @@ def reads(spec: ExperimentSpec) -> Slice:
     """The stage's slice of the spec; rates by which samples are kept are no inputs."""
     derived = {name for name, rule in spec.data.derive.items() if not isinstance(rule, str)}
     ignored = tuple(rule.quantity for rule in spec.data.keep if rule.quantity in derived)
+    ignored += () if spec.data.groups is None else (spec.data.groups.of,)
     split = spec.data.split
     return Slice(spec.data.levels, spec.model, spec.fuse, spec.muscle.lengths, split.hold_out, ignored, split.leave_one_level_out)
 

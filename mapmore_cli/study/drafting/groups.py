@@ -90,7 +90,8 @@ def _follows_repeat_word(before: Sequence[str]) -> bool:
 class Group:
     """Files of one layout with what their names say; `alone` where the folder has no other group.
 
-    `beside` is the file whose one column belongs beside the one column of this.
+    `beside` is the file whose one column belongs beside the one column of this. `of` is the quantity that numbers specimens which are one
+    study.
     """
 
     files: tuple[Path, ...]
@@ -98,6 +99,13 @@ class Group:
     layout: Preview
     alone: bool = True
     beside: Group | None = None
+    of: str | None = None
+
+    @property
+    def specimens(self) -> list[tuple[int, str]]:
+        """The number of the specimen of every file, and the words of its name that tell it from others."""
+        words = [" ".join(part.group) for part in self.names]
+        return [(sorted(set(words)).index(word) + 1, word) for word in words]
 
     @property
     def label(self) -> str:
@@ -107,8 +115,10 @@ class Group:
         return self.files[0].parent.name if (self.alone and len(self.files) > 1) or not common else "_".join(common)
 
 
-def find_groups(path: Path) -> tuple[list[Group], list[str]]:
+def find_groups(path: Path, pooled: str | None = None) -> tuple[list[Group], list[str]]:
     """The groups of files under a path, the largest first, and for every other file why it is left out.
+
+    What names tell apart is a group of its own, unless `pooled` names the quantity that numbers it, or is `none`.
 
     Raises DataError where the path does not exist.
     """
@@ -128,7 +138,7 @@ def find_groups(path: Path) -> tuple[list[Group], list[str]]:
                 left_out.append(fault.message)
             continue
         layouts.setdefault((file.parent, repr(layout)), (layout, []))[1].append(file)
-    groups = [group for layout, members in layouts.values() for group in _by_names(members, layout)]
+    groups = [group for layout, members in layouts.values() for group in _by_names(members, layout, pooled)]
     pairs = _pairs(columns)
     paired = {file for group in pairs for file in (*group.files, *(group.beside.files if group.beside else ()))}
     left_out += [f"{file.name}: a single column, and no other of as many rows beside it" for file in columns if file not in paired]
@@ -164,14 +174,16 @@ def _is_recording(file: Path, folder: Path) -> bool:
     return file.is_file() and reader_of(file) is not None and not ours and not any(p.startswith(".") for p in inside.parts)
 
 
-def _by_names(files: Sequence[Path], layout: Preview) -> list[Group]:
-    """Files whose names have equally many words and the same words where these tell groups apart."""
+def _by_names(files: Sequence[Path], layout: Preview, pooled: str | None) -> list[Group]:
+    """Files whose names have equally many words, and the same words where these tell groups apart and are not `pooled`."""
     members: dict[tuple[int, tuple[str, ...]], list[tuple[Path, NameParts]]] = {}
     for count in dict.fromkeys(len(words_of(file.name)) for file in files):
         alike = [file for file in files if len(words_of(file.name)) == count]
         for file, part in zip(alike, read_names([file.name for file in alike]), strict=True):
-            members.setdefault((count, part.group), []).append((file, part))
-    return [Group(tuple(file for file, _ in group), tuple(part for _, part in group), layout) for group in members.values()]
+            members.setdefault((count, () if pooled else part.group), []).append((file, part))
+    of = None if pooled == "none" else pooled
+    made = [Group(tuple(file for file, _ in group), tuple(part for _, part in group), layout) for group in members.values()]
+    return [replace(group, of=of) if len({part.group for part in group.names}) > 1 else group for group in made]
 
 
 def patterns(files: Sequence[Path], folder: Path) -> list[str]:

@@ -40,7 +40,8 @@ class Answers:
     target, hold
         The quantity to predict, and the one that was held; `none` says that nothing was.
     group
-        What the words of names that tell files apart are: `none` pools them, any other name keeps them apart as groups.
+        What the words of names tell apart, which else are studies of their own: files are one study, and the quantity of that name
+        numbers its groups; `none` pools them.
     length
         Of the muscle, m.
     confirmed

@@ -221,17 +221,26 @@ def started(group: Group, name: str, folder: Path, quantity: str, constants: Seq
         draft = draft.without_data("sheet")
     if group.layout.left:
         draft = draft.noted(("data", "sheet" if "sheet" in draft.data else "reader"), _of_sheets(group.layout), False)
-    if constants is None:
+    if constants is None and group.of is None:
         found = patterns(group.files, folder)
         told_count = f"{len(group.files)} files" if len(found) < len(group.files) else None
         return draft.with_data("files", _of_each_sheet(found, group.layout)).noted(("data", "files", 0), told_count)
     entries: list[Any] = []
-    for told in sorted(set(constants)):
-        members = [file for file, own in zip(group.files, constants, strict=True) if own == told]
+    values: Sequence[Told | None] = constants or [None for _ in group.files]
+    specimens: Sequence[tuple[int, str] | None] = group.specimens if group.of else [None for _ in group.files]
+    told_of = list(zip(values, specimens, strict=True))
+    for pair in sorted(
+        set(told_of), key=lambda pair: (pair[0].value if pair[0] else 0.0, pair[0].why if pair[0] else "", pair[1] or (0, ""))
+    ):
+        told, specimen = pair
+        members = [file for file, own in zip(group.files, told_of, strict=True) if own == pair]
+        known = ({} if told is None else {quantity: told.value}) | ({} if specimen is None else {str(group.of): specimen[0]})
+        why = "; ".join([*([told.why] if told else []), *([f"'{specimen[1]}' is {group.of} {specimen[0]}"] if specimen else [])])
         for pattern in patterns(members, folder):
-            draft = draft.noted(("data", "files", len(entries)), told.why, sure=False)
-            entries += _of_each_sheet([{"path": pattern, "set": {quantity: told.value}}], group.layout)
-    return draft.with_data("files", entries)
+            draft = draft.noted(("data", "files", len(entries)), why, sure=told is None)
+            entries += _of_each_sheet([{"path": pattern, "set": known}], group.layout)
+    draft = draft.with_data("files", entries)
+    return draft if group.of is None else draft.with_data("groups", {"of": group.of}, "each is scored by itself")
 
 
 def _of_sheets(layout: Preview) -> str:

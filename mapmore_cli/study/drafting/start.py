@@ -197,7 +197,7 @@ def start(
 
 
 def _start(path: Path, folder: Path, name: str | None, single: bool, answers: Answers, ask: Ask | None) -> Start:
-    groups, remarks = find_groups(path)
+    groups, remarks = find_groups(path, answers.group)
     names = _unique([_name(group.label) for group in groups], [_name(group.files[0].parent.name) for group in groups])
     about = {group.files: answers.for_columns(group.layout.columns, group.layout.width) for group in groups}
     seconds = {group.files: second_of(group, groups) for group in groups}
