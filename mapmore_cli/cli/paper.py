@@ -29,7 +29,7 @@ def paper(
     from mapmore_cli.cli.views.fitted import View
     from mapmore_cli.spec.paper import load_paper
     from mapmore_cli.storage.atomic import refusals_told, write_text
-    from mapmore_cli.study.paper.page import compare_paper, document, items_table, overview, page
+    from mapmore_cli.study.paper.page import compare_paper, document, overview, page, verdicts_table
 
     loaded = [load_paper(config) for config in configs]
     with Reporter(quiet) as reporter:
@@ -39,7 +39,6 @@ def paper(
     with refusals_told(target):
         target.parent.mkdir(parents=True, exist_ok=True)
         write_text(target, page(found))
-    tables = (overview(found), *(items_table(one) for one in found))
-    print_view(View({**document(found), "page": str(target)}, tables, (f"page: {target}",)), as_json)
+    print_view(View({**document(found), "page": str(target)}, (overview(found), verdicts_table(found)), (f"page: {target}",)), as_json)
     if code := max(code for _, code in ended):
         raise typer.Exit(code)

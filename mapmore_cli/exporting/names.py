@@ -15,12 +15,14 @@ RESERVED = frozenset([*(word.lower() for word in WORDS), "model", "co_simulation
 LONGEST = 40
 """Letters of a name; with what is added, compilers tell 63 letters apart."""
 
-PYTHON = ("np", "float", "s", "finite", "_beyond")
+PYTHON = ("np", "float", "s", "finite", "_beyond", "state", "State", "step", "evaluate")
 """Names in functions of a module that its inputs must not hide."""
 
 
 def identifier(name: str) -> str:
     """Return the name with `_` for what C does not allow; `model_` goes before a digit and before a reserved word.
+
+    The same before `x` and `x_...`: `x_reset` is an input in C.
 
     Raises
     ------
@@ -30,7 +32,8 @@ def identifier(name: str) -> str:
     found = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_")[:LONGEST].rstrip("_")
     if not found:
         raise UsageError(f"the model is called `{name}`, which has no letter that C allows in a name", "give the study another name")
-    return f"model_{found}" if found[0].isdigit() or found.lower() in RESERVED else found
+    first = found.lower().partition("_")[0]
+    return f"model_{found}" if first[0].isdigit() or first == "x" or found.lower() in RESERVED else found
 
 
 def names_of_inputs(inputs: Sequence[Quantity], functions: Sequence[str] = ()) -> dict[str, str]:

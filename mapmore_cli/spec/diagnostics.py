@@ -82,7 +82,7 @@ def raise_if_any(problems: Sequence[Mistake]) -> None:
     ordered = sorted(problems, key=lambda problem: (sources.index(problem.at.source), problem.at.line, problem.at.column))
     blocks = [_block(problem) for problem in dict.fromkeys(ordered)]
     if len(blocks) > _MOST:
-        blocks = [*blocks[:_MOST], f"... and {len(blocks) - _MOST} more mistakes"]
+        blocks = [*blocks[:_MOST], f"... and {'at least ' if len(blocks) >= MOST_ERRORS else ''}{len(blocks) - _MOST} more mistakes"]
     raise SpecError("\n\n".join(blocks))
 
 

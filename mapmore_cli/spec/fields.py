@@ -82,7 +82,6 @@ def _metric_unit(around: Surroundings) -> str | None:
 
 
 Metres = Annotated[float, Field(gt=0), InUnit(lambda _: "m")]
-Hertz = Annotated[float, Field(gt=0), InUnit(lambda _: "Hz")]
 SignedSeconds = Annotated[float, InUnit(lambda _: "s")]
 OfTarget = Annotated[float, InUnit(lambda around: around.unit_of(around.target))]
 InColumnUnit = Annotated[float, InUnit(_column_unit)]

@@ -115,8 +115,8 @@ def run_lock(run_dir: Path, patient: bool = False) -> Iterator[None]:
     from filelock import FileLock, Timeout
 
     lock = FileLock(run_dir / LOCK, timeout=-1 if patient else 0)
-    if (run_dir / LOCK).is_dir():
-        raise WriteError(f"{run_dir / LOCK}: is a folder, where the lock of the run belongs", "move it away")
+    if (run_dir / LOCK).is_dir() or (run_dir / LOCK).is_symlink():
+        raise WriteError(f"{run_dir / LOCK}: is a folder or a link, where the lock of the run belongs", "move it away")
     try:
         with refusals_told(run_dir):
             lock.acquire()

@@ -130,6 +130,23 @@ def test_a_run_folder_that_is_a_file(study, mapmore) -> None:
     assert (study.parent / "runs").read_text() == "kept"
 
 
+def test_a_lock_that_is_a_link(study, mapmore) -> None:
+    folder = study.parent / "runs" / "bench"
+    folder.mkdir(parents=True)
+    (folder / ".lock").symlink_to(study.parent / "kept")
+    result = mapmore("run", study, "--runs", study.parent / "runs")
+    assert (result.exit_code, "is a folder or a link" in result.stderr) == (7, True), result.stderr
+    assert not (study.parent / "kept").exists()
+
+
+def test_names_of_300_letters(model_file: Path, mapmore, tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text("force,strain\n100,0.05\n")
+    name = "n" * 300
+    assert mapmore("freeze", name, "--tag", "a").exit_code == 4
+    assert mapmore("invert", f"{name}.h5", tmp_path / "t.csv", "--for", "pressure").exit_code == 4
+    assert mapmore("invert", model_file, tmp_path / f"{name}.csv", "--for", "pressure").exit_code == 4
+
+
 def test_broken_pipe(model_file: Path) -> None:
     """`mapmore predict ... | head -1` ends without complaint, like any other filter."""
     grid = "pressure=100:200:0.01,strain=0:0.1:0.001"

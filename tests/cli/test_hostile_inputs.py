@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import gzip
+import json
 import os
+import re
 import resource
 import subprocess
 import sys
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -224,22 +227,45 @@ def cut_log(end: str, decimal: str = ".") -> str:
         ("n;F\n" + "".join(f"{i};{119 - i}\n" for i in range(20)) + "20;99", ".", None),
         ("n;F\n" + "".join(f"{i};{i / 8}\n" for i in range(20)) + "20;2", ".", "its last number, 2, has"),
         ("n;F\n1;2.55\n2;3.55\n3;4", ".", None),
+        ("n;F\n" + "".join(f"{i};{(i + 3) ** 0.3!r}\n" for i in range(20)) + "20;0.12345678901234", ".", None),
+        ("n;F\n" + "".join(f"{i};{(i + 3) ** 0.3!r}\n" for i in range(20)) + "20;0.12345", ".", "its last number, 0.12345, has"),
     ],
     ids=str,
 )
-def test_a_file_that_was_cut_within_its_last_number_is_told(text: str, decimal: str, doubt: str | None, tmp_path: Path) -> None:
+def test_a_file_that_was_cut_within_its_last_number_is_refused(text: str, decimal: str, doubt: str | None, tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text(text)
-    (table,) = READERS["csv"].read(tmp_path / "a.csv", TableRequest("a.csv", ("F",), delimiter=";", decimal=decimal))
-    assert len(table.doubts) == (doubt is not None)
-    assert doubt is None or doubt in table.doubts[0]
+    request = TableRequest("a.csv", ("F",), delimiter=";", decimal=decimal)
+    (table,) = READERS["csv"].read(tmp_path / "a.csv", replace(request, incomplete=True))
+    assert len(table.rows) == len(table.columns["F"]) == len(text.splitlines()) - 1 - (doubt is not None)
+    if doubt is None:
+        assert not table.doubts
+        assert len(READERS["csv"].read(tmp_path / "a.csv", request)[0].rows) == len(table.rows)
+        return
+    assert doubt in table.doubts[0]
+    with pytest.raises(DataError, match=re.escape(doubt)):
+        READERS["csv"].read(tmp_path / "a.csv", request)
 
 
-def test_what_a_reader_doubts_is_a_warning_of_the_run(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+def test_a_log_that_was_cut_short_is_an_error_unless_missing_values_are_dropped(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
     spec = write_study(tmp_path)
     log = tmp_path / "bench_100.csv"
     log.write_text(log.read_text()[:-5])
-    assert "bench_100.csv: the last line has no end" in mapmore("ingest", spec, "--runs", tmp_path / "runs").stderr
-    assert "bench_100.csv: the last line has no end" in mapmore("check", spec).stderr
+    for command in (["ingest", spec, "--runs", tmp_path / "runs"], ["check", spec]):
+        done = mapmore(*command)
+        assert done.exit_code == 4, done.stderr
+        assert "the last line has no end" in done.stderr
+        assert "it is left out" in mapmore(*command, "--set", "data.missing=drop").stderr
+
+
+def test_strains_of_1e_300_are_checked_and_scored_as_others(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    """Squares of them are zero: `check` took strain and pressure for one signal."""
+    spec = write_study(tmp_path)
+    scaled = ["--set", "data.columns.strain.scale=1e-300"]
+    checked = mapmore("check", spec, *scaled)
+    assert (checked.exit_code, "RuntimeWarning" in checked.stderr) == (0, False), checked.stderr
+    whole, tiny = [mapmore("run", spec, "--runs", tmp_path / name, "--json", "-q", *more) for name, more in (("a", []), ("b", scaled))]
+    own = [[row["rmse"] for row in json.loads(done.stdout)["scores"] if row["model"] == "mapmore"] for done in (whole, tiny)]
+    assert own[1] == pytest.approx(own[0], rel=1e-6)
 
 
 def test_commands_to_a_terminal_in_names_are_shown_and_not_obeyed() -> None:

@@ -10,6 +10,7 @@ import sys
 import tokenize
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 from xml.sax.saxutils import escape
 
@@ -113,6 +114,21 @@ def test_names_and_texts_of_a_stranger_are_names_and_texts(names: tuple[str, str
     }
     assert {*tex_commands(source)} <= known
     assert not (tmp_path / "mark").exists()
+
+
+@needs_compiler
+def test_inputs_that_are_called_as_functions_of_a_model() -> None:
+    """An input `reset` of a model `x` was `x_reset` in C, as the function; Python's `force` called its inputs `step` and `evaluate`."""
+    inner = WITH_MEMORY["fed back"]
+    reset = replace(inner.inputs[0], name="reset")
+    whole = Model("x", inner.output, (reset, *inner.inputs[1:]), Sum((Part(inner, 1.0, {inner.inputs[0].name: "reset"}),)))
+    assert exported(whole, "c")
+    names = {"pressure": "state", "strain": "evaluate"}
+    inputs = tuple(replace(one, name=names[one.name]) for one in formula("sarosi").inputs)
+    (text,) = exported(Model("demo", Quantity("force", "N"), inputs, Sum((Part(formula("sarosi"), 1.0, names),))), "py").values()
+    module: dict[str, Any] = {}
+    exec(text, module)
+    assert module["force"](200.0, 0.1) == module["evaluate"](200.0, 0.1)
 
 
 @needs_compiler

@@ -186,6 +186,8 @@ def changed_tree(tree: Any, chance: random.Random) -> None:
             holder[chance.choice([changed_text(str(key), chance, "abcxyz_"), chance.choice(TEXTS)])] = holder.pop(key)
         case 4 if isinstance(holder, list):
             holder.append(holder[int(key)])
+        case 5 if chance.random() < 0.25:
+            holder[key] = _long(holder[key], chance)
         case _:
             section = chance.choice(list(schema()["properties"]))
             rule = schema()["properties"][section]
@@ -196,6 +198,14 @@ def changed_tree(tree: Any, chance: random.Random) -> None:
                 tree[section][key] = value_of(known[key], chance)
             elif section != "extends" or chance.random() < 0.1:
                 tree[section] = value_of(rule, chance)
+
+
+def _long(value: Any, chance: random.Random) -> Any:
+    """A list of thousands of what stands there, of numbers, or of lists of numbers: up to 200 kB where one or two values belong."""
+    length = chance.choice([300, 3000, 20_000])
+    numbers = list(range(length))
+    pairs = [[n, n + 1] for n in numbers[: length // 2]]
+    return chance.choice([numbers, [numbers], pairs, [value] * (length // 10), ["strain"] * (length // 2)])
 
 
 def text_of(chance: random.Random, changes: Sequence[int] = (0, 1, 1, 1, 2, 3)) -> str:

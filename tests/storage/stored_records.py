@@ -192,7 +192,7 @@ def pieces(draw: st.DrawFn) -> Pieces:
     return Pieces(level, variables, made, draw(FUSIONS), draw(st.none() | BACKBONES), draw(FOLDS))
 
 
-RANGES = st.builds(CurveRange, NAMES, st.none(), LIMITS).map(lambda curve: (curve,))
+RANGES = st.builds(CurveRange, NAMES, st.none(), ALL_LIMITS).map(lambda curve: (curve,))
 FOLDS = some(st.builds(FoldError, NAMES, REAL, COUNT))
 STATES = st.builds(
     StateSet,
@@ -205,7 +205,7 @@ STATES = st.builds(
     POSITIVE,
 ).filter(lambda states: len(states.low) == len(states.high))
 MEMORY_TERMS = st.just(("pressure", "force[k-1]*slow(pressure, 0.5)"))
-MEMORIES = st.builds(MemoryModel, IDENTIFIERS, STATES, MEMORY_TERMS, reals(2), any_reals(2), FINITE, SPANS)
+MEMORIES = st.builds(MemoryModel, st.just("force"), STATES, MEMORY_TERMS, reals(2), any_reals(2), FINITE, SPANS)
 
 
 LEFT_OUT = st.builds(
@@ -223,11 +223,12 @@ LEFT_OUT = st.builds(
 def models(bodies: st.SearchStrategy[Any]) -> st.SearchStrategy[Model]:
     """Models with some bodies."""
     inputs = st.permutations([Quantity("pressure", "kPa"), Quantity("strain", "1")]).map(tuple)
-    return st.builds(Model, name=NAMES, output=QUANTITIES, inputs=inputs, body=bodies, notes=NOTES, left_out=st.none() | LEFT_OUT)
+    outputs = st.builds(Quantity, st.just("force"), UNITS)
+    return st.builds(Model, name=NAMES, output=outputs, inputs=inputs, body=bodies, notes=NOTES, left_out=st.none() | LEFT_OUT)
 
 
 ALONE = pieces() | st.builds(Formula, BACKBONES, st.none(), RANGES) | st.builds(Memory, MEMORIES, RANGES, st.none() | BACKBONES)
-RENAMED = table(st.sampled_from(["pressure", "-strain", "2*pressure"]))
+RENAMED = table(st.sampled_from(["pressure", "-strain", "2*pressure"]), st.sampled_from(INPUTS))
 PARTS = st.builds(Part, models(ALONE), st.sampled_from([1.0, -1.0]), RENAMED)
 SUMS = st.builds(Sum, st.lists(PARTS, min_size=1, max_size=2).map(tuple))
 MODELS = models(ALONE | SUMS)

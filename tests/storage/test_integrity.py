@@ -19,7 +19,9 @@ from test_artefacts import KINDS, examples
 import mapmore_cli
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.memory import MemoryModel, StateSet
-from mapmore_cli.domain.models import Memory, Part, Sum
+from mapmore_cli.domain.models import CurveFunction, Memory, Part, StateSpace, Sum
+from mapmore_cli.domain.motion import Motion, MotionSection
+from mapmore_cli.domain.recording import Signal
 from mapmore_cli.storage import artefacts
 from mapmore_cli.storage.artefacts import files, integrity
 
@@ -108,6 +110,14 @@ def parts_that_do_not_fit() -> Iterator[tuple[str, Any, str]]:
     yield "model", replace(model, body=replace(model.body, fusion=one_side)), "fusion/extrapolation, says nothing of 'pressure'"
     yield "model", replace(model, body=replace(model.body, level="")), "body/level, has '', which is none of the inputs"
     yield "model", replace(model, body=Sum(())), "body/parts, holds no model"
+    yield "model", replace(model, body=replace(model.body, variables=("pressure",))), "body/variables, hold the level"
+    for name in ("time", "speed"):
+        signals = (Signal(name, "rate", "strain", 0.1, 2, 1.0, 1.0),)
+        yield "model", replace(model, signals=signals), f"signals, make '{name}', which is none of the inputs"
+    other = CurveFunction("pressure=300", 300.0, *(getattr(model.body.curves[0], name) for name in ("boundaries", "limits", "segments")))
+    more = replace(other, limits={**other.limits, "speed": (0.0, 1.0)})
+    yield "model", replace(model, body=replace(model.body, curves=(*model.body.curves, more))), "body/ranges, do not name the same inputs"
+    yield "model", replace(model, body=Sum((Part(model, 1.0, {"time": "strain"}),))), "'time' is, which is none of the inputs of the part"
     renamed = replace(model, inputs=model.inputs[:1], body=Sum((Part(model, 1.0, {}),)))
     yield "model", renamed, "parts/000/inputs, does not say what 'strain' is, which is none of the inputs of the sum"
     bare = replace(model.body.curves[0], level=300.0, segments=())
@@ -116,6 +126,22 @@ def parts_that_do_not_fit() -> Iterator[tuple[str, Any, str]]:
     states = StateSet(("pressure",), 0.1, {}, {}, np.zeros(0), np.ones(1), 0.0)
     memory = MemoryModel("force", states, ("pressure",), np.ones(1), np.ones(1), 0.0, (0.0, 1.0))
     yield "model", replace(model, body=Memory(memory, (), None)), "states/low, has 0 values, where `high` has 1"
+    for names, words in (
+        (("pressure", "speed[k-1]"), "names, go on from 'speed', which is none of the inputs"),
+        (("pressure", "pressure"), "states/names, name a state twice"),
+        (("play(pressure, 0.1)",), "states/ranges, and `resonances` say nothing of 'pressure'"),
+        (("slow(resonance(strain)[k-1], 0.1)",), "states/ranges, and `resonances` say nothing of 'strain'"),
+    ):
+        known = StateSet(names, 0.1, {}, {}, np.zeros(0), np.zeros(0), 0.0)
+        body = replace(memory, states=known, terms=("1",))
+        yield "model", replace(model, body=Memory(body, (), None)), words
+    memory = replace(memory, states=replace(states, high=np.zeros(0)), output="strain")
+    yield "model", replace(model, body=Memory(memory, (), None)), "output, is 'force', where"
+    section = MotionSection("1", 1, "all", 0.1, 0.1, np.ones(1))
+    motion = Motion("pressure", "force", 0.1, "hard", (), False, 0.0, ("pressure",), (section,), (0.0, 1.0))
+    yield "model", replace(model, body=StateSpace(replace(motion, output="strain"), ())), "output, is 'force', where"
+    yield "model", replace(model, body=StateSpace(replace(motion, input="speed", drives=("speed",)), ())), "drives, has 'speed'"
+    yield "model", replace(model, body=StateSpace(replace(motion, input="strain"), ())), "drives, does not begin with the input 'strain'"
     (segment,) = curve.segments
     yield "segmentation", (replace(curve, segments=(replace(segment, cell=(2,)),)),), "segments/000/cell, is none of 1 cells"
     yield "segmentation", (replace(curve, segments=(replace(segment, cell=()),)),), "segments/000/cell, is none of 1 cells"

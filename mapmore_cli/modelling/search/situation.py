@@ -10,6 +10,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.modelling.memory.records import UNEVEN
+from mapmore_cli.modelling.signals.sampling import correlation
 
 NOT_INPUTS = ("time", "hysteresis")
 """Quantities that are no inputs: the clock, and what `cycles` makes of the target."""
@@ -113,7 +114,7 @@ def _different(names: Sequence[str], pooled: Mapping[str, Array], level: str | N
     """The names without those that are a straight line of another, of which a level, a canonical and a later one are kept."""
     kept: list[str] = []
     for name in sorted(names, key=lambda one: (one != level, -names.index(one))):
-        if all(abs(np.corrcoef(pooled[name], pooled[other])[0, 1]) < 1 - SAME for other in kept):
+        if all(abs(correlation(pooled[name], pooled[other])) < 1 - SAME for other in kept):
             kept.append(name)
     yield from (name for name in names if name in kept)
 

@@ -13,6 +13,14 @@ from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
 from mapmore_cli.domain.blocks import in_blocks
 
 
+def correlation(first: Array, second: Array) -> float:
+    """Return the correlation of two signals, (n,) each, of any size: squares of 1e-300 are nothing; 0 where one of them stands still."""
+    ranges = np.ptp(first), np.ptp(second)
+    if not all(ranges):
+        return 0.0
+    return float(np.corrcoef((first - first[0]) / ranges[0], (second - second[0]) / ranges[1])[0, 1])
+
+
 def average_repeated(time: Array, columns: Columns) -> tuple[Array, dict[str, Array]]:
     """Return one sample for each different stamp, every quantity being the mean over the samples that share it.
 

@@ -79,7 +79,7 @@ def _read(path: Path, request: TableRequest) -> list[RawTable]:
     label = request.label
     try:
         with open_lines(path, request.encoding, label) as lines:
-            return [replace(_parse(lines, request), doubts=_doubts(path, request))]
+            return [_whole(_parse(lines, request), path, request)]
     except gzip.BadGzipFile:  # an OSError, and told as damage
         raise
     except UnicodeError as error:
@@ -174,17 +174,24 @@ def _filled_until(end: int, lines: Lines, records: Iterator[Numbered]) -> Iterat
             yield record
 
 
-def _doubts(path: Path, request: TableRequest) -> tuple[str, ...]:
-    """Return a warning where the last line has no end and its last number is shorter than all before: 254.126 was cut to 2 or 254.1."""
+def _whole(table: RawTable, path: Path, request: TableRequest) -> RawTable:
+    """Return the table, without a last line that has no end and whose last number is shorter than all before it: 254.126 was cut to 2.
+
+    Raises DataError for such a line where missing values are errors.
+    """
     lines = last_lines(path, request.encoding)
     if lines is None or lines[-1].endswith(("\n", "\r")):
-        return ()
+        return table
     delimiter = DELIMITERS.get(request.delimiter, request.delimiter)
     *before, last = [line.strip().split(None if delimiter == WHITESPACE else delimiter)[-1].strip() for line in lines if line.strip()]
     if not cut_short(last, before[-COMPARED:], request.decimal):
-        return ()
+        return table
     said = f"the last line has no end, and its last number, {shortened(last)}, has fewer digits than those before it"
-    return (f"{request.label}: {said}: the file may have been cut off",)
+    if not request.incomplete:
+        remedy = "Get the whole file again. `missing: drop` leaves the line out; a line end behind it says that it is whole."
+        raise DataError(f"{request.label}:row {table.rows[-1]}: {said}: the file was cut off", remedy)
+    columns = {name: column[:-1] for name, column in table.columns.items()}
+    return replace(table, columns=columns, rows=table.rows[:-1], doubts=(f"{request.label}: {said}: it is left out",))
 
 
 def _numbered(records: Sequence[Numbered], layout: Layout, request: TableRequest) -> tuple[IntArray, Array]:

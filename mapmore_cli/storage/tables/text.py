@@ -91,14 +91,15 @@ def shortened(cell: str, limit: int = 40) -> str:
 def cut_short(last: str, before: Sequence[str], decimal: str) -> bool:
     """Whether a number looks cut off beside ten or more numbers `before` it: it has fewer digits behind the mark than all of them.
 
+    It has to have three fewer, or none, where theirs vary: of 51 numbers as `repr` writes them, the last one may be the shortest.
     A whole number among whole ones is shorter than all, and less than half of the smallest: 98 may follow 101, 25 hardly follows 254.
     """
     values = {cell: value for cell in before if math.isfinite(value := _or_nan(cell.replace(decimal, ".")))}
     if sum(cell in values for cell in before) < FEWEST_BEFORE:
         return False
-    digits = min(len(cell.partition(decimal)[2]) for cell in values)
-    if digits:
-        return len(last.partition(decimal)[2]) < digits
+    digits = {len(cell.partition(decimal)[2]) for cell in values}
+    if min(digits):
+        return len(last.partition(decimal)[2]) < max(1, min(digits) - 2 * (len(digits) > 1))
     return decimal not in last and len(last) < min(map(len, values)) and abs(_or_nan(last)) < min(map(abs, values.values())) / 2
 
 

@@ -16,6 +16,7 @@ from mapmore_cli.modelling.expressions.operator import linear
 from mapmore_cli.modelling.expressions.recursion import followed
 from mapmore_cli.modelling.signals.cycles import bin_means
 from mapmore_cli.modelling.signals.rates import rate
+from mapmore_cli.modelling.signals.sampling import correlation
 
 _WORDS = {
     "time": ("t", "time", "times", "timestamp", "seconds", "elapsed", "zeit", "clock"),
@@ -119,7 +120,7 @@ def slack_foot(pressure: Array, strain: Array, force: Array) -> Foot | None:
     if len(found) < 2:
         return None
     at, threshold = np.array(found).T
-    return Foot(at, threshold) if threshold[-1] > threshold[0] and np.corrcoef(at, threshold)[0, 1] > 0 else None
+    return Foot(at, threshold) if threshold[-1] > threshold[0] and correlation(at, threshold) > 0 else None
 
 
 def _groups(strain: Array) -> list[tuple[float, IntArray]]:
@@ -308,7 +309,7 @@ def _one_signal(first: Array, second: Array) -> bool:
     if len(first) != len(second):
         return False
     every = -(-len(first) // MOST_SHOWN)
-    return abs(float(np.corrcoef(first[::every], second[::every])[0, 1])) >= SAME
+    return abs(correlation(first[::every], second[::every])) >= SAME
 
 
 TOGETHER, FARTHEST = 0.9, 30  # correlation of a command with what it commands, and samples that this may lag behind
@@ -321,7 +322,7 @@ def leads(first: Array, second: Array) -> bool:
         return False
     inner = first[FARTHEST : n - FARTHEST]
     later = [second[FARTHEST + lag : n - FARTHEST + lag] for lag in range(-FARTHEST, FARTHEST + 1)]
-    alike = [np.corrcoef(inner, one)[0, 1] if np.ptp(inner) and np.ptp(one) else 0.0 for one in later]
+    alike = [correlation(inner, one) for one in later]
     return bool(np.max(alike) > TOGETHER and int(np.argmax(alike)) > FARTHEST)
 
 

@@ -133,6 +133,17 @@ def items_table(paper: PaperResult) -> Table:
     return Table(f"items_{spec.paper}", f"{spec.paper}: every equation, table and figure", heads, rows)
 
 
+def verdicts_table(papers: Sequence[PaperResult]) -> Table:
+    """What was compared in each item, and how closely it agrees; a row for each kind and quantity."""
+    rows = tuple(
+        (paper.loaded.spec.paper, result.item.id, line)
+        for paper in papers
+        for result in paper.results
+        for line in ((f"failed: {result.failed.splitlines()[0]}",) if result.failed else result.verdicts)
+    )
+    return Table("verdicts", "How closely", (Column("paper"), Column("item"), Column("what agrees")), rows)
+
+
 def document(papers: Sequence[PaperResult]) -> dict[str, Any]:
     """The results for programs."""
     return {

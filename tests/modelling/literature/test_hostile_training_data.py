@@ -69,6 +69,9 @@ def test_any_finite_target_gets_an_answer_no_worse_than_nothing(name: str, targe
     columns["pressure"] *= 100.0
     y = target(y)
     fit = get(name).fit(columns, y)
+    if name == "bolen" and not y.any():  # its c0 is a share of the force at rest, here 0/0
+        assert fit.failed
+        return
     assert fit.status in ("converged", "at_bound", "rank_deficient", "stopped_by_limit")
     assert np.isfinite(get(name).predict(fit.parameters, columns)).all()
     assert fit.sse <= (1 + 1e-9) * float(y @ y) + 1e-12 * len(y) * (name == "sarosi_hinged")  # its foot may not be without width

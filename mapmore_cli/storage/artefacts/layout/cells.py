@@ -16,7 +16,7 @@ TEXT, REAL, COUNT = text(), number(float), number(int, least=0)
 NAME = text(pattern=r"[A-Za-z_][A-Za-z0-9_]*")
 ANY_REAL = number(float, may_be_nan=True)
 SHARE = number(float, least=0, most=1)
-OPTIONAL_TEXT, OPTIONAL_REAL = optional(TEXT), optional(REAL)
+OPTIONAL_TEXT = optional(TEXT)
 TEXTS = texts()
 REALS, ANY_REALS, ANY_TABLE, TABLE = (
     numbers("<f8"),

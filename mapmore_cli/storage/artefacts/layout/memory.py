@@ -6,6 +6,8 @@ from collections.abc import Iterator
 
 from mapmore_cli.domain.memory import Identified, MemoryFit, MemoryModel, StateSet
 from mapmore_cli.modelling.expressions import ExpressionError, state
+from mapmore_cli.modelling.expressions.states import Measured, Operated
+from mapmore_cli.modelling.memory.states import setting_of
 from mapmore_cli.storage.artefacts.codecs import added, named, number, numbers, optional, shown, text
 from mapmore_cli.storage.artefacts.layout.cells import (
     ANY_REALS,
@@ -22,9 +24,18 @@ from mapmore_cli.storage.artefacts.schema import Fault
 def _state_faults(states: StateSet) -> Iterator[Fault]:
     for name in states.names:
         try:
-            state(name)
+            found = state(name)
         except ExpressionError as error:
             yield "names", f"has {shown(name)}, which is no state: {error}"
+            continue
+        while not isinstance(found, Measured):
+            try:
+                _ = setting_of(found, states) if isinstance(found, Operated) else None
+            except KeyError:
+                yield "ranges", f"and `resonances` say nothing of {shown(found.source.name)}, which {shown(name)} is made of"
+            found = found.source
+    if len({*states.names}) < len(states.names):
+        yield "names", "name a state twice"
     if states.step <= 0:
         yield "step", f"is {states.step:g} s"
     if len(states.low) != len(states.high):

@@ -27,6 +27,7 @@ from mapmore_cli.domain.models import (
 )
 from mapmore_cli.domain.recording import Signal
 from mapmore_cli.modelling import literature
+from mapmore_cli.modelling.expressions import state
 from mapmore_cli.modelling.kinds import kinds
 from mapmore_cli.storage.artefacts.codecs import Codec, adapted, added, named, number, numbered, pairs, shown, text
 from mapmore_cli.storage.artefacts.integrity import Invalid
@@ -156,6 +157,8 @@ def _pieces_faults(pieces: Pieces) -> Iterator[Fault]:
     yield from _level_faults(pieces.level, pieces.ranges, "curves")
     if len({bool(curve.segments) for curve in pieces.curves}) > 1:
         yield "curves", "holds a curve without segments, where others have some"
+    if pieces.level in pieces.variables or len({*pieces.variables}) < len(pieces.variables):
+        yield "variables", "hold the level, or one of them twice"
     if pieces.fusion.aligned is not None and any(curve.threshold is None for curve in pieces.curves):
         yield "curves", "holds a curve without a threshold, although curves are aligned"
 
@@ -224,13 +227,44 @@ def _model_faults(model: Model) -> Iterator[Fault]:
     backbone = model.backbone
     if backbone is not None:
         yield from _formula_faults(backbone, known)
-    if isinstance(model.body, Pieces):
-        yield from _input_faults(model.body, known)
-    if isinstance(model.body, Sum):
-        for place, part in enumerate(model.body.parts):
-            yield from expression_faults(f"body/parts/{place:03d}/inputs", part.inputs.values(), known)
-            if strange := [one.name for one in part.model.inputs if one.name not in (*part.inputs, *known)]:
-                yield f"body/parts/{place:03d}/inputs", f"does not say what {shown(strange[0])} is, which is none of the inputs of the sum"
+    yield from _signal_faults(model.signals, known)
+    if len({frozenset(curve.limits) for curve in getattr(model.body, "ranges", ())}) > 1:
+        yield "body/ranges", "do not name the same inputs"
+    match model.body:
+        case Pieces() as pieces:
+            yield from _input_faults(pieces, known)
+        case Memory(memory):
+            yield from _output_faults(memory.output, model)
+            if strange := {state(name).quantity for name in memory.states.names} - {*known, memory.output}:
+                yield "body/model/states/names", f"go on from {shown(min(strange))}, which is none of the inputs"
+        case StateSpace(motion):
+            yield from _output_faults(motion.output, model)
+            yield from expression_faults("body/motion/drives", (motion.input, *motion.drives), known)
+        case Sum(parts):
+            for place, part in enumerate(parts):
+                yield from _part_faults(f"body/parts/{place:03d}/inputs", part, known)
+
+
+def _signal_faults(signals: Sequence[Signal], known: Sequence[str]) -> Iterator[Fault]:
+    wanted = {*known}
+    for signal in reversed(signals):
+        if signal.name == "time" or signal.name not in wanted:
+            yield "signals", f"make {shown(signal.name)}, which is none of the inputs"
+        wanted.add(signal.of)
+
+
+def _output_faults(output: str, model: Model) -> Iterator[Fault]:
+    if output != model.output.name:
+        yield "output", f"is {shown(model.output.name)}, where the body predicts {shown(output)}"
+
+
+def _part_faults(field: str, part: Part, known: Sequence[str]) -> Iterator[Fault]:
+    own = [one.name for one in part.model.inputs]
+    yield from expression_faults(field, part.inputs.values(), known)
+    if strange := [name for name in own if name not in (*part.inputs, *known)]:
+        yield field, f"does not say what {shown(strange[0])} is, which is none of the inputs of the sum"
+    if strange := [name for name in part.inputs if name not in own]:
+        yield field, f"says what {shown(strange[0])} is, which is none of the inputs of the part"
 
 
 def _formula_faults(fit: FormulaFit, known: Sequence[str]) -> Iterator[Fault]:

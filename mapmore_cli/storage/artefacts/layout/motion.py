@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from mapmore_cli.domain.motion import BUMPLESS, CARRIED, HARD, REST, ZERO, Motion, MotionFit, MotionSection, SectionSearch
-from mapmore_cli.storage.artefacts.codecs import adapted, added, text
+from mapmore_cli.storage.artefacts.codecs import adapted, added, shown, text
 from mapmore_cli.storage.artefacts.layout.cells import ASCENDING, REALS, SPAN, TEXTS
 from mapmore_cli.storage.artefacts.layout.derived import stored
 from mapmore_cli.storage.artefacts.schema import Fault
@@ -21,6 +21,8 @@ def _motion_faults(motion: Motion) -> Iterator[Fault]:
         yield "sections", f"has {len(motion.sections)} sections, where the boundaries make {wanted}"
     if not motion.step > 0:
         yield "step", "is not positive"
+    if motion.drives[:1] != (motion.input,):
+        yield "drives", f"does not begin with the input {shown(motion.input)}"
     for number, section in enumerate(motion.sections):
         if len(section.weights) != len(motion.drives):
             yield f"sections/{number}/weights", f"has {len(section.weights)} values for {len(motion.drives)} drives"
