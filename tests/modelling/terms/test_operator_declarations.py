@@ -107,7 +107,7 @@ def test_an_operator_of_one_file_is_evaluated_fed_back_and_compiled(tmp_path, mo
     monkeypatch.setattr(operators, "__path__", [*operators.__path__, str(tmp_path)])
     found, with_it = OPERATORS, {operator.name: operator for operator in operators._found()}
     for module in list(sys.modules.values()):
-        if getattr(module, "OPERATORS", None) is found:
+        if vars(module).get("OPERATORS") is found:
             monkeypatch.setattr(module, "OPERATORS", with_it)
     states = ("valve(pressure, 900)", "valve(force[k-1], 2000)", "pressure")
     model = memory(states, (*states, "valve(pressure, 900)*valve(force[k-1], 2000)"), gain=30.0)
