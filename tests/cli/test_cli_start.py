@@ -30,6 +30,7 @@ COMMANDS = [
     "compare",
     "export",
     "figure",
+    "paper",
     "simulate",
     "show",
     "init",
