@@ -25,10 +25,10 @@ def main() -> None:
 
 
 def _hold_standard_streams() -> None:
-    """Where stdout or stderr is closed, what is printed goes nowhere, and no file takes its number."""
-    for number, name in ((1, "stdout"), (2, "stderr")):
+    """Where stdout or stderr is closed, no file takes its number: writing to stdout then fails, and messages go nowhere."""
+    for number, name, way in ((1, "stdout", os.O_RDONLY), (2, "stderr", os.O_WRONLY)):
         if getattr(sys, name) is None:
-            nowhere = os.open(os.devnull, os.O_WRONLY)
+            nowhere = os.open(os.devnull, way)
             if nowhere != number:
                 os.dup2(nowhere, number)
                 os.close(nowhere)

@@ -103,6 +103,9 @@ def settle(error: BaseException, debug: bool, as_json: bool) -> int:
     if isinstance(error, OSError) and error.errno == errno.ENOSPC:  # files are storage's to explain, so this is stdout
         _silence_stdout()
         error = WriteError("stdout: cannot be written (no space left on device)", "make room, or write elsewhere")
+    if isinstance(error, OSError) and error.errno == errno.EBADF:
+        _silence_stdout()
+        error = WriteError("stdout: cannot be written (it is closed)", "do not close it; `-q` and `> /dev/null` keep quiet")
     if debug:
         traceback.print_exception(error, file=sys.stderr)
     else:

@@ -156,10 +156,10 @@ def in_a_shell(*arguments: str, shell_suffix: str = "", folder: Path) -> subproc
     return subprocess.run(command, capture_output=True, text=True, cwd=folder, env=environment, check=False)
 
 
-def test_a_closed_stdout_is_no_internal_fault(tmp_path: Path) -> None:
+def test_what_a_closed_stdout_loses_is_told(tmp_path: Path) -> None:
     done = in_a_shell("schema", shell_suffix=">&-", folder=tmp_path)
-    assert done.returncode == 0
-    assert done.stderr == ""
+    assert done.returncode == 7
+    assert "it is closed" in done.stderr
 
 
 def test_hostile_json_files_are_wrong_data(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
