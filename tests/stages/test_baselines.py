@@ -70,7 +70,7 @@ def test_more_samples_than_a_baseline_can_bear_are_thinned_evenly() -> None:
 def test_beside_a_model_with_a_past_inputs_come_with_theirs() -> None:
     columns = {"pressure": np.arange(6.0), "strain": np.zeros(6), "force": np.zeros(6)}
     curve = Curve("r", None, columns, np.zeros(6, dtype=bool), ("a", "b"), origin=np.array([0, 0, 0, 1, 1, 1]))
-    found = baselines._features(curve, ["pressure"], (0, 2))
+    found = baselines.features(curve, ["pressure"], (0, 2))
     assert found.tolist() == [[0, 0], [1, 0], [2, 0], [3, 3], [4, 3], [5, 3]]
 
 

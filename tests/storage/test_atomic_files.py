@@ -263,5 +263,5 @@ def test_what_a_killed_start_leaves_is_no_folder_of_the_user(tmp_path: Path) -> 
 
 def test_a_folder_in_place_of_the_lock(tmp_path: Path) -> None:
     (tmp_path / ".lock").mkdir()
-    with pytest.raises(WriteError, match="is a folder, where the lock"), run_lock(tmp_path):
+    with pytest.raises(WriteError, match="is a folder or a link, where the lock"), run_lock(tmp_path):
         pass
