@@ -37,7 +37,7 @@ datasets: .venv/program
 docs: .venv/development  # the site, into build/site; needs no network
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet --config-file docs/site/mkdocs.yml
 
-measured: .venv/program  # the tables of docs/measured-static.md, memory.md, campaigns.md, wrist.md and muscle-like.md; needs the measured recordings (docs/data.md)
+measured: .venv/formats  # the tables of docs/measured-static.md, memory.md, campaigns.md, wrist.md and muscle-like.md; needs the measured recordings (docs/data.md)
 	$(BIN)/mapmore batch configs/campaigns/measured_static.yaml configs/campaigns/m1.yaml configs/campaigns/m1_terms.yaml
 	$(BIN)/python docs/measured_tables.py runs
 	$(BIN)/mapmore batch configs/campaigns/coiled.yaml configs/campaigns/coiled_loads.yaml
@@ -46,7 +46,7 @@ measured: .venv/program  # the tables of docs/measured-static.md, memory.md, cam
 	$(BIN)/python docs/muscle_tables.py runs
 	$(BIN)/python docs/muscle_figures.py runs
 
-paper: .venv/program  # every shipped study, then runs/paper.html: the papers' tables and figures beside ours; measured recordings where they are (docs/data.md)
+paper: .venv/formats  # every shipped study, then runs/paper.html: the papers' tables and figures beside ours; measured recordings where they are (docs/data.md)
 	code=0; \
 	if test -d "$${MAPMORE_DATA:-../shared/data}"; then \
 	  $(BIN)/mapmore batch configs/campaigns/measured.yaml configs/campaigns/coiled_motion.yaml configs/campaigns/coiled.yaml configs/campaigns/measured_static.yaml || code=$$?; \
@@ -54,14 +54,14 @@ paper: .venv/program  # every shipped study, then runs/paper.html: the papers' t
 	$(BIN)/mapmore batch configs/campaigns/paper.yaml || code=$$?; \
 	$(BIN)/mapmore paper configs/papers/*.yaml && exit $$code
 
-motion: .venv/program  # the tables of docs/motion.md; one of them needs the measured recordings (docs/data.md)
+motion: .venv/formats  # the tables of docs/motion.md; one of them needs the measured recordings (docs/data.md)
 	$(BIN)/mapmore batch configs/campaigns/motion_sections.yaml configs/campaigns/coiled_motion.yaml configs/motion/dmsp-20-400-waveforms.yaml
 	$(BIN)/python docs/motion_tables.py runs
 
 peers: .venv/program .venv-bench/peers  # the table of docs/frols.md
 	$(BIN)/python docs/frols_tables.py .venv-bench/bin/python
 
-bench-id: .venv/program  # the tables of docs/benchmarks.md, which need the measured recordings (docs/data.md)
+bench-id: .venv/formats  # the tables of docs/benchmarks.md, which need the measured recordings (docs/data.md)
 	$(BIN)/python docs/benchmark_tables.py runs
 
 bench: .venv/program .venv-bench/peers
@@ -98,6 +98,10 @@ clean:
 .venv/program: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
 	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e .
+	touch $@
+
+.venv/formats: .venv/program  # readers of all files among the measured recordings
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[formats]"
 	touch $@
 
 .venv/development: .venv/program
