@@ -13,7 +13,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.fits import FormulaFit, Optimum
-from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.models import Formula, Model
 from mapmore_cli.domain.motion import MotionFit
 from mapmore_cli.domain.recording import DAMPING, STATIC_FORCE, Curve, Dataset
 from mapmore_cli.domain.results import Forecast
@@ -98,12 +98,13 @@ class Contest:
     def simple_beside(self, named: Collection[str]) -> tuple[str, ...]:
         """Return the simple competitors that the model allows and that are not `named` already.
 
-        They are polynomials of its inputs, its backbone, and an ARX where it runs over time.
+        They are polynomials of its inputs, its backbone where it is more than that, and an ARX where it runs over time.
         """
         coefficients = {name: comb(len(self._inputs) + degree, degree) for name, degree in simple.DEGREES.items() if self._inputs}
         samples = sum(int(curve.training.sum()) for curve in self.dataset.curves)
         polynomials = [name for name, count in coefficients.items() if count < samples]
-        backbone = ["backbone"] if self._backbone is not None and self._backbone.name not in named else []
+        beside = self._backbone is not None and not isinstance(self.model.body, Formula) and self._backbone.name not in named
+        backbone = ["backbone"] if beside else []
         found = (*polynomials, *backbone, *(["arx"] if runs_over_time(self.model) else []))
         return tuple(name for name in found if name not in named)
 

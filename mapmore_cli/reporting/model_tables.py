@@ -12,6 +12,7 @@ from mapmore_cli.domain.fits import FormulaFit, Optimum, SegmentFit
 from mapmore_cli.domain.models import Equation, FoldError
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.modelling.literature.identifiability import half_width
+from mapmore_cli.modelling.literature.own import units_of_parameters
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.table import Cell, Column, Table
 
@@ -141,6 +142,7 @@ def formulas_table(inputs: ReportInputs) -> Table:
         Column("status"),
         Column("parameter"),
         Column("value", "", "#.6g"),
+        Column("unit"),
         Column("standard error", "", ".3g"),
         Column("95 %, from", "", ".4g"),
         Column("to", "", ".4g"),
@@ -160,9 +162,12 @@ def formulas_table(inputs: ReportInputs) -> Table:
 def _formula_rows(name: str, role: str, formula: FormulaFit) -> list[tuple[Cell, ...]]:
     head: tuple[Cell, ...] = (name, role, formula.status.replace("_", " "))
     if formula.failed:
-        return [(*head, None, None, None, None, None, formula.method, None, None, formula.samples)]
+        return [(*head, None, None, None, None, None, None, formula.method, None, None, formula.samples)]
     tail: tuple[Cell, ...] = (formula.method, formula.rank, formula.condition, formula.samples)
-    return [(*head, key, value, formula.errors.get(key), *_interval(formula, key), *tail) for key, value in formula.parameters.items()]
+    units, errors = units_of_parameters(formula), formula.errors
+    return [
+        (*head, key, value, units.get(key), errors.get(key), *_interval(formula, key), *tail) for key, value in formula.parameters.items()
+    ]
 
 
 def _interval(formula: FormulaFit, parameter: str) -> tuple[float, float]:

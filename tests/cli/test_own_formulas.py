@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -66,6 +67,7 @@ def test_it_is_a_backbone_and_a_model_that_stands_alone(tmp_path: Path, mapmore:
 
 def test_a_formula_as_the_model_and_in_a_sum() -> None:
     alone = mm.fit(FRAME, formulas=[SAROSI], model={"type": "literature", "name": "our_sarosi"}, levels=STUDY["levels"])
+    assert {row["model"] for row in alone.scores} == {"mapmore", "plane", "quadratic", "cubic"}  # and not itself as a backbone
     assert alone.scores.of_model(split="train")["r2"] > 0.999
     assert "exp(-" in alone.equations[0].text
     pair = {"formula": "our_sarosi", "inputs": {"pressure": "pressure", "strain": "strain"}}
@@ -94,6 +96,15 @@ def test_constants_are_not_fitted_and_starts_are_taken() -> None:
     found = mm.fit(frame, formulas=[exact, started], validate={"against": against}, **STUDY)
     assert max(rows(found, "exact")) < 1e-9
     assert max(rows(found, "lm")) < 1e-6
+
+
+def test_units_of_parameters_are_shown(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    """In `show`, of a model and of a competitor, and on the page; a parameter without one has none."""
+    own = mm.fit(FRAME, name="muscle", formulas=[SAROSI], validate={"against": ["our_sarosi"]}, model={"backbone": "our_sarosi"}, **STUDY)
+    page = mm.run(own.to_yaml(tmp_path / "muscle.yaml"), tmp_path / "runs").page.read_text()
+    assert re.search(r"a1 = \S+ N, a2 = \S+ N, a3 = -?[\d.]+, a4", mapmore("show", tmp_path / "runs" / "muscle" / "fit.h5").stdout)
+    cells = re.findall(r"our_sarosi</th><td>(\w+)</td><td>[\w ]+</td><td>(a\d)</td><td[^>]*>[^<]*</td><td>([^<]*)</td>", page)
+    assert sorted(cells) == sorted((role, f"a{i}", "–" if i == 3 else "N") for role in ("backbone", "competitor") for i in range(1, 7))
 
 
 def test_a_changed_file_makes_the_fits_stale(tmp_path: Path) -> None:

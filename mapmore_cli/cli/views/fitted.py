@@ -69,10 +69,12 @@ def formula_document(formula: FormulaFit | None) -> dict[str, Any] | None:
 
 def formula_lines(formula: FormulaFit | None) -> tuple[str, ...]:
     """Its parameters in a line, and other minima that fit nearly as well."""
+    from mapmore_cli.modelling.literature.own import units_of_parameters
     from mapmore_cli.reporting.model_tables import rival_minima
 
     if formula is None:
         return ()
-    parameters = ", ".join(f"{name} = {value:.6g}" for name, value in formula.parameters.items())
+    units = units_of_parameters(formula)
+    parameters = ", ".join(f"{name} = {value:.6g} {units.get(name, '')}".rstrip() for name, value in formula.parameters.items())
     own = f"{formula.name} ({formula.status.replace('_', ' ')}, {formula.method}): {parameters}"
     return (own, *rival_minima(formula.name, formula))

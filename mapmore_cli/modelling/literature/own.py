@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import lru_cache
 
+from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling.expressions import ExpressionError, parse
 from mapmore_cli.modelling.literature.formula import RANDOM, Formula
 from mapmore_cli.modelling.literature.problem import Nonlinear
@@ -70,6 +71,11 @@ def formula_of(text: str) -> Formula:
         raise
     except (KeyError, TypeError, AttributeError, RecursionError, OverflowError) as error:
         raise ValueError(f"this defines no formula: {type(error).__name__}: {error}") from error
+
+
+def units_of_parameters(fit: FormulaFit) -> Mapping[str, str]:
+    """Return the units that a spec gives the parameters of its own formula; none for a formula of the literature."""
+    return formula_of(fit.definition).units if fit.definition else {}
 
 
 def _intervals(low: float, high: float) -> Iterator[tuple[float, float]]:

@@ -14,7 +14,7 @@ from mapmore_cli.spec.fields import Quantity, Section
 
 
 class FormulaParameter(Section):
-    """A parameter: its `unit`, for people; `bounds` between which it is sought, where the formula is not linear in it.
+    """A parameter: its `unit`, shown beside its value; `bounds` between which it is sought, where the formula is not linear in it.
 
     `start` is what `method: levenberg_marquardt` with `starts: given` begins from, once every fitted parameter has one. A `value` is a
     constant, which is not fitted.
