@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+import json
 import os
 import re
 import runpy
@@ -10,6 +12,8 @@ import sys
 from pathlib import Path
 
 import matplotlib.pyplot as plt
+import nbformat
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -25,6 +29,20 @@ def test_an_example_makes_its_picture(name: str, tmp_path: Path, monkeypatch: py
     runpy.run_path(str(GALLERY / f"{name}.py"))
     plt.close("all")
     assert "<svg" in (tmp_path / "picture.svg").read_text()
+
+
+def test_the_notebook_goes_from_a_frame_to_an_exported_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every cell runs, and the table that it reads back is the model on the held-out recording, but for the grid."""
+    monkeypatch.syspath_prepend(str(ROOT / "docs"))
+    notebook = importlib.import_module("notebook")
+    nbformat.validate(nbformat.read(notebook.NOTEBOOK, as_version=4))
+    cells, names = notebook.executed()
+    assert not any(output for cell in json.loads(notebook.NOTEBOOK.read_text())["cells"] for output in cell.get("outputs", []))
+    assert sum(bool(cell.get("outputs")) for cell in cells) >= 6
+    assert names["within"].mean() > 0.5
+    assert 0 < names["difference"] < 0.005 * np.ptp(names["predicted"])
+    by_model = {row["model"]: row["nrmse"] for row in names["model"].scores if row["split"] == "validate"}
+    assert by_model["mapmore"] == min(by_model.values()) < 0.015
 
 
 def test_the_gallery_has_enough() -> None:
@@ -44,8 +62,8 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.long
 def test_the_site_has_its_pages_and_every_local_link_its_target(site: Path) -> None:
-    for page in ("index.html", "cookbook.html", "python.html", "commands.html", "gallery/index.html", "gallery/bands.html"):
-        assert (site / page).is_file()
+    for page in ("index", "notebook", "cookbook", "python", "commands", "gallery/index", "gallery/bands"):
+        assert (site / f"{page}.html").is_file()
     for page in site.rglob("*.html"):
         for target in re.findall(r'(?:href|src)="([^"#:?]+)[^":]*"', page.read_text(encoding="utf-8")):
             assert page.name == "404.html" or (page.parent / target).exists(), (page.name, target)

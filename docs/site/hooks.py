@@ -1,4 +1,4 @@
-"""Make the gallery and the page of commands when the site is built."""
+"""Make the gallery, the notebook and the page of commands when the site is built."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-GALLERY = Path(__file__).resolve().parents[1] / "gallery"
+DOCS = Path(__file__).resolve().parents[1]
+GALLERY = DOCS / "gallery"
 PICTURES = Path(__file__).resolve().parents[2] / "build" / "gallery"
 HELPER = "muscle"
 
@@ -26,6 +27,12 @@ def picture(script: Path) -> Path:
         PICTURES.mkdir(parents=True, exist_ok=True)
         subprocess.run([sys.executable, script.name, str(place)], cwd=GALLERY, check=True, env={**os.environ, "MPLBACKEND": "agg"})
     return place
+
+
+def notebook() -> str:
+    """Return the executed notebook as a page; an interpreter of its own runs it, so that nothing here is changed by it."""
+    code = "import sys, notebook; sys.stdout.buffer.write(notebook.markdown().encode())"
+    return subprocess.run([sys.executable, "-c", code], cwd=DOCS, check=True, stdout=subprocess.PIPE).stdout.decode()
 
 
 def commands() -> str:
@@ -49,6 +56,7 @@ def on_files(files: Any, config: Any) -> Any:
     from mkdocs.structure.files import File
 
     files.append(File.generated(config, "commands.md", content=commands()))
+    files.append(File.generated(config, "notebook.md", content=notebook()))
     index = [
         "# Gallery",
         "",
