@@ -17,8 +17,9 @@ from mapmore_cli.storage.artefacts import read_model
 sys.path.insert(0, str(Path(__file__).parents[1] / "exporting"))
 from agreement import POINTS, agreement
 from inverse_agreement import TARGETS, inversion
+from replay import MEASURED, READERS, SIMULATED, TABLES, replayed
 
-PAGE = DOCS / "export.md"
+PAGE, CONFIGS = DOCS / "export.md", DOCS.parent / "configs"
 LIMIT = 1e-12
 M2_NANOSECONDS = 50.0
 LARGEST_ERROR = 1e-6
@@ -46,6 +47,25 @@ def test_a_study_made_anew_is_what_the_page_says(mapmore: Callable[..., Any], tm
         inverse = inversion(study, model, n=300)
         assert inverse.error < LARGEST_ERROR
         assert inverse.missed == 0
+
+
+REPLAYED = [SIMULATED[0], *(pytest.param(study, marks=pytest.mark.long) for study in (*SIMULATED[1:], *MEASURED))]
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no C compiler here")
+@pytest.mark.parametrize("study", REPLAYED)
+def test_held_out_recordings_replayed_by_others(mapmore: Callable[..., Any], tmp_path: Path, study: str, request: Any) -> None:
+    """Tables differ by their grid, as the page says; everything else by rounding alone."""
+    if study in MEASURED:
+        request.getfixturevalue("measured_data")
+    name = study.partition("/")[2]
+    assert mapmore("fuse", CONFIGS / f"{study}.yaml", "--runs", tmp_path, "-q").exit_code == 0
+    row = numbers(page_table("replays", PAGE)[name])
+    samples, found = replayed(tmp_path / name)
+    assert samples == row["samples"]
+    assert {reader for reader in READERS if found[reader] is not None} == {*row} - {"samples"}
+    for reader in {*row} - {"samples"}:
+        assert found[reader] == pytest.approx(row[reader], rel=0.06) if reader in TABLES else max(found[reader], row[reader]) < 1e-10
 
 
 def test_what_a_call_costs() -> None:

@@ -10,7 +10,6 @@ import zipfile
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import fmpy
 import numpy as np
@@ -20,11 +19,12 @@ from export_samples import FORMULAS, STATIC, WITH_MEMORY, pieces
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
+from replay import simulated
 
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.exporting.fmu import fmu_sources
-from mapmore_cli.modelling.kinds import fed_back, predict, program_of
+from mapmore_cli.modelling.kinds import predict, program_of
 from mapmore_cli.study.exports import exported
 
 needs_compiler = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler here")
@@ -47,27 +47,6 @@ def unit_of(model: Model, folder: Path) -> Path:
     ((name, data),) = exported(model, "fmu").items()
     (folder / name).write_bytes(data)
     return folder / name
-
-
-def simulated(model: Model, file: Path, columns: dict[str, np.ndarray], step: float) -> Any:
-    """What FMPy gets from a unit for a recording; its row k + 1 answers to the recording's row k."""
-    n = len(next(iter(columns.values())))
-    given = {quantity.name: columns[quantity.name] for quantity in model.inputs}
-    given |= {f"{name}_measured": columns[name] for name in fed_back(model)}
-    signals = np.zeros(n, dtype=[("time", float), *((name, float) for name in given)])
-    signals["time"] = np.arange(n) * step
-    for name, values in given.items():
-        signals[name] = values
-    found = fmpy.simulate_fmu(
-        str(file),
-        stop_time=n * step,
-        output_interval=step,
-        input=signals,
-        output=[model.output.name, "outside_range"],
-        fmi_type="CoSimulation",
-    )
-    assert len(found) == n + 1
-    return found
 
 
 def greatest_difference(found: np.ndarray, expected: np.ndarray) -> float:

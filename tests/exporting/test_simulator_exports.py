@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from replay import Lift, combi_tables, compiled
 from scipy.interpolate import RegularGridInterpolator
 from scipy.io import loadmat
 
@@ -58,19 +59,13 @@ def test_the_table_is_the_model(model: Any, tmp_path: Path) -> None:
 def test_modelica_reads_both_tables(model: Any) -> None:
     """By the grammar of ModelicaStandardTables: `#1`, then `double name(rows,columns)` and its numbers."""
     files = exported(model, "table", grid="pressure=100:300:50,strain=0:0.2:0.05")
-    text = next(text for name, text in files.items() if name.endswith(".txt")).decode()
-    assert text.startswith("#1\n")
-    tables = {}
-    for part in text.split("\ndouble ")[1:]:
-        head, _, body = part.partition("\n")
-        name, _, size = head.partition("(")
-        shape = tuple(map(int, size.rstrip(")").split(",")))
-        tables[name] = np.array(body.split(), dtype=float).reshape(shape)
+    tables = combi_tables(next(text for name, text in files.items() if name.endswith(".txt")).decode())
     assert set(tables) == {"force", "valid"}
-    np.testing.assert_allclose(tables["force"][1:, 0], [100, 150, 200, 250, 300])
-    np.testing.assert_allclose(tables["force"][0, 1:], [0, 0.05, 0.1, 0.15, 0.2])
+    (rows, columns), force = tables["force"]
+    np.testing.assert_allclose(rows, [100, 150, 200, 250, 300])
+    np.testing.assert_allclose(columns, [0, 0.05, 0.1, 0.15, 0.2])
     expected = predict(model, {"pressure": np.full(5, 150.0), "strain": np.array([0, 0.05, 0.1, 0.15, 0.2])})
-    np.testing.assert_allclose(tables["force"][2, 1:], expected, rtol=1e-14)
+    np.testing.assert_allclose(force[1], expected, rtol=1e-14)
 
 
 def test_the_python_file_needs_nothing(model: Any, tmp_path: Path) -> None:
@@ -93,15 +88,6 @@ def test_the_python_file_needs_nothing(model: Any, tmp_path: Path) -> None:
     np.testing.assert_array_equal(found[:, 3], outside_range(model, columns()))
 
 
-def compiled(files: dict[str, bytes], folder: Path, *extra: str) -> tuple[ctypes.CDLL, str]:
-    for name, data in files.items():
-        (folder / name).write_bytes(data)
-    sources = [name for name in files if name.endswith(".c") and "_main" not in name and "_inverse" not in name]
-    command = ["gcc", "-std=c99", "-Wall", "-Werror", "-shared", "-fPIC", "-o", "lib.so", *sources, *extra, "-lm"]
-    subprocess.run(command, cwd=folder, check=True)
-    return ctypes.CDLL(str(folder / "lib.so")), min(files, key=len).removesuffix(".c").removesuffix(".h")
-
-
 def test_simulinks_function_is_the_model(model: Any, tmp_path: Path) -> None:
     library, name = compiled(exported(model, "simulink"), tmp_path)
     for function in (force := getattr(library, f"{name}_force"), valid := getattr(library, f"{name}_valid")):
@@ -110,47 +96,19 @@ def test_simulinks_function_is_the_model(model: Any, tmp_path: Path) -> None:
     np.testing.assert_array_equal([valid(*row) for row in PLACES], ~outside_range(model, columns()))
 
 
-SCENE = """
-<mujoco>
-  <size nuser_actuator="2"/>
-  <option timestep="0.0005" integrator="implicitfast"/>
-  <worldbody>
-    <site name="top" pos="0 0 1"/>
-    <body name="load" pos="0 0 0.8">
-      <joint name="z" type="slide" axis="0 0 1" damping="60"/>
-      <geom size="0.02" mass="{mass}"/>
-      <site name="hook"/>
-    </body>
-  </worldbody>
-  <tendon><spatial name="muscle"><site site="top"/><site site="hook"/></spatial></tendon>
-  <actuator><general tendon="muscle" gaintype="fixed" gainprm="0" biastype="user" user="0.2 0"/></actuator>
-</mujoco>
-"""
-
-
 def test_mujoco_lifts_a_weight_with_the_muscle(model: Any, tmp_path: Path) -> None:
     """The C callback in MuJoCo: the weight comes to rest where `predict` has its weight, at every pressure."""
-    mujoco = pytest.importorskip("mujoco", reason="MuJoCo is an extra of development: pip install mujoco")
-    include = Path(mujoco.__file__).parent / "include"
-    library, name = compiled(exported(model, "mujoco"), tmp_path, f"-I{include}", "-Wno-pedantic")
-    callback = getattr(library, f"{name}_act_bias")
     mass = 12.0
-    world = mujoco.MjModel.from_xml_string(SCENE.format(mass=mass))
-    data = mujoco.MjData(world)
-    callback.restype, callback.argtypes = ctypes.c_double, [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int]
-    mujoco.set_mjcb_act_bias(lambda m, d, actuator: callback(m._address, d._address, actuator))
-    try:
+    with Lift(model, tmp_path, mass) as lift:
         for pressure in (200.0, 300.0):
-            data.ctrl[0] = pressure
+            lift.data.ctrl[0] = pressure
             for _ in range(6000):
-                mujoco.mj_step(world, data)
-            strain = 1 - data.actuator_length[0] / 0.2
-            assert abs(data.qvel[0]) < 1e-3
+                lift.mujoco.mj_step(lift.world, lift.data)
+            strain = 1 - lift.data.actuator_length[0] / 0.2
+            assert abs(lift.data.qvel[0]) < 1e-3
             assert 0.005 < strain < 0.3
             found = predict(model, {"pressure": np.array([pressure]), "strain": np.array([strain])})[0]
             assert found == pytest.approx(mass * 9.81, rel=1e-3)
-    finally:
-        mujoco.set_mjcb_act_bias(None)
 
 
 def test_what_a_simulator_cannot_hold() -> None:
