@@ -6,8 +6,10 @@ refined together with all coefficients in free run. From random starts few searc
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain, product
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +22,9 @@ from mapmore_cli.modelling.expressions.states import Measured, Operated, State, 
 
 DIGITS = 10
 """Significant digits of a number that was found; its standard error is far larger."""
+
+ALL = 64
+"""Sets of starting numbers up to which every one is tried."""
 
 AT_BOUND = 1e-6
 """Of the way between the bounds: a number so near to one lies on it."""
@@ -116,19 +121,23 @@ Error = Callable[[tuple[float, ...]], float]
 
 
 def scan(open_numbers: Unknown, error: Error, keep: int) -> list[tuple[float, ...]]:
-    """Return the `keep` best sets of numbers, the best first: each state over its grid in turn, the others as they are best so far."""
+    """Return the `keep` best sets of numbers, the best first: all sets where they are few, else each state over its grid in turn."""
     grids = open_numbers.grids()
+    if math.prod(map(len, grids)) <= ALL:
+        sets = [tuple(chain(*own)) for own in product(*grids)]
+        return sorted(sets, key=error)[:keep]
     best = [grid[len(grid) // 2] for grid in grids]
-    ranked: list[tuple[float, tuple[float, ...]]] = []
+
+    def filled(place: int, own: tuple[float, ...]) -> tuple[float, ...]:
+        return tuple(chain(*best[:place], own, *best[place + 1 :]))
+
+    ranked: list[tuple[float, ...]] = []
     for place, grid in enumerate(grids):
-        tried = []
-        for own in grid:
-            numbers = tuple(number for other, held in enumerate(best) for number in (own if other == place else held))
-            tried.append((error(numbers), own, numbers))
-        tried.sort(key=lambda one: one[0])
-        best[place] = tried[0][1]
-        ranked = [(one[0], one[2]) for one in tried]
-    return [numbers for _, numbers in ranked[:keep]]
+        ranked = sorted((filled(place, own) for own in grid), key=error)
+        size = len(grid[0])
+        before = sum(map(len, best[:place]))
+        best[place] = ranked[0][before : before + size]
+    return ranked[:keep]
 
 
 def _place(number: float, place: _Place) -> float:

@@ -63,14 +63,20 @@ def test_a_hysteretic_oscillator_is_found_again(operator, numbers, seed):
     assert np.abs(free_run(fit.model, {"u": u, "y": y}).values[2:] - y[2:]).max() < 1e-3 * np.ptp(y)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_a_slow_state_and_a_play_are_found_again(seed):
+@pytest.mark.parametrize("nested", [False, True])
+@pytest.mark.parametrize("seed", range(10))
+def test_a_slow_state_and_a_play_are_found_again(seed, nested):
+    """From a dictionary without a number: `a slow(x, tau) + b play(x, width)`, and `slow(play(x, width), tau)`."""
+    rng = np.random.default_rng(seed)
     x = wandering(1500, seed)
-    truth = along(OPERATORS["slow"], x, Setting((0.37,), STEP))
-    y = 2 * truth + along(OPERATORS["play"], x, Setting((0.1,), STEP, (x.min(), x.max())))
-    fit = fit_with_memory([record(x=x, y=y)], recipe_of("y", ["x", "slow(x)", "play(x, 0.1)"], max_terms=2))
-    assert fit.identified.names == ("tau of slow(x)",)
-    assert fit.identified.numbers == pytest.approx([0.37], rel=1e-4)
+    tau, width = float(np.exp(rng.uniform(np.log(0.05), np.log(3.0)))), float(rng.uniform(0.02, 0.35))
+    follows = along(OPERATORS["play"], x, Setting((width,), STEP, (x.min(), x.max())))
+    a, b = rng.uniform(0.5, 2.0, 2)
+    truth = along(OPERATORS["slow"], follows if nested else x, Setting((tau,), STEP))
+    y = a * truth if nested else a * truth + b * follows
+    dictionary = ["x", "slow(play(x))"] if nested else ["x", "slow(x)", "play(x)"]
+    fit = fit_with_memory([record(x=x, y=y)], recipe_of("y", dictionary, max_terms=1 if nested else 2))
+    assert fit.identified.numbers == pytest.approx([width, tau] if fit.identified.names[0].startswith("widths") else [tau, width], rel=0.01)
 
 
 def test_open_numbers_follow_terms_whatever_order_they_are_chosen_in():

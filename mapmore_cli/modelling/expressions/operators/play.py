@@ -10,7 +10,10 @@ from mapmore_cli.modelling.expressions.operator import Operator, Parameter, Recu
 WIDEST = 0.5
 """Half-width, as a fraction of the range, from which a play never follows."""
 
-WIDTHS = Parameter("widths", "1", "0.1", below=1.0)
+WIDTHS = Parameter("widths", "1", "0.1", below=1.0, between=lambda _step, _longest: (1e-3, WIDEST))
+
+STARTS = ((0.02,), (0.05,), (0.1,), (0.2,), (0.35,))
+"""Half-widths that a search begins from, as fractions of the range."""
 
 
 def recursion(setting: Setting) -> Recursion:
@@ -44,11 +47,12 @@ OPERATORS = (
     Operator(
         name="play",
         summary="`play` operators (backlash) on the quantities `of`. `widths` are half the slack as fractions of the training range; a "
-        "`count` of them is spread evenly.",
+        "`count` of them is spread evenly; training finds one that is given by neither.",
         recursion=recursion,
         along=lambda x, setting: play(x, setting.width),
         parameters=(WIDTHS,),
         needs="range",
+        starts=lambda _step, _longest: STARTS,
         spread=spread_widths,
     ),
 )

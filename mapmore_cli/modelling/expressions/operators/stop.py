@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mapmore_cli.modelling.expressions.operator import Operator, Recursion, Setting
-from mapmore_cli.modelling.expressions.operators.play import WIDTHS, play, spread_widths
+from mapmore_cli.modelling.expressions.operators.play import STARTS, WIDTHS, play, spread_widths
 
 
 def recursion(setting: Setting) -> Recursion:
@@ -19,11 +19,12 @@ OPERATORS = (
     Operator(
         name="stop",
         summary="`stop` operators (friction that sticks before it slips) on the quantities `of`. `widths` are half the way until it slips, "
-        "as fractions of the training range; a `count` of them is spread evenly.",
+        "as fractions of the training range; a `count` of them is spread evenly; training finds one that is given by neither.",
         recursion=recursion,
         along=lambda x, setting: x - play(x, setting.width),
         parameters=(WIDTHS,),
         needs="range",
+        starts=lambda _step, _longest: STARTS,
         spread=spread_widths,
     ),
 )
