@@ -78,9 +78,9 @@ SLIPS = [
     (MOTION, '"pressure*displacement[k-1]"', '"load*▸presure[k-1]"', ["no quantity `presure`", "did you mean `pressure`?"]),
     (MOTION, "exp(-play(pressure, 0.2)", "exp(-play(slow(▸presure, 1), 0.2)", ["no quantity `presure`"]),
     (MOTION, '"play(pressure, 0.16)"', '▸"plai(pressure, 0.16)"', ["not the name of a quantity or a state", "no operator"]),
-    (MOTION, '"play(pressure, 0.16)"', '"play(pressure▸)"', ["`play` takes 1 number(s)"]),
+    (MOTION, '"play(pressure, 0.16)"', '"play(pressure, 0.1, 0.2▸)"', ["`play` takes 0 or 1 number(s)"]),
     (MOTION, '"play(pressure, 0.16)"', '"pressure▸[k+1]"', ["a delay is written [k-1]"]),
-    (MOTION, "exp(-play(pressure, 0.2)/300)", "exp(-play(pressure▸)/300)", ["not an expression", "takes 1 number(s)"]),
+    (MOTION, "exp(-play(pressure, 0.2)/300)", "exp(-play(pressure, 0.1, 0.2▸)/300)", ["not an expression", "takes 0 or 1 number(s)"]),
     (FORCE, "of: [pressure, strain]", 'of: [pressure, "strain▸^2"]', ["not the name of a quantity or a state"]),
     (FORCE, "{polynomial: {of: [pressure, strain]", "{products: {with: [▸time], of: [pressure, strain]", ["`time` is none of the terms"]),
     # the target, by its past alone
@@ -139,7 +139,7 @@ def test_nothing_of_a_derived_target_can_be_fed_back(family: str, tmp_path: Path
 
 
 def test_a_family_of_wrong_form_hides_no_other_mistake_and_adds_none(tmp_path: Path) -> None:
-    text = FORCE.replace("[{polynomial", "[{play: {of: [pressure]}}, {polynomial").replace("order: 2}}]", "order: 2}}]\nfit: {ridge: auto}")
+    text = FORCE.replace("[{polynomial", "[{play: {of: [pressure], widths: [0.1], count: 2}}, {polynomial").replace("order: 2}}]", "order: 2}}]\nfit: {ridge: auto}")
     message = refusal(tmp_path, text.replace("strain], order", "strian], order"))
     assert "`play` takes either `widths` or `count`" in message
     assert "no quantity `strian`" in message

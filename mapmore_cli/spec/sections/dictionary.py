@@ -43,9 +43,9 @@ class OperatorFamily(Section):
     def _complete(self) -> OperatorFamily:
         name, parameters = self.operator.name, self.operator.parameters
         given = [getattr(self, key, None) is not None for key in (*(one.key for one in parameters[:1]), "count")]
-        if self.operator.spread is not None and (all(given) or not (any(given) or self.operator.found)):
+        if self.operator.spread is not None and all(given):
             key, example = parameters[0].key, parameters[0].example
-            raise Contradiction(f"`{name}` takes either `{key}` or `count`", f"give one of both, as `{key}: [{example}]`", "count", "of")
+            raise Contradiction(f"`{name}` takes either `{key}` or `count`", f"give one of them, as `{key}: [{example}]`", "count", "of")
         missing = [parameter.key for parameter in parameters if getattr(self, parameter.key) is None]
         if len(parameters) > 1 and 0 < len(missing) < len(parameters):
             remedy = f"add `{missing[0]}`, or leave all out: training then finds them"
