@@ -139,7 +139,8 @@ def test_nothing_of_a_derived_target_can_be_fed_back(family: str, tmp_path: Path
 
 
 def test_a_family_of_wrong_form_hides_no_other_mistake_and_adds_none(tmp_path: Path) -> None:
-    text = FORCE.replace("[{polynomial", "[{play: {of: [pressure], widths: [0.1], count: 2}}, {polynomial").replace("order: 2}}]", "order: 2}}]\nfit: {ridge: auto}")
+    text = FORCE.replace("[{polynomial", "[{play: {of: [pressure], widths: [0.1], count: 2}}, {polynomial")
+    text = text.replace("order: 2}}]", "order: 2}}]\nfit: {ridge: auto}")
     message = refusal(tmp_path, text.replace("strain], order", "strian], order"))
     assert "`play` takes either `widths` or `count`" in message
     assert "no quantity `strian`" in message
