@@ -21,8 +21,7 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.fitting.kinds.choices import model_choices
 from mapmore_cli.fitting.left_out import refitted, residuals
-from mapmore_cli.modelling.forecast import forecast
-from mapmore_cli.modelling.kinds import outside_range
+from mapmore_cli.modelling.kinds import forecast, outside_range
 from mapmore_cli.modelling.validation.intervals import half_widths_of
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.reporting.table import Cell, Column, Table

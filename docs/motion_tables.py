@@ -22,9 +22,8 @@ from mapmore_cli.domain.motion import CARRIED, HARD, ZERO, Motion, MotionSection
 from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.motion.bumpless import continued
 from mapmore_cli.modelling.motion.fitting import fit_motion
-from mapmore_cli.modelling.motion.measures import motion_errors
 from mapmore_cli.modelling.motion.problem import Bounds, MotionRecipe
-from mapmore_cli.modelling.motion.simulation import simulate
+from mapmore_cli.modelling.motion.simulation import motion_errors, simulate
 from mapmore_cli.reporting.campaign import nrmse_table
 from mapmore_cli.reporting.table import Cell, Column, Table
 from mapmore_cli.spec.campaign import Entry

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mapmore_cli.cli.ci import CiFiles, Junit, Summary
 from mapmore_cli.cli.console import NO_OVERRIDES, RUNS, AsJson, Force, Overrides, Quiet, Rehash, Runs, error_document, exit_code, message
+from mapmore_cli.cli.outputs import CiFiles, Junit, Summary
 from mapmore_cli.domain.errors import LimitMissed, RunWarning, UsageError, told
 
 if TYPE_CHECKING:

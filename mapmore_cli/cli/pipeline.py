@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mapmore_cli.cli.ci import CiFiles, Junit, Summary
 from mapmore_cli.cli.console import NO_OVERRIDES, RUNS, AsJson, Config, Explain, Force, Overrides, Quiet, Rehash, Runs, Verbose, print_view
+from mapmore_cli.cli.outputs import CiFiles, Junit, Summary
 from mapmore_cli.cli.views.files import of_stage, page_lines
 from mapmore_cli.cli.views.fitted import View
 from mapmore_cli.domain.errors import LimitMissed, told

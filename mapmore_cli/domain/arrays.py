@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import mmap
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,3 +23,40 @@ Value = Array | np.float64
 
 Columns = Mapping[str, Array]
 """Quantities by canonical name, each `(n,)`, row for row of one table."""
+
+
+ROWS = 1 << 17
+"""Samples of a block: one megabyte of a column."""
+
+
+def is_one_block(size: int) -> bool:
+    """Whether so many rows are no more than one block."""
+    return size <= ROWS
+
+
+def row_blocks(size: int, rows: int | None = None) -> Iterator[slice]:
+    """Slices that follow each other over `size` rows, of `rows` each but the last one."""
+    rows = rows or ROWS
+    return (slice(start, min(start + rows, size)) for start in range(0, size, rows))
+
+
+def in_blocks(*columns: Any, overlap: int = 0, rows: int | None = None) -> Iterator[Any]:
+    """Blocks of columns of one length, `(n,)` each: an array for one column, else a tuple of arrays.
+
+    Every block but the first begins with the last `overlap` rows of the one before.
+    """
+    for part in row_blocks(len(columns[0]), rows):
+        block = tuple(column[max(0, part.start - overlap) : part.stop] for column in columns)
+        yield block if len(columns) > 1 else block[0]
+        for column in columns:
+            give_back(column)
+
+
+def give_back(column: Any) -> None:
+    """Let go of the memory that a column mapped from a file takes; its values are read from the file again where they are needed."""
+    owner = column
+    while isinstance(owner, np.ndarray):
+        owner = owner.base
+    owner = owner.obj if isinstance(owner, memoryview) else owner
+    if isinstance(owner, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
+        owner.madvise(mmap.MADV_DONTNEED)

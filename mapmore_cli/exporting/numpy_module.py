@@ -12,8 +12,7 @@ from mapmore_cli.domain.foreign import docstring, identifiers
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.exporting.c_blocks import indented
-from mapmore_cli.exporting.dialect import NUMPY, Dialect, Expressions
-from mapmore_cli.exporting.names import PYTHON, identifier, names_of_inputs, renamed
+from mapmore_cli.exporting.dialect import NUMPY, PYTHON, Dialect, Expressions, identifier, names_of_inputs, renamed
 from mapmore_cli.modelling.kinds import program_of
 from mapmore_cli.modelling.program.statements import (
     Block,

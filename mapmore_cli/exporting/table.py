@@ -11,7 +11,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.models import Model
-from mapmore_cli.exporting.names import identifier, names_of_inputs
+from mapmore_cli.exporting.dialect import identifier, names_of_inputs
 from mapmore_cli.modelling.kinds import outside_range, predict, program_of, runs_over_time
 
 POINTS = 41

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mapmore_cli.domain.foreign import tex_comment, tex_text
 from mapmore_cli.domain.models import Model
-from mapmore_cli.exporting.names import identifier
+from mapmore_cli.exporting.dialect import identifier
 from mapmore_cli.modelling.kinds import equations
 
 

@@ -19,7 +19,7 @@ from mapmore_cli.fitting import kinds
 from mapmore_cli.fitting.competitors import Contest, Forecasts
 from mapmore_cli.fitting.kinds import maker_of
 from mapmore_cli.fitting.kinds.choices import ModelChoices
-from mapmore_cli.modelling.forecast import forecast
+from mapmore_cli.modelling.kinds import forecast
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS, block, in_curve
 from mapmore_cli.modelling.validation.intervals import Training, summary
 from mapmore_cli.storage.run_folder import RunFiles

@@ -198,7 +198,7 @@ def refit(choices: ModelChoices, dataset: Dataset) -> Any:
 
 def _left_out(choices: ModelChoices, dataset: Dataset, fold: Masks, rows: Sequence[BoolArray] | None) -> tuple[Array, BoolArray]:
     """Errors of the model without a fold on the samples of the fold, and which of them it predicts; of an even share of `rows`."""
-    from mapmore_cli.modelling.forecast import forecast
+    from mapmore_cli.modelling.kinds import forecast
 
     curves = tuple(replace(curve, held_out=out) for curve, out in zip(dataset.curves, fold, strict=True))
     model = refit(choices, replace(dataset, curves=curves))

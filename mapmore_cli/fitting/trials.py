@@ -12,7 +12,7 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.fitting.kinds import refitted
 from mapmore_cli.fitting.kinds.choices import ModelChoices, level_of
-from mapmore_cli.modelling.forecast import forecast
+from mapmore_cli.modelling.kinds import forecast
 from mapmore_cli.modelling.validation.metrics import divisor
 
 FEWEST_INNER = 3

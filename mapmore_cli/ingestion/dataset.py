@@ -10,11 +10,20 @@ from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import DAMPING, STATIC_FORCE, Dataset, Quantity, Recording
 from mapmore_cli.fitting.stage import Progress
-from mapmore_cli.ingestion.curves import cut_by_level, join_branches, joined_curves, level_set, with_scatter
+from mapmore_cli.ingestion.curves import (
+    PLATEAU,
+    cut_by_level,
+    join_branches,
+    joined_curves,
+    level_set,
+    static_model,
+    with_damping,
+    with_plateau,
+    with_scatter,
+)
 from mapmore_cli.ingestion.files import IngestSlice, Meter, Source, find_sources
 from mapmore_cli.ingestion.recording import ReadLog, read_recordings
 from mapmore_cli.ingestion.split import held_out, meant_levels
-from mapmore_cli.ingestion.steps import PLATEAU, static_model, with_damping, with_plateau
 from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.spec.sections.logs import FileEntry
 

@@ -20,7 +20,8 @@ from mapmore_cli import modelling
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Equation, Model, Sum
-from mapmore_cli.domain.results import Run
+from mapmore_cli.domain.recording import Curve
+from mapmore_cli.domain.results import Forecast, Run
 from mapmore_cli.modelling.ranges import outside
 
 if TYPE_CHECKING:
@@ -143,7 +144,7 @@ def program_of(model: Model) -> Program:
 
     Raises DataError where a part of the model is no closed expression, and where a coefficient is too large to be a number.
     """
-    from mapmore_cli.modelling.program.model import program_of
+    from mapmore_cli.modelling.program.writing import program_of
 
     with _numbers_in_reach(model):
         return program_of(model)
@@ -173,3 +174,28 @@ def slopes(model: Model, columns: Columns) -> dict[str, Array]:
 
     _, *found = evaluator(with_slopes(program_of(model)))(columns)
     return {quantity.name: slope for quantity, slope in zip(model.inputs, found, strict=True)}
+
+
+def forecast(model: Model, curve: Curve, target: str | None = None) -> Forecast:
+    """Predict every sample of a curve, recording by recording; raises as `kinds.predict`, naming the recording.
+
+    Where the `target` is not what the model predicts but one of its inputs, the model is inverted for it (`inverse.solve_for_input`).
+    """
+    if target is not None and target != model.output.name:
+        from mapmore_cli.modelling.inverse import solve_for_input
+
+        return Forecast.of(solve_for_input(model, curve.columns, target).values)
+    if not runs_over_time(model):
+        return Forecast.of(predict(model, curve.columns))
+    from mapmore_cli.modelling.memory.records import AtSample
+
+    values, one_step, ready = np.empty(curve.size), np.empty(curve.size), np.empty(curve.size, dtype=np.bool_)
+    for log, rows in enumerate(curve.logs):
+        columns = {name: column[rows] for name, column in curve.columns.items()}
+        try:
+            one_step[rows] = one_step_ahead(model, columns)
+            values[rows] = simulate(model, columns).values
+        except AtSample as error:
+            raise DataError(f"{model.name} on {curve.recordings[log]}: {error.message}", error.remedy) from error
+    ready = np.isfinite(one_step)
+    return Forecast(values, ready, one_step)

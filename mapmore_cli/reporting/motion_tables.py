@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from mapmore_cli.domain.motion import HARD, Motion, MotionFit, MotionSection, SectionSearch
-from mapmore_cli.modelling.motion.measures import motion_errors
 from mapmore_cli.modelling.motion.sections import extent
+from mapmore_cli.modelling.motion.simulation import motion_errors
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.table import Cell, Column, Table
 

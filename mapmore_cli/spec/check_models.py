@@ -115,7 +115,7 @@ def sums(spec: ExperimentSpec) -> Iterator[Finding]:
 
 def _sum(spec: ExperimentSpec, parts: Sequence[Summand], loc: Loc) -> Iterator[Finding]:
     from mapmore_cli.modelling import literature
-    from mapmore_cli.modelling.sums.build import refuse_shared_names
+    from mapmore_cli.modelling.sums.joint import refuse_shared_names
 
     known = []
     for i, part in enumerate(parts):

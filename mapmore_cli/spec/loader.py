@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import takewhile
@@ -12,13 +12,55 @@ from typing import Generic, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from mapmore_cli.spec import semantics
+from mapmore_cli.spec import check_dictionary, check_memory, check_models, check_names, check_study, loader
 from mapmore_cli.spec.diagnostics import MOST_ERRORS, Finding, Mistake, explain, faulty, locate, new_places, raise_if_any, unknown_keys
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.fields import PARTIAL, moved, resolve
 from mapmore_cli.spec.layers import apply, read, read_text, with_formulas
 from mapmore_cli.spec.tree import Kind, Loc, Node, nearest, plain, without
 from mapmore_cli.spec.yaml_loader import dump, escaped
+
+CHECKS = (
+    check_names.names,
+    check_names.derived,
+    check_names.clocks,
+    check_names.expressions,
+    check_dictionary.terms,
+    check_study.levels,
+    check_study.groups,
+    check_study.after_cycles,
+    check_study.boundaries_by_fits,
+    check_study.joining,
+    check_study.chosen_backbone,
+    check_study.turned,
+    check_study.held_out,
+    check_study.target,
+    check_study.own_formulas,
+    check_study.formulas,
+    check_study.metrics,
+    check_study.units,
+    check_models.sums,
+    check_models.needed_runs,
+    check_models.plateaus,
+    check_models.families,
+    check_models.directions,
+    check_models.training_level,
+    check_models.load_cycle_formulas,
+    check_models.composites,
+    check_memory.time,
+    check_memory.segments,
+    check_memory.settings,
+    check_models.time,
+    check_models.quantities,
+    check_models.sections,
+)
+
+
+def findings(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Every mistake of an experiment whose form is right."""
+    for check in CHECKS:
+        yield from check(spec)
+
 
 M = TypeVar("M", bound=BaseModel)
 Check = Callable[[M], Iterable[Finding]]
@@ -69,7 +111,7 @@ def load(path: Path, overrides: Sequence[str] = ()) -> LoadedSpec:
     Raises SpecError for every mistake at once, each with its place, the source line, and what would be right; UsageError for an override
     that is not of the form `key.path=value`.
     """
-    return load_as(path, ExperimentSpec, overrides, semantics.findings)
+    return load_as(path, ExperimentSpec, overrides, loader.findings)
 
 
 def load_as(path: Path, model: type[M], overrides: Sequence[str] = (), check: Check[M] = lambda _: ()) -> Loaded[M]:
@@ -81,7 +123,7 @@ def load_as(path: Path, model: type[M], overrides: Sequence[str] = (), check: Ch
 def load_text(text: str, name: str, folder: Path) -> LoadedSpec:
     """Return an experiment spec as YAML that no file holds; messages call it `name`, paths start at `folder`. Raises as `load`."""
     problems: list[Mistake] = []
-    return _valid(read_text(text, name, folder, problems), folder / name, ExperimentSpec, (), semantics.findings, problems)
+    return _valid(read_text(text, name, folder, problems), folder / name, ExperimentSpec, (), loader.findings, problems)
 
 
 def _valid(written: Node, path: Path, model: type[M], overrides: Sequence[str], check: Check[M], problems: list[Mistake]) -> Loaded[M]:

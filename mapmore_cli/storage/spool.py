@@ -18,7 +18,7 @@ from weakref import WeakSet
 
 import numpy as np
 
-from mapmore_cli.domain.blocks import in_blocks, is_one_block, row_blocks
+from mapmore_cli.domain.arrays import in_blocks, is_one_block, row_blocks
 from mapmore_cli.storage.atomic import refusals_told
 
 LONG = 8_000_000

@@ -77,7 +77,7 @@ def test_what_the_driver_must_notice(tmp_path: Path) -> None:
                 os.kill(os.getpid(), signal.SIGKILL)
         return "fine"
 
-    found = explore(Target("driver", attempt, ("modelling/expressions/errors.py",), longest=1), 6, 16, tmp_path, traced=0)
+    found = explore(Target("driver", attempt, ("modelling/expressions/syntax.py",), longest=1), 6, 16, tmp_path, traced=0)
     assert found.outcomes == {"fine": 2, "FAULT": 4}
     assert [fault.split(": ", 1)[1].split(" (")[0] for fault in found.faults] == [
         "Fault: this one",
@@ -94,7 +94,7 @@ def test_ctrl_c_keeps_what_was_found(tmp_path: Path, monkeypatch: pytest.MonkeyP
             raise KeyboardInterrupt
 
     monkeypatch.setattr(driver, "SILENCE", -1)
-    found = explore(Target("driver", lambda *_: "fine", ("modelling/expressions/errors.py",)), 9, 16, tmp_path, traced=0, tell=tell)
+    found = explore(Target("driver", lambda *_: "fine", ("modelling/expressions/syntax.py",)), 9, 16, tmp_path, traced=0, tell=tell)
     assert found.interrupted
     assert found.outcomes == {"fine": 2}
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
-from mapmore_cli.cli.views import moving, remembering
+from mapmore_cli.cli.views import models, remembering
 
 if TYPE_CHECKING:
     from mapmore_cli.reporting.table import Table
@@ -36,13 +36,13 @@ def of_fit(result: FitResult) -> View:
     document = {
         "segments": [segment_document(fit, fit.selection) for fit in result.pieces],
         "memory": remembering.fit_document(result.memory),
-        "motion": moving.fit_document(result.motion),
+        "motion": models.fit_document(result.motion),
         "backbone": formula_document(result.formula),
         "notes": result.notes,
     }
     tables = [terms_table(result)] if result.pieces else []
     tables += remembering.fit_tables(result.memory) if result.memory is not None else ()
-    tables += moving.fit_tables(result.motion) if result.motion is not None else ()
+    tables += models.fit_tables(result.motion) if result.motion is not None else ()
     return View(document, tuple(tables), (*formula_lines(result.formula), *result.notes))
 
 

@@ -17,8 +17,7 @@ from mapmore_cli.fitting.kinds.choices import FitChoices, ModelChoices
 from mapmore_cli.fitting.stage import Workspace
 from mapmore_cli.modelling.expressions import Name, parse
 from mapmore_cli.modelling.literature.backbone import pooled_training
-from mapmore_cli.modelling.sums.build import refuse_shared_names, sum_of
-from mapmore_cli.modelling.sums.joint import Summand, fit_jointly, split
+from mapmore_cli.modelling.sums.joint import Summand, fit_jointly, refuse_shared_names, split, sum_of
 from mapmore_cli.spec.sections import model as sections
 from mapmore_cli.storage.run_folder import RunFiles
 

@@ -18,7 +18,7 @@ from mapmore_cli.modelling.frols.criteria import fewest, information_criterion
 from mapmore_cli.modelling.frols.moments import Moments, Standard, moments, standard, standardised, uncentred
 from mapmore_cli.modelling.frols.ridge import LEAST_RIDGE, Regularised, choose_ridge, prune, ridge_press, select, substitutes
 from mapmore_cli.modelling.memory.recipe import MemoryRecipe
-from mapmore_cli.modelling.memory.regressors import Regressors
+from mapmore_cli.modelling.memory.training import Regressors
 from mapmore_cli.modelling.selection import Stop
 
 FOLDS = 4

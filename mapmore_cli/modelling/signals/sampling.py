@@ -9,8 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
-from mapmore_cli.domain.blocks import in_blocks
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray, in_blocks
 
 
 def correlation(first: Array, second: Array) -> float:

@@ -12,9 +12,9 @@ from mapmore_cli.domain.models import Equation, Model, Part, Sum
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling import kinds
 from mapmore_cli.modelling.expressions import Expression, Name, Number, evaluate, parse, substitute, to_latex, to_text
-from mapmore_cli.modelling.program.model import write as write_any
 from mapmore_cli.modelling.program.statements import Limit
 from mapmore_cli.modelling.program.writing import Inputs, Writer, times, total
+from mapmore_cli.modelling.program.writing import write as write_any
 
 
 def simulate(model: Model, columns: Columns) -> Run:

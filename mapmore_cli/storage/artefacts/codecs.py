@@ -22,7 +22,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from mapmore_cli.domain.blocks import give_back, in_blocks, row_blocks
+from mapmore_cli.domain.arrays import give_back, in_blocks, row_blocks
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.foreign import is_one_line
 from mapmore_cli.storage.artefacts.integrity import MOST_KEYS, Digest, Invalid, is_unicode, stored_at, texts_of, valid_text

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mapmore_cli.domain.blocks import in_blocks
+from mapmore_cli.domain.arrays import in_blocks
 from mapmore_cli.domain.foreign import is_one_line
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from mapmore_cli.domain.scores import OWN, Score, deciding
 from mapmore_cli.fitting.kinds import refitted
 from mapmore_cli.fitting.kinds.choices import model_choices
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.forecast import forecast
+from mapmore_cli.modelling.kinds import forecast
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.pieces.backbone_choice import FEW
 from mapmore_cli.modelling.selection import AUTO

@@ -11,7 +11,7 @@ import numpy as np
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.scores import Score
-from mapmore_cli.modelling.motion.measures import last_wavelength
+from mapmore_cli.modelling.motion.simulation import last_wavelength
 from mapmore_cli.reporting.table import Cell, Column, Table
 from mapmore_cli.spec.paper import Ours
 from mapmore_cli.storage.run_folder import RunFiles

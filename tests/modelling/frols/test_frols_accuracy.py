@@ -96,9 +96,9 @@ def test_nearly_dependent_columns_keep_their_digits(n, share):
 
 def test_the_normal_equations_alone_would_have_failed(monkeypatch):
     """What their guard is there for: without it the order is right, and the last ERR wrong by a large part."""
-    monkeypatch.setattr("mapmore_cli.modelling.frols.gram.PIVOT_TOLERANCE", 0.0)
-    monkeypatch.setattr("mapmore_cli.modelling.frols.gram.GramRemainders._clear_winner", lambda *_: True)
-    monkeypatch.setattr("mapmore_cli.modelling.frols.gram.GramRemainders._renew", lambda *_: None)
+    monkeypatch.setattr("mapmore_cli.modelling.frols.engine.PIVOT_TOLERANCE", 0.0)
+    monkeypatch.setattr("mapmore_cli.modelling.frols.engine.GramRemainders._clear_winner", lambda *_: True)
+    monkeypatch.setattr("mapmore_cli.modelling.frols.engine.GramRemainders._renew", lambda *_: None)
     x, P = powers(0.5, 1.5)
     y = TARGETS["sine"](x)
     _, err = exact_frols(P, y, 10)

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from motion_samples import STEP
 
-from mapmore_cli.modelling.motion.measures import last_wavelength, motion_errors, velocity
+from mapmore_cli.modelling.motion.simulation import last_wavelength, motion_errors, velocity
 
 
 @given(st.integers(5, 40), st.integers(2, 5), st.integers(0, 30), st.integers(0, 2**31))

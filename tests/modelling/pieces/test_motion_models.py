@@ -17,7 +17,7 @@ from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import CutByDirection, Recipe
 from mapmore_cli.modelling.pieces.segmentation import trained_at
 from mapmore_cli.modelling.signals.plateau import damping_component
-from mapmore_cli.modelling.sums.build import sum_of
+from mapmore_cli.modelling.sums.joint import sum_of
 
 QUANTITIES = {
     name: Quantity(name, unit)

@@ -15,8 +15,7 @@ from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.kinds import equations, outside_range, predict
 from mapmore_cli.modelling.literature import get
 from mapmore_cli.modelling.sums import joint
-from mapmore_cli.modelling.sums.build import refuse_shared_names, sum_of
-from mapmore_cli.modelling.sums.joint import Summand, fit_jointly, joint_formula, split
+from mapmore_cli.modelling.sums.joint import Summand, fit_jointly, joint_formula, refuse_shared_names, split, sum_of
 
 FORCE = Quantity("force", "N")
 NAMES = ("F", "a0", "a1", "a2", "b0", "c0", "c1")

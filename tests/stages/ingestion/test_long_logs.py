@@ -15,7 +15,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from ingest_samples import COLUMNS, csv_text, spec_of
 
-from mapmore_cli.domain import blocks
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.ingestion.dataset import build_dataset
 from mapmore_cli.ingestion.files import slice_of
@@ -136,7 +135,7 @@ def test_blocks_give_what_the_whole_gives(
     (tmp_path / "spool").mkdir(exist_ok=True)
     with pytest.MonkeyPatch.context() as patch:
         at_once = outcome(tmp_path, data)
-        patch.setattr(blocks, "ROWS", rows)
+        patch.setattr(arrays, "ROWS", rows)
         patch.setattr(lines, "BLOCK", characters)
         patch.setattr(spool, "LONG", 0)
         with spool.spooling_in(tmp_path / "spool"):
@@ -156,11 +155,11 @@ def test_the_file_has_the_same_bytes(tmp_path: Path, spooled: Path, monkeypatch:
     monkeypatch.setattr(codecs, "LONG", 5)
     monkeypatch.setattr(codecs, "HUGE", huge)
     write_dataset(tmp_path / "at_once.h5", build_dataset(part, tmp_path))
-    monkeypatch.setattr(blocks, "ROWS", 7)
+    monkeypatch.setattr(arrays, "ROWS", 7)
     monkeypatch.setattr(spool, "LONG", 0)
-    write_dataset(tmp_path / "blocks.h5", build_dataset(part, tmp_path))
-    assert (tmp_path / "blocks.h5").read_bytes() == (tmp_path / "at_once.h5").read_bytes()
-    write_dataset(tmp_path / "again.h5", read_dataset(tmp_path / "blocks.h5"))
+    write_dataset(tmp_path / "arrays.h5", build_dataset(part, tmp_path))
+    assert (tmp_path / "arrays.h5").read_bytes() == (tmp_path / "at_once.h5").read_bytes()
+    write_dataset(tmp_path / "again.h5", read_dataset(tmp_path / "arrays.h5"))
     assert (tmp_path / "again.h5").read_bytes() == (tmp_path / "at_once.h5").read_bytes()
     assert not list(spooled.iterdir())
 
@@ -178,7 +177,7 @@ def test_a_long_log_takes_the_memory_of_its_blocks(tmp_path: Path, spooled: Path
         "split": {"validate": {"strain": {"between": [[0.1, 0.12]]}}},
     }
     part = slice_of(spec_of(data))
-    monkeypatch.setattr(blocks, "ROWS", rows)
+    monkeypatch.setattr(arrays, "ROWS", rows)
     monkeypatch.setattr(spool, "LONG", 8 * rows)
     monkeypatch.setattr(codecs, "HUGE", rows)
     monkeypatch.setattr(lines, "BLOCK", 4 * rows)
@@ -221,7 +220,7 @@ def test_a_disk_without_room_for_a_column_is_told(tmp_path: Path) -> None:
 
 
 def test_more_columns_than_files_may_be_open_stay_in_memory(spooled: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(blocks, "ROWS", 4)
+    monkeypatch.setattr(arrays, "ROWS", 4)
     monkeypatch.setattr(spool, "LONG", 0)
     monkeypatch.setattr(spool, "MOST", 2)
     columns = [spool.counted(lambda rows, k=k: rows + k, 10) for k in range(4)]
@@ -236,7 +235,7 @@ def test_more_columns_than_files_may_be_open_stay_in_memory(spooled: Path, monke
 def test_what_is_between_blocks_is_seen(steps: list[float], rows: int) -> None:
     time = np.cumsum([0.0, *steps])
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(blocks, "ROWS", rows)
+        patch.setattr(arrays, "ROWS", rows)
         found = find_resets(time), find_gaps(time, 1.0), typical_step(time)
     differences = np.diff(time)
     assert found[0].tolist() == np.flatnonzero(differences < 0).tolist()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mapmore_cli.domain.blocks import in_blocks
+from mapmore_cli.domain.arrays import in_blocks
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
 from mapmore_cli.storage.artefacts.codecs import shown
 from mapmore_cli.storage.artefacts.label import NO_UNIT
