@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
-from mapmore_cli.cli.views import models, remembering
+from mapmore_cli.cli.views import running
 
 if TYPE_CHECKING:
     from mapmore_cli.reporting.table import Table
@@ -35,14 +35,14 @@ def of_fit(result: FitResult) -> View:
 
     document = {
         "segments": [segment_document(fit, fit.selection) for fit in result.pieces],
-        "memory": remembering.fit_document(result.memory),
-        "motion": models.fit_document(result.motion),
+        "memory": running.memory_fit_document(result.memory),
+        "motion": running.motion_fit_document(result.motion),
         "backbone": formula_document(result.formula),
         "notes": result.notes,
     }
     tables = [terms_table(result)] if result.pieces else []
-    tables += remembering.fit_tables(result.memory) if result.memory is not None else ()
-    tables += models.fit_tables(result.motion) if result.motion is not None else ()
+    tables += running.memory_fit_tables(result.memory) if result.memory is not None else ()
+    tables += running.motion_tables(result.motion) if result.motion is not None else ()
     return View(document, tuple(tables), (*formula_lines(result.formula), *result.notes))
 
 

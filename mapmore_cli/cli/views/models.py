@@ -6,12 +6,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from mapmore_cli.cli.views import remembering
+from mapmore_cli.cli.views import running
 from mapmore_cli.cli.views.fitted import View, formula_document, formula_lines, segment_document
 from mapmore_cli.domain.models import CurveFunction, CurveRange, Formula, Fusion, Memory, Model, Pieces, StateSpace, Sum
 
 if TYPE_CHECKING:
-    from mapmore_cli.domain.motion import Motion, MotionFit
     from mapmore_cli.reporting.table import Table
 
 
@@ -80,20 +79,20 @@ def _memory(model: Model) -> Shown:
     body = model.body
     assert isinstance(body, Memory)
     document = {
-        "memory": remembering.model_document(body.model),
+        "memory": running.memory_document(body.model),
         "backbone": formula_document(body.backbone),
         "limits": _limits(body.ranges),
     }
-    return Shown(document, remembering.model_tables(body.model), remembering.running_lines(body.model))
+    return Shown(document, running.memory_tables(body.model), running.memory_lines(body.model))
 
 
 def _state_space(model: Model) -> Shown:
-    from mapmore_cli.cli.views import models
+    from mapmore_cli.cli.views import running
 
     body = model.body
     assert isinstance(body, StateSpace)
-    document = {"motion": models.model_document(body.motion), "limits": _limits(body.ranges)}
-    return Shown(document, lines=models.running_lines(body.motion))
+    document = {"motion": running.motion_document(body.motion), "limits": _limits(body.ranges)}
+    return Shown(document, lines=running.motion_lines(body.motion))
 
 
 def _sum(model: Model) -> Shown:
@@ -159,36 +158,3 @@ def of_adapted(model: Model, path: str) -> View:
     columns = (Column("scale"), Column("value"), Column("standard error"))
     document = {"model": path, "parameters": fit.parameters, "errors": fit.errors, "samples": fit.samples, "notes": model.notes}
     return View(document, (Table("adapted", f"{model.name}, adapted", columns, rows, model.notes),), (f"model: {path}",))
-
-
-def model_document(motion: Motion) -> dict[str, Any]:
-    """Return the model as it is stored, with the poles (real and imaginary parts) and the gain of every section."""
-    derived = ({"poles": [[pole.real, pole.imag] for pole in section.poles], "gain": section.gain} for section in motion.sections)
-    sections = [{**asdict(section), **more} for section, more in zip(motion.sections, derived, strict=True)]
-    return {**asdict(motion), "sections": sections}
-
-
-def fit_document(fit: MotionFit | None) -> dict[str, Any] | None:
-    """Return the same, with how its sections were found."""
-    if fit is None:
-        return None
-    return {**model_document(fit.model), "solver": fit.solver, "searches": [asdict(search) for search in fit.searches]}
-
-
-def fit_tables(fit: MotionFit) -> tuple[Table, ...]:
-    """Return the sections with their searches."""
-    from mapmore_cli.reporting.motion_tables import sections_table
-
-    return (sections_table({"mapmore": fit}, ""),)
-
-
-def running_lines(motion: Motion) -> tuple[str, ...]:
-    """How the model is run."""
-    ways = {
-        "hard": "every section runs, the active one's output is taken",
-        "carried": "sections hand one state on",
-        "bumpless": "sections share one state, and meet at their boundaries",
-    }
-    at = ", ".join(f"{boundary:g}" for boundary in motion.boundaries)
-    places = f"Sections meet at {motion.input} {at}. " if at else ""
-    return (f"{places}Switching: {motion.switching} ({ways[motion.switching]}), at steps of {motion.step:.6g} s, from {motion.start}.",)

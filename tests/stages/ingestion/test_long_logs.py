@@ -15,6 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from ingest_samples import COLUMNS, csv_text, spec_of
 
+from mapmore_cli.domain import arrays
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.ingestion.dataset import build_dataset
 from mapmore_cli.ingestion.files import slice_of
