@@ -23,7 +23,8 @@ OTHERS = (
     *("batch", "tune", "plan", "predict", "adapt", "invert", "freeze", "compare", "export", "figure", "paper"),
     *("simulate", "show", "init", "example", "check", "schema"),
 )
-MODULES = {**dict.fromkeys(STAGES, "pipeline"), **{name: name for name in OTHERS}}
+IN_ONE_FILE = {**dict.fromkeys(STAGES, "pipeline"), **dict.fromkeys(("simulate", "example", "show", "freeze", "schema"), "files")}
+MODULES = {name: IN_ONE_FILE.get(name, name) for name in (*STAGES, *OTHERS)} | dict.fromkeys(("adapt", "invert"), "predict")
 """The module of `cli/` that has the function of each command, which bears its name."""
 
 AS_JSON = "mapmore.json"

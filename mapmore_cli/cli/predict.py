@@ -1,4 +1,4 @@
-"""`mapmore predict`: evaluate a model on a table, or on a grid."""
+"""`mapmore predict`, `invert` and `adapt`: a model on a table or on a grid, inverted, or for one specimen."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
-from mapmore_cli.cli.console import Quiet, Unverified
+from mapmore_cli.cli.console import AsJson, Quiet, Unverified
 from mapmore_cli.domain.errors import MapmoreError, UsageError
 
 if TYPE_CHECKING:
@@ -142,3 +142,68 @@ def write_lines(lines: Iterator[str], output: Path) -> None:
         cast(io.TextIOWrapper, sys.stdout).reconfigure(encoding="utf-8", errors=TEXT_ERRORS, newline="")
     with nullcontext(sys.stdout) if output == STANDARD else replaced(output) as stream:
         stream.writelines(lines)
+
+
+def invert(
+    model_file: Annotated[Path, typer.Argument(metavar="MODEL", help="A model.h5 without memory.", show_default=False)],
+    table: Annotated[
+        Path,
+        typer.Argument(metavar="TABLE", help="A CSV table of the wanted output and the other inputs; - is stdin.", show_default=False),
+    ],
+    name: Annotated[str, typer.Option("--for", metavar="INPUT", help="The input to solve for, as pressure.", show_default=False)],
+    rule: Annotated[str, typer.Option("--rule", help="Of several: lowest, or nearest to that of the row before.")] = "lowest",
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Where to write; - is stdout.")] = STANDARD,
+    quiet: Quiet = False,
+) -> None:
+    """Find the input for a wanted output.
+
+    <input>_found, <input>_solutions (all of them) and <input>_status (none, one, several or flat) are added, row for row.
+
+    Solutions are looked for within the training range. A flat one fills a range, as where a muscle is slack: its low end counts.
+    """
+    from mapmore_cli.cli.progress import Reporter
+    from mapmore_cli.storage.artefacts import read_model
+    from mapmore_cli.storage.text_streams import as_text, lines_of
+    from mapmore_cli.study.prediction.grid import inverted_lines
+
+    with Reporter(quiet) as reporter:
+        model = read_model(model_file, reporter.warn)
+        lines = as_text(sys.stdin.buffer) if table == STANDARD else lines_of(table, lambda _read, _size: None)
+        write_lines(inverted_lines(model, lines, "stdin" if table == STANDARD else str(table), name, rule), output)
+
+
+def adapt(
+    model_file: Annotated[Path, typer.Argument(metavar="MODEL", help="A model.h5 of a family.", show_default=False)],
+    table: Annotated[
+        Path | None,
+        typer.Argument(metavar="[TABLE]", help="A CSV table of a few measured points: pressure, strain and force.", show_default=False),
+    ] = None,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="The model to write.")] = Path("adapted.h5"),
+    given: Annotated[
+        list[str], typer.Option("--set", metavar="NAME=VALUE", help="What specimens differ in, as length=250 mm.", show_default=False)
+    ] = [],  # noqa: B006 - Typer makes a new list of what the user gives
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Adapt a family's model to a specimen by few points.
+
+    The specimen's force and strain each get a scale, with a prior of 1 +- 15 %. The model that is written is of pressure and strain, and
+    serves wherever a model does. Without a TABLE, it is that of the dimension alone.
+    """
+    import sys
+
+    from mapmore_cli.cli.console import print_view
+    from mapmore_cli.cli.progress import Reporter
+    from mapmore_cli.cli.views.models import of_adapted
+    from mapmore_cli.storage.artefacts import read_model, write_model
+    from mapmore_cli.storage.text_streams import as_text, lines_of
+    from mapmore_cli.study.adapting import adapt
+
+    with Reporter(quiet) as reporter:
+        family = read_model(model_file, reporter.warn)
+        lines = None
+        if table is not None:
+            lines = as_text(sys.stdin.buffer) if table == STANDARD else lines_of(table, lambda _read, _size: None)
+        model = adapt(family, lines, str(table), constants_of(family, given))
+    write_model(output, model)
+    print_view(of_adapted(model, str(output)), as_json)

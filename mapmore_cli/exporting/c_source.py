@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import UsageError
@@ -11,13 +11,10 @@ from mapmore_cli.domain.foreign import c_comment
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity, Signal
 from mapmore_cli.exporting.c_blocks import CBlocks, indented
-from mapmore_cli.exporting.c_inverse import InverseSource
 from mapmore_cli.exporting.dialect import DOUBLE, SINGLE, Dialect, Expressions, identifier, names_of_inputs, renamed
-from mapmore_cli.modelling.kinds import program_of
-from mapmore_cli.modelling.program.slopes import with_slopes
+from mapmore_cli.modelling.kinds import OUTSIDE_TOLERANCE, program_of
 from mapmore_cli.modelling.program.statements import Limit, Program
 from mapmore_cli.modelling.program.values import INPUT
-from mapmore_cli.modelling.ranges import OUTSIDE_TOLERANCE
 
 MOST_INPUTS = 14
 """Bits of the returned number, one for every input and one more: an `int` may have 16."""
@@ -276,30 +273,3 @@ def _of_signal(signal: Signal) -> str:
         f"{signal.name} is an input: the model was trained on the derivative of {signal.of} over a centred window of {signal.window!r} s, "
         "which looks ahead; on a controller give the derivative over the last samples."
     )
-
-
-@dataclass(frozen=True)
-class CSource:
-    """The files of a model in C, by name, and what its functions begin with."""
-
-    name: str
-    files: dict[str, str]
-
-
-def c_source(model: Model, single: bool = False) -> CSource:
-    """Header, source and a small program to try the model with; in single precision if so wished.
-
-    For a model without memory a second header and source have its derivatives and its inverse.
-
-    Raises
-    ------
-    UsageError
-        Where the model's name has nothing that C allows, or it has too many inputs.
-    DataError
-        Where a part of the model is no closed expression.
-    """
-    source = source_of(model, single)
-    name = source.name
-    files = {f"{name}.h": source.header(), f"{name}.c": source.source(), f"{name}_main.c": source.program()}
-    inverse = {} if source.with_memory else InverseSource(replace(source, code=with_slopes(source.code))).files()
-    return CSource(name, {**files, **inverse})

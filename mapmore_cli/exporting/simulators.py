@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.models import Model
-from mapmore_cli.exporting.c_source import c_source
+from mapmore_cli.exporting.c_inverse import c_source
 from mapmore_cli.exporting.dialect import identifier, names_of_inputs
 from mapmore_cli.modelling.kinds import runs_over_time
 

@@ -10,9 +10,10 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.domain.foreign import tex_comment, tex_text
 from mapmore_cli.domain.models import Model
 from mapmore_cli.exporting.dialect import identifier, names_of_inputs
-from mapmore_cli.modelling.kinds import outside_range, predict, program_of, runs_over_time
+from mapmore_cli.modelling.kinds import equations, outside_range, predict, program_of, runs_over_time
 
 POINTS = 41
 """Places along every input, where no grid is given."""
@@ -92,3 +93,12 @@ def _combi_table(model: Model, places: Mapping[str, Array], values: Array, valid
         lines.append(" ".join(["0", *(repr(float(place)) for place in columns)]))
         lines += [" ".join(repr(float(number)) for number in (place, *row)) for place, row in zip(rows, grid, strict=True)]
     return "\n".join([*lines, ""])
+
+
+def tex_equations(model: Model) -> tuple[str, str]:
+    """Return name and text of a file for `\\input`: one equation each, in the model's units, with what it is called before it."""
+    units = ", ".join(f"{quantity.name} in {quantity.unit}" for quantity in (model.output, *model.inputs))
+    lines = tex_comment(f"{model.name}: {units}")
+    for one in equations(model):
+        lines += [rf"\noindent {tex_text(one.id)}:", r"\[", f"  {one.latex}", r"\]"]
+    return f"{identifier(model.name)}.tex", "\n".join([*lines, ""])

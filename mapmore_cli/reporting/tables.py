@@ -16,10 +16,12 @@ from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.memory_tables import (
     error_parts_table,
     identified_table,
+    sections_table,
     sizes_table,
     starts_table,
     states_table,
     substitutes_table,
+    waveforms_table,
 )
 from mapmore_cli.reporting.model_tables import (
     coefficients_table,
@@ -29,7 +31,6 @@ from mapmore_cli.reporting.model_tables import (
     segments_table,
     terms_table,
 )
-from mapmore_cli.reporting.motion_tables import sections_table, waveforms_table
 from mapmore_cli.reporting.score_tables import curve_scores_table, score_table, search_table
 from mapmore_cli.reporting.table import Cell, Column, Table
 

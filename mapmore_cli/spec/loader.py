@@ -12,7 +12,7 @@ from typing import Generic, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from mapmore_cli.spec import check_dictionary, check_memory, check_models, check_names, check_study, loader
+from mapmore_cli.spec import check_dictionary, check_memory, check_models, check_names, check_study
 from mapmore_cli.spec.diagnostics import MOST_ERRORS, Finding, Mistake, explain, faulty, locate, new_places, raise_if_any, unknown_keys
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.fields import PARTIAL, moved, resolve
@@ -111,7 +111,7 @@ def load(path: Path, overrides: Sequence[str] = ()) -> LoadedSpec:
     Raises SpecError for every mistake at once, each with its place, the source line, and what would be right; UsageError for an override
     that is not of the form `key.path=value`.
     """
-    return load_as(path, ExperimentSpec, overrides, loader.findings)
+    return load_as(path, ExperimentSpec, overrides, findings)
 
 
 def load_as(path: Path, model: type[M], overrides: Sequence[str] = (), check: Check[M] = lambda _: ()) -> Loaded[M]:
@@ -123,7 +123,7 @@ def load_as(path: Path, model: type[M], overrides: Sequence[str] = (), check: Ch
 def load_text(text: str, name: str, folder: Path) -> LoadedSpec:
     """Return an experiment spec as YAML that no file holds; messages call it `name`, paths start at `folder`. Raises as `load`."""
     problems: list[Mistake] = []
-    return _valid(read_text(text, name, folder, problems), folder / name, ExperimentSpec, (), loader.findings, problems)
+    return _valid(read_text(text, name, folder, problems), folder / name, ExperimentSpec, (), findings, problems)
 
 
 def _valid(written: Node, path: Path, model: type[M], overrides: Sequence[str], check: Check[M], problems: list[Mistake]) -> Loaded[M]:

@@ -82,7 +82,7 @@ def motion_fit_document(fit: MotionFit | None) -> dict[str, Any] | None:
 
 def motion_tables(fit: MotionFit) -> tuple[Table, ...]:
     """Return the sections with their searches."""
-    from mapmore_cli.reporting.motion_tables import sections_table
+    from mapmore_cli.reporting.memory_tables import sections_table
 
     return (sections_table({"mapmore": fit}, ""),)
 

@@ -10,9 +10,10 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns, Value
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.modelling.expressions.errors import NotFinite
 from mapmore_cli.modelling.expressions.functions import FUNCTIONS
 from mapmore_cli.modelling.expressions.printing import to_text
-from mapmore_cli.modelling.expressions.syntax import Call, Expression, Name, NotFinite, Number, Power, Product, Sum
+from mapmore_cli.modelling.expressions.syntax import Call, Expression, Name, Number, Power, Product, Sum
 
 BLOCK = 8192
 """Rows at a time in a dictionary: shared powers of a block stay in the processor's cache, and memory stays bounded."""

@@ -18,23 +18,12 @@ import re
 from dataclasses import dataclass
 from functools import lru_cache
 
+from mapmore_cli.modelling.expressions.errors import ExpressionError
 from mapmore_cli.modelling.expressions.evaluation import constant_value
 from mapmore_cli.modelling.expressions.functions import FUNCTIONS
 from mapmore_cli.modelling.expressions.printing import to_text
 from mapmore_cli.modelling.expressions.states import opens_state, read_state
-from mapmore_cli.modelling.expressions.syntax import (
-    IDENTIFIER,
-    MAX_EXPONENT,
-    Expression,
-    ExpressionError,
-    Name,
-    Number,
-    add,
-    call,
-    multiply,
-    negate,
-    power,
-)
+from mapmore_cli.modelling.expressions.syntax import IDENTIFIER, MAX_EXPONENT, Expression, Name, Number, add, call, multiply, negate, power
 
 MAX_LENGTH = 10_000
 MAX_DEPTH = 50

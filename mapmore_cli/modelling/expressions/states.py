@@ -11,9 +11,9 @@ import math
 import re
 from dataclasses import dataclass
 
+from mapmore_cli.modelling.expressions.errors import ExpressionError
 from mapmore_cli.modelling.expressions.functions import FUNCTIONS
 from mapmore_cli.modelling.expressions.operators import OPERATORS
-from mapmore_cli.modelling.expressions.syntax import ExpressionError
 
 MAX_NESTING = 8
 MAX_STEPS = 1_000_000

@@ -14,31 +14,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeVar, dataclass_transform
 
-from mapmore_cli.domain.errors import DataError
+from mapmore_cli.modelling.expressions.errors import ExpressionError
 from mapmore_cli.modelling.expressions.functions import FUNCTIONS
 from mapmore_cli.modelling.expressions.states import state
-
-
-class ExpressionError(ValueError):
-    """Text that is no expression; `position` is the 0-based offset of the first character that does not fit."""
-
-    def __init__(self, message: str, position: int = 0) -> None:
-        super().__init__(message)
-        self.message = message
-        self.position = position
-
-
-class NotFinite(DataError, ValueError):
-    """A term without a finite value on a row of the data: `term` is its text, `row` the 0-based row."""
-
-    def __init__(self, term: str, row: int, inputs: str) -> None:
-        super().__init__(
-            f"the term `{term}` is not finite in row {row} ({inputs})",
-            "leave the term out of the dictionary, or keep only samples on which it is defined",
-        )
-        self.term = term
-        self.row = row
-
 
 MAX_EXPONENT = 20
 IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")

@@ -2,72 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property, lru_cache
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
+from mapmore_cli.domain.arrays import BoolArray, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.memory import MemoryFit, MemoryModel, StateSet
-from mapmore_cli.modelling.expressions import Expression, dictionary_blocks, dictionary_matrix, parse
+from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.modelling.memory.feedback import Feedback, fed_back_states, feedback_of, parted
 from mapmore_cli.modelling.memory.identification import Unknown, unknown
 from mapmore_cli.modelling.memory.recipe import MemoryRecipe
 from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.memory.refinement import Coefficients, Problem, standard_errors
-from mapmore_cli.modelling.memory.selectors import Choice, selector
+from mapmore_cli.modelling.memory.selectors import Choice, regressors, selector
 from mapmore_cli.modelling.memory.simulation import Course, Piece, bounds_of, course_of, piece_of, refuse_unknown_beginning
-from mapmore_cli.modelling.memory.states import evaluate_states, resolve
-
-
-@dataclass(frozen=True)
-class Regressors:
-    """States and output on the n training samples that have a history, (n,) each, in the order of the recordings."""
-
-    terms: tuple[Expression, ...]
-    states: Columns
-    y: Array
-
-    @property
-    def samples(self) -> int:
-        """Number of samples, n."""
-        return len(self.y)
-
-    def rows(self, part: slice) -> Regressors:
-        """Return some of the samples."""
-        return Regressors(self.terms, {name: values[part] for name, values in self.states.items()}, self.y[part])
-
-    def whole(self) -> Array:
-        """Return the dictionary as one matrix, (n, M)."""
-        return dictionary_matrix(self.terms, self.states, self.samples)
-
-    def blocks(self) -> Iterator[tuple[Array, Array]]:
-        """Yield the dictionary and the output, block by block."""
-        for rows, P in dictionary_blocks(self.terms, self.states, self.samples):
-            yield P, self.y[rows]
-
-
-def regressors(records: Sequence[Record], states: StateSet, terms: Sequence[Expression], target: str) -> Regressors:
-    """Return the training samples of all pieces on which every state has a value.
-
-    Raises DataError where there are none, or the output is missing.
-    """
-    parts = [_part(record, states, target) for record in records]
-    pooled = {name: np.concatenate([values[name] for values, _ in parts]) for name in states.names}
-    y = np.concatenate([output for _, output in parts])
-    if not len(y):
-        raise DataError("no training sample has a history as long as the delays ask for", "use fewer steps of delay, or longer recordings")
-    return Regressors(tuple(terms), pooled, y)
-
-
-def _part(record: Record, states: StateSet, target: str) -> tuple[dict[str, Array], Array]:
-    if target not in record.columns:
-        raise DataError(f"there is no column `{target}`", f"there are: {', '.join(record.columns)}")
-    values = evaluate_states(states, record.columns)
-    known = np.logical_and.reduce([record.training, *(np.isfinite(column) for column in values.values())])
-    return {name: column[known] for name, column in values.items()}, record.columns[target][known]
+from mapmore_cli.modelling.memory.states import resolve
 
 
 class Training:

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.models import CurveRange, Equation, Model, StateSpace
-from mapmore_cli.domain.motion import Motion, MotionSection
+from mapmore_cli.domain.motion import BUMPLESS, HARD, REST, Motion, MotionSection
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.expressions import Expression, Name, Number, add, multiply, parse, substitute
+from mapmore_cli.modelling.expressions.syntax import ZERO, Condition
 from mapmore_cli.modelling.literature.model import printed
 from mapmore_cli.modelling.motion.simulation import simulate as simulated
-from mapmore_cli.modelling.program.motion import motion_value
-from mapmore_cli.modelling.program.writing import Inputs, Writer, limit
+from mapmore_cli.modelling.program.writing import Inputs, Side, Writer, limit, renamed_all, total
 
 
 def build(
@@ -83,3 +84,86 @@ def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
     limit(m, model.body.ranges, None, inputs)
     m.kept.steps.append(model.body.motion.step)
     return motion_value(m, model.body.motion, inputs)
+
+
+def motion_value(m: Writer, motion: Motion, inputs: Mapping[str, Expression]) -> Expression:
+    """Write the model's output at a sample; it begins at rest under the first one's input, or at zero."""
+    seen = m.number("seen")
+    first = Condition(seen, "==", ZERO)
+    drives = [m.let("drive", one) for one in renamed_all(map(parse, motion.drives), inputs)]
+    section = _section(m, motion, inputs[motion.input], first)
+    value = (_separate if motion.switching == HARD else _shared)(m, motion, section, drives, first)
+    m.keep(seen, 1)
+    return value
+
+
+def _section(m: Writer, motion: Motion, u: Expression, first: Condition) -> Expression:
+    """Write the number of the section that holds, from 0, as `regimes.active` has it."""
+    place = m.choose("place", [(u < boundary, place) for place, boundary in enumerate(motion.boundaries)], len(motion.boundaries))
+    if not motion.directed:
+        return place
+    return m.let("section", 2 * place + (_falls if motion.switching != BUMPLESS else _falls_latched)(m, motion, u, first))
+
+
+def _falls(m: Writer, _motion: Motion, u: Expression, first: Condition) -> Expression:
+    """Write 1 unless the input is above the one before (P eq 16)."""
+    before = m.number("input")
+    falls = m.choose("falls", [(first, 1), (u > before, 0)], 1)
+    m.keep(before, u)
+    return falls
+
+
+def _falls_latched(m: Writer, motion: Motion, u: Expression, first: Condition) -> Expression:
+    """Write 1 once the input has turned down by more than the dead band, up to when it has turned up as far."""
+    play, falling, half = m.number("play"), m.number("falling"), 0.5 * motion.dead_band
+    low, high = m.let("low", u - half), m.let("high", u + half)
+    moved = m.choose("play", [(first, u), (low > play, low), (high < play, high)], play)
+    falls = m.choose("falls", [(first, 0), (low > play, 0), (high < play, 1)], falling)
+    m.keep(play, moved)
+    m.keep(falling, falls)
+    return falls
+
+
+def _separate(m: Writer, motion: Motion, section: Expression, drives: list[Expression], first: Condition) -> Expression:
+    """Write the output of the section that holds; every section runs on the whole input."""
+    outputs = []
+    for one in motion.sections:
+        origin, now, later = (m.number(stem) for stem in ("origin", "now", "later"))
+        drive = m.let("driven", _driven(one, drives))
+        began = m.choose("began", [(first, drive)], origin) if motion.start == REST else ZERO
+        x1, z = (m.choose(stem, [(first, ZERO)], name) for stem, name in (("moved", now), ("ahead", later)))
+        outputs.append(m.let("output", x1 + began / (1.0 - one.p1 - one.p2)))
+        following, ahead = m.let("following", z + one.p2 * x1), m.let("coming", (drive - began) + one.p1 * x1)
+        for name, value in ((origin, began), (now, following), (later, ahead)):
+            m.keep(name, value)
+    return _of_section(m, "motion", section, outputs)
+
+
+def _shared(m: Writer, motion: Motion, section: Expression, drives: list[Expression], first: Condition) -> Expression:
+    """Write the output where the section that holds drives one state on."""
+    now, later = m.number("now"), m.number("later")
+    resting = [partial(_resting, one, drives) for one in motion.sections]
+    rest = _of_section(m, "rest", section, resting) if motion.start == REST else ZERO
+    x1, x2 = (m.choose(stem, [(first, rest)], name) for stem, name in (("output", now), ("ahead", later)))
+    after = _of_section(m, "following", section, [partial(_following, one, drives, x1, x2) for one in motion.sections])
+    m.keep(now, x2)
+    m.keep(later, after)
+    return x1
+
+
+def _resting(section: MotionSection, drives: list[Expression]) -> Expression:
+    return _driven(section, drives) / (1.0 - section.p1 - section.p2)
+
+
+def _following(section: MotionSection, drives: list[Expression], x1: Expression, x2: Expression) -> Expression:
+    """Write `x1[k+2] = P2 x1[k+1] + P1 x1[k] + d[k]` (P eq 10)."""
+    return total([_driven(section, drives), total([section.p2 * x2, section.p1 * x1])])
+
+
+def _driven(section: MotionSection, drives: list[Expression]) -> Expression:
+    return total([weight * drive for weight, drive in zip(section.weights.tolist(), drives, strict=True)])
+
+
+def _of_section(m: Writer, stem: str, section: Expression, values: Sequence[Side]) -> Expression:
+    """Write the value of the section that holds."""
+    return m.choose(stem, [(Condition(section, "==", Number(float(i))), value) for i, value in enumerate(values[:-1])], values[-1])

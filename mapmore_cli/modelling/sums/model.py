@@ -14,7 +14,6 @@ from mapmore_cli.modelling import kinds
 from mapmore_cli.modelling.expressions import Expression, Name, Number, evaluate, parse, substitute, to_latex, to_text
 from mapmore_cli.modelling.program.statements import Limit
 from mapmore_cli.modelling.program.writing import Inputs, Writer, times, total
-from mapmore_cli.modelling.program.writing import write as write_any
 
 
 def simulate(model: Model, columns: Columns) -> Run:
@@ -85,7 +84,7 @@ def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
     for part in model.body.parts:
         renamed = {name: m.let("input", substitute(parse(text), inputs)) for name, text in part.inputs.items()}
         limits, knots, m.limits, m.knots = m.limits, m.knots, [], {}
-        value = write_any(m, part.model, {**inputs, **renamed})
+        value = kinds.write(m, part.model, {**inputs, **renamed})
         values.append(value if part.sign == 1.0 else times(Number(part.sign), value))
         m.limits = [*limits, *(_through(limit, part.inputs, inputs) for limit in m.limits)]
         own, m.knots = m.knots, knots

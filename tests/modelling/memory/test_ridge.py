@@ -14,8 +14,7 @@ from mapmore_cli.modelling.frols import frols
 from mapmore_cli.modelling.frols.moments import moments, standard, standardised
 from mapmore_cli.modelling.frols.ridge import RIDGES, Regularised, choose_ridge, prune, ridge_press, select, substitutes
 from mapmore_cli.modelling.memory.recipe import MemoryRecipe
-from mapmore_cli.modelling.memory.selectors import Plain
-from mapmore_cli.modelling.memory.training import Regressors
+from mapmore_cli.modelling.memory.selectors import Plain, Regressors
 
 
 def blocks_of(P, y, *cuts):

@@ -6,9 +6,9 @@ Units in brackets name the quantity whose unit applies: `[target]` is the modell
 
 from __future__ import annotations
 
-from mapmore_cli.storage.artefacts.layout import data, fits, memory, motion  # noqa: F401 - their types are laid out before the next ones
-from mapmore_cli.storage.artefacts.layout.data import DATASET
+from mapmore_cli.storage.artefacts.layout import fits  # noqa: F401 - their types are laid out before the next ones
 from mapmore_cli.storage.artefacts.layout.derived import LAYOUTS
+from mapmore_cli.storage.artefacts.layout.fits import DATASET
 from mapmore_cli.storage.artefacts.layout.model import FUSION, MODEL
 from mapmore_cli.storage.artefacts.layout.results import FIT_RESULT, SCORE, SEGMENTATION, VALIDATION, SegmentationFile
 

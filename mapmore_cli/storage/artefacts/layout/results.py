@@ -22,8 +22,7 @@ from mapmore_cli.storage.artefacts.layout.cells import (
     TEXTS,
 )
 from mapmore_cli.storage.artefacts.layout.derived import schema_of, stored
-from mapmore_cli.storage.artefacts.layout.fits import FORMULA_FIT
-from mapmore_cli.storage.artefacts.layout.motion import MOTION_FIT
+from mapmore_cli.storage.artefacts.layout.fits import FORMULA_FIT, MOTION_FIT
 from mapmore_cli.storage.artefacts.schema import Fault, Field, Schema, record, rows, variant
 
 
