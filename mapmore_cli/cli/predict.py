@@ -188,7 +188,7 @@ def adapt(
     """Adapt a family's model to a specimen by few points.
 
     The specimen's force and strain each get a scale, with a prior of 1 +- 15 %. The model that is written is of pressure and strain, and
-    serves wherever a model does. Without a TABLE, it is that of the dimension alone.
+    serves wherever a model does. Without a TABLE, it is that of the dimension alone. Its intervals stay those of the family.
     """
     import sys
 
@@ -197,10 +197,11 @@ def adapt(
     from mapmore_cli.cli.views.models import of_adapted
     from mapmore_cli.storage.artefacts import read_model, write_model
     from mapmore_cli.storage.text_streams import as_text, lines_of
-    from mapmore_cli.study.adapting import adapt
+    from mapmore_cli.study.adapting import adapt, dimension_of
 
     with Reporter(quiet) as reporter:
         family = read_model(model_file, reporter.warn)
+        dimension_of(family)
         lines = None
         if table is not None:
             lines = as_text(sys.stdin.buffer) if table == STANDARD else lines_of(table, lambda _read, _size: None)

@@ -20,13 +20,12 @@ def adapt(model: Model, lines: Iterable[str] | None, label: str, constants: Mapp
     """Return a model of pressure and strain for one specimen of the family; without `lines`, by its dimension alone.
 
     `lines` are those of a CSV table with pressure, strain and the output in the model's units; `constants` give what specimens differ in.
-    Rows with an empty field are left out. The intervals stay those of the family.
+    Rows with an empty field are left out. The intervals stay those of the family, and a note says so.
 
     Raises UsageError for a model that is no family, or without its dimension; DataError where the table is empty or lacks a column.
     """
-    if not isinstance(model.body, Formula) or not is_family(model.body.fit.definition):
-        raise UsageError(f"the model {model.name} is not one of a family", "make one with `model: {family: {of: length}}`")
-    of = family_of(model.body.fit.definition).settings.of
+    of = dimension_of(model)
+    assert isinstance(model.body, Formula)
     if set(constants) != {of}:
         raise UsageError(f"adapt needs the {of} of the specimen, and nothing else", f"give it as `--set {of}=0.25`")
     names = ("pressure", "strain", model.output.name)
@@ -39,7 +38,20 @@ def adapt(model: Model, lines: Iterable[str] | None, label: str, constants: Mapp
     notes = fit.notes
     if not known[0] <= constants[of] <= known[1]:
         notes = (*notes, f"{of} {constants[of]:g} lies outside of the family's {known[0]:g} to {known[1]:g}")
+    if model.left_out is not None:
+        notes = (*notes, f"its intervals are those of the family, by {model.left_out.curves} specimens, whatever was measured of this one")
     return replace(model, inputs=inputs, body=replace(model.body, fit=fit, ranges=ranges), notes=notes)
+
+
+def dimension_of(model: Model) -> str:
+    """Return what specimens of a family differ in; UsageError for a model that is no family."""
+    if isinstance(model.body, Formula) and is_family(model.body.fit.definition):
+        return family_of(model.body.fit.definition).settings.of
+    raise UsageError(
+        f"the model {model.name} is of one muscle, and adapt needs that of a family, which is learnt from several",
+        "in one spec, give each muscle's files what it differs in, as `set: {rest_length: 83 mm}`, and `model: {family: {of: rest_length}}`; "
+        "or fit this muscle by itself: `mapmore init` with its files",
+    )
 
 
 def _columns(lines: Iterable[str], label: str, wanted: tuple[str, ...]) -> dict[str, Array]:

@@ -82,6 +82,10 @@ def test_a_specimen_is_adapted_to_a_model_of_its_own(folder: Path, tmp_path: Pat
     assert 1.1 < found["parameters"]["q_force"] < 1.2  # drawn towards the prior
     assert found["samples"] == 11
     assert "learnt from 3 specimens" in found["notes"][0]
+    assert "those of the family, by 3 specimens" in found["notes"][-1]
+    again = mapmore("adapt", out, few, "--set", "rest=250", "-o", tmp_path / "again.h5")
+    assert again.exit_code == 2
+    assert "needs that of a family" in again.stderr
     rows = predicted(mapmore, out, few, "--interval", 0.95)
     assert [float(row["force_predicted"]) for row in rows] == pytest.approx([float(row["force"]) for row in rows], abs=30)
     assert mapmore("show", out).exit_code == 0

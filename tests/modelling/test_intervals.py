@@ -115,7 +115,7 @@ def test_the_rule_for_few_levels_scales_with_the_unit_and_is_widest_in_the_middl
 
 def test_a_level_with_repeats_has_the_interval_of_the_repeats() -> None:
     half = few_levels(few(4, repeats=3), np.array([100.0, 150.0]), 0.95)
-    assert half[0] == pytest.approx(stats.t(2).ppf(0.975) * 0.5 * np.sqrt(4 / 3))
+    assert half[0] == pytest.approx(stats.t(4 * 2).ppf(0.975) * 0.5 * np.sqrt(4 / 3))
     assert half[1] == few_levels(few(4), np.array([150.0]), 0.95)[0]
 
 

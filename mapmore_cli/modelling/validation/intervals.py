@@ -9,7 +9,8 @@ gap between two levels and H that gap over the range of the levels:
 
     half = max(1.96 s_w, c_K F max(A/F, 1e-3)^w_K max(4t(1 - t), .05)^.6 (H (K - 1))^.75)
 
-At a level that was measured in n >= 2 recordings it is that of the repeats, `t_{n-1} s_w sqrt(1 + 1/n)`.
+At a level that was measured in n >= 2 recordings it is that of the repeats, `t_f s_w sqrt(1 + 1/n)`. s_w is of all levels, so that their
+degrees of freedom add up, f = sum (n_k - 1).
 
 Otherwise (`many_curves`) it is the larger of
 
@@ -123,9 +124,10 @@ def few_levels(left_out: LeftOut, at: Array, level: float) -> Array:
     between = np.maximum(4 * t * (1 - t), 0.05) ** 0.6 * (width / np.ptp(places) * (count - 1)) ** 0.75
     half = np.maximum(NORMAL * left_out.residual, scale * largest * max(missed / largest, 1e-3) ** power * between)
     half *= float(ndtri(0.5 + level / 2)) / NORMAL
-    n = np.array(left_out.repeats)[gap + (t > 0.5)]
+    repeats = np.array(left_out.repeats)
+    n, freedom = repeats[gap + (t > 0.5)], max(int(np.sum(repeats - 1)), 1)
     repeated = (n >= 2) & (np.minimum(t, 1 - t) < AT_LEVEL)
-    own = stdtrit(np.maximum(n - 1, 1), 0.5 + level / 2) * left_out.residual * np.sqrt(1 + 1 / n)
+    own = stdtrit(freedom, 0.5 + level / 2) * left_out.residual * np.sqrt(1 + 1 / n)
     return np.asarray(np.where(repeated, own, half))
 
 
