@@ -49,7 +49,7 @@ def dimension_of(model: Model) -> str:
         return family_of(model.body.fit.definition).settings.of
     raise UsageError(
         f"the model {model.name} is of one muscle, and adapt needs that of a family, which is learnt from several",
-        "in one spec, give each muscle's files what it differs in, as `set: {rest_length: 83 mm}`, and `model: {family: {of: rest_length}}`; "
+        "give each muscle's files what it differs in, as `set: {rest_length: 83 mm}`, and write `model: {family: {of: rest_length}}`; "
         "or fit this muscle by itself: `mapmore init` with its files",
     )
 
