@@ -10,6 +10,7 @@ from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling.expressions import ExpressionError, parse
 from mapmore_cli.modelling.literature.formula import RANDOM, Formula
 from mapmore_cli.modelling.literature.problem import Nonlinear
+from mapmore_cli.modelling.literature.settings import is_family
 
 GIVEN = "given"
 """The name of starting values that a definition has."""
@@ -75,7 +76,7 @@ def formula_of(text: str) -> Formula:
 
 def units_of_parameters(fit: FormulaFit) -> Mapping[str, str]:
     """Return the units that a spec gives the parameters of its own formula; none for a formula of the literature."""
-    return formula_of(fit.definition).units if fit.definition else {}
+    return formula_of(fit.definition).units if fit.definition and not is_family(fit.definition) else {}
 
 
 def _intervals(low: float, high: float) -> Iterator[tuple[float, float]]:
