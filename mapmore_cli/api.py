@@ -27,6 +27,8 @@ from mapmore_cli.domain.scores import ScoreTable
 from mapmore_cli.modelling.frols.estimator import FROLS
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.pipeline.validate import limits
+from mapmore_cli.reporting.score_tables import score_table
+from mapmore_cli.reporting.table import to_html, to_text
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.fields import moved
 from mapmore_cli.spec.layers import as_overrides
@@ -74,15 +76,9 @@ class Scores(tuple[Mapping[str, Any], ...]):
         return found
 
     def __repr__(self) -> str:
-        from mapmore_cli.reporting.score_tables import score_table
-        from mapmore_cli.reporting.table import to_text
-
         return to_text(score_table(self.table.scores, self.table.units, failed=self.table.failed)).rstrip()
 
     def _repr_html_(self) -> str:
-        from mapmore_cli.reporting.score_tables import score_table
-        from mapmore_cli.reporting.table import to_html
-
         return to_html(score_table(self.table.scores, self.table.units, failed=self.table.failed))
 
     def of_model(self, model: str = "mapmore", split: str = "validate") -> Mapping[str, Any]:

@@ -11,13 +11,27 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mapmore_cli.cli.console import NO_OVERRIDES, RUNS, AsJson, Force, Overrides, Quiet, Rehash, Runs, error_document, exit_code, message
+from mapmore_cli.cli.console import (
+    NO_OVERRIDES,
+    RUNS,
+    AsJson,
+    Force,
+    Overrides,
+    Quiet,
+    Rehash,
+    Runs,
+    error_document,
+    exit_code,
+    message,
+    print_view,
+)
 from mapmore_cli.cli.outputs import CiFiles, Junit, Summary
+from mapmore_cli.cli.views.files import page_lines
+from mapmore_cli.cli.views.fitted import View
 from mapmore_cli.domain.errors import LimitMissed, RunWarning, UsageError, told
 
 if TYPE_CHECKING:
     from mapmore_cli.cli.progress import Reporter
-    from mapmore_cli.cli.views.fitted import View
     from mapmore_cli.reporting.ci import RunReport
     from mapmore_cli.reporting.table import Cell, Table
     from mapmore_cli.study.campaigns.batch import Finished
@@ -48,7 +62,6 @@ def batch(
 
     One that fails does not stop the rest; the exit code is the highest of all. A campaign gets a page of its own.
     """
-    from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.study.campaigns.batch import Job, planned, run_all
     from mapmore_cli.study.campaigns.cluster import ClusterWorkers
@@ -112,9 +125,6 @@ def _report(name: str, result: Result) -> RunReport:
 
 def _joint(ordered: dict[str, Result], pages: Sequence[CampaignPage], alone: dict[str, Result], documents: list[dict[str, Any]]) -> View:
     """One document for all runs; the tables of the campaigns and one of the runs that stand `alone`; and where the pages are."""
-    from mapmore_cli.cli.views.files import page_lines
-    from mapmore_cli.cli.views.fitted import View
-
     tables = [table for page in pages for table in page.tables]
     lines = [line for run in ordered.values() if not isinstance(run, BaseException) for line in page_lines(run.run_dir)]
     lines += [f"campaign page: {page.path}" for page in pages]

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mapmore_cli.cli.console import NO_OVERRIDES, AsJson, Overrides, Quiet, exit_code, message
+from mapmore_cli.cli.console import NO_OVERRIDES, AsJson, Overrides, Quiet, exit_code, message, print_view
 from mapmore_cli.domain.errors import MapmoreError
+from mapmore_cli.storage.atomic import write_text
 
 if TYPE_CHECKING:
     from mapmore_cli.cli.progress import Reporter
@@ -26,7 +27,6 @@ def check(
     quiet: Quiet = False,
 ) -> None:
     """Check a spec and its data, or a campaign; compute nothing."""
-    from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.cli.views import measured
     from mapmore_cli.study.campaigns.page import expanded
@@ -58,7 +58,6 @@ def check(
 def _confirm(config: Path) -> None:
     """Rewrite the spec without its marks; what cannot be read or is no spec is told by what follows."""
     from mapmore_cli.spec.loader import confirmed, load
-    from mapmore_cli.storage.atomic import write_text
 
     if load(config).spec.unconfirmed:
         write_text(config, confirmed(config.read_text(encoding="utf-8")))

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from mapmore_cli.cli.console import ARCHIVE, RUNS, Archive, AsJson, Runs
+from mapmore_cli.cli.console import ARCHIVE, RUNS, Archive, AsJson, Runs, print_view
 from mapmore_cli.domain.errors import DataError, LimitMissed, UsageError
 
 FIGURES = ("svg", "pdf", "png", "pgf")
@@ -33,7 +33,6 @@ def compare(
 
     The first model is compared with each of the others, which come in the order of time.
     """
-    from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.views.compared import of_comparisons
     from mapmore_cli.modelling.validation import comparison
     from mapmore_cli.storage.artefacts import read_model

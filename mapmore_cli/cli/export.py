@@ -10,6 +10,7 @@ import typer
 
 from mapmore_cli.cli.console import Quiet
 from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.storage.atomic import refusals_told, write_bytes
 
 
 class Target(StrEnum):
@@ -51,7 +52,6 @@ def export(
     """
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.storage.artefacts import read_model
-    from mapmore_cli.storage.atomic import refusals_told, write_bytes
     from mapmore_cli.study.exports import exported
 
     if single and to is not Target.C:

@@ -10,6 +10,7 @@ import typer
 from mapmore_cli.cli.console import NO_OVERRIDES, RUNS, Quiet, Runs
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.page import FIGURES
+from mapmore_cli.storage.atomic import write_bytes, write_text
 
 SUFFIXES = ("svg", "pdf", "png", "pgf")
 
@@ -42,7 +43,6 @@ def figure(
     """
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.pipeline.report import drawn_figure
-    from mapmore_cli.storage.atomic import write_bytes, write_text
 
     suffix = out.suffix.removeprefix(".")
     if name not in FIGURES:

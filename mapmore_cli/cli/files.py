@@ -7,7 +7,19 @@ from typing import Annotated
 
 import typer
 
-from mapmore_cli.cli.console import ARCHIVE, NO_OVERRIDES, RUNS, Archive, AsJson, Overrides, Quiet, Runs, Unverified
+from mapmore_cli.cli.console import (
+    ARCHIVE,
+    NO_OVERRIDES,
+    RUNS,
+    Archive,
+    AsJson,
+    Overrides,
+    Quiet,
+    Runs,
+    Unverified,
+    print_document,
+    print_view,
+)
 
 
 def simulate(
@@ -21,7 +33,6 @@ def simulate(
     quiet: Quiet = False,
 ) -> None:
     """Write recordings of a synthetic muscle."""
-    from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.cli.views.fitted import View
     from mapmore_cli.spec.loader import load_as
@@ -44,7 +55,6 @@ def example(
 
     Its recordings are of a simulated muscle.
     """
-    from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.cli.views.fitted import View
     from mapmore_cli.study.simulation.simulate import write_example
@@ -62,7 +72,6 @@ def show(
     quiet: Quiet = False,
 ) -> None:
     """Print what a result file holds."""
-    from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.cli.views.files import of_file
 
@@ -88,7 +97,6 @@ def freeze(
 
 def schema() -> None:
     """Print the JSON Schema of the experiment spec."""
-    from mapmore_cli.cli.console import print_document
     from mapmore_cli.spec.schema import json_schema
 
     print_document(json_schema())

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.storage.atomic import write_bytes, write_text
 
 if TYPE_CHECKING:
     from mapmore_cli.reporting.ci import RunReport
@@ -42,7 +43,6 @@ def write_result(path: Path, table: Callable[[], Table], drawing: Callable[[], D
     from mapmore_cli.reporting.figures.drawing import compose
     from mapmore_cli.reporting.figures.saving import WRITERS
     from mapmore_cli.reporting.figures.style import figure_style
-    from mapmore_cli.storage.atomic import write_bytes
 
     drawn = drawing()
     with figure_style():
@@ -52,7 +52,6 @@ def write_result(path: Path, table: Callable[[], Table], drawing: Callable[[], D
 def write_table(path: Path, table: Table) -> None:
     """Write a table as CSV or LaTeX."""
     from mapmore_cli.reporting.table import to_csv, to_latex
-    from mapmore_cli.storage.atomic import write_text
 
     write_text(path, (to_csv if path.suffix == ".csv" else to_latex)(table))
 
@@ -74,7 +73,6 @@ class CiFiles:
         if self.junit is None and self.summary is None:
             return
         from mapmore_cli.reporting.ci import to_junit, to_summary
-        from mapmore_cli.storage.atomic import write_text
 
         if self.junit is not None:
             write_text(self.junit, to_junit(runs))

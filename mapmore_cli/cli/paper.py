@@ -7,7 +7,9 @@ from typing import Annotated
 
 import typer
 
-from mapmore_cli.cli.console import RUNS, AsJson, Quiet, Runs
+from mapmore_cli.cli.console import RUNS, AsJson, Quiet, Runs, print_view
+from mapmore_cli.cli.views.fitted import View
+from mapmore_cli.storage.atomic import refusals_told, write_text
 
 
 def paper(
@@ -24,11 +26,8 @@ def paper(
     Brings the runs of each paper up to date, judges by the rules of the file, and writes one page.
     The exit code is the highest of the runs.
     """
-    from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.progress import Reporter
-    from mapmore_cli.cli.views.fitted import View
     from mapmore_cli.spec.paper import load_paper
-    from mapmore_cli.storage.atomic import refusals_told, write_text
     from mapmore_cli.study.paper.page import compare_paper, document, overview, page, verdicts_table
 
     loaded = [load_paper(config) for config in configs]

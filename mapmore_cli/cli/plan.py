@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mapmore_cli.cli.console import NO_OVERRIDES, RUNS, AsJson, Config, Overrides, Quiet, Runs
+from mapmore_cli.cli.console import NO_OVERRIDES, RUNS, AsJson, Config, Overrides, Quiet, Runs, print_view
 from mapmore_cli.cli.outputs import Outputs, refuse_unknown, write_result
 from mapmore_cli.domain.errors import UsageError
 
@@ -42,7 +42,6 @@ def plan(
     levels, or with --points, several models stand in a committee, and points go where these disagree and data are far. Held-out data are
     not used. Per cent are of the largest |target|.
     """
-    from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.cli.views.planned import of_plan, plan_table
     from mapmore_cli.spec.loader import load

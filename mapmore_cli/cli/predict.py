@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
-from mapmore_cli.cli.console import AsJson, Quiet, Unverified
+from mapmore_cli.cli.console import AsJson, Quiet, Unverified, print_view
 from mapmore_cli.domain.errors import MapmoreError, UsageError
 
 if TYPE_CHECKING:
@@ -190,9 +190,6 @@ def adapt(
     The specimen's force and strain each get a scale, with a prior of 1 +- 15 %. The model that is written is of pressure and strain, and
     serves wherever a model does. Without a TABLE, it is that of the dimension alone. Its intervals stay those of the family.
     """
-    import sys
-
-    from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.cli.views.models import of_adapted
     from mapmore_cli.storage.artefacts import read_model, write_model

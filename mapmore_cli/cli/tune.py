@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mapmore_cli.cli.console import NO_OVERRIDES, RUNS, AsJson, Config, Overrides, Quiet, Runs
+from mapmore_cli.cli.console import NO_OVERRIDES, RUNS, AsJson, Config, Overrides, Quiet, Runs, print_view
 from mapmore_cli.cli.outputs import TABLES, Outputs, refuse_unknown, write_result, write_table
-from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.domain.errors import SpecError, UsageError
 
 if TYPE_CHECKING:
     from mapmore_cli.reporting.figures.drawing import Drawing
@@ -38,7 +38,6 @@ def tune(
     Every combination is fitted without a level (or a block) of the training data and judged on it; held-out data are not used.
     The one that is named is the simplest that is as good as the best.
     """
-    from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.cli.views.compared import of_tuning, tuning_table
     from mapmore_cli.spec.loader import load
@@ -68,7 +67,6 @@ def _search(
     config: Path, output: Sequence[Path], runs: Path, overrides: Sequence[str], budget: str | None, as_json: bool, quiet: bool
 ) -> None:
     """Search the structure, and print what was tried."""
-    from mapmore_cli.cli.console import print_view
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.cli.views.compared import of_search
     from mapmore_cli.pipeline.search import searched
@@ -94,7 +92,6 @@ def values_of(over: Sequence[str]) -> dict[str, list[Any]]:
     UsageError
         Where one has another form, or no value.
     """
-    from mapmore_cli.domain.errors import SpecError
     from mapmore_cli.spec.diagnostics import Mistake
     from mapmore_cli.spec.tree import SourceText, plain
     from mapmore_cli.spec.yaml_loader import parse

@@ -18,10 +18,11 @@ from mapmore_cli.domain.scores import OWN
 from mapmore_cli.fitting import kinds
 from mapmore_cli.fitting.competitors import Contest, Forecasts
 from mapmore_cli.fitting.kinds import maker_of
-from mapmore_cli.fitting.kinds.choices import ModelChoices
+from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
 from mapmore_cli.modelling.kinds import forecast
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS, block, in_curve
 from mapmore_cli.modelling.validation.intervals import Training, summary
+from mapmore_cli.spec.loader import load
 from mapmore_cli.storage.run_folder import RunFiles
 
 if TYPE_CHECKING:
@@ -197,9 +198,6 @@ def made_anew(choices: ModelChoices, dataset: Dataset, needed: Mapping[str, Path
 
 def refit_run(run_dir: Path, dataset: Dataset) -> Model:
     """Return the model of another run, made anew by its own spec on the training samples of a dataset."""
-    from mapmore_cli.fitting.kinds.choices import model_choices
-    from mapmore_cli.spec.loader import load
-
     own_target = RunFiles(run_dir).dataset().target
     return refitted(model_choices(load(run_dir / "experiment.yaml").spec), replace(dataset, target=own_target))
 

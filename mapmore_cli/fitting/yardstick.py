@@ -9,6 +9,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.fitting.baselines import features, learned
 
 LESS = 0.8
 """Times the error of the structure that was found, below which a black box errs clearly less."""
@@ -34,8 +35,6 @@ def black_boxes(dataset: Dataset, inputs: Sequence[str], folds: Sequence[Sequenc
     """
     if find_spec("sklearn") is None or not inputs:
         return {}
-    from mapmore_cli.fitting.baselines import features, learned
-
     delays = (0, *DELAYS) if past else (0,)
     x = [features(curve, inputs, delays) for curve in dataset.curves]
     names = ["gradient_boosting", "gaussian_process" if len(inputs) * len(delays) <= MOST_INPUTS else "mlp"]

@@ -22,9 +22,10 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import CurveRange, Equation, Model, Sum
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.domain.results import Forecast, Run
+from mapmore_cli.modelling.expressions import Expression, ExpressionError, Name
+from mapmore_cli.modelling.memory.records import UNEVEN, AtSample
 
 if TYPE_CHECKING:
-    from mapmore_cli.modelling.expressions import Expression
     from mapmore_cli.modelling.program.statements import Program
     from mapmore_cli.modelling.program.writing import Inputs, Writer
 
@@ -191,8 +192,6 @@ def program_of(model: Model) -> Program:
     Raises DataError where parts have different times between samples or go on from different outputs, or one is no closed expression, and
     where a coefficient is too large to be a number.
     """
-    from mapmore_cli.modelling.expressions import Name
-    from mapmore_cli.modelling.memory.records import UNEVEN
     from mapmore_cli.modelling.program.values import INPUT
     from mapmore_cli.modelling.program.writing import Writer
 
@@ -220,8 +219,6 @@ def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
 @contextmanager
 def _numbers_in_reach(model: Model) -> Iterator[None]:
     """Name the model whose scaling and coefficients multiply to what is no number, as in a file that somebody changed."""
-    from mapmore_cli.modelling.expressions import ExpressionError
-
     try:
         with np.errstate(over="ignore"):  # infinity is no number
             yield
@@ -254,8 +251,6 @@ def forecast(model: Model, curve: Curve, target: str | None = None) -> Forecast:
         return Forecast.of(solve_for_input(model, curve.columns, target).values)
     if not runs_over_time(model):
         return Forecast.of(predict(model, curve.columns))
-    from mapmore_cli.modelling.memory.records import AtSample
-
     values, one_step, ready = np.empty(curve.size), np.empty(curve.size), np.empty(curve.size, dtype=np.bool_)
     for log, rows in enumerate(curve.logs):
         columns = {name: column[rows] for name, column in curve.columns.items()}

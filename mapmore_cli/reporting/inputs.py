@@ -16,6 +16,8 @@ from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.domain.scores import SIMPLE, Published, Validation, deciding
 from mapmore_cli.domain.search import Search
+from mapmore_cli.modelling.kinds import outside_range, runs_over_time
+from mapmore_cli.modelling.validation.intervals import ends, half_widths_of
 from mapmore_cli.reporting.table import Table
 
 INTERVAL = 0.95
@@ -158,8 +160,6 @@ class ReportInputs:
     @property
     def has_memory(self) -> bool:
         """True where the model runs along recordings, by itself or as a part of a sum."""
-        from mapmore_cli.modelling.kinds import runs_over_time  # here, so that a table of scores is shown without the kinds of models
-
         return runs_over_time(self.model)
 
     @property
@@ -171,9 +171,6 @@ class ReportInputs:
         """Return ends of the run's own intervals along a curve of the dataset, (n,) each; None where the model has none."""
         if self.left_out is None:
             return None
-        from mapmore_cli.modelling.kinds import outside_range
-        from mapmore_cli.modelling.validation.intervals import ends, half_widths_of
-
         columns = self.dataset.curves[number].columns
         half = half_widths_of(self.model, columns, INTERVAL)
         return ends(self.validation.predictions[self.own][number], outside_range(self.model, columns), half)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy.special import stdtrit
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import FormulaFit, Optimum, SegmentFit
@@ -90,8 +91,6 @@ def _term_rows(segment: SegmentFit) -> list[tuple[Cell, ...]]:
 
 def interval_half_width(theta_error: Array, freedom: int) -> Array:
     """Half width `t(0.975; n-k) s(theta)` of the 95 % confidence intervals `(k,)`; NaN where no degree of freedom is left."""
-    from scipy.special import stdtrit
-
     quantile = float(stdtrit(freedom, 0.5 + CONFIDENCE / 2)) if freedom > 0 else math.nan
     return quantile * np.asarray(theta_error, dtype=float)
 

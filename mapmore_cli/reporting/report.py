@@ -8,21 +8,19 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
 
 from mapmore_cli.domain.page import FIGURES
-from mapmore_cli.reporting.figures.catalogue import RenderedFigure
-from mapmore_cli.reporting.inputs import ReportInputs
+from mapmore_cli.reporting.figures.catalogue import RenderedFigure, drawings, rendered, rendered_by_section
+from mapmore_cli.reporting.figures.drawing import Drawing, Panel, Values, alone
+from mapmore_cli.reporting.figures.saving import SVG_PROLOGUE, WRITERS
+from mapmore_cli.reporting.figures.style import figure_style
+from mapmore_cli.reporting.inputs import FigureStyle, ReportInputs
 from mapmore_cli.reporting.score_tables import verdict
 from mapmore_cli.reporting.table import Table, number_text, to_csv, to_html, to_latex
 from mapmore_cli.reporting.tables import all_tables
-
-if TYPE_CHECKING:
-    from jinja2 import Environment
-
-    from mapmore_cli.reporting.figures.drawing import Drawing, Panel, Values
-    from mapmore_cli.reporting.inputs import FigureStyle
-
 
 LONG_TABLE = 40
 """Rows from which a table starts folded on the screen; it is always printed."""
@@ -51,9 +49,6 @@ def render_page(inputs: ReportInputs, tables: Sequence[Table], figures: Mapping[
 @cache
 def environment() -> Environment:
     """Return the templates of the package, with tables and figures as filters."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-    from markupsafe import Markup
-
     templates = Environment(
         loader=PackageLoader("mapmore_cli.reporting"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
@@ -89,9 +84,6 @@ def write_report(inputs: ReportInputs, out: Path, figures: Sequence[str], format
                 _write(out / "tables" / f"{table.name}.{suffix}", text_of(table))
     if set(formats) <= set(TABLE_FILES):
         return
-    from mapmore_cli.reporting.figures.catalogue import drawings, rendered, rendered_by_section
-    from mapmore_cli.reporting.figures.saving import SVG_PROLOGUE
-
     drawn = [(name, drawing) for name in FIGURES if name in figures for drawing in drawings(name, inputs)]
     if {"html", "svg"} & set(formats):
         on_page = [(name, rendered(drawing, inputs.style)) for name, drawing in drawn]
@@ -115,10 +107,6 @@ def write_panels(drawn: Sequence[Drawing], folder: Path, formats: Sequence[str],
 
 def _panel_files(stem: str, drawing: Drawing, panel: Panel, formats: Sequence[str], style: FigureStyle) -> dict[str, bytes]:
     """Return the files of a panel by their names."""
-    from mapmore_cli.reporting.figures.drawing import alone
-    from mapmore_cli.reporting.figures.saving import WRITERS
-    from mapmore_cli.reporting.figures.style import figure_style
-
     with figure_style(style):
         figure = alone(drawing, panel, style)
         wanted = {suffix: to_bytes for suffix, to_bytes in WRITERS.items() if suffix in formats}

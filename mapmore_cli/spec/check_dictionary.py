@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.modelling.expressions import ExpressionError, Operated, parse, state
+from mapmore_cli.modelling.expressions.states import Lagged, Measured, State
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.dictionary import Delays, Family, Lags, Polynomial, Products, entries_of, texts_in
 from mapmore_cli.spec.tree import Loc
-
-if TYPE_CHECKING:
-    from mapmore_cli.modelling.expressions.states import State
 
 DERIVED = ("damping", "hysteresis")
 """Targets that no column holds: nothing of them can be fed back."""
@@ -29,8 +27,6 @@ def terms(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def _expression(text: str, loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
-    from mapmore_cli.modelling.expressions import ExpressionError, parse, state
-
     try:
         term = parse(text)
     except ExpressionError as error:
@@ -50,8 +46,6 @@ def _expression(text: str, loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def _state(text: str, loc: Loc, spec: ExperimentSpec, name: str, family: Family) -> Iterator[Finding]:
-    from mapmore_cli.modelling.expressions import ExpressionError, Operated, state
-
     try:
         found = state(text)
     except ExpressionError as error:
@@ -77,8 +71,6 @@ def _quantity(found: State, text: str, loc: Loc, spec: ExperimentSpec) -> Iterat
 
 def _target(found: State, text: str, loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
     """Yield a state of the target is made of the target some samples ago."""
-    from mapmore_cli.modelling.expressions.states import Measured
-
     target = spec.target_quantity
     if found.quantity != target:
         return
@@ -96,8 +88,6 @@ def _target(found: State, text: str, loc: Loc, spec: ExperimentSpec) -> Iterator
 
 def _delayed_target(found: State, text: str, loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
     """Yield what `lags` and `delays` delay is the target itself, where it is of the target."""
-    from mapmore_cli.modelling.expressions.states import Lagged, Measured
-
     if found.quantity != spec.target_quantity:
         return
     if spec.target in DERIVED:
@@ -131,8 +121,6 @@ def _partners(loc: Loc, family: Family) -> Iterator[Finding]:
 
 def _canonical(text: str) -> str:
     """Return the name of a state, however it is written; what is none is reported elsewhere."""
-    from mapmore_cli.modelling.expressions import ExpressionError, state
-
     try:
         return state(text).name
     except ExpressionError:

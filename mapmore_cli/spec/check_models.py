@@ -7,6 +7,7 @@ from itertools import pairwise
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import DIRECTION
+from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.pieces.recipe import CutByDirection
 from mapmore_cli.spec.check_names import NO_TIME, expression_findings
 from mapmore_cli.spec.check_study import formula_called, formula_uses
@@ -77,8 +78,6 @@ def training_level(spec: ExperimentSpec) -> Iterator[Finding]:
 
 def load_cycle_formulas(spec: ExperimentSpec) -> Iterator[Finding]:
     """Yield a formula that is fitted to load cycles needs those of the static run, and the muscle's length; it is no model of a target."""
-    from mapmore_cli.modelling import literature
-
     for name, loc in formula_uses(spec):
         formula = formula_called(spec, name)
         if formula is None or formula.fitted_to != literature.LOAD_CYCLES:
@@ -114,7 +113,6 @@ def sums(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def _sum(spec: ExperimentSpec, parts: Sequence[Summand], loc: Loc) -> Iterator[Finding]:
-    from mapmore_cli.modelling import literature
     from mapmore_cli.modelling.sums.joint import refuse_shared_names
 
     known = []

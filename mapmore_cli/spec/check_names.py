@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from mapmore_cli.domain.recording import DIRECTION
+from mapmore_cli.modelling.expressions import ExpressionError, parse, state
 from mapmore_cli.modelling.pieces.recipe import CutByDirection
 from mapmore_cli.spec.check_dictionary import word
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean
@@ -76,8 +77,6 @@ def _kept(conditions: Sequence[Keep], loc: Loc) -> Iterator[_Use]:
 
 def derived(spec: ExperimentSpec) -> Iterator[Finding]:
     """Check that derived quantities have names of their own and do not depend on themselves, and that rates have a time."""
-    from mapmore_cli.modelling.expressions import ExpressionError, parse
-
     needs: dict[str, set[str]] = {}
     for name, rule in spec.data.derive.items():
         loc = ("data", "derive", name)
@@ -135,8 +134,6 @@ def expressions(spec: ExperimentSpec) -> Iterator[Finding]:
 
 def expression_findings(text: str, loc: Loc, have: Sequence[str]) -> Iterator[Finding]:
     """Yield what is wrong with an expression of the quantities of a study."""
-    from mapmore_cli.modelling.expressions import ExpressionError, parse, state
-
     try:
         names = parse(text).names
     except ExpressionError as error:

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.scores import BASELINES, METRICS, OWN, REPEATABILITY, SIMPLE
+from mapmore_cli.modelling import literature
+from mapmore_cli.modelling.expressions import ExpressionError
+from mapmore_cli.modelling.literature.formula import can_be_solved
+from mapmore_cli.modelling.literature.own import formula_of
 from mapmore_cli.modelling.pieces.recipe import Cuts, Fuse
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean
@@ -142,8 +147,6 @@ def turned(spec: ExperimentSpec) -> Iterator[Finding]:
 
 def formulas(spec: ExperimentSpec) -> Iterator[Finding]:
     """Literature models exist, find their inputs in the study, and each has its own name in the scores."""
-    from mapmore_cli.modelling import literature
-
     for name, loc in formula_uses(spec):
         rival = loc[:2] == ("validate", "against") and loc[-1] not in ("static", "damping")
         if rival and name in SIMPLE:
@@ -192,8 +195,6 @@ def _simple(spec: ExperimentSpec, name: str, loc: Loc) -> Iterator[Finding]:
 
 def _baseline(spec: ExperimentSpec, name: str, loc: Loc) -> Iterator[Finding]:
     """Yield a baseline needs the package that it comes from, and is always fitted in one way."""
-    from importlib.util import find_spec
-
     if find_spec("sklearn") is None:
         yield Finding(loc, f"`{name}` needs scikit-learn, which is not installed", "install the extra: `pip install 'mapmore[baselines]'`")
     competitor = spec.validation.against[int(loc[2])]
@@ -216,8 +217,6 @@ def _starts(spec: ExperimentSpec) -> Iterator[Finding]:
 
 def _errors_in(spec: ExperimentSpec) -> Iterator[Finding]:
     """Yield an input whose error is minimised is one of the formula, which can be solved for it."""
-    from mapmore_cli.modelling.literature.formula import can_be_solved
-
     against = enumerate(spec.validation.against)
     wanted = [(c.model, c.errors_in, ("validate", "against", i, "errors_in")) for i, c in against if isinstance(c, Competitor)]
     for name, given, loc in [(spec.model.name, spec.model.errors_in, ("model", "errors_in")), *wanted]:
@@ -231,9 +230,6 @@ def _errors_in(spec: ExperimentSpec) -> Iterator[Finding]:
 
 def own_formulas(spec: ExperimentSpec) -> Iterator[Finding]:
     """Yield a formula of the spec's own has a name of its own, is an expression, and is linear in what has no bounds."""
-    from mapmore_cli.modelling import literature
-    from mapmore_cli.modelling.expressions import ExpressionError
-
     taken = {*literature.names(), *BASELINES, *SIMPLE, OWN, REPEATABILITY, AUTO}
     for i, one in enumerate(spec.formulas):
         if isinstance(one, str):
@@ -260,8 +256,6 @@ def own_formulas(spec: ExperimentSpec) -> Iterator[Finding]:
 
 def formula_called(spec: ExperimentSpec, name: str | None) -> LiteratureModel | None:
     """Return a formula of the literature, or of the spec's own; None for another name, or where it cannot be read."""
-    from mapmore_cli.modelling import literature
-
     if name is None:
         return None
     if name in spec.own_formulas:
@@ -274,8 +268,6 @@ def formula_called(spec: ExperimentSpec, name: str | None) -> LiteratureModel | 
 
 def _defined(spec: ExperimentSpec, one: OwnFormula) -> LiteratureModel:
     """Return a formula of the spec's own, in the model's units; raises as `OwnFormula.definition`."""
-    from mapmore_cli.modelling.literature.own import formula_of
-
     units = {name: default_unit(name, spec.units) for name in (*spec.quantities, spec.target_quantity)}
     return formula_of(one.definition(units, units[spec.target_quantity]))
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
@@ -67,8 +68,6 @@ def write_frames(frames: Sequence[Any], columns: Mapping[str, Any], folder: Path
     A file has one array for each quantity of `columns` (the section of the spec), unscaled. Raises `DataError` for columns that do not
     exist, are no numbers, or differ in length.
     """
-    import h5py
-
     paths = []
     for number, frame in enumerate(frames, start=1):
         label = f"frame {number}" if len(frames) > 1 else "the frame"

@@ -16,19 +16,18 @@ from mapmore_cli.domain.processors import shared_out
 from mapmore_cli.domain.scores import Trial, Tuning
 from mapmore_cli.fitting.kinds import maker_of, refitted
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
-from mapmore_cli.fitting.stage import Warn
+from mapmore_cli.fitting.stage import Progress, Warn
 from mapmore_cli.fitting.trials import Bench, bench_of, errors_of, training_only
 from mapmore_cli.ingestion.files import slice_of
 from mapmore_cli.modelling.kinds import parameters
 from mapmore_cli.modelling.validation.significance import simplest_of
 from mapmore_cli.pipeline.runner import OnStage, bring_up_to_date
 from mapmore_cli.spec.layers import as_overrides
+from mapmore_cli.spec.loader import LoadedSpec, load
 from mapmore_cli.storage.run_folder import RunFiles
 
 if TYPE_CHECKING:
-    from mapmore_cli.fitting.stage import Progress
     from mapmore_cli.spec.experiment import ExperimentSpec
-    from mapmore_cli.spec.loader import LoadedSpec
 
 
 def tune(
@@ -62,8 +61,6 @@ def _holds_levels_out(spec: ExperimentSpec) -> bool:
 
 
 def _variants(loaded: LoadedSpec, over: Mapping[str, Sequence[Any]]) -> Iterator[tuple[dict[str, Any], ModelChoices]]:
-    from mapmore_cli.spec.loader import load
-
     for values in product(*over.values()):
         settings = dict(zip(over, values, strict=True))
         spec = load(loaded.path, (*loaded.overrides, *as_overrides(settings))).spec

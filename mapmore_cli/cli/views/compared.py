@@ -7,21 +7,18 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from mapmore_cli.cli.views.fitted import View
-from mapmore_cli.domain.scores import Trial, Tuning
+from mapmore_cli.domain.scores import Published, ScoreTable, Trial, Tuning, Validation
 from mapmore_cli.domain.search import Search, Tried
-from mapmore_cli.reporting.score_tables import search_table
+from mapmore_cli.reporting.score_tables import changes_table, curve_scores_table, drift_table, score_table, search_table
 from mapmore_cli.reporting.table import Cell, Column, Table
 from mapmore_cli.spec.layers import as_overrides
 
-if TYPE_CHECKING:
-    from mapmore_cli.domain.scores import Published, ScoreTable, Validation
 if TYPE_CHECKING:
     from mapmore_cli.modelling.validation.comparison import Comparison
 
 
 def of_scores(table: ScoreTable, published: Published | None = None) -> View:
     """Return the score rows of every curve in the document; the pooled ones in the table, beside what a publication reports."""
-    from mapmore_cli.reporting.score_tables import score_table
     from mapmore_cli.storage.score_files import score_row
 
     rows = [score_row(score) for score in table.scores]
@@ -31,7 +28,6 @@ def of_scores(table: ScoreTable, published: Published | None = None) -> View:
 def of_validation(validation: Validation) -> View:
     """Return the scores pooled and by curve, and the formulas that were fitted as competitors."""
     from mapmore_cli.reporting.model_tables import rival_minima
-    from mapmore_cli.reporting.score_tables import curve_scores_table
 
     pooled = of_scores(validation.table)
     formulas = {name: asdict(formula) for name, formula in validation.formulas.items()}
@@ -48,8 +44,6 @@ ONE_CURVE = 2 / 3
 
 def of_comparisons(names: Sequence[str], results: Sequence[Comparison]) -> View:
     """Return the last model against the first, curve by curve; every model where there are more than two. The document has every term."""
-    from mapmore_cli.reporting.score_tables import changes_table, drift_table
-
     last = results[-1]
     document = {"before": names[0], "after": names[-1], **_document(last)}
     if len(results) > 1:

@@ -13,6 +13,7 @@ from mapmore_cli.cli.views.fitted import View
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.page import RUN_PAGE
 from mapmore_cli.storage.run_folder import RESULTS
+from mapmore_cli.storage.run_record import load_records, stale_stages
 
 if TYPE_CHECKING:
     from mapmore_cli.reporting.table import Table
@@ -57,8 +58,6 @@ def of_run(run_dir: Path) -> View:
 
 def _stale(run_dir: Path) -> dict[str, str]:
     """Stages of a run whose results are older than what they were made from, each with a line that says so."""
-    from mapmore_cli.storage.run_record import load_records, stale_stages
-
     found = stale_stages(load_records(run_dir, lambda _message: None))
     return {name: f"{name} is out of date: {before} was done again since; run the spec to renew it" for name, before in found.items()}
 

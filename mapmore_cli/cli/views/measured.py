@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from mapmore_cli.cli.views import measured
 from mapmore_cli.cli.views.fitted import View
 from mapmore_cli.domain.errors import MapmoreError
+from mapmore_cli.reporting.table import Column, Table
 
 if TYPE_CHECKING:
     from mapmore_cli.study.inspection.lint import Inspection
@@ -75,8 +76,6 @@ def _curve(curve: Curve) -> dict[str, Any]:
 
 def of_segmentation(curves: Sequence[SegmentedCurve]) -> View:
     """Where every segment lies, and how many samples it has."""
-    from mapmore_cli.reporting.table import Column, Table
-
     document = {
         "curves": [
             {

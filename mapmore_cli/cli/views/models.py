@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from mapmore_cli.cli.views import running
 from mapmore_cli.cli.views.fitted import View, formula_document, formula_lines, segment_document
 from mapmore_cli.domain.models import CurveFunction, CurveRange, Formula, Fusion, Memory, Model, Pieces, StateSpace, Sum
-
-if TYPE_CHECKING:
-    from mapmore_cli.reporting.table import Table
+from mapmore_cli.modelling.kinds import equations, kind_of
+from mapmore_cli.reporting.table import Column, Table
 
 
 class Shown(NamedTuple):
@@ -24,9 +23,6 @@ class Shown(NamedTuple):
 
 def of_model(model: Model) -> View:
     """Return the inputs, what the kind has to show, and the equations; weights, limits and equations are in physical units."""
-    from mapmore_cli.modelling.kinds import equations
-    from mapmore_cli.reporting.table import Column, Table
-
     found = equations(model)
     inputs = ", ".join(f"{quantity.name} [{quantity.unit}]" for quantity in model.inputs) or "its own past"
     title = f"{model.name}: {model.output.name} [{model.output.unit}] from {inputs}"
@@ -37,8 +33,6 @@ def of_model(model: Model) -> View:
 
 
 def _shown(model: Model) -> Shown:
-    from mapmore_cli.modelling.kinds import kind_of
-
     word = kind_of(model).name
     shown = SHOWN.get(word, _plain)(model)
     return shown._replace(document={"kind": word, **shown.document})
@@ -87,8 +81,6 @@ def _memory(model: Model) -> Shown:
 
 
 def _state_space(model: Model) -> Shown:
-    from mapmore_cli.cli.views import running
-
     body = model.body
     assert isinstance(body, StateSpace)
     document = {"motion": running.motion_document(body.motion), "limits": _limits(body.ranges)}
@@ -150,8 +142,6 @@ def _fusion_lines(fusion: Fusion) -> tuple[str, ...]:
 
 def of_adapted(model: Model, path: str) -> View:
     """Return the scales of a specimen, and the file that was written."""
-    from mapmore_cli.reporting.table import Column, Table
-
     fit = model.backbone
     assert fit is not None
     rows = tuple((name, fit.parameters[name], fit.errors[name]) for name in fit.parameters)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from mapmore_cli.domain.recording import Signal
 from mapmore_cli.fitting.kinds.dictionary import signals_of, units_of
+from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.pieces.recipe import Fuse, Segmented
 from mapmore_cli.modelling.selection import AUTO, Fit
 from mapmore_cli.spec.experiment import ExperimentSpec
@@ -100,8 +101,6 @@ def metres_of(unit: str) -> float:
 
 def lengths_of(spec: ExperimentSpec) -> dict[str, float | None]:
     """Return the muscle's dimensions (m) where the formula that is the model or its backbone has one."""
-    from mapmore_cli.modelling import literature
-
     name = spec.model.name or spec.model.backbone
     needed = literature.get(name).dimensions if name not in (None, AUTO) else ()
     return {name: length for name, length in spec.muscle.lengths.items() if name in needed}

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import Signal
+from mapmore_cli.modelling.expressions import parse, state, to_text
+from mapmore_cli.modelling.expressions.families import delays, lags, operated, products
 from mapmore_cli.modelling.pieces.recipe import CutByDirection
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.data import Direction, Rate
@@ -69,8 +71,6 @@ def terms_of(dictionary: Sequence[DictionaryEntry], clock: Clock | None = None) 
 
 def _terms(entry: DictionaryEntry, clock: Clock | None, *, constant: bool) -> Sequence[str]:
     """Return the terms of one family; within products, where `constant` is false, without the constant."""
-    from mapmore_cli.modelling.expressions import parse, to_text
-
     name, family = entry.family
     if isinstance(family, list):
         return [to_text(parse(text)) for text in family]
@@ -80,11 +80,7 @@ def _terms(entry: DictionaryEntry, clock: Clock | None, *, constant: bool) -> Se
     if isinstance(family, Polynomial):
         return _monomials(of, family, constant=constant)
     if isinstance(family, Lags):
-        from mapmore_cli.modelling.expressions.families import lags
-
         return _monomials(lags(of, list(dict.fromkeys(family.steps))), family, constant=constant)
-    from mapmore_cli.modelling.expressions.families import delays, operated
-
     assert clock is not None
     if isinstance(family, Delays):
         return delays(of, family.times, clock.step)
@@ -92,22 +88,14 @@ def _terms(entry: DictionaryEntry, clock: Clock | None, *, constant: bool) -> Se
 
 
 def _canonical(text: str) -> str:
-    from mapmore_cli.modelling.expressions import state
-
     return state(text).name
 
 
 def _monomials(of: Sequence[str], family: Polynomial | Lags, *, constant: bool) -> list[str]:
-    from mapmore_cli.modelling.expressions import to_text
-    from mapmore_cli.modelling.expressions.families import products
-
     return [to_text(term) for term in products(of, family.order, constant=family.constant and constant)]
 
 
 def _products(family: Products, clock: Clock | None, *, constant: bool) -> list[str]:
-    from mapmore_cli.modelling.expressions import to_text
-    from mapmore_cli.modelling.expressions.families import products
-
     parts = [[_canonical(part)] if isinstance(part, str) else _terms(part, clock, constant=False) for part in family.of]
     of = list(dict.fromkeys(term for part in parts for term in part))
     partners = None if family.partners is None else [_canonical(text) for text in family.partners]

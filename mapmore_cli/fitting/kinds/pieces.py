@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
+from mapmore_cli.domain.results import FitResult, PiecesFit
 from mapmore_cli.fitting.kinds.choices import FitChoices, ModelChoices, SegmentSection, level_of
 from mapmore_cli.fitting.kinds.dictionary import terms_of
 from mapmore_cli.modelling.pieces.recipe import Cut, Fuse, Recipe
+from mapmore_cli.modelling.pieces.segmentation import trained_at
 from mapmore_cli.modelling.selection import AUTO, Fit
 from mapmore_cli.spec.sections.data import Levels
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry, remembers
@@ -16,7 +18,6 @@ if TYPE_CHECKING:
     from mapmore_cli.domain.fits import FormulaFit
     from mapmore_cli.domain.models import Model
     from mapmore_cli.domain.recording import Curve, Dataset
-    from mapmore_cli.domain.results import FitResult
     from mapmore_cli.fitting.stage import Workspace
 
 
@@ -43,9 +44,7 @@ def recipe_of(
 
 def fit(part: FitChoices, dataset: Dataset, workspace: Workspace) -> FitResult:
     """Return the terms of every segment, fitted to what the backbone leaves where there is one; raises FitError where its fit failed."""
-    from mapmore_cli.domain.results import FitResult, PiecesFit
     from mapmore_cli.modelling.pieces import build as method
-    from mapmore_cli.modelling.pieces.segmentation import trained_at
 
     curves = trained_at(dataset.curves, part.fit.train_level)
     segmentation = workspace.files.segmentation()
@@ -81,8 +80,6 @@ def _backbone(
 
 def backbone_name(part: FitChoices, dataset: Dataset) -> str | None:
     """Return the backbone that left-out levels choose."""
-    from mapmore_cli.modelling.pieces.segmentation import trained_at
-
     curves = trained_at(dataset.curves, part.fit.train_level)
     recipe = recipe_of(dataset.target, part.levels, part.segment, part.dictionary, part.fit, part.joined)
     found, _ = _backbone(part, dataset, curves, recipe, lambda _done, _of: None)
@@ -92,7 +89,6 @@ def backbone_name(part: FitChoices, dataset: Dataset) -> str | None:
 def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:
     """Fuse; on a backbone, keep as much of the residual as left-out training data support, unless the spec says how much."""
     from mapmore_cli.modelling.pieces import build as method
-    from mapmore_cli.modelling.pieces.segmentation import trained_at
     from mapmore_cli.modelling.pieces.shrinkage import with_trusted_residual
 
     curves = trained_at(dataset.curves, part.fit.train_level)
@@ -108,7 +104,6 @@ def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:
 def refit(part: ModelChoices, dataset: Dataset) -> Model:
     """Everything in one go on the training samples of a dataset: cuts, backbone, terms, and the share of the residual that is trusted."""
     from mapmore_cli.modelling.pieces import build as method
-    from mapmore_cli.modelling.pieces.segmentation import trained_at
     from mapmore_cli.modelling.pieces.shrinkage import with_trusted_residual
 
     curves = trained_at(dataset.curves, part.fit.train_level)

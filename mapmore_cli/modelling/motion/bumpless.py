@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.errors import DataError
@@ -44,8 +45,6 @@ def joined(motion: Motion, traces: Sequence[Trace], reach: float) -> Motion:
 
     Raises DataError where a boundary lies at an end of the training range: the section beyond it would have no width.
     """
-    from scipy.optimize import least_squares
-
     if np.any(np.diff(_knots(motion)) <= 0):
         low, high = motion.limits
         raise DataError(

@@ -15,6 +15,7 @@ from contextvars import ContextVar
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from h5py import h5d, h5g, h5l, h5o, h5t, h5z
 
 from mapmore_cli.domain.arrays import in_blocks
 from mapmore_cli.domain.foreign import is_one_line
@@ -65,8 +66,6 @@ def look_over(file: h5py.File, size: int) -> None:
     No value is read. Refused are links of all kinds but one hard link to every object, data in other files (external storage, virtual
     datasets), filters other than gzip and byte shuffle, types other than numbers and texts, and groups too deep.
     """
-    from h5py import h5d, h5g, h5l, h5o
-
     _texts_left.set(ROOM + RATIO * size)
     _texts_at_once.set(max(1, ROOM // max(size, 1)))
     with stored_at(""):
@@ -105,8 +104,6 @@ def look_over(file: h5py.File, size: int) -> None:
 
 def _bytes_of(dataset: Any, where: str) -> int:
     """Bytes of the values of a dataset; Invalid where they do not lie plainly in this file."""
-    from h5py import h5d, h5t, h5z
-
     plist = dataset.get_create_plist()
     layout = plist.get_layout()
     if layout not in (h5d.COMPACT, h5d.CONTIGUOUS, h5d.CHUNKED) or plist.get_external_count():

@@ -10,14 +10,16 @@ from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.errors import SpecError, UsageError, told
 from mapmore_cli.domain.page import RUN_PAGE
+from mapmore_cli.reporting.table import Table, to_csv
 from mapmore_cli.spec.campaign import Campaign, Entry, is_campaign, load_campaign
 from mapmore_cli.spec.loader import LoadedSpec, load
 from mapmore_cli.spec.sections.results import Competitor
+from mapmore_cli.storage.atomic import refusals_told, write_text
+from mapmore_cli.storage.run_folder import refuse_foreign
 from mapmore_cli.storage.run_record import CAMPAIGN_RECORD
 
 if TYPE_CHECKING:
     from mapmore_cli.reporting.campaign import CampaignScores
-    from mapmore_cli.reporting.table import Table
     from mapmore_cli.study.campaigns.batch import Finished
 
 
@@ -95,8 +97,6 @@ def run_names(entries: Sequence[Entry], campaigns: Sequence[Expanded], specs: Se
 
 def refuse_foreign_folders(campaigns: Sequence[Expanded], runs: Path) -> None:
     """Raise WriteError where the page of a campaign has no place: better before its runs are done."""
-    from mapmore_cli.storage.run_folder import refuse_foreign
-
     for one in campaigns:
         refuse_foreign(runs / one.campaign.campaign, CAMPAIGN_RECORD)
 
@@ -114,9 +114,6 @@ def write_page(campaign: Campaign, results: Mapping[str, Finished | BaseExceptio
     from mapmore_cli.reporting.campaign import campaign_tables, render_campaign
     from mapmore_cli.reporting.figures.campaign import campaign_figures
     from mapmore_cli.reporting.figures.catalogue import rendered
-    from mapmore_cli.reporting.table import to_csv
-    from mapmore_cli.storage.atomic import refusals_told, write_text
-    from mapmore_cli.storage.run_folder import refuse_foreign
 
     scores = scores_of(campaign, results)
     tables = campaign_tables(scores)

@@ -12,7 +12,11 @@ import numpy as np
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.scores import Score
 from mapmore_cli.modelling.motion.simulation import last_wavelength
+from mapmore_cli.pipeline.report import collected, reads
+from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.reporting.table import Cell, Column, Table
+from mapmore_cli.reporting.tables import all_tables
+from mapmore_cli.spec.loader import load
 from mapmore_cli.spec.paper import Ours
 from mapmore_cli.storage.run_folder import RunFiles
 
@@ -29,9 +33,6 @@ class Runs:
 
     def run_dir(self, spec: str) -> Path:
         """Bring the run of a spec up to date and return its folder; raises as its stages do."""
-        from mapmore_cli.pipeline.runner import bring_up_to_date
-        from mapmore_cli.spec.loader import load
-
         return bring_up_to_date(load(self.folder / spec), self.runs, "validate").run_dir
 
     def rows(self, ours: Ours, printed: Mapping[str, str]) -> list[Row]:
@@ -70,10 +71,6 @@ def _filled(text: str, printed: Mapping[str, str]) -> str:
 
 
 def _tables(run_dir: Path) -> dict[str, Table]:
-    from mapmore_cli.pipeline.report import collected, reads
-    from mapmore_cli.reporting.tables import all_tables
-    from mapmore_cli.spec.loader import load
-
     shown = all_tables(collected(reads(load(run_dir / "experiment.yaml").spec), run_dir))
     return {**{table.name: table for table in shown}, "scores": _scores(run_dir), "curves": _curves(run_dir)}
 

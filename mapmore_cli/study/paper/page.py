@@ -7,7 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from mapmore_cli import __version__
 from mapmore_cli.domain.errors import MapmoreError, told
+from mapmore_cli.pipeline.report import drawn_figure
+from mapmore_cli.reporting.report import environment
 from mapmore_cli.reporting.table import Column, Table
 from mapmore_cli.spec.paper import Item, LoadedPaper
 from mapmore_cli.study.paper.compare import beside, sentences
@@ -93,8 +96,6 @@ def _result(item: Item, loaded: LoadedPaper, runs: Runs, tell: Tell) -> Result:
 
 
 def _drawn(item: Item, runs: Runs, tell: Tell) -> Sequence[Shown]:
-    from mapmore_cli.pipeline.report import drawn_figure
-
     found = []
     for one in item.figures:
         text = drawn_figure(runs.run_dir(one.run), one.figure, one.panel, "svg", tell)[0].decode()
@@ -169,9 +170,6 @@ def document(papers: Sequence[PaperResult]) -> dict[str, Any]:
 
 def page(papers: Sequence[PaperResult]) -> str:
     """The page as HTML, one file that loads nothing."""
-    from mapmore_cli import __version__
-    from mapmore_cli.reporting.report import environment
-
     return (
         environment()
         .get_template("paper.html")

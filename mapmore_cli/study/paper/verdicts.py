@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from scipy.stats import kendalltau
+
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.reporting.table import Cell
 from mapmore_cli.spec.paper import Verdict
@@ -42,8 +44,6 @@ def judged(rule: Verdict, what: str, printed: Cell, ours: Cell) -> Compared:
 
 def order(what: str, printed: Array, ours: Array) -> Compared:
     """Compare the ranks of two rows of numbers, (n,) each; an order of one is none."""
-    from scipy.stats import kendalltau
-
     tau = float(kendalltau(printed, ours).statistic)
     return Compared(ORDER, what, bool(tau > 1 - 1e-9), tau)
 

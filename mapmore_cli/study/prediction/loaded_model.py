@@ -19,6 +19,7 @@ from mapmore_cli.modelling.kinds import equations as model_equations
 from mapmore_cli.modelling.kinds import outside_range, predict, slopes
 from mapmore_cli.modelling.signals.rates import with_signals
 from mapmore_cli.modelling.validation.intervals import interval
+from mapmore_cli.reporting.figures.lines import draw_model
 from mapmore_cli.study.prediction.records import reading_of
 
 if TYPE_CHECKING:
@@ -85,8 +86,6 @@ class LoadedModel:
         With `interval`, as 0.95, bands that hold a sample of a new curve with that probability. Raises `TypeError` for a model that runs
         along recordings: call it with one, and draw that; `DataError` as `interval` does.
         """
-        from mapmore_cli.reporting.figures.lines import draw_model
-
         if ax is None:
             import matplotlib.pyplot as plt
 

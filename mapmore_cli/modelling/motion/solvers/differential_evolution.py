@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from scipy.optimize import Bounds, differential_evolution
+
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.motion.problem import Found, MotionRecipe, Problem
 from mapmore_cli.modelling.motion.sections import EDGE, of_reflections
@@ -12,8 +14,6 @@ POPULATION = 10
 
 def solve(problem: Problem, recipe: MotionRecipe) -> Found:
     """Return the best of `iterations` generations, or of fewer where the population has settled."""
-    from scipy.optimize import Bounds, differential_evolution
-
     history: list[float] = []
 
     def poles(place: Array) -> tuple[float, float]:

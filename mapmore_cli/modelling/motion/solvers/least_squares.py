@@ -5,6 +5,7 @@ from __future__ import annotations
 import cmath
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.motion.problem import Found, MotionRecipe, Piece, Problem
@@ -34,8 +35,6 @@ def polish(problem: Problem, found: Found) -> Found:
 
 
 def _refined(problem: Problem, p1: float, p2: float) -> Found:
-    from scipy.optimize import least_squares
-
     history: list[float] = []
 
     def residuals(place: Array) -> Array:

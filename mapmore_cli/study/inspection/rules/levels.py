@@ -11,7 +11,9 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.fitting.kinds.choices import level_of
+from mapmore_cli.fitting.kinds.pieces import cuts_of
 from mapmore_cli.modelling.pieces.recipe import Cuts
+from mapmore_cli.modelling.pieces.segmentation import cut_by_course
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.spec.check_study import formula_called
 from mapmore_cli.spec.sections.dictionary import entries_of, texts_in
@@ -33,9 +35,6 @@ def few_samples(subject: Subject) -> Iterator[Issue]:
 
 def segments(subject: Subject) -> Iterator[Issue]:
     """Every segment needs more training samples than terms."""
-    from mapmore_cli.fitting.kinds.pieces import cuts_of
-    from mapmore_cli.modelling.pieces.segmentation import cut_by_course
-
     spec, dataset = subject.spec, _dataset(subject)
     fits_decide = any(isinstance(cut, Cuts) and cut.method == "optimal" for cut in spec.segment.values())
     if spec.model.type != "mapmore" or fits_decide:

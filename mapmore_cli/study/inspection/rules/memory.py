@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.modelling.memory.records import records_of, time_step
 from mapmore_cli.study.inspection.subject import Issue, Subject
 
 
@@ -14,8 +15,6 @@ def even_steps(subject: Subject) -> Iterator[Issue]:
     """All recordings at the same even steps, and none with holes that nobody declared."""
     if not subject.spec.runs_over_time or subject.dataset is None:
         return
-    from mapmore_cli.modelling.memory.records import records_of, time_step
-
     curves = subject.dataset.curves
     try:
         step = time_step(curves)
