@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -33,14 +32,6 @@ def test_cell_weights_are_a_partition_of_unity(boundaries, z_s, name, seed):
     assert ((weights > 1e-12).sum(axis=1) <= 2).all()
 
 
-@settings(deadline=None)
-@given(increasing, transition, seeds, zone, zone)
-def test_weights_of_two_variables_sum_to_one_as_products(boundaries, name, seed, z_a, z_b):
-    x = points(seed, boundaries)
-    a, b = cell_weights(x, boundaries, name, z_a), cell_weights(x[::-1], boundaries, name, z_b)
-    np.testing.assert_allclose(np.einsum("ni,nj->n", a, b), 1, atol=1e-12)
-
-
 def test_zones_are_those_of_the_paper():
     """M2 eq 10 and 11: seg_i - z (seg_i - seg_{i-1}) to seg_i + z (seg_{i+1} - seg_i)."""
     start, end = zones(np.array([0.0, 1, 3, 4]), 0.25)
@@ -51,22 +42,3 @@ def test_zones_are_those_of_the_paper():
 def test_a_step_gives_the_boundary_to_the_left_segment():
     weights = cell_weights(np.array([0.999, 1.0, 1.001]), np.array([0.0, 1, 2]), "linear", 0.0)
     np.testing.assert_array_equal(weights, [[1, 0], [1, 0], [0, 1]])
-
-
-def rise(name, t):
-    """s(t), by the weight of the right one of two segments whose zone is one wide."""
-    return cell_weights(t + 0.5, np.array([0.0, 1, 2]), name, 0.5)[:, 1]
-
-
-@pytest.mark.parametrize("name", sorted(TRANSITIONS))
-def test_transitions_rise_from_zero_to_one_and_are_antisymmetric(name):
-    s = rise(name, np.linspace(0, 1, 101))
-    np.testing.assert_allclose(s + s[::-1], 1, atol=1e-14)
-    assert s[0] == 0
-    assert s[-1] == 1
-    assert (np.diff(s) > -1e-15).all()
-
-
-def test_transitions_are_those_of_the_paper():
-    at = np.array([0.25])
-    np.testing.assert_allclose([rise(name, at)[0] for name in ("linear", "quadratic", "cubic")], [0.25, 0.125, 0.15625])

@@ -71,45 +71,6 @@ def test_weights_sum_to_one(at, seed, below, above, offset, factor):
     np.testing.assert_allclose(moved, factor * plain + offset, atol=1e-6 * (1 + np.abs(plain).max()))
 
 
-@settings(deadline=None)
-@given(levels, seeds)
-def test_levels_are_reproduced_exactly(at, seed):
-    _, values = between(seed, at)
-    np.testing.assert_array_equal(shape_preserving(at, at, constant(values, len(at))), values)
-
-
-@settings(deadline=None)
-@given(levels, seeds, st.floats(-5, 5), st.floats(-100, 100))
-def test_lines_across_levels_stay_lines(at, seed, slope, offset):
-    x, _ = between(seed, at)
-    np.testing.assert_allclose(shape_preserving(x, at, constant(slope * at + offset, len(x))), slope * x + offset, atol=1e-6)
-
-
-@settings(deadline=None)
-@given(levels, seeds)
-def test_monotone_values_stay_monotone_and_nothing_overshoots(at, seed):
-    x, values = between(seed, at, n=400)
-    rising = shape_preserving(x, at, constant(np.sort(values), len(x)))
-    assert (np.diff(rising) >= -1e-9).all()
-    y = shape_preserving(x, at, constant(values, len(x)))
-    left = np.clip(np.searchsorted(at, x, side="right") - 1, 0, len(at) - 2)
-    assert (y >= np.minimum(values[left], values[left + 1]) - 1e-9).all()
-    assert (y <= np.maximum(values[left], values[left + 1]) + 1e-9).all()
-
-
-@settings(deadline=None)
-@given(levels, seeds)
-def test_the_slope_has_no_jump_at_a_level(at, seed):
-    _, values = between(seed, at)
-    step = 1e-6 * np.diff(at).min()
-    table = constant(values, len(at) - 2)
-    inner = at[1:-1]
-    here = shape_preserving(inner, at, table)
-    before = (here - shape_preserving(inner - step, at, table)) / step
-    after = (shape_preserving(inner + step, at, table) - here) / step
-    np.testing.assert_allclose(before, after, atol=1e-3 * (1 + np.abs(np.diff(values) / np.diff(at)).max()))
-
-
 def test_words_beyond_the_outermost_level():
     at = np.array([1.0, 2.0, 4.0])
     values = constant(np.array([1.0, 4.0, 16.0]), 2)

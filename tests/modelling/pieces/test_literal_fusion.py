@@ -13,9 +13,6 @@ from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.definition import weight_of
-from mapmore_cli.modelling.pieces.recipe import Cuts
-
-UNEVEN = {"strain": Cuts("breakpoints", at=(0.01, 0.07))}
 
 
 def model_of(samples=None, **changes):
@@ -27,20 +24,6 @@ def function(segment, x):
     z = segment.scaling.slope[0] * x + segment.scaling.intercept[0]
     terms = dictionary_matrix([parse(term) for term in segment.terms], {"strain": z}, len(x))
     return segment.scaling.y_slope * (terms @ segment.theta) + segment.scaling.y_intercept
-
-
-def test_functions_that_are_not_held_go_on_beyond_their_samples():
-    model = model_of(cuts=UNEVEN, z_s=0.25, hold="none", max_terms=3)
-    held = replace(model, body=replace(model.body, fusion=replace(model.body.fusion, hold="samples")))
-    at = {"pressure": np.full(301, 350.0), "strain": np.linspace(0, 0.2, 301)}
-    assert np.abs(predict(model, at) - predict(held, at)).max() > 1.0
-
-
-def test_even_segments_full_of_samples_are_the_same_either_way():
-    samples = curves(n=4001, noise=0.0)
-    at = {"pressure": np.full(200, 200.0), "strain": np.linspace(0, 0.12, 200)}
-    literal, held = (predict(model_of(samples, hold=hold), at) for hold in ("none", "samples"))
-    np.testing.assert_allclose(literal, held, rtol=1e-3, atol=0.05)
 
 
 def test_limits_of_the_domain_are_those_of_the_longest_curve():
