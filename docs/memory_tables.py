@@ -12,14 +12,11 @@ from pathlib import Path
 
 from pages import CONFIGS, DOCS, campaign, finished, write_tables
 
-from mapmore_cli.domain.memory import MemoryFit
 from mapmore_cli.domain.scores import Score
-from mapmore_cli.modelling.validation.error_parts import PARTS, error_parts
 from mapmore_cli.reporting.campaign import CampaignScores, nrmse_table
-from mapmore_cli.reporting.memory_tables import substitutes_table
-from mapmore_cli.reporting.table import Cell, Column, Table
+from mapmore_cli.reporting.table import Column, Table
 from mapmore_cli.spec.campaign import Entry, load_campaign
-from mapmore_cli.storage.artefacts import read_dataset, read_fit, read_validation
+from mapmore_cli.storage.artefacts import read_fit
 from mapmore_cli.study.campaigns.batch import Finished
 
 REVERSALS = ("dmsp-20-88-inner-reversals", "peano-inner-reversals")
@@ -62,13 +59,6 @@ def reversals(runs: Path) -> Table:
     """Inner reversals of both simulated muscles."""
     found = {name: study("m1", name, runs).table.scores for name in REVERSALS}
     return nrmse_table(CampaignScores(found, relative_to="static"))
-
-
-def chosen(runs: Path) -> Table:
-    """The terms of one record and what else would have served."""
-    memory: MemoryFit | None = read_fit(study("coiled", "coiled_steps", runs).run_dir / "fit.h5").memory
-    assert memory is not None
-    return substitutes_table(memory)
 
 
 def identification(runs: Path) -> Table:
@@ -164,27 +154,6 @@ def bouc_wen(runs: Path) -> Table:
     return Table("bouc_wen", "Bouc-Wen oscillator: held-out samples", columns, tuple(rows))
 
 
-def limits(runs: Path) -> Table:
-    """What the held-out errors of the coiled muscles consist of."""
-    spec, entries = load_campaign(CONFIGS / "campaigns" / "coiled.yaml")
-    rows: list[tuple[Cell, ...]] = []
-    for variant, entry in zip(spec.runs, entries, strict=True):
-        run = finished(Entry(entry.config, (*entry.overrides, "validate.against=[]", f"name={variant.name}-alone")), runs)
-        dataset, validation = read_dataset(run.run_dir / "ingest.h5"), read_validation(run.run_dir / "validate.h5")
-        parts = error_parts(dataset.curves, validation.predictions["mapmore"], dataset.target, "pressure", dataset.logs)
-        found = {one.split: one for one in parts}
-        if "validate" not in found:
-            rows.append((variant.name, *[None] * (len(PARTS) + 3)))  # a single held-out cycle
-            continue
-        held = found["validate"]
-        scale = own(run).normaliser / 100
-        train = math.hypot(*found["train"].rms.values()) / scale if "train" in found else None
-        told = [held.rms[part] / scale for part in PARTS]
-        rows.append((variant.name, train, math.hypot(*told), *told, held.limit))
-    columns = (Column("run"), Column("training", "%", ".3g"), *(Column(name, "%", ".3g") for name in ("held out", *PARTS)), Column("limit"))
-    return Table("limits", "Coiled muscles: what the errors consist of, in per cent of the range", columns, tuple(rows))
-
-
 def whole_rmse(run: Finished) -> float:
     """RMSE over training and held-out samples together."""
     parts = [own(run, split) for split in ("train", "validate")]
@@ -195,9 +164,7 @@ def tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
     """Every table of the page, by its name there."""
     return {
         "coiled": lambda: nrmse_table(campaign("coiled", runs)),
-        "limits": lambda: limits(runs),
         "uncut": lambda: uncut(runs),
-        "chosen": lambda: chosen(runs),
         "coiled_loads": lambda: nrmse_table(campaign("coiled_loads", runs)),
         "reversals": lambda: reversals(runs),
         "identification": lambda: identification(runs),

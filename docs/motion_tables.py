@@ -254,17 +254,6 @@ def readings() -> Table:
     return Table("readings", "Two readings of P's text beside its table 3, 20 seeds", columns, tuple(rows))
 
 
-def waveform_medians() -> Table:
-    """Show the median error and its spread over seeds, reading by reading."""
-    rows: list[tuple[Cell, ...]] = []
-    for name in READINGS:
-        for wave, each in errors_by_seed(name).items():
-            low, middle, high = np.percentile(each, (10, 50, 90), axis=0)
-            rows.append((name, wave, *(f"{m:.2f} ({a:.2f} to {b:.2f})" for a, m, b in zip(low, middle, high, strict=True))))
-    columns = (Column("reading"), Column("waveform"), *(Column(model, "cm") for model in MODELS))
-    return Table("reading_medians", "RMSE over one wavelength: median of 20 seeds (10 to 90 %)", columns, tuple(rows))
-
-
 def sections(runs: Path) -> Table:
     """Errors against the number of sections."""
     scores = campaign("motion_sections", runs)
@@ -302,7 +291,6 @@ def tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
         "slowest": slowest,
         "waveforms": lambda: waveforms(runs),
         "readings": readings,
-        "reading_medians": waveform_medians,
         "sections": lambda: sections(runs),
         "coiled_motion": lambda: nrmse_table(campaign("coiled_motion", runs)),
     }

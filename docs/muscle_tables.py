@@ -15,15 +15,13 @@ from pages import CONFIGS, DOCS, printed, run, scores, write_tables
 from scipy.optimize import brentq, least_squares
 
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.literature.backbone import fit_formula, pooled
+from mapmore_cli.modelling.literature.backbone import pooled
 from mapmore_cli.modelling.literature.formula import Formula
 from mapmore_cli.modelling.literature.identifiability import half_width
-from mapmore_cli.modelling.validation.metrics import bands, uncentred
+from mapmore_cli.modelling.validation.metrics import uncentred
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.reporting.table import Cell, Column, Table
-from mapmore_cli.reporting.tables import bands_table
 from mapmore_cli.spec.loader import load
 from mapmore_cli.storage.artefacts import read_dataset, read_validation
 
@@ -150,24 +148,6 @@ def score_rows(folder: Path, split: str, title: str, name: str) -> Table:
     return Table(name, title, columns, rows)
 
 
-def parameters_table(fits: Mapping[str, FormulaFit], name: str, title: str) -> Table:
-    """Parameters with 95 % intervals, and what the data do not show."""
-    rows: list[tuple[Cell, ...]] = []
-    for model, fit in fits.items():
-        for parameter, value in fit.parameters.items():
-            rows.append((model, parameter, value, half_width(fit.errors[parameter], fit.samples - fit.rank), fit.status.replace("_", " ")))
-    notes = tuple(f"{model}: {note}" for model, fit in fits.items() for note in fit.notes if "not identified" in note)
-    columns = (Column("model"), Column("parameter"), Column("value", "", ".4g"), Column("± 95 %", "", ".2g"), Column("status"))
-    return Table(name, title, columns, tuple(rows), notes)
-
-
-def wrist_bands(folder: Path) -> Table:
-    """RMSE by force band."""
-    dataset, validation = read_dataset(folder / "ingest.h5"), read_validation(folder / "validate.h5")
-    kept = {model: values for model, values in validation.predictions.items() if "start" not in model}
-    return bands_table(bands(dataset, kept), "N")
-
-
 BOTH_WAYS = {
     "wrist": ("chou_hannaford", "tondu_lopez_fixed_area", "tondu_lopez_corrected_fixed_area", "kerscher", "sarosi"),
     "pgm": ("chou_hannaford", "tondu_lopez", "tondu_lopez_corrected", "kerscher", "sarosi"),
@@ -204,14 +184,11 @@ def both_ways(study: str, folder: Path) -> Table:
 def wrist_tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
     """Every table of docs/wrist.md."""
     whole, held_out = run("wrist/wrist-static", runs), run("wrist/wrist-static-held-out", runs)
-    formulas = {name: fit for name, fit in read_validation(whole / "validate.h5").formulas.items() if not name.endswith("_start")}
     return {
         "rebuilt": rebuilt_table,
         "inert": inert_table,
         "simulated": lambda: score_rows(whole, "train", "The simulated table, scored as W does: on the points of the fit", "simulated"),
         "held-out": lambda: score_rows(held_out, "validate", "2, 4 and 6 bar held out", "held-out"),
-        "bands": lambda: wrist_bands(whole),
-        "parameters": lambda: parameters_table(formulas, "parameters", "Parameters, fitted to the simulated table (kPa, N, m, rad)"),
         "both-ways-wrist": lambda: both_ways("wrist", whole),
     }
 
@@ -240,18 +217,6 @@ def table_1(runs: Path) -> Table:
     columns = (Column("parameter"), Column("H, table I", "", ".6g"), Column("simulated muscle", "", ".4g"), Column("± 95 %", "", ".2g"))
     note = "The simulated muscles are others than H's: only signs and sizes can be held against each other."
     return Table("table-1", "The muscle-like model of three muscles", columns, tuple(rows), (note,))
-
-
-def fitting_table(runs: Path) -> Table:
-    """The three ways of fitting H's model, on the training data of the 16 cm muscle."""
-    dataset = read_dataset(run("muscle-like/muscle-like-16cm", runs) / "ingest.h5")
-    rows: list[tuple[Cell, ...]] = []
-    for method in ("variable_projection", "levenberg_marquardt", "simplex"):
-        fit = fit_formula("muscle_like", dataset.curves, dataset.target, method)
-        starts = next((note for note in fit.notes if "starts agree" in note), "no starting values")
-        rows.append((method, math.sqrt(fit.sse / fit.samples), fit.parameters["b0"], fit.status.replace("_", " "), starts))
-    columns = (Column("method"), Column("training RMSE", "N", ".6g"), Column("b0", "s/m", ".5g"), Column("status"), Column("starts"))
-    return Table("fitting", "Three ways of fitting the seven parameters", columns, tuple(rows))
 
 
 SPLITS = {
@@ -338,24 +303,16 @@ def one_run(config: str, runs: Path, name: str, title: str, unit: str) -> Table:
     return Table(name, title, columns, rows)
 
 
-def antagonist_parameters(runs: Path) -> Table:
-    """What the measured pair shows of the two muscles, and what it does not."""
-    fit = read_validation(run("muscle-like/antagonist-pam", runs) / "validate.h5").formulas["muscle_like_pair"]
-    return parameters_table({"muscle_like_pair": fit}, "antagonist-parameters", "Parameters of the pair (kPa, mm, mm/s, N)")
-
-
 def muscle_like_tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
     """Every table of docs/muscle-like.md."""
     return {
         "table-1": lambda: table_1(runs),
-        "fitting": lambda: fitting_table(runs),
         "splits": lambda: splits_table(runs),
         "joint": lambda: joint_table(runs),
         "closed-valves": lambda: one_run(
             "muscle-like/muscle-like-closed-valves", runs, "closed-valves", "Pressure at closed valves, 300 and 500 kPa held out", "kPa"
         ),
         "antagonist": lambda: one_run("muscle-like/antagonist-pam", runs, "antagonist", "The measured pair, blocks of 3 s held out", "N"),
-        "antagonist-parameters": lambda: antagonist_parameters(runs),
     }
 
 

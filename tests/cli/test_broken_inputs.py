@@ -24,14 +24,6 @@ def misspelt_key(folder: Path) -> None:
     edit(folder / "bench.yaml", "method: even", "metod: even")
 
 
-def wrong_unit(folder: Path) -> None:
-    edit(folder / "bench.yaml", "unit: kPa", "unit: mm")
-
-
-def unknown_unit(folder: Path) -> None:
-    edit(folder / "bench.yaml", "unit: kPa", "unit: kPaa")
-
-
 def missing_column(folder: Path) -> None:
     edit(folder / "bench.yaml", "column: eps", "column: epsilon")
 
@@ -42,19 +34,9 @@ def text_in_a_number_column(folder: Path) -> None:
     (folder / "bench_200.csv").write_text("\n".join(lines))
 
 
-def empty_file(folder: Path) -> None:
-    (folder / "bench_300.csv").write_text("")
-
-
 def one_sample_per_segment(folder: Path) -> None:
     lines = (folder / "bench_100.csv").read_text().splitlines()
     (folder / "bench_100.csv").write_text("\n".join([lines[0], lines[1], lines[-1]]))
-
-
-def nan(folder: Path) -> None:
-    lines = (folder / "bench_100.csv").read_text().splitlines()
-    lines[3] = "100,0.01,nan"
-    (folder / "bench_100.csv").write_text("\n".join(lines))
 
 
 def duplicate_level(folder: Path) -> None:
@@ -69,32 +51,13 @@ def truncated_gz(folder: Path) -> None:
     edit(folder / "bench.yaml", "bench_*.csv", "bench_*.csv*")
 
 
-def no_such_file(folder: Path) -> None:
-    edit(folder / "bench.yaml", "bench_*.csv", "bnech_*.csv")
-
-
-def level_outside_the_data(folder: Path) -> None:
-    edit(folder / "bench.yaml", "at: [100, 200, 300]", "at: [100, 200, 300, 900]")
-
-
-def malformed_expression(folder: Path) -> None:
-    edit(folder / "bench.yaml", "dictionary: [", 'dictionary: [{terms: ["exp(-strain/"]}, ')
-
-
 CASES = [
     (misspelt_key, SPEC_WRONG, ["bench.yaml:9:20", "metod", "method"]),
-    (wrong_unit, SPEC_WRONG, ["bench.yaml:5:", "mm", "kPa"]),
-    (unknown_unit, SPEC_WRONG, ["bench.yaml:5:", "kPaa", "kPa"]),
     (missing_column, DATA_WRONG, ["bench_100.csv", "epsilon", "eps"]),
     (text_in_a_number_column, DATA_WRONG, ["bench_200.csv", "row 8", "eps", "abc"]),
-    (empty_file, DATA_WRONG, ["bench_300.csv", "empty"]),
     (one_sample_per_segment, DATA_WRONG, ["pressure=100/strain:1", "1 training sample", "fewer segments"]),
-    (nan, DATA_WRONG, ["bench_100.csv", "row 4", "F", "missing: drop"]),
     (duplicate_level, SPEC_WRONG, ["bench.yaml:6:", "200"]),
     (truncated_gz, DATA_WRONG, ["bench_300.csv.gz", "damaged"]),
-    (no_such_file, DATA_WRONG, ["bnech_*.csv", "bench_100.csv"]),
-    (level_outside_the_data, DATA_WRONG, ["900", "pressure"]),
-    (malformed_expression, SPEC_WRONG, ["bench.yaml:10:", "exp(-strain/"]),
 ]
 
 
@@ -142,7 +105,7 @@ def test_a_run_path_that_is_a_file(tmp_path: Path, mapmore: Callable[..., Any]) 
 def test_all_mistakes_of_a_spec_are_told_at_once(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
     spec = write_study(tmp_path)
     misspelt_key(tmp_path)
-    unknown_unit(tmp_path)
+    edit(spec, "unit: kPa", "unit: kPaa")
     edit(spec, "order: 3", "order: 300")
     result = mapmore("run", spec, "--runs", tmp_path / "runs")
     assert result.exit_code == SPEC_WRONG

@@ -9,7 +9,6 @@ import json
 import re
 from collections.abc import Callable
 from pathlib import Path
-from statistics import geometric_mean, median
 from typing import Any
 
 import pytest
@@ -56,38 +55,6 @@ def test_the_worked_spec_is_one(tmp_path: Path) -> None:
     assert block
     (tmp_path / "spec.yaml").write_text(block[1])
     assert load(tmp_path / "spec.yaml").spec.has_memory
-
-
-@pytest.mark.parametrize("name", AGAIN)
-def test_every_run_is_shown_with_the_median_and_the_worst_of_its_group(name: str) -> None:
-    spec, _ = campaign(name)
-    rows, table = rows_of(name), page_table(name, MEMORY)
-    for group in {str(variant.group) for variant in spec.runs}:
-        members = [rows[str(variant.name)] for variant in spec.runs if variant.group == group]
-        for model, told in numbers(table[f"{group}: median"]).items():
-            assert told == pytest.approx(median(row[model] for row in members), rel=2 * DIGITS)
-        for model, told in numbers(table[f"{group}: worst"]).items():
-            assert told == max(row[model] for row in members)
-
-
-@pytest.mark.parametrize(("name", "runs"), [("coiled", None), ("coiled_loads", None), ("reversals", REVERSALS)])
-def test_ratios_follow_from_the_rows(name: str, runs: tuple[str, ...] | None) -> None:
-    table = page_table(name, MEMORY)
-    rows = [numbers(table[run]) for run in runs or rows_of(name)]
-    for model in numbers(table["ratio, geometric mean"]):
-        ratios = [row[model] / row["static"] for row in rows]
-        assert float(table["ratio, geometric mean"][model]) == pytest.approx(geometric_mean(ratios), rel=2 * DIGITS)
-        assert float(table["ratio, worst"][model]) == pytest.approx(max(ratios), rel=2 * DIGITS)
-        assert table["runs better"][model] == f"{sum(ratio < 1 for ratio in ratios)} of {len(ratios)}"
-
-
-def test_what_is_cut_is_in_the_table_of_all_records() -> None:
-    cut = page_table("uncut", MEMORY)
-    assert len(cut) == 4
-    for name, row in cut.items():
-        assert float(row["uncut"]) > float(row["cut"])
-        if name != FEWER:
-            assert float(row["cut"]) == pytest.approx(rows_of("coiled")[name]["mapmore"], rel=DIGITS)
 
 
 @pytest.mark.parametrize("group", ["steps", "loops"])

@@ -13,7 +13,7 @@ from report_builder import build, of_pieces
 
 from mapmore_cli.domain.page import FIGURES
 from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.reporting.figures.catalogue import drawings, rendered
+from mapmore_cli.reporting.figures.catalogue import drawings
 from mapmore_cli.reporting.figures.curves import curve_fit, draw_error, draw_fit, held_out_spans, mark_held_out
 from mapmore_cli.reporting.figures.data import draw_trace, traces
 from mapmore_cli.reporting.figures.drawing import compose
@@ -53,9 +53,6 @@ class TestThinning:
             assert np.nanmin(y[rows]) == np.nanmin(y)
             assert np.nanmax(y[rows]) == np.nanmax(y)
 
-    def test_short_records_are_drawn_whole(self):
-        assert envelope(np.arange(7.0), 7).tolist() == list(range(7))
-
     @settings(deadline=None)
     @given(st.integers(0, 10**6), st.integers(1, 800), st.integers(5, 100))
     def test_a_cloud_keeps_the_extremes(self, seed, n, limit):
@@ -68,11 +65,6 @@ class TestThinning:
         assert np.isfinite(y[rows]).all()
         if np.isfinite(y).any():
             assert (y[rows].min(), y[rows].max()) == (np.nanmin(y), np.nanmax(y))
-
-    def test_a_cloud_spreads_over_x_however_dense_one_end_is(self):
-        x = np.concatenate([np.linspace(0, 0.01, 10_000), np.linspace(0.01, 1, 500)])
-        rows = cloud(x, np.sin(x), 100)
-        assert np.diff(x[rows]).max() < 0.06
 
     def test_bands_are_means_and_ranges(self):
         x = np.sort(np.random.default_rng(3).uniform(0, 5, 20_000))
@@ -119,9 +111,6 @@ class TestThinning:
         assert len(lines) <= 2
         assert all(len(line) <= length for line in lines)
 
-    def test_lines_break_after_a_separator(self):
-        assert two_lines("10mm_20cm_kinked25_Test10", 18) == "10mm_20cm_\nkinked25_Test10"
-
 
 class TestLabels:
     def test_units(self):
@@ -159,13 +148,6 @@ class TestStyles:
         assert len({style.colour for style in styles.values()}) == 7
         assert len({str(style.dashes) for style in styles.values()}) == 7  # told apart without colour too
         assert len({style.marker for style in styles.values()}) == 7
-
-    def test_the_users_matplotlibrc_does_not_reach_the_report(self, alone):
-        (drawing,) = drawings("nrmse", alone)
-        before = rendered(drawing)
-        with mpl.rc_context({"font.size": 20, "axes.grid": True, "savefig.facecolor": "red"}):
-            assert rendered(drawing) == before
-            assert mpl.rcParams["font.size"] == 20
 
 
 class TestFit:
