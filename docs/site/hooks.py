@@ -87,6 +87,15 @@ def on_files(files: Any, config: Any) -> Any:
     return files
 
 
+SHIM = "https://unpkg.com/iframe-worker/shim"
+"""The theme's one script of another server."""
+
+
 def on_post_page(output: str, page: Any, **_rest: Any) -> str:
-    """Return the page with the theme's one script of another server replaced by our own, so that it needs no network."""
-    return output.replace("https://unpkg.com/iframe-worker/shim", "../" * page.url.count("/") + "worker.js")
+    """Return the page with that script replaced by our own, so that it needs no network."""
+    return output.replace(SHIM, "../" * page.url.count("/") + "worker.js")
+
+
+def on_post_template(output_content: str, **_rest: Any) -> str:
+    """Return a page that has no source, as that of links that lead nowhere, with the same change."""
+    return output_content.replace(SHIM, "worker.js")
