@@ -170,7 +170,7 @@ def test_a_long_measured_study_runs_almost_alone(
     study: str, competitor: str, tmp_path: Path, mapmore: Callable[..., Any], measured_data: Path
 ) -> None:
     (path,) = (path for path in MEASURED if path.stem == study)
-    rows = run(mapmore, path, tmp_path, "--set", f"validate.against=[{competitor}]", with_report=False)
+    rows = run(mapmore, path, tmp_path, "--set", f"validate.against=[{competitor}]", "--set", "validate.simple=false", with_report=False)
     assert 0 < rows["mapmore"]["nrmse"] < 0.6
     assert_told({model: per_cent for model, per_cent in shown_of(study).items() if model in rows}, rows)
     assert rows.keys() - shown_of(study).keys() == (rows.keys() if study == "bellows_raw" else set())
