@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import re
-import sys
-from collections.abc import Iterator
 from pathlib import Path
 
+import campaign_tables
 import pytest
 from page_tables import DOCS
 
@@ -20,16 +19,6 @@ def rows(name: str) -> list[list[str]]:
     block = re.search(rf"<!-- table {name} -->\n(.*?)<!-- end -->", PAGE.read_text(encoding="utf-8"), re.DOTALL)
     assert block
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in block[1].splitlines() if line.startswith("|")][2:]
-
-
-@pytest.fixture(scope="module")
-def tables() -> Iterator[object]:
-    """The script that makes them."""
-    sys.path.insert(0, str(DOCS))
-    import campaign_tables
-
-    yield campaign_tables
-    sys.path.remove(str(DOCS))
 
 
 def test_few_false_alarms_and_a_change_of_three_per_cent_is_found() -> None:
@@ -55,16 +44,16 @@ def test_measured_repeats_are_no_change_and_other_lengths_are() -> None:
         assert (called == "changed") != same, (before, after)
 
 
-def test_the_first_pairs_are_the_ones_of_the_page(tables) -> None:
+def test_the_first_pairs_are_the_ones_of_the_page() -> None:
     told = [[float(cell) for cell in row[1:]] for row in rows("first")]
-    found = [[one.ratio, *one.interval] for one in tables.pairs(4, 1.03, len(told))]
+    found = [[one.ratio, *one.interval] for one in campaign_tables.pairs(4, 1.03, len(told))]
     for mine, theirs in zip(found, told, strict=True):
         assert mine == pytest.approx(theirs, abs=1e-5)
 
 
 @pytest.mark.long  # simulated campaigns are compared above
 @pytest.mark.usefixtures("measured_data")
-def test_a_measured_repeat_is_the_one_of_the_page(tables, tmp_path: Path) -> None:
-    found = compare(tables.festo(30, "9", tmp_path), tables.festo(30, "10", tmp_path))
+def test_a_measured_repeat_is_the_one_of_the_page(tmp_path: Path) -> None:
+    found = compare(campaign_tables.festo(30, "9", tmp_path), campaign_tables.festo(30, "10", tmp_path))
     told = next(row for row in rows("festo") if row[:2] == ["30 cm, repeat 9", "30 cm, repeat 10"])
     assert [found.ratio, *found.interval] == pytest.approx([float(cell) for cell in told[2:5]], abs=2e-4)

@@ -2,30 +2,20 @@
 
 from __future__ import annotations
 
-import importlib
-import sys
-from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
 
+import control_tables
 import pytest
 from page_tables import DOCS, numbers, page_table
 
 
-@pytest.fixture(scope="module")
-def control_tables() -> Iterator[ModuleType]:
-    sys.path.insert(0, str(DOCS))
-    yield importlib.import_module("control_tables")
-    sys.path.remove(str(DOCS))
-
-
 @pytest.mark.parametrize("feed", ["mapmore", pytest.param("nothing", marks=pytest.mark.long)])
-def test_the_page_has_the_errors_of_the_loop(feed: str, control_tables: ModuleType, tmp_path: Path) -> None:
+def test_the_page_has_the_errors_of_the_loop(feed: str, tmp_path: Path) -> None:
     row = numbers(page_table("tracking", DOCS / "control.md")[feed])
     assert [row["RMSE"], row["largest error"]] == pytest.approx(control_tables.errors(feed, tmp_path), rel=0.01)
 
 
-def test_an_inverse_fed_forward_follows_better_than_the_loop_alone(control_tables: ModuleType) -> None:
+def test_an_inverse_fed_forward_follows_better_than_the_loop_alone() -> None:
     rows = {name: numbers(row)["RMSE"] for name, row in page_table("tracking", DOCS / "control.md").items()}
     assert list(rows) == list(control_tables.FEEDS)
     assert max(rows[name] for name in rows if name != "nothing") < 0.5 * rows["nothing"]

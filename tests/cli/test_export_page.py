@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import shutil
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from agreement import POINTS, agreement
+from inverse_agreement import TARGETS, inversion
 from page_tables import DOCS, numbers, page_table
+from replay import MEASURED, READERS, SIMULATED, TABLES, replayed
 from test_shipped_studies import STUDIES
 
 from mapmore_cli.storage.artefacts import read_model
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "exporting"))
-from agreement import POINTS, agreement
-from inverse_agreement import TARGETS, inversion
-from replay import MEASURED, READERS, SIMULATED, TABLES, replayed
 
 PAGE, CONFIGS = DOCS / "export.md", DOCS.parent / "configs"
 LIMIT = 1e-12

@@ -2,23 +2,13 @@
 
 from __future__ import annotations
 
-import importlib
-import sys
-from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
 
+import family_tables
 import pytest
 from page_tables import DOCS, numbers, page_table
 
 PAGE = DOCS / "families.md"
-
-
-@pytest.fixture(scope="module")
-def family_tables() -> Iterator[ModuleType]:
-    sys.path.insert(0, str(DOCS))
-    yield importlib.import_module("family_tables")
-    sys.path.remove(str(DOCS))
 
 
 def test_the_sentences_follow_from_the_tables() -> None:
@@ -34,7 +24,7 @@ def test_the_sentences_follow_from_the_tables() -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["lengths", "adapt"])
-def test_a_table_made_anew(name: str, family_tables: ModuleType, tmp_path_factory: pytest.TempPathFactory, measured_data: Path) -> None:
+def test_a_table_made_anew(name: str, tmp_path_factory: pytest.TempPathFactory, measured_data: Path) -> None:
     table = family_tables.tables(tmp_path_factory.getbasetemp() / "family-runs")[name]()
     shown = page_table(name, PAGE)
     for first, *cells in table.rows:

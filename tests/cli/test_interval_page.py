@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import importlib
-import sys
-from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
 
+import interval_tables
 import numpy as np
 import pytest
 from page_tables import DOCS, numbers, page_table
@@ -15,21 +12,14 @@ from page_tables import DOCS, numbers, page_table
 PAGE = DOCS / "intervals.md"
 
 
-@pytest.fixture(scope="module")
-def interval_tables() -> Iterator[ModuleType]:
-    sys.path.insert(0, str(DOCS))
-    yield importlib.import_module("interval_tables")
-    sys.path.remove(str(DOCS))
-
-
-def test_a_simulated_row(interval_tables: ModuleType) -> None:
+def test_a_simulated_row() -> None:
     name, *values = interval_tables.simulated_row("mckibben", "sarosi", 4)
     row = numbers(page_table("simulated", PAGE)[name])
     assert [row[key] for key in ("inside", "±", "RMSE", "± over RMSE")] == pytest.approx(values, rel=0.02)
 
 
 @pytest.mark.parametrize("config", [pytest.param("coiled/coiled_loops", marks=pytest.mark.long), "muscle-like/antagonist-pam"])
-def test_a_measured_row(config: str, interval_tables: ModuleType, tmp_path: Path, measured_data: Path) -> None:
+def test_a_measured_row(config: str, tmp_path: Path, measured_data: Path) -> None:
     name, _, *values, _ = interval_tables.measured_row(config, tmp_path)
     row = numbers(page_table("measured", PAGE)[name])
     assert [row[key] for key in ("held out", "inside", "±", "RMSE", "± over RMSE")] == pytest.approx(values, rel=0.02)
@@ -47,5 +37,5 @@ def test_intervals_are_no_wider_than_they_need_to_be() -> None:
     assert np.median([row["± over RMSE"] for row in rows]) <= 4.5
 
 
-def test_every_study_of_the_table_is_there(interval_tables: ModuleType) -> None:
+def test_every_study_of_the_table_is_there() -> None:
     assert list(page_table("measured", PAGE)) == [Path(config).name for config in interval_tables.MEASURED]

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import importlib
 import math
 import re
-import sys
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from types import ModuleType
 
+import muscle_figures
+import muscle_tables
 import numpy as np
 import pytest
 from page_tables import DOCS, numbers, page_table
@@ -19,13 +18,6 @@ from mapmore_cli.spec.loader import load
 
 WRIST, MUSCLE_LIKE = DOCS / "wrist.md", DOCS / "muscle-like.md"
 CONFIGS = DOCS.parent / "configs"
-
-
-@pytest.fixture(scope="module")
-def muscle_tables() -> Iterator[ModuleType]:
-    sys.path.insert(0, str(DOCS))
-    yield importlib.import_module("muscle_tables")
-    sys.path.remove(str(DOCS))
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +42,7 @@ def assert_shown(found: Table, page: Path) -> None:
                 assert numbers(shown[first])[key] == pytest.approx(value[key], rel=0.02, abs=2e-4), (first, key)
 
 
-def test_the_wrist_page(muscle_tables: ModuleType, runs: Path) -> None:
+def test_the_wrist_page(runs: Path) -> None:
     for name, table in muscle_tables.wrist_tables(runs).items():
         made = table()
         assert made.name == name
@@ -58,13 +50,13 @@ def test_the_wrist_page(muscle_tables: ModuleType, runs: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["table-1", "joint", "closed-valves"])
-def test_the_muscle_like_page(name: str, muscle_tables: ModuleType, runs: Path) -> None:
+def test_the_muscle_like_page(name: str, runs: Path) -> None:
     tables: Mapping[str, Callable[[], Table]] = muscle_tables.muscle_like_tables(runs)
     assert_shown(tables[name](), MUSCLE_LIKE)
 
 
 @pytest.mark.long  # the simulated muscle of the wrist is fitted both ways in its page's test
-def test_the_measured_gel_muscle_fitted_both_ways(muscle_tables: ModuleType, runs: Path, measured_data: Path) -> None:
+def test_the_measured_gel_muscle_fitted_both_ways(runs: Path, measured_data: Path) -> None:
     assert_shown(muscle_tables.measured_wrist_tables(runs)["both-ways-pgm"](), WRIST)
 
 
@@ -77,14 +69,14 @@ def test_each_way_is_best_at_what_it_minimises(study: str) -> None:
         assert strain["RMSE of the strain"] <= force["RMSE of the strain"] or strain["no strain"] < force["no strain"]
 
 
-def test_the_splits_begin_with_what_the_study_says(muscle_tables: ModuleType, runs: Path) -> None:
+def test_the_splits_begin_with_what_the_study_says(runs: Path) -> None:
     found = muscle_tables.scores(muscle_tables.run("muscle-like/muscle-like-16cm", runs), "validate")
     row = numbers(page_table("splits", MUSCLE_LIKE)["blocks of 8 s"])
     for model, score in found.items():
         assert row[f"{model}, RMSE"] == pytest.approx(score.rmse, rel=0.01)
 
 
-def test_the_measured_pair(muscle_tables: ModuleType, runs: Path, measured_data: Path) -> None:
+def test_the_measured_pair(runs: Path, measured_data: Path) -> None:
     """And MAPMORE's error is no larger than that of the best formula, from a spec of less than forty lines."""
     found = muscle_tables.muscle_like_tables(runs)["antagonist"]()
     assert_shown(found, MUSCLE_LIKE)
@@ -107,7 +99,7 @@ def test_what_is_said_of_w() -> None:
     assert rows["tondu_lopez_corrected_fixed_area"]["R, converged"] > 0.99
 
 
-def test_a_k_was_inert(muscle_tables: ModuleType) -> None:
+def test_a_k_was_inert() -> None:
     found = muscle_tables.inert_table()
     assert_shown(found, WRIST)
     assert f"{muscle_tables.size_of_eq_3():.1f} times too small" in WRIST.read_text(encoding="utf-8")
@@ -125,14 +117,12 @@ def test_a_slack_muscle_is_what_the_model_misses() -> None:
     assert rows[f"{wide}: the same, identified from the first half of this record"] > 0.99
 
 
-def test_biological_curves_are_those_of_h(muscle_tables: ModuleType) -> None:
+def test_biological_curves_are_those_of_h() -> None:
     """Eq 2 is 5 % at a width from the optimum; eq 3 is one at rest, zero at the fastest shortening, about 1.5 far into lengthening."""
-    del muscle_tables  # with which the folder of the scripts is on the path
-    figures = importlib.import_module("muscle_figures")
-    assert figures.biological_length(np.array([1.0, 1.0 - 0.56])) == pytest.approx([1.0, 0.05])
+    assert muscle_figures.biological_length(np.array([1.0, 1.0 - 0.56])) == pytest.approx([1.0, 0.05])
     v = np.array([-12.0, -1e-12, 0.0, 1e9])
-    assert figures.biological_velocity(v) == pytest.approx([0.0, 1.0, 1.0, 1.5 + 0.5 / (7.56 * 5.0)], abs=1e-6)
-    assert math.exp(figures.STIFFNESS) == pytest.approx(0.05)
+    assert muscle_figures.biological_velocity(v) == pytest.approx([0.0, 1.0, 1.0, 1.5 + 0.5 / (7.56 * 5.0)], abs=1e-6)
+    assert math.exp(muscle_figures.STIFFNESS) == pytest.approx(0.05)
 
 
 def test_every_study_of_both_folders_is_named_on_its_page_or_made_for_it() -> None:

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import importlib
 import re
-import sys
-from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
+import planning_tables
 import pytest
 from page_tables import DOCS
 
@@ -28,13 +25,6 @@ def means_of(name: str) -> list[float]:
     """What the note of a table says."""
     block = PAGE.read_text(encoding="utf-8").split(f"<!-- table {name} -->")[1].split("<!-- end -->")[0]
     return [float(text) for text in re.findall(r"\d\.\d\d", block.split("Geometric mean")[1])]
-
-
-@pytest.fixture(scope="module")
-def planning_tables() -> Iterator[ModuleType]:
-    sys.path.insert(0, str(DOCS))
-    yield importlib.import_module("planning_tables")
-    sys.path.remove(str(DOCS))
 
 
 def test_equal_distances_are_as_good_as_is_said() -> None:
@@ -60,7 +50,7 @@ def test_what_is_said_of_maps() -> None:
         assert 0.7 < said < 1.1
 
 
-def test_a_campaign_by_equal_distances_is_made_anew(planning_tables: ModuleType, tmp_path: Path, measured_data: Path) -> None:
+def test_a_campaign_by_equal_distances_is_made_anew(tmp_path: Path, measured_data: Path) -> None:
     name = "datasheet, pressures"
     choices, dataset = planning_tables.study(name, tmp_path)
     found = planning_tables.campaign(choices, dataset, lambda known, rest: planning_tables.in_gap(known, rest, np.diff(known)))
@@ -69,7 +59,7 @@ def test_a_campaign_by_equal_distances_is_made_anew(planning_tables: ModuleType,
 
 
 @pytest.mark.long
-def test_a_map_is_made_anew(planning_tables: ModuleType, tmp_path: Path, measured_data: Path) -> None:
+def test_a_map_is_made_anew(tmp_path: Path, measured_data: Path) -> None:
     found = planning_tables.points_by("datasheet, pressures", tmp_path, "plan")
     told = {int(row[1]): float(row[2]) for row in rows_of("maps") if row[0] == "datasheet"}
     assert {size: 100 * error for size, error in found.items()} == pytest.approx(told, rel=0.05)

@@ -3,26 +3,15 @@
 from __future__ import annotations
 
 import re
-import sys
-from collections.abc import Iterator
-from typing import Any
 
 import pytest
+import scale_tables as scale
 from hypothesis import given
 from hypothesis import strategies as st
 from page_tables import DOCS, numbers, page_table
 
 
-@pytest.fixture(scope="module")
-def scale() -> Iterator[Any]:
-    sys.path.insert(0, str(DOCS))
-    import scale_tables
-
-    yield scale_tables
-    sys.path.remove(str(DOCS))
-
-
-def test_the_table_is_the_one_of_the_page(scale: Any) -> None:
+def test_the_table_is_the_one_of_the_page() -> None:
     told = page_table("limits", DOCS / "scale.md")
     runs = scale.recorded()
     assert len(told) == 9
@@ -46,7 +35,7 @@ def test_what_the_text_says_stands_in_the_table() -> None:
     assert all(row["client"] < 0.5 * row["file system"] for row in by_run.values())
 
 
-def test_by_hand(scale: Any) -> None:
+def test_by_hand() -> None:
     work = [scale.Load(0, 0, seconds, 0) for seconds in (3, 1, 2)]
     assert [scale.simulated(work, workers) for workers in (1, 2, 3, 9)] == [6, 3, 3, 3]
     disk = [scale.Load(0, 1, 0, 2)] * 4
@@ -60,7 +49,7 @@ parts = st.floats(0, 5, width=16)
 
 
 @given(loads=st.lists(st.tuples(parts, parts, parts, parts), min_size=1, max_size=12), workers=st.integers(1, 6))
-def test_nothing_is_faster_than_on_paper(scale: Any, loads: list[tuple[float, float, float, float]], workers: int) -> None:
+def test_nothing_is_faster_than_on_paper(loads: list[tuple[float, float, float, float]], workers: int) -> None:
     found = [scale.Load(*load) for load in loads]
     took = scale.simulated(found, workers)
     assert took >= scale.bounds(found, workers).least * (1 - 1e-12)

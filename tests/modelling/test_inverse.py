@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "exporting"))
 from agreement import edges_of, points
 from export_samples import FORMULAS, STATIC, WITH_MEMORY
 

@@ -12,7 +12,6 @@ from pydantic import ValidationError
 
 from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.spec.loader import load_as
-from mapmore_cli.spec.muscle_rigs import McKibbenMuscle, PeanoMuscle
 from mapmore_cli.spec.simulated_experiments import pressure_label
 from mapmore_cli.spec.simulation import SimulationSpec
 from mapmore_cli.study.simulation.simulate import csv_text, decimals, recording, sensors, simulate
@@ -77,44 +76,12 @@ def test_committed_inner_loops_regenerate(kind, use, tmp_path):
         assert_regenerated(path.read_bytes(), (DATASETS / kind / path.name).read_bytes(), INNER[kind, use], 1e-3)
 
 
-@shipped
-def test_no_inner_loop_of_the_validation_has_an_amplitude_of_the_training(kind):
-    turns = [[0.0, *INNER[kind, use].experiment.turns, 0.0] for use in ("training", "validation")]
-    training, validation = (np.abs(np.diff(ends)) for ends in turns)
-    assert np.abs(training[:, None] - validation).min() > 0.015
-
-
-@pytest.mark.parametrize(("kind", "experiment"), list(WET))
-def test_the_wet_specs_and_their_recordings_belong_together(kind, experiment):
-    spec = WET[kind, experiment]
-    named = {f"{spec.output}_{pressure_label(pressure)}.csv" for pressure in spec.experiment.pressures}
-    assert named == {path.name for path in (DATASETS / kind).glob(f"{spec.output}_*.csv")}
-    assert spec.muscle == SPECS[kind].muscle
-    assert (spec.hysteresis.base, spec.hysteresis.per_pressure) == (SPECS[kind].hysteresis.base, SPECS[kind].hysteresis.per_pressure)
-
-
 def test_the_steps_are_those_of_the_paper():
     """M2 table 3."""
     weights = [42, 66, 115, 213]
     for kind, pressures in (("mckibben", [80, 150, 250, 350]), ("peano", [80, 200, 350, 500])):
         steps = WET[kind, "step_responses"].experiment.steps
         assert [(step.pressure, step.weight) for step in steps] == list(zip(pressures, weights, strict=True))
-
-
-@shipped
-def test_every_committed_recording_has_a_pressure_in_the_spec(kind, tmp_path):
-    made = {path.name for path in simulate(changed(kind, duration=10.0, sample_time=0.1), tmp_path, silent)}
-    assert made == {path.name for path in (DATASETS / kind).glob("load_cycle_*.csv")}
-    assert len(made) == 5
-
-
-def test_the_datasets_stay_small():
-    assert sum(path.stat().st_size for path in DATASETS.rglob("*") if path.is_file()) < 6e6
-
-
-def test_the_shipped_specs_describe_the_default_muscles():
-    assert SPECS["mckibben"].muscle == McKibbenMuscle(kind="mckibben")
-    assert SPECS["peano"].muscle == PeanoMuscle(kind="peano")
 
 
 def test_another_pressure_leaves_the_others_as_they_were(tmp_path):

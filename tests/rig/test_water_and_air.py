@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -26,22 +25,12 @@ def test_friction_is_poiseuilles_and_blasius(reynolds, friction_factor):
     assert TUBE.drop(flow_at(reynolds)) == pytest.approx(expected, rel=2e-3)
 
 
-def test_fittings_take_a_share_of_the_dynamic_pressure():
-    fitted = Pipe(length=0.5, diameter=0.0045, loss=2.0)
-    speed = 5e-5 / TUBE.area
-    assert fitted.drop(5e-5) - TUBE.drop(5e-5) == pytest.approx(WATER_DENSITY * speed**2)
-
-
 @settings(deadline=None)
 @given(flow=st.floats(0, 1e-3), more=st.floats(1e-8, 1e-4))
 def test_a_drop_opposes_its_flow_and_grows_with_it(flow, more):
     pipe = Pipe(length=0.3, diameter=0.01, loss=3.0)
     assert pipe.drop(-flow) == -pipe.drop(flow)
     assert pipe.drop(flow + more) > pipe.drop(flow)
-
-
-def test_the_tubes_water_is_heavy():
-    assert pytest.approx(998 * 0.5 / (np.pi / 4 * 0.0045**2)) == TUBE.inertance
 
 
 @settings(deadline=None)
@@ -55,13 +44,6 @@ def test_a_valve_has_no_preferred_direction_and_flows_downhill(first, second):
 
 def test_a_choked_valve_does_not_feel_what_lies_behind_it():
     assert valve_flow(1e-8, 0.3, 5e5, 1.5e5) == valve_flow(1e-8, 0.3, 5e5, 1e4) == pytest.approx(1e-8 * 5e5)
-
-
-def test_a_valves_flow_falls_steadily_to_nothing_at_equal_pressures():
-    flows = np.array([valve_flow(1e-8, 0.3, 5e5, ratio * 5e5) for ratio in np.linspace(0.3, 1.0, 20001)])
-    assert np.all(np.diff(flows) < 1e-18)
-    assert np.abs(np.diff(flows)).max() < 1e-3 * flows[0]
-    assert flows[-1] == 0
 
 
 def test_a_closed_reservoir_gains_what_the_valve_lets_in():
