@@ -12,6 +12,7 @@ import pytest
 PROJECT = Path(__file__).parents[2]
 
 
+@pytest.mark.long
 def test_the_page_says_what_a_gaussian_process_gets(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
     pytest.importorskip("sklearn")
     lines = [

@@ -179,7 +179,7 @@ def test_interrupted_by_the_keyboard(model_file: Path) -> None:
 
 
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="looks for its workers in /proc")
-@pytest.mark.parametrize("pause", [0.1, 0.8])
+@pytest.mark.parametrize("pause", [0.1, pytest.param(0.8, marks=pytest.mark.long)])
 def test_interrupting_a_batch_ends_its_workers(pause: float, tmp_path: Path) -> None:
     """Whether they are still starting or already at work: no traceback, and nobody goes on."""
     specs = [write_study(tmp_path, f"study{number}") for number in range(6)]

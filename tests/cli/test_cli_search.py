@@ -82,6 +82,7 @@ def test_held_out_values_influence_nothing(tmp_path: Path, mapmore: Callable[...
     assert made[0] == made[1]
 
 
+@pytest.mark.long
 def test_tune_without_over_is_the_same_search(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
     spec = write_bare(tmp_path)
     run = json.loads(mapmore("run", spec, "--runs", tmp_path / "runs", "--json", "-q").stdout)

@@ -85,7 +85,7 @@ def write_record(folder: Path, terms: dict[str, tuple[str, float]], seed: int) -
     np.savetxt(folder / "step.csv", np.column_stack(columns), delimiter=",", header="t,P,eps,F", comments="", fmt="%.9g")
 
 
-@pytest.mark.parametrize("muscle", MUSCLES)
+@pytest.mark.parametrize("muscle", [pytest.param(name, marks=pytest.mark.long if number else ()) for number, name in enumerate(MUSCLES)])
 def test_table_5_is_found_again(muscle: str, tmp_path: Path) -> None:
     p, e = (grid.ravel() for grid in np.meshgrid(np.linspace(0, 420, 12), np.linspace(-0.005, 0.15, 20)))
     rows = np.column_stack([p, e, static_force(p, e)])

@@ -98,6 +98,7 @@ def test_the_shell_pipeline(workshop: Path) -> None:
     assert run(workshop, EXAMPLES / "pipeline.sh", "nothing.yaml", "table.csv").returncode == 3  # ends where it fails
 
 
+@pytest.mark.long  # the shell pipeline runs the same commands
 @pytest.mark.skipif(shutil.which("make") is None, reason="there is no make on this machine")
 def test_the_makefile_makes_what_is_missing_and_nothing_twice(workshop: Path) -> None:
     done = run(workshop, "make", "-f", EXAMPLES / "Makefile")

@@ -68,7 +68,7 @@ def test_stops_of_the_fed_back_output_help_and_those_of_the_input_do_not() -> No
     assert errors["linear_input_stops"] > 0.9 * errors["linear"]
 
 
-@pytest.mark.parametrize("record", ["antagonist_pam", "mr_damper"])
+@pytest.mark.parametrize("record", ["mr_damper", pytest.param("antagonist_pam", marks=pytest.mark.long)])
 def test_friction_explains_what_the_page_says(record: str, tmp_path: Path, mapmore: Callable[..., Any], measured_data: Path) -> None:
     told = numbers(page_table("friction", MEMORY.with_name("benchmarks.md"))[record])["NRMSE"]
     rows = scores(mapmore, STUDIES / f"{record}.yaml", "--set", "validate.against=[]", "--runs", tmp_path)

@@ -407,7 +407,7 @@ dictionary: [{terms: [strain]}]
     [
         (endless, "csv", "a.csv: is empty"),
         (unpacking, "hdf5", "MB to 1440 MB"),
-        (packed, "mat", "unpacks from 0."),
+        pytest.param(packed, "mat", "unpacks from 0.", marks=pytest.mark.long),
         (named, "csv", "is not one line of valid text"),
     ],
 )

@@ -63,6 +63,7 @@ def test_frames_score_as_the_command_does(tmp_path: Path, mapmore: Callable[...,
     agree(mm.fit(frames, **sections).scores, scored(config, tmp_path, mapmore))
 
 
+@pytest.mark.long
 def test_a_table_scores_as_the_command_does(tmp_path: Path, mapmore: Callable[..., Any], measured_data: Path) -> None:
     """A measured table; the competitors that are other settings of the same study are runs of their own."""
     config = CONFIGS / "festo" / "festo_datasheet.yaml"

@@ -67,11 +67,8 @@ WITH_REPORT = (
 )
 """Studies whose page is made as well, one of each kind; test_motion_studies.py makes that of a damping study."""
 
-LONG = re.compile(r"festo_10mm_.*|bellows_.*|coiled_.*_motion|coiled_loads")
-"""Measured studies with the competitors of festo_datasheet or dmsp-20-400-sections, which take most of the time.
-
-And one of which `test_memory_page` does the same with another record.
-"""
+LONG = re.compile(r"festo_10mm_.*|bellows_.*|coiled_.*_motion|coiled_loads|coiled_steps|emps|antagonist_pam")
+"""Measured studies with the competitors of others, which take most of the time; `test_memory_page` runs another record of some."""
 
 SHORT = {
     **dict.fromkeys(("festo_10mm_10cm_pressure", "festo_10mm_10cm_repeat", "bellows_raw", "bellows_strain"), "sarosi"),
@@ -80,8 +77,8 @@ SHORT = {
 }
 """Some of them, one of each split, which are run with one competitor or none. The model of coiled_loops_motion is that of coiled_loops."""
 
-LONG_SIMULATED = ("dmsp-20-400-waveforms", "dmsp-20-400-read-again")
-"""Their competitors are other models of motion, as those of dmsp-20-400-sections."""
+LONG_SIMULATED = ("dmsp-20-400-waveforms", "dmsp-20-400-read-again", "peano-perturbation")
+"""Their competitors are other models of motion, as those of dmsp-20-400-sections; the last is as dmsp-20-88-perturbation."""
 
 IN_CAMPAIGNS = {
     "coiled_loops": ("coiled", "loops-1-200g"),
