@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import subprocess
 import sys
 from pathlib import Path
@@ -85,8 +84,7 @@ def test_missing_inputs_give_no_prediction() -> None:
 def test_without_scikit_learn_a_spec_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     spec = tmp_path / "bench.yaml"
     spec.write_text(SPEC.format(against="mlp"))
-    found = importlib.util.find_spec
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name, *more: None if name == "sklearn" else found(name, *more))
+    monkeypatch.setattr("mapmore_cli.spec.check_study.find_spec", lambda _name: None)
     with pytest.raises(SpecError, match=r"bench\.yaml:8:\d+: `mlp` needs scikit-learn") as told:
         load(spec)
     assert "pip install 'mapmore[baselines]'" in str(told.value)
