@@ -9,14 +9,20 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import BoolArray, IntArray
 from mapmore_cli.domain.recording import Curve, Dataset
-from mapmore_cli.fitting.trials import kept
+from mapmore_cli.fitting.trials import kept, training_only
 from mapmore_cli.modelling.pieces.recipe import Fuse
 from mapmore_cli.modelling.search.situation import Situation
 from mapmore_cli.spec.sections.data import Holdout, Levels
 from mapmore_cli.spec.sections.model import ModelChoice
 
 BLOCKS = 5
-"""Contiguous blocks of every recording or curve that are left out in turn."""
+"""Folds: contiguous blocks of every recording or curve that are left out in turn."""
+
+MOST_BLOCKS = 5
+"""Blocks of a recording that a fold leaves out at most, where the study holds short pieces out."""
+
+BEHIND = (0.2, 0.35, 0.5)
+"""Shares of every recording's end that are left out in turn, where the study holds ends out: what drifts is to be foretold."""
 
 MOST_PARTS = 6
 """Levels or recordings that are left out in turn, evenly chosen of more."""
@@ -59,15 +65,15 @@ class Bench:
     part: Slice
 
     @classmethod
-    def of(cls, training: Dataset, situation: Situation, part: Slice) -> Bench:
-        """The folds of training samples."""
+    def of(cls, training: Dataset, situation: Situation, part: Slice, behind: bool = False) -> Bench:
+        """The folds of training samples; `behind` asks for the ends of recordings."""
         whole = training
-        values = np.concatenate([curve.columns[training.target] for curve in training.curves])
+        values = np.concatenate([curve.columns[training.target][curve.training] for curve in training.curves])
         thinning = thinning_of(whole)
-        blocks, parts = _blocks(whole, situation.moving or situation.inputs), _parts(whole)
+        blocks = _blocks(whole, situation.moving or situation.inputs)
+        parts, inner = (_ends(whole), "the end of every recording") if behind else _parts(whole)
         name = "recording" if "time" in whole.curves[0].columns else "curve"
         which = "contiguous" if name == "recording" else f"inner ones of {BLOCKS + 2} contiguous"
-        inner = f"each of {len(parts)} {'inner levels' if whole.level is not None else 'recordings'}" if parts else ""
         return cls(
             whole,
             replace(whole, curves=tuple(kept(curve, rows) for curve, rows in zip(whole.curves, thinning, strict=True))),
@@ -84,6 +90,27 @@ class Bench:
 
 Masks = tuple[BoolArray, ...]
 """For every curve the samples that a fold leaves out."""
+
+
+def searchable(dataset: Dataset) -> Dataset:
+    """The training samples; in recordings, with the inputs between them, which states follow, but without the held-out outputs.
+
+    Without these inputs, whatever follows slowly would begin anew behind every piece that is held out, and look worse than it is.
+    """
+    if "time" not in dataset.curves[0].columns:
+        return training_only(dataset)
+    return replace(dataset, curves=tuple(_within(curve, dataset.target) for curve in dataset.curves if curve.training.any()))
+
+
+def _within(curve: Curve, target: str) -> Curve:
+    """From the first to the last training sample of every recording."""
+    between = np.zeros(curve.size, dtype=np.bool_)
+    for log in curve.logs:
+        own = np.flatnonzero(curve.training[log])
+        if len(own):
+            between[log[own[0] : own[-1] + 1]] = True
+    output = np.where(curve.held_out, np.nan, curve.columns[target])
+    return kept(replace(curve, columns={**curve.columns, target: output}), between)
 
 
 def shortened(dataset: Dataset) -> Dataset:
@@ -106,16 +133,17 @@ def _beginnings(curve: Curve, share: float) -> BoolArray:
 def thinning_of(dataset: Dataset) -> list[BoolArray]:
     """An even share of the samples of every curve."""
     most = max(MOST_SAMPLES // max(len(dataset.curves), 1), 1)
-    return [np.arange(curve.size) % -(-curve.size // most) == 0 for curve in dataset.curves]
+    return [curve.training & ((np.cumsum(curve.training) - 1) % -(-curve.training.sum() // most) == 0) for curve in dataset.curves]
 
 
 def _blocks(dataset: Dataset, inputs: Sequence[str]) -> tuple[Masks, ...]:
     """Contiguous blocks of every recording in the order of time; without a clock, inner ones of every curve along each of the inputs.
 
-    What lies at the end of an input can only be extrapolated: that would decide, and is not what is asked.
+    Where pieces of recordings are held out, the blocks are as short as these: long ones would ask for more than the study does. What lies
+    at the end of an input can only be extrapolated: that would decide, and is not what is asked.
     """
     if "time" in dataset.curves[0].columns:
-        each = [_cut([log[curve.training[log]] for log in curve.logs], BLOCKS, curve.size) for curve in dataset.curves]
+        each = [_cut([log[curve.training[log]] for log in curve.logs], BLOCKS, curve.size, _times(curve)) for curve in dataset.curves]
         return tuple(zip(*each, strict=True))
     folds: list[Masks] = []
     for name in inputs:
@@ -125,25 +153,57 @@ def _blocks(dataset: Dataset, inputs: Sequence[str]) -> tuple[Masks, ...]:
     return tuple(folds)
 
 
-def _cut(parts: Sequence[IntArray], count: int, size: int) -> list[BoolArray]:
-    """Masks of the first, second, ... of `count` contiguous blocks of each part."""
-    split = [np.array_split(part, count) for part in parts]
+def _times(curve: Curve) -> int:
+    """How many blocks of a recording a fold leaves out, so that they are about as short as the pieces that the study holds out."""
+    out = np.concatenate([[0], *([*(~curve.training[log]).astype(int), 0] for log in curve.logs)])
+    edges = np.flatnonzero(np.diff(out))
+    if not len(edges):
+        return 1
+    usual, longest = float(np.median(edges[1::2] - edges[::2])), max(int(curve.training[log].sum()) for log in curve.logs)
+    return int(np.clip(longest / (BLOCKS * usual), 1, MOST_BLOCKS))
+
+
+def _cut(parts: Sequence[IntArray], count: int, size: int, times: int = 1) -> list[BoolArray]:
+    """Masks of the first, second, ... of `count` contiguous blocks of each part, `times` over."""
+    split = [np.array_split(part, count * times) for part in parts]
     masks = []
     for number in range(count):
         mask = np.zeros(size, dtype=np.bool_)
-        mask[np.concatenate([blocks[number] for blocks in split])] = True
+        mask[np.concatenate([block for blocks in split for block in blocks[number::count]])] = True
         masks.append(mask)
     return masks
 
 
-def _parts(dataset: Dataset) -> tuple[Masks, ...]:
+def holds_ends_out(dataset: Dataset) -> bool:
+    """Whether most of what a study holds out lies behind the training samples of the same recording."""
+    if "time" not in dataset.curves[0].columns:
+        return False
+    ends = sum(int(np.argmax(curve.training[log][::-1])) for curve in dataset.curves for log in curve.logs if curve.training[log].any())
+    return 2 * ends > sum(int(curve.held_out.sum()) for curve in dataset.curves)
+
+
+def _ends(dataset: Dataset) -> tuple[Masks, ...]:
+    """The last shares of the training samples of every recording."""
+    folds = []
+    for share in BEHIND:
+        masks = [np.zeros(curve.size, dtype=np.bool_) for curve in dataset.curves]
+        for curve, mask in zip(dataset.curves, masks, strict=True):
+            for log in curve.logs:
+                rows = log[curve.training[log]]
+                mask[rows[len(rows) - int(share * len(rows)) :]] = True
+        folds.append(tuple(masks))
+    return tuple(folds)
+
+
+def _parts(dataset: Dataset) -> tuple[tuple[Masks, ...], str]:
     """Inner levels, or recordings where there are no levels; none where there are fewer than two of a fair size."""
     sizes = np.array([curve.training.sum() for curve in dataset.curves])
     numbers = np.flatnonzero(sizes).tolist()
     low, high = (bound * sizes.sum() / len(numbers) for bound in FAIR)
     numbers = numbers[1:-1] if dataset.level is not None else [number for number in numbers if low <= sizes[number] <= high]
     if len(numbers) < 2:
-        return ()
+        return (), ""
     if len(numbers) > MOST_PARTS:
         numbers = [numbers[place] for place in np.linspace(0, len(numbers) - 1, MOST_PARTS).round().astype(int)]
-    return tuple(tuple(curve.training & (number == out) for number, curve in enumerate(dataset.curves)) for out in numbers)
+    folds = tuple(tuple(curve.training & (number == out) for number, curve in enumerate(dataset.curves)) for out in numbers)
+    return folds, f"each of {len(folds)} {'inner levels' if dataset.level is not None else 'recordings'}"

@@ -19,8 +19,7 @@ from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.search import Search, Tried
 from mapmore_cli.fitting.kinds import maker_of
 from mapmore_cli.fitting.kinds.choices import ModelChoices
-from mapmore_cli.fitting.search_bench import Bench, Masks, Slice, shortened, thinning_of
-from mapmore_cli.fitting.trials import training_only
+from mapmore_cli.fitting.search_bench import Bench, Masks, Slice, holds_ends_out, searchable, shortened, thinning_of
 from mapmore_cli.fitting.yardstick import black_boxes, note_of, strongest
 from mapmore_cli.modelling.pieces.recipe import Segmented
 from mapmore_cli.modelling.search.candidate import Candidate
@@ -41,21 +40,21 @@ WHOLE = 0.5
 def search(dataset: Dataset, part: Slice, progress: Progress = lambda _what, _done, _total: None) -> Search:
     """Try every candidate on left-out blocks of the training samples, and choose.
 
-    Held-out samples are dropped before anything is computed.
+    Held-out outputs are dropped before anything is computed.
 
     Raises
     ------
     FitError
         Where no structure could be fitted.
     """
-    training = shortened(training_only(dataset))
+    training = shortened(searchable(dataset))
     situation = situation_of(training, part.ignored, part.model.inputs)
     if part.by_level:
         situation = replace(situation, step=None)  # a model that runs along recordings cannot be fitted without a level
     listed = [
         (name, candidate) for name, family in FAMILIES.items() if family.applies(situation) for candidate in family.candidates(situation)
     ]
-    bench = Bench.of(training, situation, part)
+    bench = Bench.of(training, situation, part, holds_ends_out(dataset))
     clock = Clock.started(part.model.budget)
     outcomes = shared_out(lambda one: _tried(*one, bench, clock), listed, partial(progress, "structures"))
     tried = [outcome for outcome in outcomes if outcome is not None]
@@ -200,7 +199,7 @@ def _left_out(choices: ModelChoices, dataset: Dataset, fold: Masks, rows: Sequen
     """Errors of the model without a fold on the samples of the fold, and which of them it predicts; of an even share of `rows`."""
     from mapmore_cli.modelling.kinds import forecast
 
-    curves = tuple(replace(curve, held_out=out) for curve, out in zip(dataset.curves, fold, strict=True))
+    curves = tuple(replace(curve, held_out=out | curve.held_out) for curve, out in zip(dataset.curves, fold, strict=True))
     model = refit(choices, replace(dataset, curves=curves))
     errors, ready = [np.zeros(0)], [np.zeros(0, dtype=np.bool_)]
     for number, (curve, out) in enumerate(zip(curves, fold, strict=True)):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
-from mapmore_cli.fitting.search_bench import Bench, Slice
+from mapmore_cli.fitting.search_bench import Bench, Slice, holds_ends_out, searchable
 from mapmore_cli.fitting.searching import choices_of
 from mapmore_cli.modelling.pieces.recipe import Fuse
 from mapmore_cli.modelling.search.choice import chosen_of
@@ -79,3 +79,30 @@ def test_recordings_too_short_to_say_or_too_long_to_miss_are_not_left_out() -> N
     assert left_out(recorded(100, 100, 100)) == [[100, 0, 0], [0, 100, 0], [0, 0, 100]]
     assert left_out(recorded(10, 3000)) == []
     assert left_out(recorded(10, 100, 100)) == []  # without either of the long ones half is left
+
+
+def test_folds_resemble_what_the_study_holds_out() -> None:
+    time, part = np.arange(1000) * 0.01, Slice(None, ModelChoice(type="auto"), Fuse(), {}, None, (), False)
+
+    def folds(held_out: np.ndarray) -> tuple[Bench, bool]:
+        whole = dataset({"time": time, "u": np.sin(time), "y": np.where(held_out, 1e9, np.cos(time))}, held_out)
+        found, behind = searchable(whole), holds_ends_out(whole)
+        return Bench.of(found, situation_of(found), part, behind), behind
+
+    def runs(mask: np.ndarray) -> int:
+        return int((np.diff(np.concatenate([[0], mask.astype(int)])) == 1).sum())
+
+    pieces, behind = folds((np.arange(1000) % 200 >= 160) & (np.arange(1000) < 900))
+    assert not behind
+    assert len(pieces.blocks) == 5
+    assert all(runs(fold[0]) >= 4 for fold in pieces.blocks)
+    output = pieces.dataset.curves[0].columns["y"]
+    assert np.isnan(output).sum() == 160  # the inputs stay, the outputs do not
+    assert pieces.scale <= 2
+    assert not any(np.isnan(output[fold[0]]).any() for fold in pieces.blocks)
+
+    ends, behind = folds(np.arange(1000) >= 600)
+    assert behind
+    assert ends.dataset.curves[0].size == 600
+    assert [int(fold[0].sum()) for fold in ends.parts] == [120, 210, 300]
+    assert all(fold[0][-1] for fold in ends.parts)

@@ -17,7 +17,13 @@ SHARP, SMOOTH = 0.001, 0.05
 RATE = 40
 """Of Dahl's state: the inverse of the way in which it follows, as a part of the range."""
 
+TIMES = 6
+"""Time constants by which inputs and the sign are followed."""
+
 RIDGE = 1e-5
+MOST_RATES = 2
+"""Inputs that move, up to which the sign of each one's rate is tried."""
+
 MOST_INPUTS = 5
 
 
@@ -32,11 +38,18 @@ def candidates(of: Situation) -> Iterator[Candidate]:
         if len(of.inputs) <= 2:
             yield memory(f"sign of {velocity} and its past, order 3, 30 terms", of, [products([*states, *dahl], 3)], 30, ridge=RIDGE)
         yield memory(f"sign of {velocity} and its past, order 2, 20 terms", of, [products([*states, *dahl])], 20, ridge=RIDGE)
-        slow = [*of.moving, f"coulomb({velocity}, {SHARP})"]
-        states = [*of.inputs, {"coulomb": {"of": [velocity], "v": [SHARP, SMOOTH]}}, {"slow": {"of": slow, "count": 2}}]
-        for order, terms in ((1, 12), (2, 20)):
+    for velocity in velocities(of):
+        slow = {"slow": {"of": [*of.moving, f"coulomb({velocity}, {SHARP})"], "count": TIMES}}
+        states = [*of.inputs, {"coulomb": {"of": [velocity], "v": [SHARP, SMOOTH]}}, slow]
+        for order, terms in ((1, 12), (2, 12), (2, 20), (2, 30)):
             words = f"sign of {velocity} followed slowly, order {order}, {terms} terms"
             yield memory(words, of, [products(states, order)], terms, ridge=RIDGE)
 
 
-FAMILY = Family(lambda of: of.timed and bool(of.around_zero) and len(of.inputs) <= MOST_INPUTS, candidates)
+def velocities(of: Situation) -> list[str]:
+    """Inputs that take both signs, and the rates of the others where there are at most two."""
+    rates = [f"rate({name})" for name in of.moving]
+    return [*(name for name in of.moving if name in of.around_zero), *(rates if len(rates) <= MOST_RATES else [])]
+
+
+FAMILY = Family(lambda of: of.timed and len(of.moving) > 0 and len(of.inputs) <= MOST_INPUTS, candidates)

@@ -7,6 +7,9 @@ from collections.abc import Iterator
 from mapmore_cli.modelling.search.candidate import Candidate, Family, memory, products
 from mapmore_cli.modelling.search.situation import Situation
 
+FINE, MANY = 1e-5, 6
+"""The ridge, and how many time constants, where neighbours among slow states differ little and their differences count: creep and drift."""
+
 MOST_INPUTS = 5
 
 
@@ -21,6 +24,9 @@ def candidates(of: Situation) -> Iterator[Candidate]:
     slow = products([*of.inputs, {"slow": {"of": moving, "count": 4}}], 3 if len(of.inputs) == 1 else 2)
     for terms in (8, 16):
         yield memory(f"slow with all products, {terms} terms", of, [slow], terms)
+    finely = products([*of.inputs, {"slow": {"of": moving, "count": MANY}}])
+    for terms in (12, 24):
+        yield memory(f"slow by {MANY} time constants with all products, {terms} terms", of, [finely], terms, ridge=FINE)
 
 
 FAMILY = Family(lambda of: of.timed and len(of.moving) > 0 and len(of.inputs) <= MOST_INPUTS, candidates)

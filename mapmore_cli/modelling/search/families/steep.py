@@ -15,6 +15,9 @@ WIDTHS = (0.03, 0.1, 0.3)
 PLACES, SLOPES = (0, 0.25, 0.5, 0.75, 1), (0.05, 0.15, 0.4)
 """Of a smooth step, as parts of the range of its input."""
 
+FINER, SHARPER = tuple(round(0.1 * place, 1) for place in range(11)), (0.03, 0.08, 0.2)
+"""The same where there are at most two inputs, each for the one that is swept."""
+
 MOST_INPUTS = 3
 
 
@@ -30,6 +33,10 @@ def candidates(of: Situation) -> Iterator[Candidate]:
     for terms in (12, 20):
         dictionary = [*polynomial(of, 3), {"terms": times_inputs(of, anywhere)}]
         yield surface(f"surface of order 3 with smooth steps, {terms} terms", of, dictionary, terms)
+    if len(of.inputs) <= 2:
+        finer = [f"tanh(({of.inputs[0]}-{place})/{slope})" for place in FINER for slope in SHARPER]
+        dictionary = [*polynomial(of, 3), {"terms": times_inputs(of, finer)}]
+        yield surface("surface of order 3 with sharp steps, 16 terms", of, dictionary, 16)
 
 
 def times_inputs(of: Situation, functions: list[str], powers: int = 1) -> list[str]:

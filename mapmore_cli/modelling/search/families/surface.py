@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import comb
 from typing import Any
 
 from mapmore_cli.modelling.search.candidate import Candidate, Family, surface
@@ -24,7 +25,7 @@ def candidates(of: Situation) -> Iterator[Candidate]:
         if count(len(of.inputs), order) <= MOST:
             candidate = surface(f"surface of order {order}, {terms} terms", of, polynomial(of, order), terms)
             yield candidate if order > STEADY else Candidate(candidate.words, {**candidate.sections, "fuse.extrapolation": "continue"})
-    for segments in (2, 4):
+    for segments in (2, 4, 8) if len(of.inputs) == 1 else (2, 4):
         yield surface(f"surface of order 3 in {segments} segments of {of.inputs[0]}", of, polynomial(of, 3), 6, segments)
 
 
@@ -35,8 +36,6 @@ def polynomial(of: Situation, order: int) -> list[dict[str, Any]]:
 
 def count(inputs: int, order: int) -> int:
     """How many monomials there are."""
-    from math import comb
-
     return comb(inputs + order, order)
 
 
