@@ -7,6 +7,7 @@ import json
 import os
 import re
 import runpy
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -19,6 +20,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 GALLERY = ROOT / "docs" / "gallery"
 QUICK = ("first_model", "terms_by_ratio", "delays")
+CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 SCRIPTS = [path.stem for path in sorted(GALLERY.glob("*.py")) if path.stem != "muscle"]
 
 
@@ -67,6 +69,17 @@ def test_the_site_has_its_pages_and_every_local_link_its_target(site: Path) -> N
     for page in site.rglob("*.html"):
         for target in re.findall(r'(?:href|src)="([^"#:?]+)[^":]*"', page.read_text(encoding="utf-8")):
             assert page.name == "404.html" or (page.parent / target).exists(), (page.name, target)
+
+
+@pytest.mark.long
+@pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
+def test_every_page_opens_in_a_browser(site: Path) -> None:
+    """It shows its text, and its console has nothing to say."""
+    options = ["--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", "--virtual-time-budget=1500", "--dump-dom"]
+    for page in sorted(site.rglob("*.html")):
+        done = subprocess.run([str(CHROMIUM), *options, page.as_uri()], capture_output=True, text=True, timeout=120, check=True)
+        assert "<article" in done.stdout, page.name
+        assert "CONSOLE" not in done.stderr, (page.name, done.stderr)
 
 
 @pytest.mark.long
