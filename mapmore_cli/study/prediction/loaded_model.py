@@ -19,7 +19,6 @@ from mapmore_cli.modelling.kinds import equations as model_equations
 from mapmore_cli.modelling.kinds import outside_range, predict, slopes
 from mapmore_cli.modelling.signals.rates import with_signals
 from mapmore_cli.modelling.validation.intervals import interval
-from mapmore_cli.reporting.figures.lines import draw_model
 from mapmore_cli.study.prediction.records import reading_of
 
 if TYPE_CHECKING:
@@ -90,6 +89,8 @@ class LoadedModel:
             import matplotlib.pyplot as plt
 
             ax = plt.figure(layout="constrained").subplots()
+        from mapmore_cli.reporting.figures.lines import draw_model  # and with it matplotlib
+
         draw_model(ax, self.model, interval)
         return ax
 

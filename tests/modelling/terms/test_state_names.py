@@ -41,7 +41,6 @@ def test_a_state_is_one_name() -> None:
         ("x[k-1", 1, "a delay is written"),
         ("x[k-99999999]", 1, "a delay is written"),
         ("x[k-1][k-2]", 6, "unexpected character"),
-        ("2 + play(x)", 10, "takes 1 number"),
         ("slow(x, 1, 2)", 12, "takes 0 or 1 number"),
         ("resonance(x, 1)", 14, "takes 0 or 2"),
         ("resonance(x, 1, 1.5)", 19, "between 0 and 1"),
