@@ -31,7 +31,7 @@ def test_every_shipped_study_agrees_by_the_page() -> None:
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no C compiler here")
-@pytest.mark.parametrize("study", ["peano-static", "dmsp-20-400-sections"])
+@pytest.mark.parametrize("study", [pytest.param("peano-static", marks=pytest.mark.long), "dmsp-20-400-sections"])
 def test_a_study_made_anew_is_what_the_page_says(mapmore: Callable[..., Any], tmp_path: Path, study: str) -> None:
     """One without memory and one with; at fewer points, so that the difference is below the page's or as rounding has it."""
     (config,) = (path for path in STUDIES if path.stem == study)
