@@ -1,7 +1,7 @@
 """The table of docs/init-and-check.md: what `init` proposes for folders of measured data, with and without answers, and what it gives.
 
 `python docs/drafted_tables.py [FOLDER ...]` makes the rows of all folders in `MAPMORE_DATA` (by default `../shared/data`) anew, or those of
-some. All of them take about ten minutes. Every draft is checked and run as it is: with its guesses, the `CHECK`s included.
+some. All of them take about twenty minutes. Every draft is checked and run as it is: with its guesses, the `CHECK`s included.
 """
 
 from __future__ import annotations
@@ -10,19 +10,12 @@ import math
 import os
 import sys
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from itertools import combinations_with_replacement
+from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import numpy as np
-
-from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.errors import DataError, MapmoreError
-from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.scores import OWN, deciding
-from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.spec.loader import LoadedSpec, load
 from mapmore_cli.storage.run_folder import RunFiles
@@ -34,8 +27,8 @@ from mapmore_cli.study.inspection.lint import inspect
 PAGE = Path(__file__).parent / "init-and-check.md"
 BEGIN, END = "<!-- made by python docs/drafted_tables.py -->", "<!-- end of the table -->"
 HEAD = (
-    "| folder | said | spec | target | held constant | `CHECK` | `check` | `run`: NRMSE | plane | cubic | Sarosi alone | ARX, free run |",
-    "|---|---|---|---|---|---|---|---|---|---|---|---|",
+    "| folder | said | spec | target | held constant | structure | `CHECK` | `check` | `run`: NRMSE | plane | cubic | Sarosi alone | ARX |",
+    "|---|---|---|---|---|---|---|---|---|---|---|---|---|",
 )
 
 
@@ -81,7 +74,7 @@ def _rows(folder: Path, answers: Answers, said: str) -> list[str]:
         try:
             found = start(folder, Path(place), answers=answers)
         except DataError as refusal:
-            return [f"| `{folder.name}` | {said} | - | {refusal.message.rpartition(': ')[2]} | {' | '.join('-' * 8)} |"]
+            return [f"| `{folder.name}` | {said} | - | {refusal.message.rpartition(': ')[2]} | {' | '.join('-' * 9)} |"]
         return [f"| `{folder.name}` | {said} | {proposed(draft)} | {tried(draft, Path(place))} |" for draft in found.drafts]
 
 
@@ -89,10 +82,10 @@ def proposed(draft: Draft) -> str:
     """Name, target, levels and open questions of a draft."""
     target = draft.spec["target"]
     told = target if isinstance(target, str) else f"`{target['column']}`"
-    memory = "products" in str(draft.spec["dictionary"])
     levels = draft.data.get("levels")
     held = f"{len(levels['at'])} levels of {levels['of']}" if levels else "nothing"
-    return f"`{draft.name}` | {told}, {'with memory' if memory else 'without memory'} | {held} | {draft.text().count('CHECK: ')}"
+    found = draft.found.found.words if draft.found is not None else "not searched"
+    return f"`{draft.name}` | {told} | {held} | {found} | {draft.text().count('CHECK: ')}"
 
 
 def tried(draft: Draft, place: Path) -> str:
@@ -111,71 +104,17 @@ def _checked(loaded: LoadedSpec) -> str:
 
 def _run(loaded: LoadedSpec, runs: Path) -> str:
     try:
-        folder = bring_up_to_date(loaded, runs, "validate").run_dir
+        files = RunFiles(bring_up_to_date(loaded, runs, "validate").run_dir)
     except MapmoreError as fault:
         return f"refused: {fault.message} | - | - | - | -"
-    files = RunFiles(folder)
-    row = next(score for score in deciding(files.validation().scores) if score.model == OWN)
-    where = "held out" if row.split == "validate" else "training"
-    dataset, model = files.dataset(), files.model()
-    plain = {} if loaded.spec.validation.as_ else plainer(dataset, [quantity.name for quantity in model.inputs], row.normaliser)
-    return f"{_told(row.nrmse)} {where} | " + " | ".join(_told(plain.get(name)) for name in ("plane", "cubic", "sarosi", "ARX"))
+    rows = {score.model: score for score in deciding(files.validation().scores)}
+    where = "held out" if rows[OWN].split == "validate" else "training"
+    errors = {name: row.nrmse for name, row in rows.items()}
+    return f"{_told(rows[OWN].nrmse)} {where} | " + " | ".join(_told(errors.get(name)) for name in ("plane", "cubic", "sarosi", "arx"))
 
 
 def _told(error: float | None) -> str:
     return "-" if error is None or not math.isfinite(error) else f"{100 * error:.2g} %"
-
-
-def plainer(dataset: Dataset, inputs: Sequence[str], normaliser: float) -> dict[str, float]:
-    """The errors of a plane and a cubic in the inputs, of Sarosi's formula alone, and of an ARX model in free run, on the same samples."""
-    held = np.concatenate([curve.held_out for curve in dataset.curves])
-    scored = held if held.any() else ~held
-    y = np.concatenate([curve.columns[dataset.target] for curve in dataset.curves])
-    names = [name for name in inputs if name in dataset.curves[0].columns and name != dataset.target]
-    x = np.column_stack([np.concatenate([curve.columns[name] for curve in dataset.curves]) for name in names])
-    middle, half = x[~held].mean(axis=0), np.ptp(x[~held], axis=0) / 2
-    scaled = (x - middle) / np.where(half > 0, half, 1.0)
-    said = {word: _polynomial(scaled, y, ~held, order) for word, order in (("plane", 1), ("cubic", 3))}
-    if dataset.target == "force" and {"pressure", "strain"} <= set(names):
-        fit = fit_formula("sarosi", dataset.curves, "force", advice=False)
-        if not fit.failed:
-            said["sarosi"] = np.concatenate([literature.get("sarosi").predict(fit.parameters, curve.columns) for curve in dataset.curves])
-    if dataset.level is None and all("time" in curve.columns for curve in dataset.curves):
-        said["ARX"] = _arx(dataset, names)
-    return {name: float(np.sqrt(np.mean((values - y)[scored] ** 2))) / normaliser for name, values in said.items()}
-
-
-def _polynomial(x: Array, y: Array, trains: BoolArray, order: int) -> Array:
-    columns = [
-        np.prod(x[:, list(factors)], axis=1) for n in range(order + 1) for factors in combinations_with_replacement(range(x.shape[1]), n)
-    ]
-    matrix = np.column_stack(columns)
-    said: Array = matrix @ np.linalg.lstsq(matrix[trains], y[trains], rcond=None)[0]
-    return said
-
-
-def _arx(dataset: Dataset, names: Sequence[str]) -> Array:
-    """Free runs of `y[k] = a1 y[k-1] + a2 y[k-2] + b0 u[k] + b1 u[k-1] + c`, from the first two measured samples of each curve."""
-    rows, wanted = [], []
-    for curve in dataset.curves:
-        y, u = curve.columns[dataset.target], np.column_stack([curve.columns[name] for name in names])
-        row = np.column_stack([y[1:-1], y[:-2], u[2:], u[1:-1], np.ones(len(y) - 2)])
-        trains = ~(curve.held_out[2:] | curve.held_out[1:-1] | curve.held_out[:-2])
-        rows.append(row[trains])
-        wanted.append(y[2:][trains])
-    weights = np.linalg.lstsq(np.concatenate(rows), np.concatenate(wanted), rcond=None)[0]
-    said = []
-    for curve in dataset.curves:
-        u = np.column_stack([curve.columns[name] for name in names])
-        driven = np.concatenate([np.zeros(2), np.column_stack([u[2:], u[1:-1], np.ones(len(u) - 2)]) @ weights[2:]])
-        free = curve.columns[dataset.target].astype(float).copy()
-        for k in range(2, len(free)):
-            free[k] = weights[0] * free[k - 1] + weights[1] * free[k - 2] + driven[k]
-            if not abs(free[k]) < 1e12:
-                free[k:] = np.nan
-                break
-        said.append(free)
-    return np.concatenate(said)
 
 
 def table(old: str, rows: dict[str, list[str]]) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -39,17 +40,19 @@ def init(
         str | None,
         typer.Option("--group", metavar="NAME", help="What names tell apart, as specimen: one study of groups.", show_default=False),
     ] = None,
+    budget: Annotated[str, typer.Option("--budget", metavar="TIME", help="Computing time for the search of each model, as 60s.")] = "20s",
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing: guess, and mark what is not sure.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace specs that exist.")] = False,
     quiet: Quiet = False,
 ) -> None:
     """Start a spec from recordings.
 
-    Columns, units, levels and load cycles are guessed, and every guess says why. A folder with recordings of several studies gives a
-    spec for each; with -o, one for the largest.
+    Columns, units, levels and load cycles are guessed, and every guess says why; the structure of the model is searched on training
+    data. A folder with recordings of several studies gives a spec for each; with -o, one for the largest.
     """
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.storage.atomic import write_text
+    from mapmore_cli.study.drafting.proof import proven
     from mapmore_cli.study.drafting.questions import Answers, read_columns
     from mapmore_cli.study.drafting.start import start
 
@@ -57,10 +60,18 @@ def init(
         _check_name(name)
     if group is not None and not (group.isascii() and group.isidentifier()):
         raise UsageError(f"--group: {group!r} is no name of a quantity", "say what the names of files tell apart, as specimen, or none")
-    answers = Answers({} if columns is None else read_columns(columns), target, hold, group, None if length is None else _metres(length))
+    answers = Answers(
+        {} if columns is None else read_columns(columns),
+        target,
+        hold,
+        group,
+        None if length is None else _given("--length", length, "m", "88mm"),
+    )
+    seconds = _given("--budget", budget, "s", "60s")
     folder = Path() if output is None or output == STDOUT else output.parent
     with Reporter(quiet) as reporter:
-        found = start(path, folder, name, output is not None, answers, _asking(yes or quiet))
+        search = partial(proven, budget=seconds, progress=reporter.progress)
+        found = start(path, folder, name, output is not None, answers, _asking(yes or quiet), search)
         for remark in found.remarks:
             reporter.say(f"left out: {remark}")
     if output == STDOUT:
@@ -88,17 +99,18 @@ def _asking(silent: bool) -> Ask | None:
     return ask
 
 
-def _metres(text: str) -> float:
+def _given(option: str, text: str, unit: str, example: str) -> float:
+    """A positive quantity that was said on the line."""
     from mapmore_cli.domain.errors import SpecError
     from mapmore_cli.spec.units import parse_quantity
 
     try:
-        length = parse_quantity(text, "m")
+        value = parse_quantity(text, unit)
     except SpecError as fault:
-        raise UsageError(f"--length: {fault.message}", fault.remedy or "write it as 88mm") from fault
-    if not 0 < length < math.inf:
-        raise UsageError(f"--length: {text} is no length of a muscle", "write it as 88mm")
-    return length
+        raise UsageError(f"{option}: {fault.message}", fault.remedy or f"write it as {example}") from fault
+    if not 0 < value < math.inf:
+        raise UsageError(f"{option}: {text} is not positive", f"write it as {example}")
+    return value
 
 
 def _check_name(name: str) -> None:

@@ -22,7 +22,7 @@ from mapmore_cli.fitting.kinds.choices import ModelChoices
 from mapmore_cli.fitting.search_bench import Bench, Masks, Slice, holds_ends_out, searchable, shortened, thinning_of
 from mapmore_cli.fitting.yardstick import black_boxes, note_of, strongest
 from mapmore_cli.modelling.pieces.recipe import Segmented
-from mapmore_cli.modelling.search.candidate import Candidate
+from mapmore_cli.modelling.search.candidate import Candidate, Family
 from mapmore_cli.modelling.search.choice import chosen_of
 from mapmore_cli.modelling.search.families import FAMILIES
 from mapmore_cli.modelling.search.situation import Situation, situation_of
@@ -37,10 +37,17 @@ WHOLE = 0.5
 """Share of the left-out samples that a structure predicts at least: long lags say nothing of short recordings."""
 
 
-def search(dataset: Dataset, part: Slice, progress: Progress = lambda _what, _done, _total: None) -> Search:
+def search(
+    dataset: Dataset,
+    part: Slice,
+    progress: Progress = lambda _what, _done, _total: None,
+    *,
+    beside: bool = True,
+) -> Search:
     """Try every candidate on left-out blocks of the training samples, and choose.
 
-    Held-out outputs are dropped before anything is computed.
+    Held-out outputs are dropped before anything is computed. With `beside`, black boxes are tried on the same
+    blocks, which may take longer than the search itself.
 
     Raises
     ------
@@ -51,14 +58,27 @@ def search(dataset: Dataset, part: Slice, progress: Progress = lambda _what, _do
     situation = situation_of(training, part.ignored, part.model.inputs)
     if part.by_level:
         situation = replace(situation, step=None)  # a model that runs along recordings cannot be fitted without a level
-    listed = [
-        (name, candidate) for name, family in FAMILIES.items() if family.applies(situation) for candidate in family.candidates(situation)
-    ]
+    listed = [(name, one) for name, family in FAMILIES.items() for one in _offered(name, family, situation)]
     bench = Bench.of(training, situation, part, holds_ends_out(dataset))
     clock = Clock.started(part.model.budget)
     outcomes = shared_out(lambda one: _tried(*one, bench, clock), listed, partial(progress, "structures"))
     tried = [outcome for outcome in outcomes if outcome is not None]
-    return _measured(_chosen(tried, len(outcomes) - len(tried), bench, part), tried, bench, situation)
+    found = _chosen(tried, len(outcomes) - len(tried), bench, part)
+    return _measured(found, tried, bench, situation) if beside else found
+
+
+FEWEST_LEVELS = 4
+"""Training levels, below which left-out inner ones cannot tell what lies between levels, so that only `BETWEEN` is tried."""
+
+BETWEEN = ("levels", "formula")
+"""Families that go straight from level to level, or as a formula says. A plane does as well."""
+
+
+def _offered(name: str, family: Family, situation: Situation) -> list[Candidate]:
+    """The candidates of a family that the data can tell from others."""
+    found = list(family.candidates(situation)) if family.applies(situation) else []
+    few = situation.level in situation.inputs and situation.curves < FEWEST_LEVELS
+    return found if not few or name in BETWEEN else found[:1] if name == "surface" else []
 
 
 def _measured(found: Search, outcomes: Sequence[_Outcome], bench: Bench, situation: Situation) -> Search:

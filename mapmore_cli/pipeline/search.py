@@ -14,8 +14,10 @@ from mapmore_cli.domain.search import Search, Tried
 from mapmore_cli.fitting.search_bench import Slice
 from mapmore_cli.fitting.searching import search, settings_of
 from mapmore_cli.fitting.stage import Stage, Workspace
+from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.spec.experiment import ExperimentSpec
+from mapmore_cli.spec.sections.data import Direction, Rate
 from mapmore_cli.storage.atomic import write_text
 
 if TYPE_CHECKING:
@@ -28,12 +30,34 @@ SEARCH = "search.json"
 
 
 def reads(spec: ExperimentSpec) -> Slice:
-    """The stage's slice of the spec; rates by which samples are kept are no inputs."""
-    derived = {name for name, rule in spec.data.derive.items() if not isinstance(rule, str)}
-    ignored = tuple(rule.quantity for rule in spec.data.keep if rule.quantity in derived)
+    """The stage's slice of the spec; no inputs are rates by which samples are kept, groups, and what the target is made of, or makes."""
+    rules = spec.data.derive
+    rates = {name for name, rule in rules.items() if not isinstance(rule, str)}
+    ignored = (*_kin(spec.target_quantity, spec), *(rule.quantity for rule in spec.data.keep if rule.quantity in rates))
     ignored += () if spec.data.groups is None else (spec.data.groups.of,)
     split = spec.data.split
     return Slice(spec.data.levels, spec.model, spec.fuse, spec.muscle.lengths, split.hold_out, ignored, split.leave_one_level_out)
+
+
+def _kin(target: str, spec: ExperimentSpec) -> tuple[str, ...]:
+    """The target (of which another may be a component), the one quantity that it is derived from, and what is derived from it."""
+    sources = {name: _sources(rule) for name, rule in spec.data.derive.items()}
+    made = {target}
+    while more := {name for name, of in sources.items() if of & made} - made:
+        made |= more
+    of = sources.get(target, set())
+    return (target, *sorted(made - {target}), *(sorted(of) if len(of) == 1 else ()))
+
+
+def _sources(rule: str | Rate | Direction) -> set[str]:
+    """The quantities that one is derived from."""
+    match rule:
+        case Rate():
+            return {rule.rate_of}
+        case Direction():
+            return {rule.direction_of}
+        case _:
+            return set(parse(rule).names)
 
 
 def run(part: Slice, workspace: Workspace) -> None:

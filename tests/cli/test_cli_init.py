@@ -38,13 +38,11 @@ def test_a_spec_for_the_shipped_recordings_checks_and_runs(muscle: str, tmp_path
 
 @pytest.mark.parametrize("source", ["bellows_tensile/four1.csv.gz", "festo_datasheet"])
 def test_a_spec_for_measured_recordings_checks_and_runs(source: str, tmp_path: Path, mapmore, measured_data: Path) -> None:
-    """The backbone is told: to choose one takes most of the time, and is done for the shipped recordings."""
     spec = tmp_path / "spec.yaml"
     started = mapmore("init", measured_data / source, "-o", spec)
     assert started.exit_code == 0, started.stderr
     assert serious(mapmore, spec) == []
-    settings = ("--set", "model.backbone=sarosi", "--set", "report.formats=[csv]")
-    assert mapmore("run", spec, "--runs", tmp_path / "runs", "-q", *settings).exit_code == 0
+    assert mapmore("run", spec, "--runs", tmp_path / "runs", "-q", "--set", "report.formats=[csv]").exit_code == 0
 
 
 def test_measured_muscles_of_two_lengths_are_two_studies_with_a_slack_foot(
@@ -59,7 +57,7 @@ def test_measured_muscles_of_two_lengths_are_two_studies_with_a_slack_foot(
     assert started.stdout.split() == ["10mm_10cm_Test8.yaml", "10mm_20cm_Test8.yaml"], started.stderr
     for name in started.stdout.split():
         text = Path(name).read_text()
-        assert "backbone: sarosi_hinged}" in text
+        assert "sarosi_hinged}" in text
         assert text.count("# CHECK: 'kinked") == 3
     assert serious(mapmore, "10mm_10cm_Test8.yaml") == []
     assert mapmore("run", "10mm_10cm_Test8.yaml", "-q", "--set", "report.formats=[csv]", "--set", "validate.against=[]").exit_code == 0
@@ -81,7 +79,7 @@ def test_a_folder_of_several_studies_with_one_output_says_what_is_left_out(tmp_p
 
 def test_stdout_has_the_spec_alone(tmp_path: Path, mapmore, monkeypatch, rig: Path) -> None:
     monkeypatch.chdir(tmp_path)
-    printed = mapmore("init", rig / "mckibben", "-o", "-", "--name", "bench")
+    printed = mapmore("init", rig / "mckibben", "-o", "-", "--name", "bench", "-q")
     assert printed.stderr == ""
     (tmp_path / "spec.yaml").write_text(printed.stdout)
     assert json.loads(mapmore("check", "spec.yaml", "--json", "-q").stdout)["name"] == "bench"

@@ -13,6 +13,7 @@ from mapmore_cli.domain.foreign import printable
 from mapmore_cli.spec.yaml_loader import escaped, tag_of
 
 if TYPE_CHECKING:
+    from mapmore_cli.domain.search import Search
     from mapmore_cli.study.drafting.columns import Guess, Raw
 
 TAIL = "# report: {formats: [html, pdf, tex]}  # for a paper: panels as PDF, tables for LaTeX"
@@ -23,13 +24,14 @@ HEAD = ("Started by `mapmore init`. Every guess says why: look first at those ma
 class Draft:
     """Sections as the YAML will hold them, with numbers in the model's units, and why they were chosen.
 
-    `rivals` are the columns that come next for each quantity, `raw` the values of all columns.
+    `rivals` are the columns that come next for each quantity, `raw` the values of all columns, `found` is where its structure comes from.
     """
 
     spec: dict[str, Any]
     notes: dict[Loc, Note] = field(default_factory=dict)
     rivals: Mapping[str, tuple[Guess, ...]] = field(default_factory=dict)
     raw: Raw = field(default_factory=dict, repr=False, compare=False)
+    found: Search | None = field(default=None, repr=False, compare=False)
 
     @property
     def name(self) -> str:
@@ -116,7 +118,13 @@ def _mapping(value: Mapping[str, Any], loc: Loc, notes: Mapping[Loc, Note]) -> I
 
 def _list(items: list[Any], loc: Loc, notes: Mapping[Loc, Note]) -> Iterator[str]:
     for place, item in enumerate(items):
-        yield from _noted(f"{'  ' * len(loc)}- {_flow(item)}", notes.get((*loc, place)))
+        margin = "  " * len(loc)
+        line = f"{margin}- {_flow(item)}"
+        if loc == ("dictionary",) and len(line) > WIDEST:  # a flow that goes on further in; its texts have single blanks
+            first, *rest = textwrap.wrap(line, WIDEST, subsequent_indent=f"{margin}    ", break_long_words=False, break_on_hyphens=False)
+            yield from (*_noted(first, notes.get((*loc, place))), *rest)
+            continue
+        yield from _noted(line, notes.get((*loc, place)))
 
 
 def _noted(line: str, note: Note | None) -> Iterator[str]:

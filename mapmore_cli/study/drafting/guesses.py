@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.search import Search
 from mapmore_cli.reporting.report import environment
 from mapmore_cli.study.drafting.draft import Draft
 
@@ -35,6 +37,8 @@ def guesses_page(draft: Draft) -> str:
             questions=[f"{'.'.join(map(str, loc))}: {note.why}" for loc, note in draft.notes.items() if not note.sure],
             columns=[_row(draft, column, used.get(column)) for column in draft.raw],
             pairs=pairs,
+            tried=[] if draft.found is None else _tried(draft.found),
+            left_out="" if draft.found is None else draft.found.left_out,
             sources=[str(entry) if isinstance(entry, str) else _said(entry) for entry in draft.data["files"]],
         )
     )
@@ -51,6 +55,20 @@ def _row(draft: Draft, column: str | int, name: str | None) -> dict[str, Any]:
     rivals = draft.rivals.get(name, ())
     told = f"column {rivals[0].column}: {rivals[0].why}" if rivals else ""
     return {**row, "guess": f"{name}{f' in {unit}' if unit else ''}", "why": note.why if note is not None else "", "rival": told}
+
+
+def _tried(found: Search) -> list[dict[str, Any]]:
+    """What was tried, the one that is taken first, then by its error; what could not be fitted last."""
+    order = sorted(found.tried, key=lambda one: (one is not found.found, bool(one.failure), one.excess))
+    return [
+        {
+            "words": one.words,
+            "parameters": "" if one.failure else str(one.parameters),
+            "error": one.failure or f"{100 * one.error:.2g} %",
+            "parts": "" if math.isnan(one.parts) else f"{100 * one.parts:.2g} %",
+        }
+        for one in order
+    ]
 
 
 def _said(entry: dict[str, Any]) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -20,8 +19,6 @@ FEWEST = 200  # samples of a record that is worth a model with memory
 MOST = 6_000  # samples to which records are resampled: a first try is quick
 BREAK = 5  # steps without a sample, that are a gap
 UNSETTLED = 0.2  # of the samples, in which the pressure changes: hardly static
-ORDER_OF_MEMORY = 2
-FEW, SOME = 2, 4  # samples of the inputs that count by themselves; more where nobody knows how long a sample is
 
 
 def moves(recordings: Sequence[Recording], target: str) -> bool:
@@ -53,8 +50,8 @@ def with_counted_samples(draft: Draft, found: Remembered) -> Draft:
     return draft.with_data("sample_time", 1.0, why, False)
 
 
-def with_memory(draft: Draft, recordings: Sequence[Recording], inputs: Sequence[str], target: str, steady: Sequence[str] = ()) -> Draft:
-    """The draft with even steps, the second half held out, and terms with memory of the inputs, beside those that are `steady`."""
+def with_memory(draft: Draft, recordings: Sequence[Recording], inputs: Sequence[str], target: str) -> Draft:
+    """The draft with even steps, and the second half held out."""
     times = [one.columns["time"] for one in recordings if one.rows_kept > 1]
     usual = float(np.median(np.concatenate([np.diff(time) for time in times])))
     total = sum(float(np.ptp(time)) for time in times)
@@ -66,15 +63,6 @@ def with_memory(draft: Draft, recordings: Sequence[Recording], inputs: Sequence[
         draft = draft.with_data("gaps", {"longer_than": two_digits(BREAK * max(step, usual)), "action": "split"}, why)
     draft = _with_split(draft, recordings, [*inputs, target])
     draft = draft.with_section("target", {"column": target}, "it moves all the time: a model with memory, scored in free run")
-    families: list[str | dict[str, Any]] = [
-        {"lags": {"of": list(inputs), "steps": list(range(FEW if "time" in draft.data["columns"] else SOME))}},
-        {"slow": {"of": list(inputs), "count": 3}},
-        {"play": {"of": list(inputs), "count": 3}},
-        *steady,
-    ]
-    why = "products of the inputs now and just before, followed slowly, and with play: lag, creep and loops"
-    draft = draft.with_section("dictionary", [{"products": {"of": families, "order": ORDER_OF_MEMORY}}], why)
-    draft = draft.with_section("fit", {"max_terms": 10, "stop": "bic", "ridge": "auto"}, "up to ten terms, as many as pay for themselves")
     return draft.with_section("validate", {"normaliser": "range"}, "errors are divided by the range: the zero is arbitrary")
 
 

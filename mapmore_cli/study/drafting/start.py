@@ -17,7 +17,7 @@ from mapmore_cli.study.drafting.columns import Guess, Raw, guess_columns, told_g
 from mapmore_cli.study.drafting.draft import Draft
 from mapmore_cli.study.drafting.experiment import find_held, with_experiment
 from mapmore_cli.study.drafting.groups import Group, find_groups
-from mapmore_cli.study.drafting.model import hysteresis_beside, with_model
+from mapmore_cli.study.drafting.model import hysteresis_beside, with_comparison
 from mapmore_cli.study.drafting.moving import guess_others, moves, pressures_of, remembers, with_counted_samples, with_memory
 from mapmore_cli.study.drafting.proof import proven
 from mapmore_cli.study.drafting.questions import NOTHING_SAID, Answers, Ask, asked_columns, asked_length, asked_rest
@@ -36,6 +36,9 @@ from mapmore_cli.study.drafting.recordings import (
 from mapmore_cli.study.drafting.second_logs import second_of, with_column_beside, with_found_shift, with_second_log
 from mapmore_cli.study.inspection.evidence import set_in_steps
 
+Search = Callable[[Draft, Path], Draft]
+"""Returns a draft with the model that was found for it, given the folder that its paths start at."""
+
 POSITIONS = ("strain", "displacement", "length")
 """Quantities that say how far a muscle has contracted, the most telling first."""
 
@@ -46,7 +49,7 @@ def propose(
     """The spec of a group of recordings, with paths from `folder`; `answers` are what a person has said of them.
 
     `second` are the logs of the pressure, where these are files of their own, and what was said of them. What cannot be told from the data
-    is marked `CHECK`. The spec passes its own check, and of short recordings its own run.
+    is marked `CHECK`. Its model is still to be found (`proven`).
 
     Raises
     ------
@@ -54,7 +57,7 @@ def propose(
         Where no two columns of numbers move.
     """
     if group.beside is not None:
-        return proven(_followed(*with_column_beside(started(group, name, folder, "", None), group, group.beside, folder), folder), folder)
+        return _followed(*with_column_beside(started(group, name, folder, "", None), group, group.beside, folder), folder)
     titles = dict(zip(group.layout.columns, group.layout.titles or (), strict=False))
     below = dict(zip(group.layout.columns, group.layout.below, strict=False))
     raw = raw_columns(group, folder)
@@ -75,9 +78,9 @@ def propose(
     plain = target is not None and ("pressure" in guesses or bool(constants and untold == "pressure") or second is not None)
     known = {"time", "pressure", target, *POSITIONS, "load"}
     if answers.columns and not (plain and guesses.keys() <= known):
-        return proven(_of_told(group, name, folder, titles, guesses, target), folder)
+        return _of_told(group, name, folder, titles, guesses, target)
     if not plain or (not answers.columns and len(pressures_of(titles, _without_twins(raw, guesses), guesses)) > 1):
-        return proven(_of_unknown(group, name, folder, titles, raw, guesses), folder)
+        return _of_unknown(group, name, folder, titles, raw, guesses)
     assert target is not None
     if target == "displacement" and loads is not None and len(set(loads)) > 1:
         untold, constants = "load", loads
@@ -94,12 +97,10 @@ def propose(
         target = "strain" if target != "force" and "derive" in draft.data else target
         dataset = dataset_of(draft.data, folder, target)
     simple = draft.with_section("target", "static" if target == "force" else {"column": target})
-    simple = simple.with_section("dictionary", [{"polynomial": {"of": ["pressure"], "order": 1}}])
     try:
-        draft = _modelled(draft, dataset.recordings, folder, target, position, answers.hold)
+        return _of_experiment(draft, dataset.recordings, folder, target, position, answers.hold)
     except DataError as fault:  # too few samples for what the experiment looks like
-        draft = simple.noted(("target",), f"made plain, as {fault.message}", False)
-    return proven(draft, folder)
+        return simple.noted(("target",), f"made plain, as {fault.message}", False)
 
 
 def _without_twins(raw: Raw, guesses: Mapping[str, Guess]) -> Raw:
@@ -121,24 +122,23 @@ def _of_told(
     return _followed(draft, [one for one in names if one != target], target, folder)
 
 
-def _modelled(
+def _of_experiment(
     draft: Draft, recordings: Sequence[Recording], folder: Path, target: str, position: str | None, hold: str | None = None
 ) -> Draft:
-    """The draft with the experiment and the model: static where something was held or nothing tells the time, else with memory.
+    """The draft with the experiment: static where something was held or nothing tells the time, else with memory.
 
     `hold` is what a person says was held.
     """
     held = find_held(recordings, ("pressure", position), hold) if position is not None else None
     if held is None and moves(recordings, target):
         inputs = [one for one in ("pressure", position) if one is not None and one != target]
-        steady = [name for name in ("load",) if name in recordings[0].columns]
-        return with_memory(draft, recordings, inputs, target, steady)
+        return with_memory(draft, recordings, inputs, target)
     step = set_in_steps([one.columns["force"] for one in recordings]) if target == "force" and position is not None and held else None
     if step is not None and position is not None and set_in_steps([one.columns[position] for one in recordings]) is None:
         return _turned_round(draft, recordings, folder, position, step)
     draft = with_experiment(draft, recordings, held)
     draft = draft.with_section("target", "static" if target == "force" else {"column": target})
-    return with_model(draft, dataset_of(draft.data, folder, target), [one for one in ("pressure", position) if one is not None])
+    return with_comparison(draft, dataset_of(draft.data, folder, target))
 
 
 def _turned_round(draft: Draft, recordings: Sequence[Recording], folder: Path, position: str, step: float) -> Draft:
@@ -146,7 +146,7 @@ def _turned_round(draft: Draft, recordings: Sequence[Recording], folder: Path, p
     draft = with_experiment(draft, recordings, find_held(recordings, ("pressure", "force")))
     why = f"the force was set in steps of {step:.4g} N, and {position} measured: the noise lies there"
     draft = draft.with_section("target", {"column": position}, why)
-    return with_model(draft, dataset_of(draft.data, folder, position), ["pressure", "force"])
+    return with_comparison(draft, dataset_of(draft.data, folder, position))
 
 
 def _of_unknown(group: Group, name: str, folder: Path, titles: Mapping[str | int, str], raw: Raw, known: Mapping[str, Guess]) -> Draft:
@@ -168,8 +168,7 @@ def _followed(draft: Draft, inputs: Sequence[str], target: str, folder: Path) ->
         dataset = read_draft(draft, folder, target)
     if moves(dataset.recordings, target) and (target != "force" or memory is not None or len(inputs) > 2):
         return with_memory(draft, dataset.recordings, inputs, target)
-    draft = draft.with_section("target", {"column": target})
-    return with_model(draft, dataset, inputs)
+    return with_comparison(draft.with_section("target", {"column": target}), dataset)
 
 
 @dataclass(frozen=True)
@@ -181,11 +180,17 @@ class Start:
 
 
 def start(
-    path: Path, folder: Path, name: str | None = None, single: bool = False, answers: Answers = NOTHING_SAID, ask: Ask | None = None
+    path: Path,
+    folder: Path,
+    name: str | None = None,
+    single: bool = False,
+    answers: Answers = NOTHING_SAID,
+    ask: Ask | None = None,
+    search: Search | None = None,
 ) -> Start:
     """Draft a spec for every group of recordings under `path`, or for the largest one only, with relative paths from `folder`.
 
-    Where somebody can be asked (`ask`), what is open is asked.
+    Where somebody can be asked (`ask`), what is open is asked. `search` finds the model of a draft, by default `proven`.
 
     Raises
     ------
@@ -193,10 +198,10 @@ def start(
         Where nothing usable is found; the message says why of every file.
     """
     with remembered():
-        return _start(path, folder, name, single, answers, ask)
+        return _start(path, folder, name, single, answers, ask, search or proven)
 
 
-def _start(path: Path, folder: Path, name: str | None, single: bool, answers: Answers, ask: Ask | None) -> Start:
+def _start(path: Path, folder: Path, name: str | None, single: bool, answers: Answers, ask: Ask | None, search: Search) -> Start:
     groups, remarks = find_groups(path, answers.group)
     names = _unique([_name(group.label) for group in groups], [_name(group.files[0].parent.name) for group in groups])
     about = {group.files: answers.for_columns(group.layout.columns, group.layout.width) for group in groups}
@@ -219,10 +224,11 @@ def _start(path: Path, folder: Path, name: str | None, single: bool, answers: An
             draft = replace(propose(group, asked, folder, said, beside_it), raw=raw_columns(group, folder))
             if ask is not None:
                 draft = _interviewed(draft, said, ask, lambda told: propose(group, asked, folder, told, beside_it))  # noqa: B023
-            drafts.append(draft)
+            draft = search(draft, folder)
+            drafts.append(draft if ask is None else asked_rest(draft, ask))
             beside = None if single else hysteresis_beside(drafts[-1], folder)
             if beside is not None:
-                drafts.append(proven(beside, folder))
+                drafts.append(search(beside, folder))
         except (DataError, SpecError) as fault:
             remarks.append(f"{own} ({_count(group)}): {fault.message}")
     if not drafts:
@@ -231,14 +237,12 @@ def _start(path: Path, folder: Path, name: str | None, single: bool, answers: An
 
 
 def _interviewed(draft: Draft, said: Answers, ask: Ask, again: Callable[[Answers], Draft]) -> Draft:
-    """The draft with what a person answers: it is made `again` of the answers about columns and length, then what is left is confirmed."""
+    """The draft with what a person answers: it is made `again` of the answers about columns and length."""
     told = asked_columns(draft, said, ask)
     length = asked_length(draft, ask)
     if length:
         told = replace(told, length=parse_quantity(length, "m"))
-    if told != said:
-        draft = again(told)
-    return asked_rest(draft, ask)
+    return again(told) if told != said else draft
 
 
 def _count(group: Group) -> str:

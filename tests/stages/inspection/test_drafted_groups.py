@@ -62,4 +62,4 @@ def test_the_groups_are_no_input_of_a_search(tmp_path: Path) -> None:
     path.write_text(draft.text(), encoding="utf-8")
     loaded = load(path)
     assert inspect(loaded).verdict is None
-    assert reads(loaded.spec).ignored == ("specimen",)
+    assert reads(loaded.spec).ignored == ("force", "specimen")

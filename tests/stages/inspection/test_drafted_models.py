@@ -1,74 +1,99 @@
-"""Which model `init` proposes: a surface for scattered points and for few on a curve, a choice of backbone, a model that is inverted."""
+"""The model that `init` writes: what a search finds on training data, with how it was found, and told where a plainer one is better."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
-from mapmore_cli.domain.recording import Curve, Dataset, Quantity
+from mapmore_cli.domain.scores import Score
+from mapmore_cli.spec.loader import load
+from mapmore_cli.study.drafting import start as drafting
 from mapmore_cli.study.drafting.draft import Draft
-from mapmore_cli.study.drafting.model import CHOOSING_LEVELS, FEWEST_ON_A_CURVE, SAMPLES_OF_A_SEGMENT, with_model
-from mapmore_cli.study.drafting.proof import _chosen
-
-QUANTITIES = {"pressure": Quantity("pressure", "kPa"), "strain": Quantity("strain", "1"), "force": Quantity("force", "N")}
+from mapmore_cli.study.drafting.guesses import guesses_page
+from mapmore_cli.study.drafting.proof import Trial, proven
 
 
-def drafted(dataset: Dataset, *inputs: str) -> dict[str, Any]:
-    return with_model(Draft({"name": "study", "target": "static"}), dataset, inputs).spec
+def table(folder: Path, levels: int, samples: int, force: Any, header: str = "P [kPa],eps,F [N]") -> None:
+    strain = np.linspace(0, 0.15, samples)
+    for pressure in 100.0 * np.arange(1, levels + 1):
+        rows = np.column_stack(np.broadcast_arrays(pressure, strain, force(pressure, strain)))
+        np.savetxt(folder / f"pull_{pressure:g}.csv", rows, delimiter=",", header=header, comments="", fmt="%.7g")
 
 
-def levels(count: int, samples: int, target: str = "force") -> Dataset:
-    curves = []
-    for pressure in 100.0 * np.arange(1, count + 1):
-        strain = np.linspace(0, 0.1, samples)
-        columns = {"pressure": np.full(samples, pressure), "strain": strain, "force": pressure * (1 - 4 * strain)}
-        curves.append(Curve(f"pressure={pressure:g}", pressure, columns, np.zeros(samples, dtype=bool), ("table",)))
-    return Dataset(target, "pressure", QUANTITIES, (), tuple(curves))
+def drafted(folder: Path) -> Draft:
+    (draft,) = drafting.start(folder, folder, search=lambda one, place: proven(one, place, 20.0)).drafts
+    return draft
 
 
-def scattered(samples: int) -> Dataset:
-    rng = np.random.default_rng(0)
-    pressure, strain = rng.uniform(100, 500, samples), rng.uniform(0, 0.1, samples)
-    columns = {"pressure": pressure, "strain": strain, "force": pressure * (1 - 4 * strain)}
-    return Dataset("force", None, QUANTITIES, (), (Curve("table", None, columns, np.zeros(samples, dtype=bool), ("table",)),))
+def test_a_plane_is_found_where_it_is_all_that_there_is(tmp_path: Path) -> None:
+    table(tmp_path, 6, 40, lambda p, e: 20 + 0.3 * p - 200 * e)
+    draft = drafted(tmp_path)
+    assert draft.found is not None
+    assert draft.spec["dictionary"] == [{"polynomial": {"of": ["strain", "pressure"], "order": 1}}]
+    assert "found by search: surface of order 1" in draft.text()
+    assert "# tried: NRMSE" in draft.text()
+    page = guesses_page(draft)
+    assert "Structures that were tried" in page
+    assert all(one.words in page for one in draft.found.tried)
 
 
-def test_scattered_points_are_one_surface_cut_along_both_inputs() -> None:
-    spec = drafted(scattered(60), "pressure", "strain")
-    cut = {"method": "even", "count": 2, "min_samples": SAMPLES_OF_A_SEGMENT}
-    assert spec["segment"] == {"pressure": cut, "strain": cut}
-    assert spec["dictionary"] == [{"polynomial": {"of": ["pressure", "strain"], "order": 3}}]
-    assert spec["model"]["backbone"] == "auto"
-    assert "segment" not in drafted(scattered(4 * SAMPLES_OF_A_SEGMENT - 1), "pressure", "strain")
+def test_held_out_levels_do_not_move_the_structure(tmp_path: Path) -> None:
+    """What is held out is spoilt: the same structure is found, and the score tells of it."""
+    found = []
+    for spoil in (0.0, 40.0):
+        folder = tmp_path / f"{spoil:g}"
+        folder.mkdir()
+        table(folder, 5, 60, lambda p, e, spoil=spoil: p * (2 - 9 * e + 20 * e**2) + spoil * (p == 400) * np.sin(60 * e))
+        found.append(drafted(folder))
+    first, second = found
+    assert first.data["split"] == second.data["split"] == {"validate": {"pressure": [400]}}
+    assert [first.spec.get(key) for key in ("dictionary", "model", "segment")] == [
+        second.spec.get(key) for key in ("dictionary", "model", "segment")
+    ]
+    assert first.notes[("target",)].why != second.notes[("target",)].why
 
 
-@pytest.mark.parametrize(("samples", "pooled"), [(FEWEST_ON_A_CURVE - 1, True), (FEWEST_ON_A_CURVE, False)])
-def test_few_points_on_a_curve_are_pooled(samples: int, pooled: bool) -> None:
-    spec = drafted(levels(6, samples), "pressure", "strain")
-    assert (spec.get("segment") == {"pressure": "none"}) == pooled
-    assert spec["dictionary"] == [{"polynomial": {"of": ["pressure", "strain"] if pooled else ["strain"], "order": 3}}]
-    assert spec["model"]["backbone"] == "auto"
+def test_with_few_levels_nothing_bends_between_them(tmp_path: Path) -> None:
+    """Two training levels cannot tell of a curve across them: levels, a formula or a plane alone."""
+    table(tmp_path, 3, 60, lambda p, e: p * (2 - 9 * e) + 30 * np.sin(40 * e))
+    found = drafted(tmp_path).found
+    assert found is not None
+    assert {one.family for one in found.tried} <= {"levels", "formula", "surface"}
+    assert [one.words for one in found.tried if one.family == "surface"] == ["surface of order 1, 4 terms"]
 
 
-@pytest.mark.parametrize(("count", "backbone"), [(CHOOSING_LEVELS - 1, "sarosi"), (CHOOSING_LEVELS, "auto")])
-def test_the_backbone_is_chosen_where_there_are_levels_to_choose_by(count: int, backbone: str) -> None:
-    assert drafted(levels(count, 50), "pressure", "strain")["model"]["backbone"] == backbone
+def score(model: str, rmse: float, r2: float = 0.9) -> Score:
+    return Score(model, "force", "validate", "all", 10, rmse, rmse / 100, 100.0, "max", rmse, rmse / 100, r2)
 
 
-def test_a_model_of_the_strain_is_scored_as_force() -> None:
-    spec = drafted(levels(5, 60, "strain"), "pressure", "force")
-    assert spec["validate"] == {"as": "force", "against": ["sarosi", "polynomial_2", "polynomial_5"]}
-    assert "model" not in spec
-    assert list(spec["segment"]) == ["force"]
+@pytest.mark.parametrize(("own", "plainer", "bad"), [(1.0, 2.0, False), (2.0, 1.0, True), (1.1, 1.0, False)])
+def test_a_draft_that_a_plainer_model_beats_is_marked(own: float, plainer: float, bad: bool) -> None:
+    trial = Trial(score("mapmore", own), score("plane", plainer))
+    assert trial.bad == bad
+    assert ("plane has" in str(trial)) == (own > plainer)
 
 
-def test_a_formula_with_more_parameters_than_there_are_samples_is_no_competitor() -> None:
-    assert "polynomial_5" in drafted(levels(2, 11), "pressure", "strain")["validate"]["against"]
-    assert "polynomial_5" not in drafted(levels(2, 10), "pressure", "strain")["validate"]["against"]
+def test_a_long_dictionary_is_wrapped_and_means_the_same() -> None:
+    dictionary = [{"terms": [f"tanh((pressure-{k / 100:.2f})/0.05)" for k in range(60)]}]
+    draft = Draft({"name": "study", "dictionary": dictionary}).noted(("dictionary",), "why")
+    assert yaml.safe_load(draft.text())["dictionary"] == dictionary
+    assert max(map(len, draft.text().splitlines())) <= 132
 
 
-def test_a_trial_of_a_draft_takes_the_usual_backbone() -> None:
-    assert _chosen({"model": {"backbone": "auto"}}) == {"model": {"backbone": "sarosi_hinged"}}
-    assert _chosen({"name": "study"}) == {"name": "study"}
+def test_a_position_that_follows_slowly_gets_a_memory(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    pressure = 150 + np.convolve(rng.normal(0, 40, 700), np.ones(20) / 6, "same")
+    position = np.zeros(700)
+    for k in range(1, 700):
+        position[k] = position[k - 1] + 0.15 * (0.02 * pressure[k] - position[k - 1])
+    position += rng.normal(0, 0.01, 700)
+    rows = np.column_stack([0.1 * np.arange(700), pressure, position])
+    np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header="t [s],P [kPa],x [mm]", comments="", fmt="%.7g")
+    draft = drafted(tmp_path)
+    (tmp_path / "log.yaml").write_text(draft.text())
+    assert load(tmp_path / "log.yaml").spec.has_memory
+    assert draft.notes[("target",)].sure, draft.notes[("target",)].why

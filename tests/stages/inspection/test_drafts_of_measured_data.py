@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from mapmore_cli.storage.readers import reader_of
+from mapmore_cli.study.drafting import proof
 from mapmore_cli.study.drafting.groups import find_groups
 from mapmore_cli.study.drafting.second_logs import second_of
 
@@ -16,8 +17,9 @@ DOCS = Path(__file__).parents[3] / "docs"
 PAGE = (DOCS / "init-and-check.md").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("name", ["festo_datasheet", "benchmarks"])
-def test_the_page_says_what_is_proposed(measured_data: Path, name: str) -> None:
+@pytest.mark.parametrize("name", ["festo_datasheet", "pgm_mckibben", "festo_fmax_by_length"])
+def test_the_page_says_what_is_proposed(measured_data: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(proof, "BUDGET", 60.0)  # no structure is cut off on a busy machine
     spec = importlib.util.spec_from_file_location("drafted_tables", DOCS / "drafted_tables.py")
     assert spec is not None
     assert spec.loader is not None
