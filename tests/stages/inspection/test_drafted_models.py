@@ -6,15 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 import yaml
 
-from mapmore_cli.domain.scores import Score
 from mapmore_cli.spec.loader import load
 from mapmore_cli.study.drafting import start as drafting
 from mapmore_cli.study.drafting.draft import Draft
 from mapmore_cli.study.drafting.guesses import guesses_page
-from mapmore_cli.study.drafting.proof import Trial, proven
+from mapmore_cli.study.drafting.proof import proven
 
 
 def table(folder: Path, levels: int, samples: int, force: Any, header: str = "P [kPa],eps,F [N]") -> None:
@@ -64,17 +62,6 @@ def test_with_few_levels_nothing_bends_between_them(tmp_path: Path) -> None:
     assert found is not None
     assert {one.family for one in found.tried} <= {"levels", "formula", "surface"}
     assert [one.words for one in found.tried if one.family == "surface"] == ["surface of order 1, 4 terms"]
-
-
-def score(model: str, rmse: float, r2: float = 0.9) -> Score:
-    return Score(model, "force", "validate", "all", 10, rmse, rmse / 100, 100.0, "max", rmse, rmse / 100, r2)
-
-
-@pytest.mark.parametrize(("own", "plainer", "bad"), [(1.0, 2.0, False), (2.0, 1.0, True), (1.1, 1.0, False)])
-def test_a_draft_that_a_plainer_model_beats_is_marked(own: float, plainer: float, bad: bool) -> None:
-    trial = Trial(score("mapmore", own), score("plane", plainer))
-    assert trial.bad == bad
-    assert ("plane has" in str(trial)) == (own > plainer)
 
 
 def test_a_long_dictionary_is_wrapped_and_means_the_same() -> None:

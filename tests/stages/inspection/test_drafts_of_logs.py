@@ -336,7 +336,8 @@ def score(model: str, rmse: float, r2: float = 0.5) -> Score:
     [
         (Trial(score("mapmore", 3.0)), False, "NRMSE 3 % on held-out data"),
         (Trial(score("mapmore", 3.0), score("polynomial_5", 2.99)), False, "NRMSE 3 % on held-out data"),
-        (Trial(score("mapmore", 3.0), score("polynomial_5", 2.5)), True, "NRMSE 3 % on held-out data; polynomial_5 has 2.5 % there"),
+        (Trial(score("mapmore", 3.0), score("polynomial_5", 2.7)), False, "NRMSE 3 % on held-out data; polynomial_5 has 2.7 % there"),
+        (Trial(score("mapmore", 3.0), score("polynomial_5", 2.4)), True, "NRMSE 3 % on held-out data; polynomial_5 has 2.4 % there"),
         (Trial(score("mapmore", 90.0, -0.1)), True, "NRMSE 90 % on held-out data, worse than their mean"),
         (Trial(score("mapmore", np.inf, -np.inf)), True, "no finite error on held-out data"),
         (
