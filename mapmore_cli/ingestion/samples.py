@@ -131,7 +131,8 @@ def _in_model_units(raw: RawTable, table: Logs, missing: Sequence[float], units:
     columns: dict[str, Array] = {}
     for name, column in table.columns.items():
         as_is = not missing and (column.scale, column.offset) == (1.0, 0.0) and column.unit in (None, units[name])
-        values = raw.columns[column.column][taken]
+        values = raw.columns[column.column]
+        values = (values if column.unwrap is None else unwrapped(values, column.unwrap))[taken]
         columns[name] = values if as_is else by_blocks(partial(_converted, column=column, missing=missing, unit=units[name]), values)
     if table.sample_time is not None:
         step = convert(table.sample_time, "s", units["time"])
@@ -152,6 +153,13 @@ def _converted(values: Array, column: SourceColumn, missing: Sequence[float], un
     if (column.scale, column.offset) != (1.0, 0.0):
         values = values * column.scale + column.offset
     return values if column.unit is None else convert(values, column.unit, unit)
+
+
+def unwrapped(values: Array, period: float) -> Array:
+    """Return the numbers of an encoder that begins anew at a `period` as if it went on; what is missing stays so."""
+    found, known = values.copy(), np.isfinite(values)
+    found[known] = np.unwrap(values[known], period=period)
+    return found
 
 
 def _mean_at_rest(values: Array, time: Array, rest: float) -> float | None:

@@ -76,7 +76,8 @@ class SourceColumn(Section):
     """Where a quantity comes from: a `column` by name, 0-based index or address, as `value * scale + offset` in `unit`.
 
     An address leads into MAT and HDF5 files, as `run.P` or `y[:,0]`; a TDMS channel is `Group/Channel`. Where every recording has a zero of
-    its own, `rest` is how long it rests at its beginning: the mean over that time is taken off.
+    its own, `rest` is how long it rests at its beginning: the mean over that time is taken off. `unwrap` is the number at which an encoder
+    begins anew, as 360 or 4096 in the numbers of the file: jumps by more than half of it are such a turn.
     """
 
     column: Annotated[str | int, Either()]
@@ -84,6 +85,7 @@ class SourceColumn(Section):
     scale: float = 1.0
     offset: InColumnUnit = 0.0
     rest: Seconds | None = None
+    unwrap: Annotated[float, Field(gt=0)] | None = None
 
 
 class Logs(Section):

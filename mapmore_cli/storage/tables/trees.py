@@ -6,7 +6,7 @@ import re
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any
 
@@ -38,16 +38,45 @@ def top_of(top: Member, most: int, separator: str = "/") -> Top:
     """Return the first rows of the log in a tree of arrays: of the group with the longest columns, of at least two.
 
     Groups of the same members, and elements of an array, are recordings (`root` ends in `[*]`) of which the first one is shown; members
-    with other names may lie beside them. A number named `fs` or `dt` is the log's `sample_time`.
+    with other names may lie beside them. Logs of Simulink (`X.time` beside `X.signals.values`) are one. A number named `fs` or `dt` is the
+    log's `sample_time`.
     """
+    found = list(_signals(top, separator, most))
     shown = ((root, list(_columns(base, separator, most))) for root, base in (*_roots(top, separator), (None, top)))
-    root, columns = next((one for one in shown if len(_log(one[1])) > 1), (None, []))
+    root, columns = (None, found) if _log(found) else next((one for one in shown if len(_log(one[1])) > 1), (None, []))
     log = _log(columns)
+    for name in () if log else top.names:
+        top.member(name)  # tells of an object that only its own program can read
     step = _sample_time(column for column in columns if column.length == 1)
     settings = {key: value for key, value in (("root", root), ("sample_time", step)) if value is not None}
     titles = [column.title for column in log]
     rows = [*([] if None in titles else [titles]), *zip(*(column.values.tolist() for column in log), strict=True)]
     return Top(rows, _is_number, settings, tuple(column.address for column in log))
+
+
+def _signals(top: Member, separator: str, most: int) -> Iterator[Found]:
+    """Yield the columns of Simulink's structs with time, titled by their labels, else by the block or the variable that they lie in."""
+    places = list(_walk(top, separator))
+    for one in (place for place in places if place.name == "signals"):
+        of = next(place for place in places if place.address == one.group) if one.group else None
+        elements = [(one.address, one.member)]
+        if one.member.count is not None:
+            elements = [(f"{one.address}[{number}]", one.member.element(number)) for number in range(min(one.member.count, MOST_MEMBERS))]
+        for address, signal in elements:
+            values = _member(signal, "values") if "values" in signal.names else None
+            title = _text(signal, "label") or _text(signal, "blockName").rpartition("/")[2] or ("" if of is None else of.name)
+            if values is not None and values.is_array:
+                yield from (replace(column, title=title, group="") for column in _of_array(values, title, f"{address}.values", "", most))
+        clock = None if of is None else _member(of.member, "time")
+        if clock is not None and clock.is_array:
+            yield from _of_array(clock, "time", f"{one.group}{separator}time", "", most)
+
+
+def _text(member: Member, name: str) -> str:
+    """Return the text of a member, of characters or of their codes; empty where there is none."""
+    text = _member(member, name) if name in member.names else None
+    values = np.asarray(text.values(())).reshape(-1) if text is not None and text.is_array else np.zeros(0)
+    return str(values[0]) if values.dtype.kind == "U" and values.size else "".join(map(chr, values)) if values.dtype.kind == "u" else ""
 
 
 def _log(columns: Sequence[Found]) -> list[Found]:

@@ -40,7 +40,7 @@ Raw = Mapping[str | int, Sequence[Array]]
 class Guess:
     """A quantity's column and unit, and why; `rivals` are the columns that come next, the likeliest first.
 
-    The quantity is `value * scale + offset` in `unit`.
+    The quantity is `value * scale + offset` in `unit`; `unwrap` is the number at which its encoder begins anew.
     """
 
     column: str | int
@@ -49,12 +49,14 @@ class Guess:
     sure: bool
     scale: float = 1.0
     offset: float = 0.0
+    unwrap: float | None = None
     rivals: tuple[Guess, ...] = field(default=(), compare=False)
 
     def as_spec(self) -> dict[str, str | int | float]:
         """The column as the spec describes it."""
         changed = {"scale": self.scale} if self.scale != 1 else {}
         changed |= {"offset": self.offset} if self.offset else {}
+        changed |= {"unwrap": self.unwrap} if self.unwrap else {}
         return {"column": self.column, **({} if self.unit == "1" else {"unit": self.unit}), **changed}
 
 
@@ -86,6 +88,31 @@ def guess_columns(
             if _possible(quantity, raw[best], guess.unit):
                 guesses[quantity] = guess
     return guesses if titles else _by_values(raw, told, loaded)
+
+
+TURNS = (360.0, 2 * np.pi, *(2.0**bits for bits in range(8, 25)))  # at which encoders begin anew
+FULL, SMALL_STEP = 0.9, 0.25  # of a turn, that its values fill and a jump makes at least, and that a step makes at most
+
+
+def turn_of(values: Sequence[Array]) -> float | None:
+    """The number at which an encoder begins anew: a usual one that the values fill, and jump by, else None."""
+    pooled = np.concatenate(values)
+    low, high = float(pooled.min()), float(pooled.max())
+    turn = next((one for one in TURNS if FULL * one <= high - low <= one and (low >= 0 or max(-low, high) <= one / 2)), None)
+    if turn is None or high > turn:
+        return None
+    steps = np.abs(np.concatenate([np.diff(one) for one in values]))
+    return turn if (steps >= FULL * turn).any() and not ((steps > SMALL_STEP * turn) & (steps < FULL * turn)).any() else None
+
+
+def with_turns(guesses: Mapping[str, Guess], turns: Mapping[str | int, float]) -> dict[str, Guess]:
+    """The guesses with what is to be unwrapped."""
+    return {
+        name: replace(one, unwrap=turns[one.column], why=f"{one.why}; it jumps by {turns[one.column]:g}: an encoder that wraps", sure=False)
+        if one.column in turns
+        else one
+        for name, one in guesses.items()
+    }
 
 
 def told_guesses(answers: Answers, titles: Mapping[str | int, str], raw: Raw) -> dict[str, Guess]:

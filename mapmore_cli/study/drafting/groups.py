@@ -17,6 +17,8 @@ from mapmore_cli.study.drafting.preview import Preview, preview, shared_start
 
 _REPEAT = re.compile(r"(?:test|run|rep|repeat|trial|take|try|no|nr|cycle)?\d{1,2}", re.IGNORECASE)
 _REPEAT_WORD = re.compile(r"test|run|rep|repeat|trial|take|try|no|nr", re.IGNORECASE)
+_SPECIMEN = re.compile(r"(?:specimens?|samples?|muscles?|actuators?|prototypes?|devices?|units?|dut|pam|s)", re.IGNORECASE)
+_NUMBERED = re.compile(rf"{_SPECIMEN.pattern}[-#.]?(?:\d{{1,3}}|[a-z])", re.IGNORECASE)
 _SIZE = re.compile(r"\d+(?:[.,]\d+)?(?:mm|cm|m|in)", re.IGNORECASE)
 _NUMBER = re.compile(r"(\d+(?:[.,]\d+)?)\s*(?:(kpa|pa|mpa|bar|mbar|psi|pct|percent|%|mm|cm)(?![a-z])|(?![a-z0-9]))", re.IGNORECASE)
 
@@ -44,8 +46,8 @@ def words_of(name: str) -> list[str]:
 def read_names(names: Sequence[str]) -> list[NameParts]:
     """Compare names word by word; where they have different numbers of words they say nothing.
 
-    Among the words that vary, sizes (`10cm`) and words without numbers tell groups apart, `Test8` is a repeat, and the last one of the
-    others that some of the names have a number in is the condition.
+    Among the words that vary, specimens (`S1`, `muscleA`, `Sample 2`), sizes (`10cm`) and words without numbers tell groups apart, `Test8`
+    is a repeat, and the last one of the others that some of the names have a number in is the condition.
     """
     split = [words_of(name) for name in names]
     if len({len(words) for words in split}) != 1:
@@ -77,9 +79,15 @@ def number_in(word: str) -> tuple[float, str | None] | None:
 def _kind(column: Sequence[str], before: Sequence[str]) -> str:
     if all(_REPEAT.fullmatch(word) and (not word.isdigit() or _follows_repeat_word(before)) for word in column):
         return "repeat"
-    if all(_SIZE.fullmatch(word) for word in column):
+    if all(_SIZE.fullmatch(word) for word in column) or _numbers_specimens(column, before):
         return "group"
     return "condition" if any(number_in(word) for word in column) else "group"
+
+
+def _numbers_specimens(column: Sequence[str], before: Sequence[str]) -> bool:
+    """True for `S1` and `S2`, and for `1` and `2` behind `Sample`."""
+    behind = bool(before) and _SPECIMEN.fullmatch(before[-1].rstrip("-#.")) is not None
+    return all(_NUMBERED.fullmatch(word) for word in column) or (behind and all(re.fullmatch(r"\d{1,3}|[A-Za-z]", word) for word in column))
 
 
 def _follows_repeat_word(before: Sequence[str]) -> bool:
@@ -110,8 +118,7 @@ class Group:
     @property
     def label(self) -> str:
         """A name for the study: that of the folder where it has no other, else the words that all its files share."""
-        words = [words_of(path.name) for path in self.files]
-        common = [word for word in words[0] if all(word in other for other in words)]
+        common = [column[0] for column in zip(*(words_of(path.name) for path in self.files), strict=True) if len(set(column)) == 1]
         return self.files[0].parent.name if (self.alone and len(self.files) > 1) or not common else "_".join(common)
 
 

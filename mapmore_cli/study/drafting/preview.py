@@ -71,7 +71,10 @@ def preview(path: Path, least: int = 2) -> Preview:
     remedy = f"write `columns` by hand, as `pressure: {{column: {reader.column}, unit: kPa}}`"
     if reader.peek is None:
         raise DataError(f"{path.name}: its arrays have to be named", remedy)
-    tops = list(reader.peek(path, LINES))
+    try:
+        tops = list(reader.peek(path, LINES))
+    except DataError as fault:  # what a reader tells of a file says how to save it otherwise
+        raise DataError(": ".join([fault.message, *([fault.remedy] if fault.remedy else [])])) from fault
     if (width := max((len(row) for top in tops for row in top.rows), default=0)) > WIDEST:
         raise DataError(f"{path.name}: has {width} columns, more than {WIDEST}", remedy)
     tables = [table for table in (_table(top, reader.name, least) for top in tops) if table is not None]
@@ -111,19 +114,21 @@ def _table(first_rows: Top, reader: str, least: int) -> _Table | None:
     if len(numeric) < least:
         return None
     blank = [not _filled(row) for row in whole]
-    filled = [_filled([row[place] for place in numeric]) if len(row) == width else [] for row in whole]
+    filled = [_filled([row[place] for place in numeric]) if len(row) >= width else [] for row in whole]
     numbers = [sum(map(first_rows.is_number, cells)) for cells in filled]
     start = next((i for i in range(len(whole), 0, -1) if not (blank[i - 1] or numbers[i - 1])), 0)
     unit_lines = range(start, min(start + MOST_UNIT_LINES, len(whole)))  # `kPa;1` has a number
     first = next((i + 1 for i in reversed(unit_lines) if start and filled[i] and 2 * numbers[i] <= len(filled[i])), start)
     while first < len(whole) and blank[first]:
         first += 1
-    top = next((i for i in range(first, 0, -1) if blank[i - 1] or len(whole[i - 1]) != width), 0)
+    least = max(numeric) + 1 if reader == "xlsx" else width  # beyond the table a sheet may hold notes
+    top = next((i for i in range(first, 0, -1) if blank[i - 1] or not _may_be_titles(whole[i - 1], width, least)), 0)
     header = first - top
     if first == len(whole) or header > MOST_HEADER_LINES:
         return None
-    titles = tuple("" if cell is None else str(cell).strip().strip('"') for cell in whole[top]) if header else None
-    below = tuple(" ".join(str(row[place]) for row in whole[top + 1 : first] if row[place] is not None) for place in range(width))
+    above = [[*row, *(None for _ in range(width - len(row)))] for row in whole[top:first]]
+    titles = tuple("" if cell is None else str(cell).strip().strip('"') for cell in above[0]) if header else None
+    below = tuple(" ".join(str(row[place]) for row in above[1:] if row[place] is not None) for place in range(width))
     shape = {**({} if header == 1 else {"header": header or False}), **({"skip_rows": top} if top else {})}
     layout = Preview(reader, width, titles, {**first_rows.settings, **shape}, below if header > 1 else ())
     if first_rows.addresses:
@@ -131,6 +136,11 @@ def _table(first_rows: Top, reader: str, least: int) -> _Table | None:
     words = {place: _filled([row[place] for row in whole[first:] if len(row) == width]) for place in range(width) if place not in numeric}
     doubtful = sum(any(mark in str(cell) for mark in "0123456789") for cells in words.values() for cell in cells[:1])
     return _Table(layout, len(whole) - first, doubtful, first_rows.sheet)
+
+
+def _may_be_titles(row: Row, width: int, least: int) -> bool:
+    """True for a row of as many cells as the table, or of as many filled ones as it needs at `least`."""
+    return len(row) == width or (len(row) < width and len(row) >= least and len(_filled(row)) == len(row))
 
 
 def _body(rows: Sequence[Row]) -> tuple[Sequence[Row], int]:

@@ -167,11 +167,11 @@ def with_structure(draft: Draft, found: Search) -> Draft:
     for key, value in found.found.sections.items():
         section, _, inner = key.partition(".")
         sections[section] = {**sections.get(section, {}), inner: value} if inner else value
-    for key in (key for key in MODEL if key in sections):
+    for key in (key for key in MODEL if sections.get(key)):
         draft = draft.with_section(key, sections[key])
     tried = f"{len(found.tried)} structures{f', {found.cut} more not for want of time (--budget)' if found.cut else ''}"
     why = f"found by search: {found.found.words}; of {tried}, the simplest that errs as little as the best on left-out training data"
-    place = next(key for key in ("dictionary", "model", "segment") if key in sections)
+    place = next(key for key in ("dictionary", "model", "segment") if sections.get(key))
     return replace(draft.noted((place,), f"{why} ({found.found.error:.2g} of the range)"), found=found)
 
 

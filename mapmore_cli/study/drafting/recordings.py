@@ -262,7 +262,7 @@ def _of_each_sheet(entries: Sequence[Any], layout: Preview) -> list[Any]:
 def with_columns(draft: Draft, guesses: Mapping[str, Guess], titles: Mapping[str | int, str]) -> Draft:
     """The draft with its columns, their units where the names are no canonical quantities, and a word on those that are not used."""
     used = {guess.column for guess in guesses.values()}
-    left = ", ".join(title for column, title in titles.items() if column not in used)
+    left = ", ".join(title for column, title in titles.items() if title and column not in used)
     draft = draft.with_data("columns", {one: guess.as_spec() for one, guess in guesses.items()}, f"left out: {left}" if left else None)
     own = {one: model_unit(guess.unit) for one, guess in guesses.items() if not is_canonical(one) and guess.unit != "1"}
     if own:

@@ -11,9 +11,10 @@ import numpy as np
 
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.recording import Recording
+from mapmore_cli.ingestion.samples import unwrapped
 from mapmore_cli.spec.units import parse_quantity
 from mapmore_cli.storage.tables.remembered import remembered
-from mapmore_cli.study.drafting.columns import Guess, Raw, guess_columns, told_guesses, twins_of
+from mapmore_cli.study.drafting.columns import Guess, Raw, guess_columns, told_guesses, turn_of, twins_of, with_turns
 from mapmore_cli.study.drafting.draft import Draft
 from mapmore_cli.study.drafting.experiment import find_held, with_experiment
 from mapmore_cli.study.drafting.groups import Group, find_groups
@@ -61,12 +62,15 @@ def propose(
     titles = dict(zip(group.layout.columns, group.layout.titles or (), strict=False))
     below = dict(zip(group.layout.columns, group.layout.below, strict=False))
     raw = raw_columns(group, folder)
+    turns = {column: turn for column, values in raw.items() if (turn := turn_of(values)) is not None}
+    raw = {column: [unwrapped(one, turns[column]) for one in values] if column in turns else values for column, values in raw.items()}
     loads = loads_told(group)
     guesses = (
         told_guesses(answers, titles, raw)
         if answers.columns
         else guess_columns(titles, raw, below, pressures_told(group), loads is not None)
     )
+    guesses = with_turns(guesses, turns)
     moving = [one for one in guesses if np.ptp(np.concatenate(raw[guesses[one].column]))]
     target: str | None = answers.target or next((one for one in ("force", "displacement", "length") if one in moving), None)
     position = next((one for one in POSITIONS if one in guesses), None) if target == "force" else None
@@ -80,7 +84,7 @@ def propose(
     if answers.columns and not (plain and guesses.keys() <= known):
         return _of_told(group, name, folder, titles, guesses, target)
     if not plain or (not answers.columns and len(pressures_of(titles, _without_twins(raw, guesses), guesses)) > 1):
-        return _of_unknown(group, name, folder, titles, raw, guesses)
+        return _of_unknown(group, name, folder, titles, raw, guesses, turns)
     assert target is not None
     if target == "displacement" and loads is not None and len(set(loads)) > 1:
         untold, constants = "load", loads
@@ -149,14 +153,22 @@ def _turned_round(draft: Draft, recordings: Sequence[Recording], folder: Path, p
     return with_comparison(draft, dataset_of(draft.data, folder, position))
 
 
-def _of_unknown(group: Group, name: str, folder: Path, titles: Mapping[str | int, str], raw: Raw, known: Mapping[str, Guess]) -> Draft:
+def _of_unknown(
+    group: Group,
+    name: str,
+    folder: Path,
+    titles: Mapping[str | int, str],
+    raw: Raw,
+    known: Mapping[str, Guess],
+    turns: Mapping[str | int, float],
+) -> Draft:
     """The draft of columns of which no one knows what they are: one drives, one follows."""
     found = guess_others(titles, raw, known)
     if found is None:
         told = ", ".join(group.layout.titles or ()) or f"{group.layout.width} columns without titles"
         raise DataError(f"{group.files[0].name}: no two columns of numbers move in {told}", "write the spec by hand")
     guesses, inputs, target = found
-    return _followed(with_columns(started(group, name, folder, "", None), guesses, titles), inputs, target, folder)
+    return _followed(with_columns(started(group, name, folder, "", None), with_turns(guesses, turns), titles), inputs, target, folder)
 
 
 def _followed(draft: Draft, inputs: Sequence[str], target: str, folder: Path) -> Draft:

@@ -19,7 +19,7 @@ from mapmore_cli.modelling.signals.rates import rate
 from mapmore_cli.modelling.signals.sampling import correlation
 
 _WORDS = {
-    "time": ("t", "time", "times", "timestamp", "seconds", "elapsed", "zeit", "clock"),
+    "time": ("t", "time", "times", "timestamp", "seconds", "elapsed", "zeit", "clock", "tout"),
     "pressure": ("p", "press", "pressure", "druck", "pression", "gauge"),
     "strain": ("eps", "epsilon", "e", "strain", "contraction", "dehnung", "kontraktion", "ε"),
     "force": ("f", "force", "kraft", "tension", "pull", "loadcell"),

@@ -18,9 +18,20 @@ from mapmore_cli.study.drafting.questions import Answers
 from mapmore_cli.study.inspection.lint import inspect
 
 
-@settings(max_examples=4)
+@settings(max_examples=12)
 @given(
-    words=st.sampled_from([("red", "green", "blue"), ("left", "right"), ("10cm", "20cm")]),
+    words=st.sampled_from(
+        [
+            ("red", "green", "blue"),
+            ("left", "right"),
+            ("10cm", "20cm"),
+            ("S1", "S2", "S12"),
+            ("Sample 1", "Sample 2"),
+            ("muscleA", "muscleB"),
+            ("specimen-3", "specimen-10"),
+            ("actuator_1", "actuator_2"),
+        ]
+    ),
     bars=st.lists(st.integers(1, 9), min_size=2, max_size=4, unique=True),
     first=st.booleans(),
 )
