@@ -97,7 +97,7 @@ class LevelSet:
     """The values `(m,)`, ascending, at which the quantity `of` was held, and how far a sample may be from one.
 
     `scatter` is `(m,)`, the standard deviation of the samples at each level; None before they are known. `found` is True where the data
-    told the levels (`at: auto`).
+    told the levels (`at: auto`), `nominal` where its level is the value of a sample.
     """
 
     of: str
@@ -105,6 +105,7 @@ class LevelSet:
     within: float
     scatter: Array | None = None
     found: bool = False
+    nominal: bool = False
 
     def match(self, values: Array) -> Array:
         """Return the level of every value, NaN where there is none."""
@@ -156,7 +157,8 @@ def level_set(levels: Levels, recordings: Sequence[Recording]) -> LevelSet:
             raise DataError(f"levels: {of} is nowhere held constant, so no levels can be found", "Give them, as `at: [80, 150]`.")
     else:
         at = np.sort(np.array(levels.at, dtype=float)) + 0.0  # no -0 in curve ids
-    return LevelSet(of, at, levels.within if levels.within is not None else default_within(at), found=levels.at == "auto")
+    within = levels.within if levels.within is not None else default_within(at)
+    return LevelSet(of, at, within, found=levels.at == "auto", nominal=levels.value == "nominal")
 
 
 def with_scatter(levels: LevelSet, parts: Sequence[Part]) -> LevelSet:
@@ -242,7 +244,15 @@ def joined_curves(parts: Sequence[Part], held_out: Sequence[BoolArray], levels: 
     for number, part in sorted(enumerate(parts), key=lambda pair: 0.0 if pair[1].level is None else pair[1].level):
         key = part.recording.id if levels is None or part.level is None else f"{levels.of}={part.level:g}"
         groups.setdefault(key, []).append(number)
-    return tuple(_joined(key, [parts[i] for i in group], [held_out[i] for i in group]) for key, group in groups.items())
+    curves = (_joined(key, [parts[i] for i in group], [held_out[i] for i in group]) for key, group in groups.items())
+    return tuple(_at_level(curve, levels.of) if levels is not None and levels.nominal else curve for curve in curves)
+
+
+def _at_level(curve: Curve, of: str) -> Curve:
+    """Return the curve with the value of its level in the place of what was measured."""
+    assert curve.level is not None
+    ranges = {name: known for name, known in curve.measured.items() if name != of}
+    return replace(curve, columns={**curve.columns, of: np.full(curve.size, curve.level)}, measured=ranges)
 
 
 def _joined(key: str, parts: Sequence[Part], masks: Sequence[BoolArray]) -> Curve:

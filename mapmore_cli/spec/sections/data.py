@@ -47,12 +47,14 @@ class Cycles(Section):
 class Levels(Section):
     """The quantity (`of`) held constant within one curve, its values (`at`), and how far a sample may be off (`within`).
 
-    `within` is half the smallest distance between levels where it is not given.
+    `within` is half the smallest distance between levels where it is not given. The `value` of a sample is what was `measured`, which
+    surfaces and interpolation between levels use, or the `nominal` one of its level, as where the sensor is noisier than the rig.
     """
 
     of: str
     at: Annotated[Annotated[list[OfLevel], Field(min_length=1)] | Literal["auto"], Either()] = "auto"
     within: Annotated[float, Field(gt=0), of_sibling("of")] | None = None
+    value: Literal["measured", "nominal"] = "measured"
 
     @property
     def spacing(self) -> float | None:

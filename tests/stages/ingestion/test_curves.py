@@ -49,6 +49,23 @@ def test_samples_between_levels_are_counted(ingest: Ingest) -> None:
     assert [curve.size for curve in dataset.curves] == [2, 2]
 
 
+def test_the_value_of_a_level_is_what_was_measured_or_the_nominal_one(ingest: Ingest) -> None:
+    text = csv_text(t=np.arange(6), P=[79, 80, 82, 149, 150, 152], eps=[0.0, 0.1, 0.2] * 2, F=0)
+    files, levels = {"a.csv": text}, {"of": "pressure", "at": [80.0, 150.0]}
+    measured, nominal = (ingest(files, levels={**levels, **value}) for value in ({}, {"value": "nominal"}))
+    assert [curve.columns["pressure"].tolist() for curve in measured.curves] == [[79, 80, 82], [149, 150, 152]]
+    assert [curve.columns["pressure"].tolist() for curve in nominal.curves] == [[80] * 3, [150] * 3]
+    assert [curve.limits("pressure") for curve in nominal.curves] == [(80, 80), (150, 150)]
+    assert [one.columns["pressure"].tolist() for one in nominal.recordings] == [[79, 80, 82, 149, 150, 152]]
+    held = {"split": {"validate": {"pressure": {"between": [(81, 83)]}}}}
+    first, _ = ingest(files, levels={**levels, "value": "nominal"}, **held).curves
+    assert first.held_out.tolist() == [
+        False,
+        False,
+        True,
+    ]
+
+
 @pytest.mark.parametrize(
     ("choice", "expected"),
     [
