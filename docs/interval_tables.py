@@ -7,22 +7,26 @@ from __future__ import annotations
 
 import math
 import sys
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
 from pages import CONFIGS, DOCS, write_tables
+from planning_tables import FESTO, LEVELS, trained_on
 
 from mapmore_cli.domain.arrays import Array, BoolArray
-from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.models import LeftOut, Model
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
-from mapmore_cli.fitting.kinds.choices import model_choices
+from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
 from mapmore_cli.fitting.left_out import refitted, residuals
 from mapmore_cli.modelling.kinds import forecast, outside_range
-from mapmore_cli.modelling.validation.intervals import half_widths_of
+from mapmore_cli.modelling.validation.intervals import FEW, NORMAL, few_levels, half_widths, half_widths_of, refusal
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.reporting.table import Cell, Column, Table
 from mapmore_cli.rig.load_cycle import turning_strain
@@ -124,17 +128,22 @@ def specimen(kind: str, curves: int, seed: int) -> Dataset:
     return Dataset("force", "pressure", quantities, (), tuple(every))
 
 
-def covered(kind: str, model: str, curves: int, seed: int) -> Coverage:
-    """Coverage of one specimen's new curves."""
-    choices, dataset = model_choices(load(CONFIGS / f"{MUSCLES[kind].config}.yaml", MODELS[model]).spec), specimen(kind, curves, seed)
+def made(choices: ModelChoices, dataset: Dataset) -> Model:
+    """A model of the training curves, with what intervals are made of."""
     fitted = refitted(choices, dataset)
-    left_out = residuals(choices, dataset, {}, lambda _what, _done, _total: None, fitted)
-    return coverage(replace(fitted, left_out=left_out), dataset)
+    return replace(fitted, left_out=residuals(choices, dataset, {}, lambda _what, _done, _total: None, fitted))
+
+
+@cache
+def simulated_model(kind: str, model: str, curves: int, seed: int) -> tuple[Model, Dataset]:
+    """One specimen and its model."""
+    dataset = specimen(kind, curves, seed)
+    return made(model_choices(load(CONFIGS / f"{MUSCLES[kind].config}.yaml", MODELS[model]).spec), dataset), dataset
 
 
 def simulated_row(kind: str, model: str, curves: int) -> tuple[Cell, ...]:
     """One row of the simulated table."""
-    return (f"{kind}, {model}, {curves} curves", *pooled([covered(kind, model, curves, seed) for seed in SEEDS]))
+    return (f"{kind}, {model}, {curves} curves", *pooled([coverage(*simulated_model(kind, model, curves, seed)) for seed in SEEDS]))
 
 
 COLUMNS = (Column("inside", "%", ".1f"), Column("±", "N", ".3g"), Column("RMSE", "N", ".3g"), Column("± over RMSE", "", ".1f"))
@@ -178,9 +187,146 @@ def measured(runs: Path) -> Table:
     return Table("measured", "Held-out samples of the measured sets inside of their 95 % interval", heads, rows)
 
 
+# Leave one family out -------------------------------------------------------------------------------------------------------------------
+
+STRAINS = {f"Festo {cm} cm, strains": (f"festo/festo_10mm_{cm}cm_strain", FESTO[:1]) for cm in (10, 20, 30)}
+SETS = {**LEVELS, **STRAINS}
+FAMILY = {"datasheet": "Festo"}
+"""Of sets whose first word is none: the datasheet is of the same make."""
+
+SUBSETS, WIDEST = 8, 1.5
+"""Choices of the training levels of a set, and their widest gap over that of equal distances, at most."""
+
+HUGE = 1e9
+"""With this c_K, 1.96 s_w never counts."""
+
+AIMED = 0.97
+"""The quantile that the constants are of: a little more than the interval's, since a new family is not like the others."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A model of few levels of a set, with its errors at the others, as shares of the largest force."""
+
+    name: str
+    family: str
+    left_out: LeftOut
+    at: Array
+    errors: Array
+
+    def inside(self, scale: Mapping[int, float]) -> tuple[float, float]:
+        """Return the per cent of the samples inside of their interval by these c_K, and the median half width over the RMSE."""
+        if self.left_out.curves < 7:
+            half = few_levels(self.left_out, self.at, LEVEL, scale) / self.left_out.largest
+        else:
+            half = half_widths(self.left_out, self.at, LEVEL) / self.left_out.largest
+        return 100 * float(np.mean(self.errors <= half)), float(np.median(half) / np.sqrt(np.mean(self.errors**2)))
+
+
+def case(name: str, model: Model, dataset: Dataset) -> Case:
+    """The held-out curves of a dataset as a case."""
+    assert model.left_out is not None
+    assert dataset.level is not None
+    first, errors, at = name.split()[0].rstrip(","), [], []
+    for curve in dataset.curves:
+        said = forecast(model, curve)
+        rows = curve.held_out & said.ready & ~outside_range(model, curve.columns)
+        errors.append(np.abs(curve.columns[dataset.target] - said.values)[rows] / model.left_out.largest)
+        at.append(curve.columns[dataset.level][rows])
+    return Case(name, FAMILY.get(first, first), model.left_out, np.concatenate(at), np.concatenate(errors))
+
+
+@cache
+def cases(runs: Path) -> tuple[Case, ...]:
+    """Models of 3, 4, 5 and 7 levels of every set: pieces and one formula, by levels whose gaps are not too unlike."""
+    found = [
+        case(kind, *simulated_model(kind, model, curves, seed))
+        for kind in MUSCLES
+        for model in MODELS
+        for curves in CURVES
+        for seed in SEEDS
+    ]
+    for name, (config, overrides) in SETS.items():
+        dataset = measured_levels(name, runs)
+        every = sorted({curve.level for curve in dataset.curves if curve.level is not None})
+        kept = tuple(one for one in overrides if one.startswith(("data.", "segment")))
+        for chosen in (overrides, (*MODELS["sarosi"], *kept))[: 1 if "bellows" in name else 2]:
+            choices = model_choices(load(CONFIGS / f"{config}.yaml", chosen).spec)
+            parts = [trained_on(dataset, at) for curves in CURVES for at in subsets(every, curves)]
+            found += [case(name, made(choices, part), part) for part in parts]
+    return tuple(one for one in found if len(one.errors))
+
+
+def measured_levels(name: str, runs: Path) -> Dataset:
+    """All curves of a measured set."""
+    config, overrides = SETS[name]
+    loaded = load(CONFIGS / f"{config}.yaml", (f"name=levels-{name.replace(', ', '-').replace(' ', '-')}", "data.split={}", *overrides))
+    return read_dataset(bring_up_to_date(loaded, runs, "ingest").run_dir / "ingest.h5")
+
+
+def subsets(every: Sequence[float], count: int) -> list[tuple[float, ...]]:
+    """Some choices of so many levels, the outer ones among them, that leave a level out."""
+    equal = WIDEST * (every[-1] - every[0]) / (count - 1) * (1 + 1e-9)
+    inner = combinations(every[1:-1], count - 2) if len(every) > count else ()
+    found = [at for at in ((every[0], *one, every[-1]) for one in inner) if max(np.diff(at)) <= equal]
+    if len(found) <= SUBSETS:
+        return found
+    return [found[i] for i in np.random.default_rng(count).choice(len(found), SUBSETS, replace=False)]
+
+
+def calibrated(known: Sequence[Case]) -> dict[int, float]:
+    """Return c_K: the quantile `AIMED` of the errors over the rule's widths; families count alike, then sets, models, samples."""
+    return {count: round(_scale([one for one in known if one.left_out.curves == count]), 2) for count in FEW}
+
+
+def _scale(known: Sequence[Case]) -> float:
+    of_set, of_family = Counter(one.name for one in known), Counter(family for _, family in {(one.name, one.family) for one in known})
+    weights = [np.full(len(one.at), 1 / len(one.at) / of_set[one.name] / of_family[one.family]) for one in known]
+    ratios = []
+    for one in known:
+        units = few_levels(one.left_out, one.at, LEVEL, dict.fromkeys(FEW, HUGE)) / (HUGE * one.left_out.largest)
+        ratios.append(np.where(one.errors * one.left_out.largest <= NORMAL * one.left_out.residual, 0.0, one.errors / units))
+    joined, weight = np.concatenate(ratios), np.concatenate(weights)
+    order = np.argsort(joined, kind="stable")
+    return float(joined[order][np.searchsorted(np.cumsum(weight[order]), AIMED * weight.sum())])
+
+
+@cache
+def scales(runs: Path) -> Mapping[str, Mapping[int, float]]:
+    """c_K of all families but one, by that one; the last is of all."""
+    known = [one for one in cases(runs) if refusal(one.left_out) is None and one.left_out.curves < 7]
+    families = dict.fromkeys(one.family for one in known)
+    return {**{family: calibrated([one for one in known if one.family != family]) for family in families}, "none": calibrated(known)}
+
+
+def constants(runs: Path) -> Table:
+    """c_K by the family that was left out."""
+    rows: tuple[tuple[Cell, ...], ...] = tuple((family, *found.values()) for family, found in scales(runs).items())
+    heads = (Column("left out"), *(Column(f"{count} levels", "", ".2f") for count in FEW))
+    return Table("constants", "c by the number of levels, and by the family that was left out of its calibration", heads, rows)
+
+
+def families(runs: Path) -> Table:
+    """Coverage of each set by constants of the other families."""
+    rows: list[tuple[Cell, ...]] = []
+    for name, curves in ((name, curves) for name in (*MUSCLES, *SETS) for curves in CURVES):
+        every = [one for one in cases(runs) if (one.name, one.left_out.curves) == (name, curves)]
+        given = [one for one in every if refusal(one.left_out) is None]
+        if given:
+            inside, width = np.array([one.inside(scales(runs)[one.family]) for one in given]).T
+            rows.append((name, curves, len(every), len(every) - len(given), float(inside.mean()), float(np.median(width))))
+    heads = (Column("set"), Column("levels"), Column("models"), Column("refused"), COLUMNS[0], COLUMNS[-1])
+    return Table("families", "Levels that were not measured, by constants of the other families", heads, tuple(rows))
+
+
 def tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
     """Every table of the page."""
-    return {"simulated": simulated, "measured": lambda: measured(runs)}
+    return {
+        "simulated": simulated,
+        "measured": lambda: measured(runs),
+        "families": lambda: families(runs),
+        "constants": lambda: constants(runs),
+    }
 
 
 if __name__ == "__main__":

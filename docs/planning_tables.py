@@ -53,9 +53,6 @@ LEVELS: Mapping[str, tuple[str, tuple[str, ...]]] = {
 }
 """Studies with their overrides: the levels of one quantity."""
 
-MAPS = ("datasheet, pressures", "Festo 10 cm, pressures", "Festo 20 cm, pressures", "Festo 30 cm, pressures")
-"""Those whose samples are also taken as a map of pressure and strain."""
-
 WANTED = (0.02, 0.03, 0.05)
 """Half widths at which a campaign stops, as parts of the largest |target|."""
 
@@ -205,8 +202,8 @@ def stopping_table(runs: Path) -> Table:
 
 # Maps ---------------------------------------------------------------------------------------------------------------------------------
 
-POOL, SIZES = 60, (8, 10, 12, 18)
-"""Points of a map that can be measured, and how many are."""
+POOL, SIZES, STARTS, KNOWN = 60, (8, 10, 12, 18), 6, 12
+"""Points of a map that can be measured, how many are, from how many starts, and of how many the oracle knows what they are worth."""
 
 
 @cache
@@ -241,40 +238,51 @@ def map_error(committee: Committee, pool: Measured) -> float:
     return float(np.sqrt(np.mean((committee.expected - pool.y) ** 2)) / np.abs(pool.y).max())
 
 
-def points_by(name: str, runs: Path, way: str, seed: int = 0) -> dict[int, float]:
-    """Errors by the number of points, from the corners and the middle on."""
-    pool, rng = pool_of(name, runs), np.random.default_rng(seed)
-    scaled = pool.scaled(pool.x)
+def start_of(pool: Measured, seed: int) -> list[int]:
+    """Five points: the corners and the middle, or by chance."""
+    if seed:
+        return [int(one) for one in np.random.default_rng(seed).choice(len(pool.y), 5, replace=False)]
     spots = [(0, 0), (1, 0), (0, 1), (1, 1), (0.5, 0.5)]
-    taken = list(dict.fromkeys(int(np.argmin(np.sum((scaled - spot) ** 2, axis=1))) for spot in spots))
+    return list(dict.fromkeys(int(np.argmin(np.sum((pool.scaled(pool.x) - spot) ** 2, axis=1))) for spot in spots))
+
+
+def points_by(name: str, runs: Path, way: str, seed: int = 0) -> dict[int, float]:
+    """Errors by the number of points, from one start on."""
+    pool, rng = pool_of(name, runs), np.random.default_rng([seed, 1])
+    scaled, taken = pool.scaled(pool.x), start_of(pool, seed)
     found: dict[int, float] = {}
     while len(taken) <= max(SIZES):
-        committee = committee_of(name, runs, taken) if way == "plan" or len(taken) in SIZES else None
-        if committee is not None and len(taken) in SIZES:
-            found[len(taken)] = map_error(committee, pool)
+        if len(taken) in SIZES:
+            found[len(taken)] = map_error(committee_of(name, runs, taken), pool)
         rest = np.setdiff1d(np.arange(len(pool.y)), taken)
         if way == "plan":
-            assert committee is not None
-            taken.append(int(rest[np.argmax(committee.score[rest])]))
+            worth = committee_of(name, runs, taken).score[rest]
         elif way == "equal":
-            distance = np.min(np.sum((scaled[rest][:, None] - scaled[taken][None]) ** 2, axis=2), axis=1)
-            taken.append(int(rest[np.argmax(distance)]))
+            worth = np.min(np.sum((scaled[rest][:, None] - scaled[taken][None]) ** 2, axis=2), axis=1)
         else:
-            taken.append(int(rng.choice(rest)))
+            rest = rng.choice(rest, 1 if way == "random" else min(KNOWN, len(rest)), replace=False)
+            worth = np.array([0.0 if way == "random" else -map_error(committee_of(name, runs, [*taken, one]), pool) for one in rest])
+        taken.append(int(rest[np.argmax(worth)]))
     return found
 
 
+WAYS = ("plan", "equal", "random", "oracle")
+
+
 def maps_table(runs: Path) -> Table:
-    """Errors over the number of points."""
+    """Errors over the number of points, medians over the starts."""
     rows: list[tuple[Cell, ...]] = []
-    for name in MAPS:
-        plan, equal = (points_by(name, runs, way) for way in ("plan", "equal"))
-        drawn = [points_by(name, runs, "random", seed) for seed in range(5)]
-        middle = {size: float(np.median([one[size] for one in drawn])) for size in SIZES}
-        rows += [(name.split(",")[0], size, 100 * plan[size], 100 * equal[size], 100 * middle[size]) for size in SIZES]
-    columns = (Column("map"), Column("points"), *(Column(one, "%", ".2f") for one in ("plan", "equal", "random")))
-    ratios = {size: np.exp(np.mean([np.log(row[2] / row[3]) for row in rows if row[1] == size])) for size in SIZES}  # type: ignore[operator]
-    note = "Geometric mean of plan over equal: " + ", ".join(f"{ratio:.2f} at {size} points" for size, ratio in ratios.items()) + "."
+    logs = np.zeros((len(LEVELS), len(SIZES), len(WAYS)))
+    for number, name in enumerate(LEVELS):
+        found = [[points_by(name, runs, way, seed) for way in WAYS] for seed in range(STARTS)]
+        errors = np.array([[[one[size] for one in ways] for size in SIZES] for ways in found])
+        logs[number] = np.median(np.log(errors / errors[:, :, 1:2]), axis=0)
+        middle = 100 * np.median(errors, axis=0)
+        rows += [(name.split(",")[0], size, *map(float, row)) for size, row in zip(SIZES, middle, strict=True)]
+    columns = (Column("map"), Column("points"), *(Column(one, "%", ".2f") for one in WAYS))
+    means = np.exp(logs.mean(axis=0))
+    told = [f"{way} {', '.join(f'{one:.2f}' for one in means[:, WAYS.index(way)])}" for way in ("plan", "random", "oracle")]
+    note = f"Ratio to equal distances, median over the starts, geometric mean over the maps, at {SIZES} points: {'; '.join(told)}."
     return Table("maps", "RMS error over the map, in per cent of the largest force, after so many points", columns, tuple(rows), (note,))
 
 

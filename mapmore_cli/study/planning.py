@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 COMMITTEE = ("sarosi_hinged", "sarosi")
 """Formulas of the committee, of those whose inputs the study has; a process without a formula belongs to it as well."""
 
+ASTRAY = 2.0
+"""Range of a formula over the map, measured values included, over theirs: beyond that it is no member."""
+
 STEPS = {1: 201, 2: 41, 3: 13}
 """Steps of the grid of places along each of so many inputs."""
 
@@ -209,7 +212,10 @@ def _of_points(
 
 
 def formulas_of(dataset: Dataset, measured: of_points.Measured, places: Array) -> dict[str, tuple[Array, Array]]:
-    """What each member of the committee says of the measured points and of the places; of none, nothing."""
+    """What each member of the committee says of the measured points and of the places; of none, nothing.
+
+    A formula that leaves the measured values by their range, as one of few points does, is no member.
+    """
     found = {"none": (np.zeros(len(measured.y)), np.zeros(len(places)))}
     for name in COMMITTEE:
         if set(literature.get(name).inputs) != set(measured.names) or dataset.target != "force":
@@ -223,5 +229,6 @@ def formulas_of(dataset: Dataset, measured: of_points.Measured, places: Array) -
                 literature.of(fit).predict(fit.parameters, {one: at[:, column] for column, one in enumerate(measured.names)})
                 for at in (measured.x, places)
             ]
-            found[name] = (said[0], said[1])
+            if np.ptp(np.append(measured.y, said[1])) <= ASTRAY * np.ptp(measured.y):
+                found[name] = (said[0], said[1])
     return found
