@@ -15,8 +15,8 @@ from statistics import geometric_mean
 import numpy as np
 from pages import CONFIGS, DOCS, campaign, finished, write_tables
 
+from mapmore_cli.domain.declared import Hold
 from mapmore_cli.domain.scores import OWN, Score, deciding
-from mapmore_cli.domain.words import Hold
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import pooled
 from mapmore_cli.reporting.campaign import CampaignScores, nrmse_table

@@ -23,8 +23,11 @@ OTHERS = (
     *("batch", "tune", "plan", "predict", "adapt", "invert", "freeze", "compare", "export", "figure", "paper"),
     *("simulate", "show", "init", "example", "check", "schema"),
 )
-IN_ONE_FILE = {**dict.fromkeys(STAGES, "pipeline"), **dict.fromkeys(("simulate", "example", "show", "freeze", "schema"), "files")}
-MODULES = {name: IN_ONE_FILE.get(name, name) for name in (*STAGES, *OTHERS)} | dict.fromkeys(("adapt", "invert"), "predict")
+TOGETHER = {
+    **{"pipeline": STAGES, "files": ("simulate", "example", "show", "freeze", "schema")},
+    **{"predict": ("adapt", "invert"), "export": ("figure",), "compare": ("paper",)},
+}
+MODULES = {name: name for name in (*STAGES, *OTHERS)} | {name: module for module, names in TOGETHER.items() for name in names}
 """The module of `cli/` that has the function of each command, which bears its name."""
 
 AS_JSON = "mapmore.json"

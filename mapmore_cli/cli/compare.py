@@ -7,8 +7,10 @@ from typing import Annotated
 
 import typer
 
-from mapmore_cli.cli.console import ARCHIVE, RUNS, Archive, AsJson, Runs, print_view
+from mapmore_cli.cli.console import ARCHIVE, RUNS, Archive, AsJson, Quiet, Runs, print_view
+from mapmore_cli.cli.views.fitted import View
 from mapmore_cli.domain.errors import DataError, LimitMissed, UsageError
+from mapmore_cli.storage.atomic import refusals_told, write_text
 
 FIGURES = ("svg", "pdf", "png", "pgf")
 
@@ -69,3 +71,34 @@ def _limit(fail_on: str | None) -> float | None:
     if not 0 <= limit < float("inf"):
         raise UsageError(f"--fail-on {fail_on}: is neither `changed` nor a relative change", "write `--fail-on 0.03` for three per cent")
     return limit
+
+
+def paper(
+    configs: Annotated[list[Path], typer.Argument(metavar="CONFIG...", help="Papers (YAML).", show_default=False)],
+    runs: Runs = RUNS,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="FILE", help="The page; DIR/paper.html of the runs by default.")
+    ] = None,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Put published tables and figures beside ours.
+
+    Brings the runs of each paper up to date, judges by the rules of the file, and writes one page.
+    The exit code is the highest of the runs.
+    """
+    from mapmore_cli.cli.progress import Reporter
+    from mapmore_cli.spec.paper import load_paper
+    from mapmore_cli.study.paper.page import compare_paper, document, overview, page, verdicts_table
+
+    loaded = [load_paper(config) for config in configs]
+    with Reporter(quiet) as reporter:
+        ended = [compare_paper(one, runs, reporter.complain) for one in loaded]
+    found = [result for result, _ in ended]
+    target = out or runs / "paper.html"
+    with refusals_told(target):
+        target.parent.mkdir(parents=True, exist_ok=True)
+        write_text(target, page(found))
+    print_view(View({**document(found), "page": str(target)}, (overview(found), verdicts_table(found)), (f"page: {target}",)), as_json)
+    if code := max(code for _, code in ended):
+        raise typer.Exit(code)

@@ -43,7 +43,7 @@ def plan(
     not used. Per cent are of the largest |target|.
     """
     from mapmore_cli.cli.progress import Reporter
-    from mapmore_cli.cli.views.planned import of_plan, plan_table
+    from mapmore_cli.cli.views.measured import of_plan, plan_table
     from mapmore_cli.spec.loader import load
     from mapmore_cli.study import planning
 

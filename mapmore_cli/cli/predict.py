@@ -194,7 +194,7 @@ def adapt(
     from mapmore_cli.cli.views.models import of_adapted
     from mapmore_cli.storage.artefacts import read_model, write_model
     from mapmore_cli.storage.text_streams import as_text, lines_of
-    from mapmore_cli.study.adapting import adapt, dimension_of
+    from mapmore_cli.study.prediction.predict import adapt, dimension_of
 
     with Reporter(quiet) as reporter:
         family = read_model(model_file, reporter.warn)

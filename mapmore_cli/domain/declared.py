@@ -11,9 +11,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
-from typing import Annotated, Any, ClassVar, TypeVar, get_args, get_origin
+from typing import Annotated, Any, ClassVar, Literal, TypeVar, get_args, get_origin
 
-from annotated_types import Ge, Gt
+from annotated_types import Ge, Gt, Interval
 
 S = TypeVar("S")
 
@@ -149,3 +149,26 @@ OfKey = Annotated[float, InUnit(lambda around: around.unit_of(around.key))]
 """In the unit of the quantity that the key above names."""
 OfHeld = Annotated[float, InUnit(lambda around: around.unit_of(around.level))]
 """In the unit of the quantity that is constant within a curve."""
+
+
+Transition = Literal["linear", "quadratic", "cubic"]
+"""Course of a weight over a transition zone (M2 figure 5)."""
+
+Between = Literal["linear", "pchip"]
+"""Interpolation between the curves of neighbouring levels."""
+
+Hold = Literal["samples", "none"]
+"""Whether a segment function is held where a transition zone reaches far beyond its samples."""
+
+Beyond = Literal["continue", "continue_linear", "saturate", "zero"]
+"""What happens beyond a limit (M2 eq 12)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Joining(Settings):
+    """How segment functions are joined, as the spec says it and the model keeps it (M2 eq 9-11)."""
+
+    transition: Transition = "linear"
+    z_s: Annotated[float, Interval(ge=0, le=0.5)] = 0.25
+    levels: Between = "linear"
+    hold: Hold = "samples"

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 from mapmore_cli.domain.arrays import Array, IntArray
+from mapmore_cli.domain.declared import Joining
 from mapmore_cli.domain.fits import FormulaFit, Scaling
 from mapmore_cli.domain.memory import MemoryModel
 from mapmore_cli.domain.motion import Motion
 from mapmore_cli.domain.recording import Quantity, Signal
-from mapmore_cli.domain.words import Joining
 
 Side = str | float
 """Behaviour beyond one limit: `continue`, `continue_linear`, `saturate`, `zero`, or a value (M2 eq 12)."""

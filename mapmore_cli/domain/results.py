@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Annotated, Any
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.fits import FormulaFit, SegmentFit
 from mapmore_cli.domain.memory import MemoryFit
 from mapmore_cli.domain.motion import MotionFit
+from mapmore_cli.domain.recording import Quantity
 
 
 @dataclass(frozen=True)
@@ -96,3 +98,127 @@ class Forecast:
             return ()
         lost = self.ready & np.isnan(self.values)
         return tuple(np.flatnonzero(lost & ~np.concatenate([[False], lost[:-1]])).tolist())
+
+
+@dataclass(frozen=True)
+class Tried:
+    """One structure that was tried.
+
+    - `family`, `words`: the family that offered it, and what it is called.
+    - `sections`: the sections of a spec that make it, by their names.
+    - `parameters`: free numbers of its model of all training data.
+    - `errors`: RMSE on each fold of a model without it, as a fraction of `Search.scale`; empty where a fit failed, for which `failure` says
+      why.
+    - `error`: their root mean square.
+    - `parts`: the same over left-out levels or recordings; NaN where there are too few of them.
+    - `excess`, `spread`: mean over all folds of the logarithm of the error over that of the best structure, and the standard error of that
+      mean.
+    - `seconds`: how long it took.
+    """
+
+    family: str
+    words: str
+    sections: Mapping[str, Any]
+    parameters: int = 0
+    errors: tuple[float, ...] = ()
+    error: float = float("nan")
+    parts: float = float("nan")
+    excess: float = float("nan")
+    spread: float = float("nan")
+    seconds: float = 0.0
+    failure: str = ""
+
+
+@dataclass(frozen=True)
+class Search:
+    """All structures that were tried, in the order of the list.
+
+    `best` errs least, `chosen` is the simplest that is as good (numbers of `tried`). `left_out` and `parts` say what the
+    folds leave out, `scale` what errors are divided by, in the unit of the target. `cut` structures were not tried for want of time.
+    `black_boxes` are errors of learners that know nothing of muscles, on the same folds; `notes` are words for the user.
+    """
+
+    name: str
+    target: str
+    left_out: str
+    parts: str
+    scale: float
+    tried: tuple[Tried, ...]
+    best: int
+    chosen: int
+    cut: int = 0
+    black_boxes: Mapping[str, float] | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def found(self) -> Tried:
+        """The structure that was chosen."""
+        return self.tried[self.chosen]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A measurement that could be made.
+
+    - `at`: values of the quantities to set, by name, in the model's units.
+    - `kind`: `between` two levels, a `repeat` of a level, or a `point` of a map.
+    - `half_width`, `after`: half of the width of the 95 % interval there before the measurement, and the forecast for after it, in the
+      target's unit; NaN where unknown.
+    - `error`: expected root mean square error there before the measurement; NaN where unknown.
+    - `cost`: what it costs, by the user's prices of a change of each quantity.
+    """
+
+    at: Mapping[str, float]
+    kind: Literal["between", "repeat", "point"]
+    half_width: float
+    after: float
+    error: float
+    cost: float = 1.0
+
+
+@dataclass(frozen=True)
+class Until:
+    """The forecast of how many more measurements are needed for a `wanted` half width, in the target's unit.
+
+    `widest` is the widest half width now. `more` is None where more measurements do not get there; `least` is then what they reach.
+    """
+
+    wanted: float
+    widest: float
+    more: int | None
+    least: float
+
+
+@dataclass(frozen=True)
+class Picture:
+    """Half widths over the range that was measured, for the figure.
+
+    - `places`: coordinates of the half widths by name, (n,) each.
+    - `before`, `after`: half widths now, and with all of the plan's points or with its first level measured, (n,).
+    - `measured`: coordinates of what trains, by name, (m,) each.
+    """
+
+    places: Columns
+    before: Array
+    after: Array
+    measured: Columns
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Candidates, the best first, and what a reader has to know of them."""
+
+    name: str
+    target: Quantity
+    quantities: Mapping[str, Quantity]
+    largest: float
+    candidates: tuple[Candidate, ...]
+    picture: Picture
+    until: Until | None = None
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def widest(self) -> float:
+        """The widest half width now; NaN where there are no intervals."""
+        known = self.picture.before[np.isfinite(self.picture.before)]
+        return float(known.max()) if len(known) else float("nan")

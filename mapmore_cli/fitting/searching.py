@@ -16,7 +16,7 @@ from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.errors import FitError, MapmoreError
 from mapmore_cli.domain.processors import shared_out
 from mapmore_cli.domain.recording import Dataset
-from mapmore_cli.domain.search import Search, Tried
+from mapmore_cli.domain.results import Search, Tried
 from mapmore_cli.fitting.kinds import maker_of
 from mapmore_cli.fitting.kinds.choices import ModelChoices
 from mapmore_cli.fitting.search_bench import Bench, Masks, Slice, holds_ends_out, searchable, shortened, thinning_of

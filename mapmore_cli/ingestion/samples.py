@@ -17,7 +17,7 @@ from mapmore_cli.spec.sections.logs import Logs, SourceColumn
 from mapmore_cli.spec.units import convert
 from mapmore_cli.storage.readers import READERS, RawTable, TableRequest
 from mapmore_cli.storage.spool import by_blocks, chosen, counted, joined
-from mapmore_cli.storage.tables.remembered import read_with
+from mapmore_cli.storage.tables.table import read_with
 
 
 @dataclass(frozen=True)

@@ -73,3 +73,20 @@ class Fit(Settings):
             raise Contradiction("`max_terms: auto` and `stop: free_run` both choose the number of terms", remedy, "max_terms", "stop")
         if isinstance(self.ridge, float) and 0 < self.ridge < LEAST_RIDGE:
             raise Contradiction(f"a ridge of {self.ridge:g} is lost in rounding", f"write {LEAST_RIDGE:g} or more, 0 or `auto`", "ridge")
+
+
+@dataclass(frozen=True, kw_only=True)
+class MemoryRecipe(Fit):
+    """The choices of a model with memory: those of `Fit`, and what they act on.
+
+    With a ridge candidates are centred and divided by their standard deviations, and the model has a constant of its own; without, a
+    constant is a candidate like any other. `tolerance` is a fraction of the output's square (of its variance with a ridge).
+
+    - `target`: the output.
+    - `dictionary`: candidate terms as text, products of names of states.
+    - `step`: time between samples, s.
+    """
+
+    target: str
+    dictionary: tuple[str, ...]
+    step: float

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from mapmore_cli.fitting.kinds import maker_of
-from mapmore_cli.fitting.kinds.choices import FitChoices, lengths_of, with_definitions
-from mapmore_cli.fitting.kinds.sizes import size_of, with_terms
+from mapmore_cli.fitting.kinds.choices import FitChoices, lengths_of, size_of, with_definitions, with_terms
 from mapmore_cli.fitting.stage import Stage, Workspace
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.spec.experiment import ExperimentSpec

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from mapmore_cli.fitting.kinds import maker_of
-from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices, summands
-from mapmore_cli.fitting.kinds.sizes import with_terms
+from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices, summands, with_terms
 from mapmore_cli.fitting.stage import Stage, Workspace
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.pipeline.staleness import plain

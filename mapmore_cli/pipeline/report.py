@@ -17,7 +17,7 @@ from mapmore_cli.storage.run_folder import VALIDATION, RunFiles
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.models import Equation, Model
-    from mapmore_cli.domain.search import Search
+    from mapmore_cli.domain.results import Search
     from mapmore_cli.reporting.inputs import FigureStyle, ReportInputs
     from mapmore_cli.reporting.table import Table
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mapmore_cli.domain.search import Search, Tried
+from mapmore_cli.domain.results import Search, Tried
 from mapmore_cli.fitting.search_bench import Slice
 from mapmore_cli.fitting.searching import search, settings_of
 from mapmore_cli.fitting.stage import Stage, Workspace

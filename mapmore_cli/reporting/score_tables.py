@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 
 from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.domain.results import Search, Tried
 from mapmore_cli.domain.scores import REPEATABILITY, Published, Score, deciding
-from mapmore_cli.domain.search import Search, Tried
 from mapmore_cli.modelling.validation.comparison import Comparison
 from mapmore_cli.reporting.table import Cell, Column, Table
 

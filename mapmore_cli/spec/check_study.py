@@ -18,8 +18,8 @@ from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean
 from mapmore_cli.spec.experiment import ExperimentSpec, TargetColumn
 from mapmore_cli.spec.sections.dictionary import entries_of, texts_in
-from mapmore_cli.spec.sections.formulas import OwnFormula
 from mapmore_cli.spec.sections.logs import Logs
+from mapmore_cli.spec.sections.model import OwnFormula
 from mapmore_cli.spec.sections.results import Competitor
 from mapmore_cli.spec.tree import Loc
 from mapmore_cli.spec.units import CANONICAL, check_unit, convert, default_unit, is_canonical

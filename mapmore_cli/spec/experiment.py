@@ -20,8 +20,7 @@ from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.spec.fields import PARTIAL, Metres, Name, Quantity, Section, SpecPath
 from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry, remembers
-from mapmore_cli.spec.sections.formulas import OwnFormula
-from mapmore_cli.spec.sections.model import ModelChoice, Needs
+from mapmore_cli.spec.sections.model import ModelChoice, Needs, OwnFormula
 from mapmore_cli.spec.sections.results import Report, Validate
 
 

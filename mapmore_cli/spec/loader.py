@@ -12,7 +12,7 @@ from typing import Generic, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from mapmore_cli.spec import check_dictionary, check_memory, check_models, check_names, check_study
+from mapmore_cli.spec import check_dictionary, check_models, check_names, check_study
 from mapmore_cli.spec.diagnostics import MOST_ERRORS, Finding, Mistake, explain, faulty, locate, new_places, raise_if_any, unknown_keys
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.fields import PARTIAL, moved, resolve
@@ -47,9 +47,9 @@ CHECKS = (
     check_models.training_level,
     check_models.load_cycle_formulas,
     check_models.composites,
-    check_memory.time,
-    check_memory.segments,
-    check_memory.settings,
+    check_names.time_of_memory,
+    check_names.segments,
+    check_names.settings,
     check_models.time,
     check_models.quantities,
     check_models.sections,

@@ -35,7 +35,7 @@ class McKibbenMuscle(Section):
 
 
 class PeanoMuscle(Section):
-    """Flat tubes side by side (see `mapmore_cli.rig.peano`); defaults: the four-tube muscle of M2."""
+    """Flat tubes side by side (see `mapmore_cli.rig.chamber`); defaults: the four-tube muscle of M2."""
 
     kind: Literal["peano"]
     tube_width: Positive = 0.01725  # along the pull, m

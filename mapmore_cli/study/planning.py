@@ -10,8 +10,8 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError, FitError, SpecError, UsageError
-from mapmore_cli.domain.plan import Candidate, Picture, Plan
 from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.domain.results import Candidate, Picture, Plan
 from mapmore_cli.fitting.kinds import maker_of, refitted
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
 from mapmore_cli.fitting.left_out import residuals

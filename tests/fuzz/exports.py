@@ -27,7 +27,7 @@ from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.models import CurveFunction, CurveRange, Formula, Model, Part, SegmentFunction, Sum
 from mapmore_cli.domain.motion import MotionSection
 from mapmore_cli.domain.recording import Quantity, Signal
-from mapmore_cli.exporting import compiler
+from mapmore_cli.exporting import verifying
 from mapmore_cli.reporting.table import Column, Table, to_csv, to_html, to_latex, to_markdown
 from mapmore_cli.spec.units import base_units
 from mapmore_cli.study.exports import exported
@@ -135,7 +135,7 @@ def try_model(chance: random.Random, number: int, folder: Path) -> str:
     """
     mark = folder / f"mark{number}"
     by = "tcc" if number % 50 and shutil.which("tcc") else "cc"
-    os.environ["CC"], compiler.FLAGS = by, FLAGS[by]  # type: ignore[assignment]
+    os.environ["CC"], verifying.FLAGS = by, FLAGS[by]  # type: ignore[assignment]
     model = model_of(chance, str(mark))
     try:
         for to in ("py", "tex", "c", "fmu"):

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from mapmore_cli.domain.models import LeftOut
 from mapmore_cli.modelling.planning import levels, points
-from mapmore_cli.modelling.planning.gaussian_process import GaussianProcess, fitted, matern
+from mapmore_cli.modelling.planning.points import GaussianProcess, fitted, matern
 from mapmore_cli.modelling.validation.intervals import SHARES, half_widths
 
 

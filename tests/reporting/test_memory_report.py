@@ -12,8 +12,8 @@ from mapmore_cli.domain.scores import Validation
 from mapmore_cli.modelling.kinds import forecast
 from mapmore_cli.modelling.memory import model as memory
 from mapmore_cli.modelling.memory.fitting import fit_with_memory
-from mapmore_cli.modelling.memory.recipe import MemoryRecipe
 from mapmore_cli.modelling.memory.records import records_of
+from mapmore_cli.modelling.selection import MemoryRecipe
 from mapmore_cli.modelling.validation.metrics import divisor, score_rows
 from mapmore_cli.reporting.figures.catalogue import drawings
 from mapmore_cli.reporting.figures.drawing import compose

@@ -10,10 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from mapmore_cli.rig.chamber import Braid, Chamber, Tubes
+from mapmore_cli.rig.chamber import Braid, Chamber, Tubes, geometric_slope_ratio, geometric_strain, opening, opening_angle
 from mapmore_cli.rig.mckibben import volume
 from mapmore_cli.rig.muscle import effective_pressure, effective_pressure_slope
-from mapmore_cli.rig.peano import geometric_slope_ratio, geometric_strain, opening, opening_angle
 from mapmore_cli.spec.muscle_rigs import McKibbenMuscle, PeanoMuscle
 from mapmore_cli.study.simulation.rig_parts import braid_of, chamber_of, tube_of
 

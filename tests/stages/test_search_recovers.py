@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
-from mapmore_cli.domain.search import Search
+from mapmore_cli.domain.results import Search
 from mapmore_cli.fitting import searching
 from mapmore_cli.fitting.search_bench import Slice
 from mapmore_cli.fitting.searching import search

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from typing import Any, NamedTuple
 
-from mapmore_cli.cli.views import running
+from mapmore_cli.cli.views import fitted
 from mapmore_cli.cli.views.fitted import View, formula_document, formula_lines, segment_document
 from mapmore_cli.domain.models import CurveFunction, CurveRange, Formula, Fusion, Memory, Model, Pieces, StateSpace, Sum
 from mapmore_cli.modelling.kinds import equations, kind_of
@@ -73,18 +73,18 @@ def _memory(model: Model) -> Shown:
     body = model.body
     assert isinstance(body, Memory)
     document = {
-        "memory": running.memory_document(body.model),
+        "memory": fitted.memory_document(body.model),
         "backbone": formula_document(body.backbone),
         "limits": _limits(body.ranges),
     }
-    return Shown(document, running.memory_tables(body.model), running.memory_lines(body.model))
+    return Shown(document, fitted.memory_tables(body.model), fitted.memory_lines(body.model))
 
 
 def _state_space(model: Model) -> Shown:
     body = model.body
     assert isinstance(body, StateSpace)
-    document = {"motion": running.motion_document(body.motion), "limits": _limits(body.ranges)}
-    return Shown(document, lines=running.motion_lines(body.motion))
+    document = {"motion": fitted.motion_document(body.motion), "limits": _limits(body.ranges)}
+    return Shown(document, lines=fitted.motion_lines(body.motion))
 
 
 def _sum(model: Model) -> Shown:

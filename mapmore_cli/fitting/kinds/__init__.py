@@ -42,7 +42,7 @@ def refitted(choices: ModelChoices, dataset: Dataset) -> Model:
     Raises SpecError where the model is a sum of those of other runs.
     """
     from mapmore_cli.domain.errors import SpecError
-    from mapmore_cli.fitting.kinds.sizes import size_of, with_terms
+    from mapmore_cli.fitting.kinds.choices import size_of, with_terms
 
     refit = maker_of(choices).refit
     if refit is None:

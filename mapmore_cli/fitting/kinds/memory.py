@@ -15,9 +15,9 @@ from mapmore_cli.fitting.stage import Workspace
 from mapmore_cli.modelling.literature.backbone import residual_of
 from mapmore_cli.modelling.memory import model as memory
 from mapmore_cli.modelling.memory.fitting import fit_with_memory
-from mapmore_cli.modelling.memory.recipe import MemoryRecipe
 from mapmore_cli.modelling.memory.records import records_of, time_step
 from mapmore_cli.modelling.pieces.segmentation import uncut
+from mapmore_cli.modelling.selection import MemoryRecipe
 
 
 def fit(part: FitChoices, dataset: Dataset, workspace: Workspace) -> FitResult:

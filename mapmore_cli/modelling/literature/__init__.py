@@ -14,9 +14,8 @@ from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling.literature import formulas
 from mapmore_cli.modelling.literature.formula import Formula
 from mapmore_cli.modelling.literature.literature_model import LOAD_CYCLES, TARGET, LiteratureModel
-from mapmore_cli.modelling.literature.own import formula_of, is_definition
+from mapmore_cli.modelling.literature.own import formula_of, is_definition, is_family
 from mapmore_cli.modelling.literature.problem import Nonlinear
-from mapmore_cli.modelling.literature.settings import is_family
 
 __all__ = ["LOAD_CYCLES", "TARGET", "Formula", "LiteratureModel", "Nonlinear", "UnknownFormula", "get", "names", "of"]
 

@@ -15,12 +15,14 @@ one that has ended, or where at its pace it cannot come near that one's end.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Protocol, TypeVar
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
+from mapmore_cli.modelling.literature.problem import Nonlinear
 
 EVALUATIONS = 200
 PACE = 10  # evaluations over which the pace of a descent is measured
@@ -184,3 +186,53 @@ def onto_bounds(x: Array, bounds: Bounds) -> tuple[Array, list[int]]:
     margin = TOUCHING * np.where(np.isfinite(width), width, 1.0)
     moved = np.where(x - lower <= margin, lower, np.where(upper - x <= margin, upper, x))
     return moved, [i for i in range(len(x)) if moved[i] in (lower[i], upper[i])]
+
+
+STARTS = 10
+SEED = 20170714  # any fixed number: the same data give the same fit
+AGREEMENT = 1e-6  # relative difference between sums of squares that are called equal
+RIVAL = 1.25  # times the least sum of squares (1.12 times the RMSE), up to which another minimum is told
+DISTINCT = 1e-3  # relative difference between sums of squares of minima that are called different
+
+
+class Minimum(Protocol):
+    """Where a descent ended."""
+
+    @property
+    def x(self) -> Array:
+        """The place."""
+
+    @property
+    def cost(self) -> float:
+        """Half of the sum of squares there, or all of it."""
+
+
+Found = TypeVar("Found", bound=Minimum)
+
+
+def draw(nonlinear: tuple[Nonlinear, ...]) -> Iterator[Array]:
+    """Return `STARTS` seeded places in the intervals, each `(k,)` and log-uniform in magnitude; a single empty one without parameters."""
+    rng = np.random.default_rng(SEED)
+    for _ in range(STARTS if nonlinear else 1):
+        yield np.array([_place(parameter, rng) for parameter in nonlinear])
+
+
+def lowest(ends: Sequence[Found], starts: int) -> tuple[Found, str]:
+    """Return the end with the lowest cost of those that the `starts` have reached, and a note on how many came to it."""
+    best = min(ends, key=lambda end: float(end.cost))
+    agreeing = sum(end.cost <= (1 + AGREEMENT) * best.cost + 1e-20 for end in ends)
+    return best, f"{agreeing} of {starts} starts agree on the sum of squares"
+
+
+def rivals(converged: Sequence[Found], best: Found) -> list[Found]:
+    """Return ends in other minima than the best that are nearly as deep, one of each, the deepest first."""
+    found = [best]
+    for end in sorted(converged, key=lambda end: float(end.cost)):
+        if (1 + DISTINCT) * found[-1].cost < end.cost <= RIVAL * best.cost:
+            found.append(end)
+    return found[1:]
+
+
+def _place(parameter: Nonlinear, rng: np.random.Generator) -> float:
+    lower, upper = parameter.intervals[rng.integers(len(parameter.intervals))]
+    return float(lower * (upper / lower) ** rng.random())

@@ -25,8 +25,7 @@ from mapmore_cli.modelling.expressions import Expression, Name, Number, parse, s
 from mapmore_cli.modelling.literature.formula import Formula
 from mapmore_cli.modelling.literature.formulas.sarosi_hinged import COMPUTED, PRINTED
 from mapmore_cli.modelling.literature.formulas.sarosi_hinged import FORMULA as SHAPE
-from mapmore_cli.modelling.literature.own import definition, formula_of
-from mapmore_cli.modelling.literature.settings import FamilySettings
+from mapmore_cli.modelling.literature.own import FamilySettings, definition, formula_of
 
 NAME = "family"
 SPREAD, SCATTER = 0.3, 0.05

@@ -14,7 +14,7 @@ from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.fits import FormulaFit, Optimum
 from mapmore_cli.modelling.expressions import Expression, Number, derivative, dictionary_matrix, evaluate, parse, substitute
-from mapmore_cli.modelling.literature import errors_in, levenberg_marquardt, linear, simplex, varpro
+from mapmore_cli.modelling.literature import errors_in, levenberg_marquardt, linear, varpro
 from mapmore_cli.modelling.literature.cells import finite, needed
 from mapmore_cli.modelling.literature.identifiability import hints
 from mapmore_cli.modelling.literature.literature_model import LiteratureModel
@@ -28,7 +28,7 @@ RANDOM = "random"
 _SOLVERS: Mapping[str, Callable[[Problem], Solution]] = {
     VARIABLE_PROJECTION: varpro.fit,
     LEVENBERG_MARQUARDT: levenberg_marquardt.fit,
-    SIMPLEX: simplex.fit,
+    SIMPLEX: levenberg_marquardt.fit_simplex,
 }
 
 

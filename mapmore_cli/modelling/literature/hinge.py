@@ -18,8 +18,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
 from mapmore_cli.modelling.literature import hinge, linear
 from mapmore_cli.modelling.literature.cells import condensed
-from mapmore_cli.modelling.literature.descent import Bounds, End, descend_each, onto_bounds
-from mapmore_cli.modelling.literature.multistart import lowest, rivals
+from mapmore_cli.modelling.literature.descent import Bounds, End, descend_each, lowest, onto_bounds, rivals
 
 NAMES = ("a1", "a2", "a3", "a4", "a5", "a6", "b0", "b1", "b2", "w")
 A, A3, B, B1, LN_W = [0, 1, 3, 4, 5], 2, [6, 7, 8], 7, 9

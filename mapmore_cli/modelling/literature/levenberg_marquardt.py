@@ -1,15 +1,16 @@
-"""Levenberg-Marquardt from several starting values, for parity with the papers."""
+"""Levenberg-Marquardt and the simplex from several starting values, for parity with the papers."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.expressions import NotFinite
-from mapmore_cli.modelling.literature.multistart import draw, lowest, rivals
+from mapmore_cli.modelling.literature.descent import SEED, STARTS, draw, lowest, rivals
 from mapmore_cli.modelling.literature.problem import Problem, Solution, failure
 
 if TYPE_CHECKING:
@@ -79,3 +80,56 @@ def _descend(problem: Problem, start: Array) -> OptimizeResult | None:
     except NotFinite:
         return None
     return found if found.cost < REFUSED else None
+
+
+SIMPLEX = "simplex"
+FMINSEARCH = 1e-4  # of coordinates and of the sum of squares, fminsearch's
+OVERFLOW = 1e300  # stands for an overflow
+PER_PARAMETER = 200  # evaluations, fminsearch's
+
+
+@dataclass
+class SimplexEnd:
+    """Where a descent ended: parameters, their sum of squares, and whether it had converged."""
+
+    x: Array
+    cost: float
+    success: bool
+
+
+def fit_simplex(problem: Problem) -> Solution:
+    """Solve `problem` by ten descents of a simplex over all parameters at once, with the settings of `fminsearch`.
+
+    H does not say how its random starts are drawn. Here a linear parameter starts where its term alone is at most as large as the target
+    (uniform, of either sign), a nonlinear one in its intervals. Sums of squares are over means of neighbouring samples where there are
+    many. The status is `converged`, `stopped_by_limit` (of evaluations), or `failed` where every start overflowed.
+    """
+    from scipy.optimize import minimize
+
+    few, m = problem.condensed(), len(problem.linear)
+    rng = np.random.default_rng(SEED)
+    places = list(draw(problem.nonlinear)) if problem.nonlinear else [np.empty(0)] * STARTS
+    ends: list[SimplexEnd] = []
+    for place in places:
+        try:
+            lengths = np.linalg.norm(few.regressors(place), axis=0)
+        except NotFinite:
+            continue
+        units = np.linalg.norm(few.target(place)) / np.where(lengths > 0.0, lengths, 1.0)
+
+        start = np.concatenate([rng.uniform(-1.0, 1.0, m), place])
+        options: Any = {"xatol": FMINSEARCH, "fatol": FMINSEARCH * _cost(0.0 * start, few, units), "maxfev": PER_PARAMETER * len(start)}
+        end = minimize(_cost, start, args=(few, units), method="Nelder-Mead", options=options)
+        ends.append(SimplexEnd(np.concatenate([end.x[:m] * units, end.x[m:]]), float(end.fun), bool(end.success)))
+    if not ends:
+        return failure(problem, SIMPLEX)
+    best, agreement = lowest(ends, STARTS)
+    return Solution(best.x[:m], best.x[m:], "converged" if best.success else "stopped_by_limit", SIMPLEX, (agreement,))
+
+
+def _cost(x: Array, problem: Problem, units: Array) -> float:
+    """Sum of squares at the linear parameters, in their `units`, and the coordinates that follow them in x."""
+    m = len(units)
+    residual = problem.residual(x[:m] * units, x[m:])
+    value = float(residual @ residual)
+    return value if np.isfinite(value) else OVERFLOW

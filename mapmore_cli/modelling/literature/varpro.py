@@ -1,4 +1,4 @@
-"""Variable projection: a formula that is linear in all but one parameter, fitted without starting values (with more: `bounded`).
+"""Variable projection: a formula that is linear in all but one parameter, fitted without starting values; with several, from ten starts.
 
 For every coordinate c of the nonlinear parameter the linear ones follow by least squares, so that `r(c) = Phi(c) Phi(c)^+ y - y`
 depends on one number alone. Its sum of squares is scanned over all that the parameter may be, and the valleys are refined: the deepest is
@@ -7,16 +7,16 @@ taken, and those that are nearly as deep are its rivals.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.modelling.literature import bounded, linear
-from mapmore_cli.modelling.literature.multistart import DISTINCT, RIVAL
-from mapmore_cli.modelling.literature.problem import Problem, Solution, at_limit
+from mapmore_cli.modelling.literature import linear
+from mapmore_cli.modelling.literature.descent import DISTINCT, RIVAL, STARTS, Bounds, End, descend, draw, lowest, onto_bounds, rivals
+from mapmore_cli.modelling.literature.problem import Problem, Solution, at_limit, failure
 
 METHOD = "variable projection"
 
@@ -26,6 +26,7 @@ HALF_DIGITS = 1e-4  # relative distance within which the lowest sum of squares s
 DIGITS = 1e-13  # relative length of a step below which a place has all the digits that it can have
 NOISY = 1e-6  # relative length of a step below which the slopes at its ends differ by little more than rounding
 FAR = 1e-2  # relative length of a step to the minimum of all samples that is not to be trusted
+TINY = 1e-300  # no absolute end of the digits
 STEPS = 30  # most of them: a dozen do, and more only go about in rounding
 WORTH_REFINING = 4.0  # times the lowest sum of squares of the scan, up to which a valley is refined
 FLAT = 1e-10  # relative change of the sum of squares over the whole scan
@@ -39,7 +40,7 @@ def fit(problem: Problem) -> Solution:
     status is `converged` or `at_bound`; a parameter that the data do not show is noted.
     """
     if len(problem.nonlinear) > 1:
-        return bounded.fit(problem)
+        return fit_several(problem)
     if not problem.nonlinear:
         straight = linear.solve(problem.at_levels.regressors(np.empty(0)), problem.target(np.empty(0)))
         return Solution(straight.beta, np.empty(0), "converged", "linear least squares")
@@ -77,6 +78,8 @@ def _flat(sse: Array, y: Array) -> bool:
 
 def _refine(problem: Problem, grid: Array, i: int) -> tuple[float, str]:
     """Return the lowest point of the valley around `grid[i]`, and the status of having got there."""
+    from scipy.optimize import brentq
+
     lower, c, upper = float(grid[max(i - 1, 0)]), float(grid[i]), float(grid[min(i + 1, len(grid) - 1)])
 
     @cache
@@ -91,7 +94,7 @@ def _refine(problem: Problem, grid: Array, i: int) -> tuple[float, str]:
         c = _lowest(problem, lower, upper, 1e-8 * abs(c))
         # A lowest value shows only half the digits of its place; the zero of the slope shows the rest, where it stands out of the rounding.
         left, right = max(lower, c - HALF_DIGITS * abs(c)), min(upper, c + HALF_DIGITS * abs(c))
-    return _root(slope, left, right) if slope(left) < 0 < slope(right) else c, "converged"
+    return float(brentq(slope, left, right, xtol=TINY, rtol=DIGITS)) if slope(left) < 0 < slope(right) else c, "converged"
 
 
 def _lowest(problem: Problem, lower: float, upper: float, within: float) -> float:
@@ -101,22 +104,6 @@ def _lowest(problem: Problem, lower: float, upper: float, within: float) -> floa
     return float(
         minimize_scalar(lambda c: _sse(problem, np.array([c]))[0], bounds=(lower, upper), method="bounded", options={"xatol": within}).x
     )
-
-
-def _root(function: Callable[[float], float], left: float, right: float) -> float:
-    """Where a function that is negative at `left` and positive at `right` is zero: secants, an end that stays being halved (Illinois)."""
-    ends, values, side, middle = [left, right], [function(left), function(right)], -1, np.inf
-    for _ in range(STEPS):
-        before, middle = middle, (ends[0] * values[1] - ends[1] * values[0]) / (values[1] - values[0])
-        value = function(middle)
-        if value == 0.0 or abs(middle - before) <= DIGITS * abs(middle):
-            break
-        moved = int(value > 0)
-        ends[moved], values[moved] = middle, value
-        if moved == side:
-            values[1 - moved] /= 2
-        side = moved
-    return float(middle)
 
 
 def _finished(problem: Problem, few: Problem, c: float) -> float | None:
@@ -159,3 +146,54 @@ def _project(problem: Problem, c: float) -> linear.LinearFit:
 
 def _solution(problem: Problem, c: float, status: str, notes: tuple[str, ...]) -> Solution:
     return Solution(_project(problem, c).beta, np.array([c]), status, METHOD, notes)
+
+
+STARTS_TOLERANCE = 1e-12  # of the starts (W section III)
+FINAL_TOLERANCE = 1e-15
+
+
+def fit_several(problem: Problem) -> Solution:
+    """Solve `problem` from seeded starts, with the nonlinear parameters within the outermost ends of their intervals.
+
+    The starts go over means of neighbouring samples where there are many; from the lowest end, the search is finished on all samples. A
+    note says how many starts agree, and one which parameter ends at a bound. The status is `converged`, `at_bound`, `stopped_by_limit`,
+    or `failed` where every start overflowed.
+    """
+    ends = _descents(problem.condensed(), list(draw(problem.nonlinear)), STARTS_TOLERANCE)
+    if not ends:
+        return failure(problem, METHOD)
+    best, agreement = lowest(ends, STARTS)
+    finished = _descents(problem, [best.x], FINAL_TOLERANCE)
+    if not finished:
+        return failure(problem, METHOD)
+    end = finished[0]
+    c, touched = onto_bounds(end.x, _bounds(problem))
+    limits = [at_limit(problem.nonlinear[i], c[i]) for i in touched]
+    status = "at_bound" if limits else "converged" if end.converged else "stopped_by_limit"
+    others = [other.x for other in rivals([end for end in ends if end.converged], best)]
+    places = np.array([c, *others])
+    betas = _projected(problem, places).beta
+    return Solution(betas[0], c, status, METHOD, (agreement, *limits), tuple(zip(betas[1:], others, strict=True)))
+
+
+def _descents(problem: Problem, starts: Sequence[Array], tolerance: float) -> list[End]:
+    """Return the nearest minima within the bounds, but for starts in which the formula overflows."""
+    unit = float(np.linalg.norm(problem.target(starts[0]))) or 1.0
+
+    def system(c: Array) -> tuple[Array, Array]:
+        """r and `dr/dc`, but for a part within the regressors' space, which has no share in the gradient (Kaufman)."""
+        found = _projected(problem, c)
+        jacobian = problem.each_slopes(found.beta, c)
+        outside = jacobian - found.basis @ (found.basis.transpose(0, 2, 1) @ jacobian)
+        return found.residual / unit, outside / unit
+
+    return descend(system, starts, _bounds(problem), tolerance)
+
+
+def _projected(problem: Problem, c: Array) -> linear.LinearFits:
+    return linear.solve_each(problem.each_regressors(c), problem.each_target(c))
+
+
+def _bounds(problem: Problem) -> Bounds:
+    lowest, highest = zip(*(parameter.bounds for parameter in problem.nonlinear), strict=True)
+    return np.array(lowest), np.array(highest)

@@ -13,11 +13,11 @@ from mapmore_cli.domain.memory import MemoryFit
 from mapmore_cli.modelling.expressions import NotFinite
 from mapmore_cli.modelling.memory.beam import Member, Tick, beam, trials
 from mapmore_cli.modelling.memory.identification import DIGITS, Unknown, scan, unknown
-from mapmore_cli.modelling.memory.recipe import MemoryRecipe
 from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.memory.refinement import THOROUGH, Coefficients, minimise, refine
 from mapmore_cli.modelling.memory.selectors import Choice
 from mapmore_cli.modelling.memory.training import Training
+from mapmore_cli.modelling.selection import MemoryRecipe
 
 LATE = 0.25
 """Share of each piece's training samples on which free runs compete, where they decide on the number of terms."""

@@ -20,10 +20,9 @@ from mapmore_cli.modelling.frols import frols, frols_streamed
 from mapmore_cli.modelling.frols.criteria import fewest, information_criterion
 from mapmore_cli.modelling.frols.moments import Moments, Standard, moments, standard, standardised, uncentred
 from mapmore_cli.modelling.frols.ridge import LEAST_RIDGE, Regularised, choose_ridge, prune, ridge_press, select, substitutes
-from mapmore_cli.modelling.memory.recipe import MemoryRecipe
 from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.memory.states import evaluate_states
-from mapmore_cli.modelling.selection import Stop
+from mapmore_cli.modelling.selection import MemoryRecipe, Stop
 
 
 @dataclass(frozen=True)

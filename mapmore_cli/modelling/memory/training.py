@@ -14,12 +14,12 @@ from mapmore_cli.domain.memory import MemoryFit, MemoryModel, StateSet
 from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.modelling.memory.feedback import Feedback, fed_back_states, feedback_of, parted
 from mapmore_cli.modelling.memory.identification import Unknown, unknown
-from mapmore_cli.modelling.memory.recipe import MemoryRecipe
 from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.memory.refinement import Coefficients, Problem, standard_errors
 from mapmore_cli.modelling.memory.selectors import Choice, regressors, selector
 from mapmore_cli.modelling.memory.simulation import Course, Piece, bounds_of, course_of, piece_of, refuse_unknown_beginning
 from mapmore_cli.modelling.memory.states import resolve
+from mapmore_cli.modelling.selection import MemoryRecipe
 
 
 class Training:

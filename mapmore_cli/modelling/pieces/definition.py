@@ -16,8 +16,8 @@ from math import inf
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.domain.declared import Transition
 from mapmore_cli.domain.models import CurveFunction, Fusion, Pieces, SegmentFunction, Side
-from mapmore_cli.domain.words import Transition
 from mapmore_cli.modelling.expressions import Expression, Name, Number, add, derivative, parse
 from mapmore_cli.modelling.expressions.syntax import ONE, ZERO, Condition
 from mapmore_cli.modelling.pieces.levels import across_levels, aligned

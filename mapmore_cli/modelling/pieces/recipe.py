@@ -9,8 +9,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Gt, Interval, Len
 
-from mapmore_cli.domain.declared import Contradiction, Either, OfKey, Settings, of_sibling
-from mapmore_cli.domain.words import Beyond, Joining
+from mapmore_cli.domain.declared import Beyond, Contradiction, Either, Joining, OfKey, Settings, of_sibling
 from mapmore_cli.modelling.selection import Fit
 
 USES = {

@@ -18,7 +18,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.models import LeftOut
-from mapmore_cli.domain.plan import Candidate, Picture, Until
+from mapmore_cli.domain.results import Candidate, Picture, Until
 from mapmore_cli.modelling.validation.intervals import INTERVAL, NORMAL, half_widths
 
 POWER = 0.75

@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from mapmore_cli.domain.plan import Plan
 from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.domain.results import Plan
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
 from mapmore_cli.reporting.figures.style import BLUE, GREY, LIGHT, ORANGE, VERMILLION
 

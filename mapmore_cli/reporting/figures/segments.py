@@ -10,9 +10,9 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from mapmore_cli.domain.arrays import Array, IntArray
+from mapmore_cli.domain.declared import Transition
 from mapmore_cli.domain.models import Fusion
 from mapmore_cli.domain.recording import DIRECTION, Quantity
-from mapmore_cli.domain.words import Transition
 from mapmore_cli.modelling.pieces.definition import cell_weights, zones
 from mapmore_cli.modelling.pieces.segmentation import training_curves
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values

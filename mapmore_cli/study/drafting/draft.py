@@ -13,7 +13,7 @@ from mapmore_cli.domain.foreign import printable
 from mapmore_cli.spec.yaml_loader import escaped, tag_of
 
 if TYPE_CHECKING:
-    from mapmore_cli.domain.search import Search
+    from mapmore_cli.domain.results import Search
     from mapmore_cli.study.drafting.columns import Guess, Raw
 
 TAIL = "# report: {formats: [html, pdf, tex]}  # for a paper: panels as PDF, tables for LaTeX"

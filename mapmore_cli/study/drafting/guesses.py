@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.domain.search import Search
+from mapmore_cli.domain.results import Search
 from mapmore_cli.reporting.report import environment
 from mapmore_cli.study.drafting.draft import Draft
 

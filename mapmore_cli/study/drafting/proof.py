@@ -13,8 +13,8 @@ import numpy as np
 
 from mapmore_cli.domain.errors import DataError, MapmoreError
 from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.domain.results import Search
 from mapmore_cli.domain.scores import OWN, Score, deciding
-from mapmore_cli.domain.search import Search
 from mapmore_cli.fitting.competitors import Contest
 from mapmore_cli.fitting.kinds import refitted
 from mapmore_cli.fitting.kinds.choices import model_choices

@@ -6,12 +6,11 @@ import numpy as np
 
 from mapmore_cli.domain.declared import taken
 from mapmore_cli.rig.antagonists import Joint, Swing
-from mapmore_cli.rig.chamber import Braid, Chamber, Tubes
+from mapmore_cli.rig.chamber import Braid, Chamber, Peano, Tubes
 from mapmore_cli.rig.closed_muscle import ClosedMuscle, RandomMotion
 from mapmore_cli.rig.load_cycle import LoadCycle, Loading, Regulation, Strokes
 from mapmore_cli.rig.mckibben import McKibben
 from mapmore_cli.rig.muscle import Hysteresis, StaticMuscle
-from mapmore_cli.rig.peano import Peano
 from mapmore_cli.rig.step_response import StepRig, StepTimes
 from mapmore_cli.rig.waveform import Regulator, Waveform, WaveformRig
 from mapmore_cli.rig.wet_muscle import Plumbing, WetMuscle

@@ -9,7 +9,7 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature import family
-from mapmore_cli.modelling.literature.settings import FamilySettings
+from mapmore_cli.modelling.literature.own import FamilySettings
 
 LENGTHS = (0.1, 0.2, 0.3)
 

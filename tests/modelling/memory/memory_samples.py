@@ -8,8 +8,8 @@ from mapmore_cli.domain.memory import MemoryModel, StateSet
 from mapmore_cli.modelling.expressions.operator import Setting
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.expressions.recursion import along
-from mapmore_cli.modelling.memory.recipe import MemoryRecipe
 from mapmore_cli.modelling.memory.records import Record
+from mapmore_cli.modelling.selection import MemoryRecipe
 
 STEP = 0.01
 

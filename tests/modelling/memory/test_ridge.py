@@ -13,8 +13,8 @@ from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.modelling.frols import frols
 from mapmore_cli.modelling.frols.moments import moments, standard, standardised
 from mapmore_cli.modelling.frols.ridge import RIDGES, Regularised, choose_ridge, prune, ridge_press, select, substitutes
-from mapmore_cli.modelling.memory.recipe import MemoryRecipe
 from mapmore_cli.modelling.memory.selectors import Plain, Regressors
+from mapmore_cli.modelling.selection import MemoryRecipe
 
 
 def blocks_of(P, y, *cuts):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from mapmore_cli.modelling.motion.problem import Found, MotionRecipe, Problem
-from mapmore_cli.modelling.motion.solvers import differential_evolution, least_squares, swarm, swarm_projected
+from mapmore_cli.modelling.motion.solvers import differential_evolution, least_squares, swarm
 
 Solver = Callable[[Problem, MotionRecipe], Found]
 
@@ -13,7 +13,7 @@ SOLVERS: Mapping[str, Solver] = {
     "least_squares": least_squares.solve,
     "differential_evolution": differential_evolution.solve,
     "swarm": swarm.solve,
-    "swarm_projected": swarm_projected.solve,
+    "swarm_projected": swarm.solve_projected,
 }
 
 NAMES = tuple(SOLVERS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -10,7 +11,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import FitError, SpecError
 from mapmore_cli.modelling.motion.problem import Bounds, Found, MotionRecipe, Problem
-from mapmore_cli.modelling.motion.sections import stable
+from mapmore_cli.modelling.motion.sections import FASTEST, LEAST_DAMPED, MOST_DAMPED, SLOWEST, of_oscillator, stable
 
 INERTIA, OWN, COMMON = 0.9, 2.0, 2.0
 """P's W, C1 and C2. They lie outside of the region in which a swarm settles: it needs `C1 + C2 < 24 (1 - W^2)/(7 - 5 W)`, here 1.8."""
@@ -90,3 +91,17 @@ def _gains(problem: Problem) -> tuple[float, float]:
     outputs = np.concatenate([piece.y for piece in problem.pieces])
     widest = WIDE * float(np.ptp(outputs)) / float(np.ptp(inputs))
     return -widest, widest
+
+
+def solve_projected(problem: Problem, recipe: MotionRecipe) -> Found:
+    """Return the best of `iterations` over all frequencies and dampings of `plane`."""
+    low = np.array([math.log(SLOWEST), LEAST_DAMPED])
+    high = np.array([math.log(FASTEST), MOST_DAMPED])
+
+    def poles(place: Array) -> tuple[float, float]:
+        return of_oscillator(math.exp(place[0]), float(place[1]))
+
+    best = fly(
+        lambda place: problem.projected_rmse(*poles(place)), np.array([low, high]), recipe.particles, recipe.iterations, problem.random
+    )
+    return problem.found(*poles(best.place), best.history)

@@ -17,7 +17,7 @@ from mapmore_cli.modelling.literature.literature_model import SEVERITY
 from mapmore_cli.modelling.memory.states import setting_of
 from mapmore_cli.storage.artefacts.codecs import adapted, added, named, number, numbers, optional, pairs, shown, text
 from mapmore_cli.storage.artefacts.label import NO_UNIT
-from mapmore_cli.storage.artefacts.layout.cells import (
+from mapmore_cli.storage.artefacts.layout.derived import (
     ANY_REAL,
     ANY_REALS,
     ANY_TABLE,
@@ -30,8 +30,8 @@ from mapmore_cli.storage.artefacts.layout.cells import (
     TABLE,
     TEXTS,
     expression_faults,
+    stored,
 )
-from mapmore_cli.storage.artefacts.layout.derived import stored
 from mapmore_cli.storage.artefacts.schema import Fault, Field
 
 QUANTITY = stored(Quantity, {"name": NAME})

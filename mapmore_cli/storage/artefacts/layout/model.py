@@ -32,7 +32,7 @@ from mapmore_cli.modelling.kinds import kinds
 from mapmore_cli.storage.artefacts.codecs import Codec, adapted, added, named, number, numbered, pairs, shown, text
 from mapmore_cli.storage.artefacts.integrity import Invalid
 from mapmore_cli.storage.artefacts.label import NO_UNIT
-from mapmore_cli.storage.artefacts.layout.cells import (
+from mapmore_cli.storage.artefacts.layout.derived import (
     ANY_REAL,
     ASCENDING,
     CELL,
@@ -45,9 +45,11 @@ from mapmore_cli.storage.artefacts.layout.cells import (
     SHARE,
     TABLE,
     TEXTS,
+    completed,
     expression_faults,
+    schema_of,
+    stored,
 )
-from mapmore_cli.storage.artefacts.layout.derived import completed, schema_of, stored
 from mapmore_cli.storage.artefacts.layout.fits import STOP
 from mapmore_cli.storage.artefacts.schema import Fault, Field, Schema, rows, variant
 
