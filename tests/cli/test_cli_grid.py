@@ -1,6 +1,10 @@
-"""Lookup tables: regular grids over the inputs."""
+"""Lookup tables: regular grids over the inputs; files for other programs."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -62,3 +66,88 @@ def test_what_is_refused_before_anything_is_computed(text: str, what: str) -> No
     with pytest.raises(UsageError) as caught:
         grid_lines(text, INPUTS)
     assert what in str(caught.value)
+
+
+def test_c_files_are_named_after_the_model(mapmore: Callable[..., Any], model_file: Path, tmp_path: Path) -> None:
+    result = mapmore("export", model_file, "--to", "c", "-o", tmp_path / "out")
+    assert result.exit_code == 0
+    written = sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert len(written) == 5
+    assert {name.rsplit(".", 1)[1] for name in written} == {"c", "h"}
+    assert all(name in result.stdout for name in written)
+
+
+@pytest.mark.parametrize("to", ["py", "tex"])
+def test_one_file(mapmore: Callable[..., Any], model_file: Path, tmp_path: Path, to: str) -> None:
+    assert mapmore("export", model_file, "--to", to, "-o", tmp_path).exit_code == 0
+    assert [path.suffix for path in tmp_path.iterdir()] == [f".{to}"]
+
+
+def test_a_unit_without_a_compiler_is_told_on_stderr(
+    mapmore: Callable[..., Any], model_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CC", "no-such-compiler")
+    result = mapmore("export", model_file, "--to", "fmu", "-o", tmp_path)
+    assert result.exit_code == 0
+    (file,) = tmp_path.iterdir()
+    assert file.suffix == ".fmu"
+    assert result.stdout == f"{file}\n"
+    assert "no C compiler here (no-such-compiler)" in result.stderr
+    assert mapmore("export", model_file, "--to", "fmu", "-o", tmp_path, "-q").stderr == ""
+
+
+@pytest.mark.parametrize("to", ["c", "fmu", "py"])
+def test_a_folder_that_cannot_be_made(
+    mapmore: Callable[..., Any], model_file: Path, tmp_path: Path, to: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CC", "no-such-compiler")
+    (tmp_path / "file").write_text("in the way")
+    result = mapmore("export", model_file, "--to", to, "-o", tmp_path / "file" / "out")
+    assert result.exit_code == 7
+    assert "cannot be written" in result.stderr
+    assert "-o" in result.stderr
+    assert (tmp_path / "file").read_text() == "in the way"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--to", "py", "--float"], "--float is for C alone"),
+        (["--to", "fmu", "--float"], "--float is for C alone"),
+        (["--to", "csv"], "--grid goes with --to csv"),
+        (["--to", "csv", "--grid", "pressure=0:90000:100,strain=0.1"], "outside of the training range"),
+        (["--to", "java"], "java"),
+    ],
+)
+def test_what_is_refused_writes_nothing(
+    mapmore: Callable[..., Any], model_file: Path, tmp_path: Path, arguments: list[str], said: str
+) -> None:
+    result = mapmore("export", model_file, *arguments, "-o", tmp_path / "out")
+    assert result.exit_code == 2
+    assert said in result.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_invert_finds_what_predict_gave(mapmore: Callable[..., Any], model_file: Path, tmp_path: Path) -> None:
+    (tmp_path / "at.csv").write_text("pressure,strain\n120,0.05\n180,0.1\n")
+    predicted = mapmore("predict", model_file, tmp_path / "at.csv", "--derivatives")
+    assert predicted.exit_code == 0
+    header, *rows = [line.split(",") for line in predicted.stdout.splitlines()]
+    assert header == ["pressure", "strain", "force_predicted", "outside_range", "force_by_pressure", "force_by_strain"]
+    wanted = "force,strain\n" + "".join(f"{row[2]},{row[1]}\n" for row in rows) + "1e12,0.1\n,0.1\n"
+    (tmp_path / "wanted.csv").write_text(wanted)
+    found = mapmore("invert", model_file, tmp_path / "wanted.csv", "--for", "pressure")
+    assert found.exit_code == 0
+    header, *answers = [line.split(",") for line in found.stdout.splitlines()]
+    assert header == ["force", "strain", "pressure_found", "pressure_solutions", "pressure_status"]
+    for row, answer in zip(rows, answers, strict=False):
+        assert any(abs(float(one) - float(row[0])) < 1e-5 for one in answer[3].split())
+    assert answers[2][2:] == ["", "", "none"]
+    assert answers[3][2:] == ["", "", ""]
+
+
+def test_invert_for_an_input_that_the_model_has_not(mapmore: Callable[..., Any], model_file: Path, tmp_path: Path) -> None:
+    (tmp_path / "wanted.csv").write_text("force,pressure,strain\n100,150,0.1\n")
+    result = mapmore("invert", model_file, tmp_path / "wanted.csv", "--for", "volume")
+    assert result.exit_code == 2
+    assert "no input 'volume'" in result.stderr

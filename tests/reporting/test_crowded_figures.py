@@ -1,16 +1,22 @@
-"""Figures of many models, of models that are far off, and of measurements that were repeated."""
+"""Figures of many models, of models that are far off, of repeated measurements; the places of panels."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
-from report_builder import build, surface
+from matplotlib.backend_bases import RendererBase
+from matplotlib.figure import Figure
+from report_builder import build, of_pieces, surface
 
+from mapmore_cli.domain.page import FIGURES
 from mapmore_cli.domain.scores import REPEATABILITY
+from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.reporting.figures.catalogue import drawings
-from mapmore_cli.reporting.figures.drawing import compose
+from mapmore_cli.reporting.figures.drawing import POINTS, compose
+from mapmore_cli.reporting.figures.levels import draw_courses, draw_levels, level_courses, level_figures, level_weights
 from mapmore_cli.reporting.figures.style import figure_style, model_styles
 from mapmore_cli.reporting.inputs import MOST_LINES
 from mapmore_cli.reporting.score_tables import score_table
@@ -104,3 +110,91 @@ class TestRepeatability:
         assert len(table.rows) == len(plain.rows) + 2
         assert any(note.startswith(REPEATABILITY) for note in table.notes)
         assert not any(note.startswith(REPEATABILITY) for note in plain.notes)
+
+
+NAMES = [name for name in FIGURES if name not in ("loops", "motion", "convergence")]  # of models with memory
+
+
+def boxes(figure):
+    """What every panel covers with its labels, in points."""
+    return [ax.get_tightbbox(RendererBase(), for_layout_only=True).extents for ax in figure.axes]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_label_leaves_the_page_or_lies_on_another_panel(name, mixed):
+    with figure_style():
+        for drawing in drawings(name, mixed):
+            figure = compose(drawing)
+            width, height = figure.get_size_inches() * POINTS
+            top = min((legend.get_window_extent(RendererBase()).y0 for legend in figure.legends), default=height)
+            found = boxes(figure)
+            for left, low, right, high in found:
+                assert -0.1 <= left < right <= width + 0.1
+                assert -0.1 <= low < high <= top + 0.1
+            for one, other in combinations(found, 2):
+                assert one[2] <= other[0] or other[2] <= one[0] or one[3] <= other[1] or other[3] <= one[1]
+
+
+def test_panels_are_of_one_size_and_their_labels_in_line(inputs):
+    with figure_style():
+        figure = compose(drawings("fit", inputs)[0])
+        panels = [ax.get_window_extent() for ax in figure.axes]
+        assert np.ptp([panel.width for panel in panels]) < 1e-6
+        assert panels[0].height == pytest.approx(2 * panels[1].height)
+        boxes(figure)
+        labels = [ax.yaxis.label.get_window_extent(RendererBase()).x0 for ax in figure.axes if ax.get_ylabel()]
+        assert len(labels) >= 2
+        assert np.ptp(labels) < 0.1
+
+
+LEVELS = np.array([80.0, 150.0, 350.0])
+
+
+@pytest.fixture
+def ax():
+    return Figure().subplots()
+
+
+@pytest.fixture
+def shaped(inputs):
+    """The same study with shape-preserving interpolation between the levels."""
+    return replace(inputs, model=of_pieces(inputs.model, fusion=replace(inputs.model.body.fusion, levels="pchip")))
+
+
+def test_triangles_peak_at_the_levels(ax, inputs):
+    draw_levels(ax, LEVELS, *level_weights(inputs.model.body, LEVELS))
+    for line, level in zip(ax.lines[::2], LEVELS, strict=True):
+        x, weight = line.get_data()
+        assert weight[x == level] == pytest.approx([1.0])
+    assert ax.lines[0].get_xdata().max() > 350
+
+
+def test_a_number_beyond_the_levels_is_not_drawn(ax, inputs):
+    fusion = replace(inputs.model.body.fusion, extrapolation={"pressure": (100.0, "saturate"), "strain": ("continue", "continue")})
+    draw_levels(ax, LEVELS, *level_weights(replace(inputs.model.body, fusion=fusion), LEVELS))
+    assert ax.lines[0].get_xdata().min() == 80
+
+
+def test_no_triangles_are_drawn_of_what_keeps_the_shape(inputs, shaped):
+    (triangles,), (courses,) = level_figures(inputs), level_figures(shaped)
+    assert triangles.panels[0].y_labels[0] == "Weight (–)"
+    assert courses.panels[0].y_labels[0] == "Force (N)"
+    assert "Weights" in triangles.caption
+    assert "no single weight" in courses.caption
+
+
+def test_courses_are_the_models_predictions_within_the_range_of_all_curves(ax, shaped):
+    courses = level_courses(shaped.model, "strain", LEVELS)
+    shortest = min(curve.limits["strain"][1] for curve in shaped.model.body.curves)
+    for course in courses:
+        assert 0 < course.place < shortest
+        at = {"pressure": course.x, "strain": np.full(len(course.x), course.place)}
+        np.testing.assert_array_equal(course.y, predict(shaped.model, at))
+        np.testing.assert_array_equal(course.at_levels, course.y[np.isin(course.x, LEVELS)])
+    draw_courses(ax, courses, LEVELS)
+    assert len(ax.lines) == 2 * len(courses)
+
+
+def test_one_level_has_no_way_to_draw(alone):
+    assert level_figures(alone) == []
+    assert [drawing.name for drawing in drawings("segments", alone)] == ["segments"]

@@ -1,15 +1,18 @@
-"""The JSON Schema: checked in, and in agreement with what the loader takes."""
+"""What is made from the declarations: the JSON Schema and docs/spec.md; and open questions of a spec."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import jsonschema
 import pytest
 from spec_examples import GOOD, STATIC
 
+from mapmore_cli.domain.scores import METRICS, Score
+from mapmore_cli.spec.loader import confirmed, questions_in
+from mapmore_cli.spec.reference import page
 from mapmore_cli.spec.schema import json_schema, schema_text
 from mapmore_cli.spec.tree import SourceText, plain
 from mapmore_cli.spec.yaml_loader import parse
@@ -71,3 +74,41 @@ def test_an_editor_sees_the_slips(old: str, new: str) -> None:
 def test_an_heir_may_leave_out_what_it_inherits() -> None:
     assert not list(VALIDATOR.iter_errors(document("extends: base.yaml\nname: heir\ndata: {levels: {at: [1, 2 bar]}}\n")))
     assert list(VALIDATOR.iter_errors(document("name: orphan\ndata: {levels: {at: [1, 2 bar]}}\n")))
+
+
+PAGE = Path(__file__).parents[2] / "docs" / "spec.md"
+
+
+def test_the_page_is_up_to_date() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    assert page(text) == text, "run `make schema`"
+
+
+def test_every_key_is_on_the_page() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    for section in json_schema()["$defs"].values():
+        for key in section.get("properties", {}):
+            assert f"| `{key}` |" in text
+
+
+def test_every_number_of_a_score_is_a_metric() -> None:
+    assert list(METRICS) == [name for name, kind in get_type_hints(Score).items() if kind in (int, float)]
+
+
+SPEC = """\
+# look first at those marked CHECK
+data:
+  columns:
+    time: {column: 0}  # CHECK: it never decreases
+    # CHECK: a force, or a position?
+    # Values do not tell
+    force: {column: 1}  # nothing open
+  files: ["a # CHECK b"]
+target: static  # CHECK: tried
+"""
+
+
+def test_questions_are_found_with_their_keys_and_go_when_they_are_confirmed() -> None:
+    assert questions_in(SPEC) == ("time: it never decreases", "force: a force, or a position? Values do not tell", "target: tried")
+    assert questions_in(confirmed(SPEC)) == ()
+    assert "# it never decreases" in confirmed(SPEC)

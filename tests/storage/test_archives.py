@@ -1,4 +1,4 @@
-"""Files of older formats stay readable, and say the same."""
+"""Files of older formats stay readable, and results stay in memory as long as their files are the same."""
 
 from __future__ import annotations
 
@@ -8,9 +8,12 @@ import h5py
 import numpy as np
 import pytest
 
+from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
 from mapmore_cli.modelling.kinds import predict
-from mapmore_cli.storage import artefacts
+from mapmore_cli.storage import artefacts, run_folder
+from mapmore_cli.storage.artefacts import write_dataset
 from mapmore_cli.storage.artefacts.files import FORMAT_VERSION
+from mapmore_cli.storage.run_folder import DATASET, RunFiles
 
 ARCHIVES = sorted(path for path in (Path(__file__).parent / "archives").iterdir() if path.is_dir())
 
@@ -39,3 +42,30 @@ def test_the_other_files_of_old_fit_together(archive: Path) -> None:
     assert {fit.id for fit in result.segments} == segments
     assert result.backbone is not None
     assert result.backbone.name == "polynomial_2"
+
+
+def write(folder: Path, slope: float) -> None:
+    columns = {"strain": np.arange(5.0), "force": slope * np.arange(5)}
+    curve = Curve("a", None, columns, np.zeros(5, dtype=np.bool_), ("a",))
+    quantities = {"strain": Quantity("strain", "1"), "force": Quantity("force", "N")}
+    write_dataset(folder / DATASET, Dataset("force", None, quantities, (Recording("a", "a.csv", columns, 5, {}),), (curve,)))
+
+
+def test_a_file_is_read_again_when_it_was_replaced(tmp_path: Path) -> None:
+    write(tmp_path, 2.0)
+    first = RunFiles(tmp_path).dataset()
+    assert RunFiles(tmp_path).dataset() is first
+    write(tmp_path, 3.0)
+    assert RunFiles(tmp_path).dataset().curves[0].columns["force"][1] == 3.0
+
+
+def test_nobody_changes_what_others_read(tmp_path: Path) -> None:
+    write(tmp_path, 2.0)
+    with pytest.raises(ValueError, match="read-only"):
+        RunFiles(tmp_path).dataset().curves[0].columns["force"][0] = 1.0
+
+
+def test_large_files_are_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(run_folder, "KEPT_BYTES", 100)
+    write(tmp_path, 2.0)
+    assert RunFiles(tmp_path).dataset() is not RunFiles(tmp_path).dataset()

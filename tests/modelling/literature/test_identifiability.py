@@ -1,4 +1,4 @@
-"""Parameters that the data do not show are named, with a measurement that does show them once it is made."""
+"""Parameters that the data do not show are named with what would; other minima that they hardly tell apart."""
 
 from __future__ import annotations
 
@@ -6,11 +6,15 @@ import re
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from literature_cases import grid
 from scipy.stats import t as student
 
 from mapmore_cli.domain.arrays import Array
+from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature import Formula, Nonlinear, get
+from mapmore_cli.modelling.literature.cells import nominal
 from mapmore_cli.modelling.literature.identifiability import half_width
 
 LINE = Formula("line", "-", ("x", "z"), ("a", "b", "c"), "a + b*x + c*z")
@@ -78,3 +82,66 @@ def test_the_measurement_named_for_a_parameter_takes_most_from_its_error() -> No
 def test_half_width_is_that_of_the_t_distribution(freedom: int) -> None:
     assert half_width(2.0, freedom) == pytest.approx(2.0 * student.ppf(0.975, freedom), rel=1e-9)
     assert np.isnan(half_width(2.0, 0))
+
+
+LEVELS = (80.0, 150.0, 250.0, 350.0)
+
+
+def two_valleys(seed=0):
+    """A sum of a decaying and a growing exponential of the strain: Sarosi's formula can have one of them."""
+    rng = np.random.default_rng(seed)
+    strain = np.tile(np.linspace(0, 0.25, 60), 4)
+    pressure = np.repeat(LEVELS, 60)
+    force = 0.3 * pressure * (np.exp(-20 * strain) + 0.95 * np.exp(20 * (strain - 0.25)))
+    return {"pressure": pressure, "strain": strain}, force + rng.normal(0, 0.5, strain.size)
+
+
+def test_a_second_valley_is_told_with_its_parameters():
+    columns, force = two_valleys()
+    formula = literature.get("sarosi")
+    fit = formula.fit(columns, force)
+    (rival,) = fit.rivals
+    assert fit.parameters["a3"] * rival.parameters["a3"] < 0
+    assert fit.sse < rival.sse <= 1.25 * fit.sse
+    assert np.isnan(rival.held_out_rmse)
+    residual = formula.predict(rival.parameters, columns) - force
+    assert residual @ residual == pytest.approx(rival.sse, rel=1e-6)
+
+
+def test_a_formula_with_one_valley_has_no_rival():
+    columns, _ = two_valleys()
+    force = columns["pressure"] * (2 * np.exp(-12 * columns["strain"]) - 1 - columns["strain"])
+    assert literature.get("sarosi").fit(columns, force).rivals == ()
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.floats(1e-10, 3e-3), st.integers(0, 100))
+def test_scatter_of_held_pressures_hides_no_deficiency(scatter, seed):
+    """`polynomial_5` has rank 18 with four pressures, however these scatter; the fit is that at the nominal ones."""
+    rng = np.random.default_rng(seed)
+    strain, level = np.tile(np.linspace(0, 0.25, 60), 4), np.repeat(LEVELS, 60)
+    force = level * (1 - 3 * strain) ** 2
+    pressure = level + 350 * scatter * rng.uniform(-1, 1, level.size)
+    formula = literature.get("polynomial_5")
+    fit = formula.fit({"pressure": pressure, "strain": strain}, force)
+    assert (fit.status, fit.rank) == ("rank_deficient", 18)
+    between = {"pressure": np.full(5, 200.0), "strain": np.linspace(0, 0.25, 5)}
+    exact = formula.fit({"pressure": level, "strain": strain}, force)
+    np.testing.assert_allclose(
+        formula.predict(fit.parameters, between), formula.predict(exact.parameters, between), rtol=20 * scatter + 1e-6, atol=0.5
+    )
+
+
+def test_swept_quantities_have_no_levels():
+    rng = np.random.default_rng(0)
+    for column in (np.linspace(0, 1, 500), rng.uniform(size=1000), rng.normal(size=50), np.zeros(7), np.array([0.0, 100.0, 2000.0])):
+        assert nominal(column) is column
+
+
+@given(st.lists(st.integers(-50, 50), min_size=2, max_size=6, unique=True), st.integers(0, 1000))
+def test_every_value_becomes_the_level_it_scatters_about(levels, seed):
+    rng = np.random.default_rng(seed)
+    of = np.repeat(np.array(levels, dtype=float), 20)
+    found = nominal(of + 0.02 * rng.uniform(-1, 1, of.size))
+    assert len(np.unique(found)) == len(levels)
+    assert np.abs(found - of).max() <= 0.02

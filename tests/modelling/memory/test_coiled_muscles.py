@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import openpyxl
 import pytest
-from closeness import nrmse_by_range
-from memory_samples import recipe_of, record
+from memory_samples import nrmse_by_range, recipe_of, record
 
 from mapmore_cli.modelling.expressions import to_text
 from mapmore_cli.modelling.expressions.families import operated, products

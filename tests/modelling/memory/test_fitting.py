@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from closeness import nrmse_by_range, rmse, rrse
-from memory_samples import STEP, narx_truth, recipe_of, record, slow, wandering
+from memory_samples import STEP, narx_truth, nrmse_by_range, recipe_of, record, rmse, rrse, slow, wandering
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.expressions import evaluate, families, to_text

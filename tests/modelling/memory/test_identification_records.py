@@ -7,8 +7,7 @@ import re
 
 import numpy as np
 import pytest
-from closeness import rmse, rrse
-from memory_samples import recipe_of, record
+from memory_samples import recipe_of, record, rmse, rrse
 
 from mapmore_cli.modelling.expressions import to_text
 from mapmore_cli.modelling.expressions.families import lags, products

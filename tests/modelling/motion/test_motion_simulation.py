@@ -1,7 +1,8 @@
-"""Sections as linear filters, against a loop over samples; switching; the published rows used directly."""
+"""Sections as linear filters, against a loop over samples; switching; the published rows used directly; errors over one wavelength."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +16,7 @@ from mapmore_cli.domain.motion import BUMPLESS, CARRIED, REST, ZERO
 from mapmore_cli.modelling.memory.records import AtSample
 from mapmore_cli.modelling.motion.bumpless import continued
 from mapmore_cli.modelling.motion.sections import EDGE, active, of_oscillator, of_reflections, radius, reflections, rising, spread, stable
-from mapmore_cli.modelling.motion.simulation import response, shared, simulate
+from mapmore_cli.modelling.motion.simulation import last_wavelength, motion_errors, response, shared, simulate, velocity
 
 MODELS = ("linear", "inflate_deflate", "piecewise", "piecewise_inflate_deflate")
 coefficients = st.floats(-EDGE, EDGE)
@@ -190,3 +191,35 @@ def test_a_load_moves_only_what_depends_on_it():
     columns = {"time": STEP * np.arange(len(u)), "input": u, "load": np.full(len(u), 5.0)}
     expected = looped(0.5 * u + 0.1 - 0.02 * 5 - 0.01 * 5 * u, (section.p1, section.p2, 1.0))
     np.testing.assert_allclose(simulate(loaded, columns), expected, atol=1e-12)
+
+
+@given(st.integers(5, 40), st.integers(2, 5), st.integers(0, 30), st.integers(0, 2**31))
+def test_the_last_wavelength_is_where_an_input_repeats_itself(length, times, rest, seed):
+    wave = np.random.default_rng(seed).standard_normal(length)
+    u = np.concatenate([np.zeros(rest), np.tile(wave, times)])
+    assert last_wavelength(u) == length
+
+
+@pytest.mark.parametrize("u", [np.arange(50.0), np.zeros(50), np.array([1.0]), np.random.default_rng(1).standard_normal(60)])
+def test_without_repetition_it_is_the_whole_record(u):
+    assert last_wavelength(u) == len(u)
+
+
+def test_errors_are_those_of_the_last_wavelength():
+    n, length = 240, 80
+    u = np.sin(2 * np.pi * np.arange(n) / length)
+    error = np.where(np.arange(n) < n - length, 3.0, 0.5 * np.sin(2 * np.pi * np.arange(n) / length))
+    measured = 2 * u
+    found = motion_errors(measured, measured + error, u, STEP)
+    tail = error[-length:]
+    assert found.samples == length
+    assert found.displacement_rmse == pytest.approx(math.sqrt(sum(e * e for e in tail) / length))
+    assert found.max_displacement == pytest.approx(max(abs(e) for e in tail))
+    assert found.transient == pytest.approx(3.0)
+    slopes = [(error[k + 1] - error[k - 1]) / (2 * STEP) for k in range(n - length + 1, n - 1)]
+    assert found.max_velocity >= max(abs(slope) for slope in slopes) - 1e-12
+
+
+def test_velocity_of_a_ramp():
+    np.testing.assert_allclose(velocity(3.0 * STEP * np.arange(10), STEP), 3.0)
+    assert velocity(np.array([1.0]), STEP).tolist() == [0.0]

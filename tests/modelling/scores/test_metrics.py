@@ -1,13 +1,18 @@
-"""Metrics against arithmetic by hand."""
+"""Metrics, their parts and bands."""
 
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from mapmore_cli.modelling.validation.metrics import extent, max_abs, score
+from mapmore_cli.domain.recording import Curve, Dataset, Quantity
+from mapmore_cli.modelling.validation.error_parts import error_parts
+from mapmore_cli.modelling.validation.metrics import EDGES, bands, extent, max_abs, score, uncentred
 
 
 def test_a_row_by_hand():
@@ -51,3 +56,86 @@ def test_the_smallest_and_the_largest_forces_have_scores_too():
     e = predicted - measured
     assert plain.rmse == np.sqrt(np.mean(e**2))
     assert plain.rrse == np.sqrt(np.sum(e**2) / np.sum((measured - measured.mean()) ** 2))
+
+
+CYCLES, LONG = 8, 200
+X = np.tile(1 - np.cos(np.linspace(0, 2 * np.pi, LONG, endpoint=False)), CYCLES)
+CYCLE = np.repeat(np.arange(CYCLES), LONG)
+
+
+def of(error, held=CYCLE >= CYCLES // 2, parts=(slice(None),)):
+    curves = [Curve(f"r{n}", None, {"x": X[rows], "y": np.zeros(len(X[rows]))}, held[rows], (f"r{n}",)) for n, rows in enumerate(parts)]
+    return error_parts(curves, [error[rows] for rows in parts], "y", "x", {f"r{n}": "log" for n in range(len(parts))})
+
+
+@pytest.mark.parametrize(
+    ("name", "error"),
+    [
+        ("drift", 0.3 * CYCLE),
+        ("shape", np.sin(np.linspace(0, 2 * np.pi * CYCLES, len(X), endpoint=False))),
+        ("change", np.where(CYCLE >= CYCLES // 2, 1.0, 1e-3) * np.cos(np.linspace(0, 6 * np.pi * CYCLES, len(X), endpoint=False))),
+        ("rest", np.random.default_rng(1).normal(0, 1, len(X))),
+    ],
+)
+def test_a_planted_part_is_found(name, error):
+    for one in of(error)[name == "change" :]:
+        assert one.limit == name
+        others = [value for part, value in one.rms.items() if part != name]
+        assert max(others) < 0.35 * one.rms[name]
+
+
+@settings(deadline=None, max_examples=25)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 3))
+def test_squares_add_up_over_gaps_and_empty_predictions(seed, pieces):
+    rng = np.random.default_rng(seed)
+    error = rng.normal(0, 1, len(X)) + rng.normal(0, 3) * CYCLE
+    error[rng.integers(0, len(X), 20)] = np.nan
+    edges = [0, *sorted(rng.integers(1, len(X), pieces - 1).tolist()), len(X)]
+    found = of(error, parts=[slice(a, b) for a, b in pairwise(edges)])
+    assert [one.split for one in found] == ["train", "validate"]
+    for one, rows in zip(found, (CYCLE < 4, CYCLE >= 4), strict=True):
+        known = error[rows & np.isfinite(error)]
+        assert sum(value**2 for value in one.rms.values()) == pytest.approx(np.mean(known**2), rel=0.05)
+        assert one.samples <= len(known)
+
+
+def test_one_cycle_tells_nothing_of_another():
+    assert [one.split for one in of(np.ones(len(X)), held=CYCLE >= CYCLES - 1)] == ["train"]
+
+
+def dataset(measured: np.ndarray, held_out: np.ndarray) -> Dataset:
+    curve = Curve("a", None, {"force": measured}, held_out, ("a",))
+    return Dataset("force", None, {"force": Quantity("force", "N")}, (), (curve,))
+
+
+def test_each_sample_is_in_the_band_of_its_size() -> None:
+    measured = np.array([0.0, -5.0, 10.0, -24.0, 30.0, 60.0, -100.0])
+    found = bands(dataset(measured, np.zeros(7, dtype=bool)), {"off": (measured + np.arange(7.0),)})
+    assert [(band.low, band.high, band.samples) for band in found] == [(0, 10, 3), (10, 25, 1), (25, 50, 1), (50, 100, 2)]
+    assert found[0].rmse["off"] == pytest.approx(np.sqrt((0 + 1 + 4) / 3))
+    assert found[1].rmse["off"] == pytest.approx(3.0)
+
+
+def test_held_out_samples_decide_where_there_are_any_and_empty_bands_are_left_out() -> None:
+    measured = np.array([1.0, 100.0, 2.0, 90.0])
+    found = bands(dataset(measured, np.array([False, False, True, True])), {"off": (measured + 2.0,)})
+    assert [(band.samples, band.high) for band in found] == [(1, pytest.approx(9.0)), (1, pytest.approx(90.0))]
+
+
+@given(st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=40), st.integers(0, 99))
+def test_the_bands_share_out_the_squared_errors(values: list[float], seed: int) -> None:
+    measured = np.array(values)
+    predicted = measured + np.random.default_rng(seed).standard_normal(len(measured))
+    found = bands(dataset(measured, np.zeros(len(values), dtype=bool)), {"noisy": (predicted,)})
+    assert sum(band.samples for band in found) == len(values)
+    assert sum(band.samples * band.rmse["noisy"] ** 2 for band in found) == pytest.approx(np.sum((predicted - measured) ** 2))
+    assert len(found) < len(EDGES)
+
+
+def test_the_uncentred_correlation_is_about_zero() -> None:
+    measured, predicted = np.array([10.0, 11.0, 12.0]), np.array([12.0, 11.0, 10.0])
+    assert np.corrcoef(measured, predicted)[0, 1] == pytest.approx(-1.0)
+    assert uncentred(measured, predicted) == pytest.approx(361 / 365)
+    assert np.isnan(uncentred(measured, 0.0 * measured))
+    row = score("m", "force", "train", "all", measured, predicted, max_abs(measured, "force", "train"))
+    assert row.r_uncentred == uncentred(measured, predicted)
