@@ -55,7 +55,7 @@ paper: .venv/formats  # every shipped study, then runs/paper.html: the papers' t
 	$(BIN)/mapmore paper configs/papers/*.yaml && exit $$code
 
 motion: .venv/formats  # the tables of docs/motion.md; one of them needs the measured recordings (docs/data.md)
-	$(BIN)/mapmore batch configs/campaigns/motion_sections.yaml configs/campaigns/coiled_motion.yaml configs/motion/dmsp-20-400-waveforms.yaml
+	$(BIN)/mapmore batch configs/campaigns/motion_sections.yaml configs/campaigns/coiled_motion.yaml configs/motion/dmsp-20-400-waveforms.yaml configs/motion/dmsp-20-400-loads.yaml
 	$(BIN)/python docs/motion_tables.py runs
 
 peers: .venv/program .venv-bench/peers  # the table of docs/frols.md

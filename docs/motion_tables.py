@@ -15,7 +15,7 @@ from statistics import median
 from typing import Any
 
 import numpy as np
-from pages import CONFIGS, DOCS, campaign, finished, printed, write_tables
+from pages import CONFIGS, DOCS, campaign, finished, printed, run, scores, write_tables
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.motion import CARRIED, HARD, ZERO, Motion, MotionSection
@@ -258,13 +258,13 @@ def sections(runs: Path) -> Table:
     """Errors against the number of sections."""
     scores = campaign("motion_sections", runs)
     rows: list[tuple[Cell, ...]] = []
-    for name, run in scores.pooled.items():
+    for name, own in scores.pooled.items():
         fits = {model: read_fit(runs / folder / "fit.h5").motion for model, folder in (("hard", name), ("shared", f"{name}.shared_state"))}
         hard = fits["hard"]
         assert hard is not None
         simulations = sum(search.evaluations for search in hard.searches)
         seconds = [fit_seconds(runs / folder) for folder in (name, f"{name}.shared_state")]
-        errors = (run["mapmore"].rmse, run["shared_state"].rmse)
+        errors = (own["mapmore"].rmse, own["shared_state"].rmse)
         rows.append((name, len(hard.model.sections), *errors, simulations, *seconds))
     columns = (
         Column("run"),
@@ -276,6 +276,15 @@ def sections(runs: Path) -> Table:
         Column("fit, shared state", "s", ".1f"),
     )
     return Table("sections", "How many sections?", columns, tuple(rows))
+
+
+def loads(runs: Path) -> Table:
+    """Errors under loads that were not seen, with and without the load."""
+    folder = run("motion/dmsp-20-400-loads", runs)
+    trained, new = scores(folder, "train"), scores(folder, "validate")
+    rows = tuple((name, trained[name].rmse, new[name].rmse) for name in new)
+    columns = (Column("model"), Column("RMSE, loads that train", "cm", ".3f"), Column("loads between", "cm", ".3f"))
+    return Table("loads", "One sine under five loads, of which two are held out", columns, rows)
 
 
 def fit_seconds(run: Path) -> float:
@@ -292,6 +301,7 @@ def tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
         "waveforms": lambda: waveforms(runs),
         "readings": readings,
         "sections": lambda: sections(runs),
+        "loads": lambda: loads(runs),
         "coiled_motion": lambda: nrmse_table(campaign("coiled_motion", runs)),
     }
 

@@ -53,7 +53,7 @@ LEVELS: Mapping[str, tuple[str, tuple[str, ...]]] = {
 }
 """Studies with their overrides: the levels of one quantity."""
 
-WANTED = (0.02, 0.03, 0.05)
+WANTED = (0.03, 0.05, 0.08, 0.12)
 """Half widths at which a campaign stops, as parts of the largest |target|."""
 
 

@@ -120,3 +120,10 @@ def test_every_record_of_coiled_muscles_is_shown() -> None:
     assert other == {"motion-steps-2-500g"}
     assert "2.88 % stands in memory.md" in (DOCS / "motion.md").read_text(encoding="utf-8")
     assert memory["steps-2-500g"]["mapmore"] == "2.88"
+
+
+def test_what_is_said_of_other_loads() -> None:
+    between = {name: numbers(row)["loads between"] for name, row in table("loads").items()}
+    assert between["mapmore"] == pytest.approx(between["state_space_load"], rel=0.01)
+    assert between["state_space_load"] < between["state_space"]
+    assert sorted(between, key=between.__getitem__)[:2] == ["placed_load", "sections_load"]

@@ -56,6 +56,7 @@ NRMSE = {
     "dmsp-20-88-inner-reversals": {"mapmore": 0.0055, "static": 0.0176, "rise_and_fall": 0.0082, "prandtl_ishlinskii": 0.0242},
     "peano-inner-reversals": {"mapmore": 0.0032, "static": 0.0164, "rise_and_fall": 0.0062, "prandtl_ishlinskii": 0.0280},
     "dmsp-20-400-sections": {"mapmore": 0.1079, "shared_state": 0.1009},
+    "dmsp-20-400-loads": {"mapmore": 0.0686, "without_load": 0.0722, "sections": 0.0542, "sections_load": 0.0483, "placed_load": 0.0413},
     "dmsp-20-400-read-again": {"mapmore": 0.0827, "linear": 0.0863, "piecewise": 0.0918, "piecewise_inflate_deflate": 0.1220},
     "dmsp-20-400-waveforms": {"mapmore": 0.0827, "linear_least_squares": 0.0855, "linear": 0.1016, "shared_state": 0.1886},
 }
