@@ -36,6 +36,16 @@ def test_every_candidate_is_a_valid_structure_of_the_inputs(name: str) -> None:
     assert len(words) == len(set(words)) > 2
 
 
+def test_nothing_along_the_level_is_steeper_than_levels_are_apart() -> None:
+    """Five levels are a quarter of the range apart: a step of 0.15 between two of them follows no sample; one of 0.4 does."""
+    texts = str([candidate.sections for candidate in FAMILIES["steep"].candidates(SITUATIONS["map"])])
+    assert "tanh((strain-0.25)/0.05)" in texts
+    assert "tanh((pressure-0.25)/0.4)" in texts
+    assert "tanh((pressure-0.25)/0.15)" not in texts
+    assert "abs(pressure-0.5)" in texts
+    assert "abs(pressure-0.25)" not in texts
+
+
 def dataset(columns: dict[str, np.ndarray], held_out: np.ndarray | None = None) -> Dataset:
     n = len(next(iter(columns.values())))
     curve = Curve("a", None, columns, np.zeros(n, dtype=bool) if held_out is None else held_out, ("a",))
