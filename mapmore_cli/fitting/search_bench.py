@@ -63,6 +63,7 @@ class Bench:
     parts_left_out: str
     scale: float
     part: Slice
+    tables: bool
 
     @classmethod
     def of(cls, training: Dataset, situation: Situation, part: Slice, behind: bool = False) -> Bench:
@@ -85,6 +86,7 @@ class Bench:
             inner,
             float(np.ptp(values)) or 1.0,
             part,
+            not situation.timed,
         )
 
 

@@ -124,7 +124,7 @@ def _chosen(outcomes: Sequence[_Outcome], cut: int, bench: Bench, part: Slice) -
     errors = _on_common_rows([outcomes[number].blocks for number in usable]) / bench.scale
     parts = _on_common_rows([outcomes[number].parts for number in usable]) / bench.scale if bench.parts else np.zeros((len(usable), 0))
     sizes = [outcomes[number].tried.parameters for number in usable]
-    rank = chosen_of(sizes, errors, parts)
+    rank = chosen_of(sizes, errors, parts, bench.tables)
     tried = [one.tried for one in outcomes]
     for place, number in enumerate(usable):
         tried[number] = replace(

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from mapmore_cli.spec.loader import load
+
 PAGE = Path(__file__).parents[2] / "docs" / "search.md"
 
 
@@ -14,11 +16,25 @@ def test_the_note_of_the_table_follows_from_its_rows() -> None:
     table = PAGE.read_text(encoding="utf-8").partition("<!-- table search -->")[2].partition("<!-- end -->")[0]
     lines = [[cell.strip() for cell in line.strip().strip("|").split("|")] for line in table.splitlines() if line.startswith("|")]
     rows = [dict(zip(lines[0], line, strict=True)) for line in lines[2:]]
-    found, shipped, box = ([float(row[f"{name} [%]"]) for row in rows] for name in ("found", "shipped", "best black box"))
-    ratios = [one / other for one, other in zip(found, shipped, strict=True)]
-    assert [float(row["found / shipped"]) for row in rows] == pytest.approx(ratios, abs=0.01)
-    mean = math.exp(math.fsum(map(math.log, ratios)) / len(rows))
+    found, box = ([float(row[f"{name} [%]"]) for row in rows] for name in ("found", "best black box"))
+    beside = [row for row in rows if row["shipped [%]"] != "–"]
+    ratios = [float(row["found [%]"]) / float(row["shipped [%]"]) for row in beside]
+    assert [float(row["found / shipped"]) for row in beside] == pytest.approx(ratios, abs=0.01)
+    mean = math.exp(math.fsum(map(math.log, ratios)) / len(beside))
     told = float(table.partition("found / shipped: ")[2].partition(". Below")[0])
     assert told == pytest.approx(mean, abs=0.01)
     below = sum(one < other for one, other in zip(found, box, strict=True))
     assert f"Below the best black box in {below} of {len(rows)}." in table
+    names = ("found [%]", "shipped [%]", "best black box [%]", "best formula [%]")
+    best = [min(float(row[name]) for name in names if row[name] != "–") for row in rows]
+    far = [bool(row["told on its page"]) for row in rows]
+    assert far == [one > 1.5 * least for one, least in zip(found, best, strict=True)]
+    assert f"times the best of all: {sum(far)}, of which" in table
+
+
+@pytest.mark.parametrize("path", sorted((PAGE.parent / "search").glob("*.yaml")), ids=lambda path: path.stem)
+def test_a_minimal_spec_of_the_page_says_nothing_of_a_structure(path: Path) -> None:
+    spec = load(path).spec
+    assert spec.model.type == "auto"
+    assert spec.name == path.stem
+    assert not spec.dictionary

@@ -76,6 +76,12 @@ def test_the_simplest_within_one_standard_error_is_taken() -> None:
     assert (ranked.best, ranked.chosen) == (1, 0)
 
 
+def test_in_tables_more_counts_as_good() -> None:
+    blocks = np.array([[1.0, 1.6, 1.1], [1.0, 1.1, 1.15], [3.0, 3.1, 2.9]])  # the first 11 % worse, within one standard error
+    assert chosen_of([4, 9, 1], blocks, np.zeros((3, 0))).chosen == 1
+    assert chosen_of([4, 9, 1], blocks, np.zeros((3, 0)), tables=True).chosen == 0
+
+
 def test_recordings_too_short_to_say_or_too_long_to_miss_are_not_left_out() -> None:
     def recorded(*sizes: int) -> Dataset:
         time = [np.arange(size) * 0.01 for size in sizes]
