@@ -1,4 +1,4 @@
-"""Write the table of docs/baselines.md from runs, which are brought up to date first: `python docs/baseline_tables.py RUNS`.
+"""Write the tables of docs/baselines.md from runs, which are brought up to date first: `python docs/baseline_tables.py RUNS [TABLE ...]`.
 
 The measured recordings must be there (docs/data.md), and scikit-learn (extra `baselines`).
 """
@@ -6,12 +6,14 @@ The measured recordings must be there (docs/data.md), and scikit-learn (extra `b
 from __future__ import annotations
 
 import sys
+from functools import partial
 from pathlib import Path
 
-from pages import DOCS, run, scores, write_tables
+from pages import CONFIGS, DOCS, run, scores, write_tables
 
-from mapmore_cli.domain.scores import BASELINES
-from mapmore_cli.reporting.table import Column, Table
+from mapmore_cli.domain.scores import BASELINES, OWN, REPEATABILITY, SIMPLE
+from mapmore_cli.reporting.table import Cell, Column, Table
+from mapmore_cli.spec.loader import load
 from mapmore_cli.storage.artefacts import read_dataset
 
 STUDIES = (
@@ -44,5 +46,43 @@ def baselines(runs: Path) -> Table:
     return Table("baselines", "NRMSE on the held-out data", columns, rows)
 
 
+POLYNOMIALS = ("plane", "quadratic", "cubic")
+
+
+def studies_of_papers() -> list[str]:
+    """Return the simulated studies that have their paper's competitors alone, and hold something out."""
+    found = []
+    for folder in ("m1", "m2", "wrist", "muscle-like"):
+        for path in sorted(path for path in (CONFIGS / folder).glob("*.yaml") if not path.name.startswith("_")):
+            loaded = load(path)
+            spec = loaded.spec
+            if spec.data.split.hold_out is not None and not spec.validation.simple and "/datasets/" in loaded.resolved:
+                found.append(f"{folder}/{path.stem}")
+    return found
+
+
+def beside(study: str, runs: Path) -> dict[str, float]:
+    """NRMSE on the held-out data, in per cent, of the model, its page's competitors, and polynomials of its inputs."""
+    folder = run(study, runs, f"name={study.rpartition('/')[2]}.polynomials", "validate.simple=true")
+    return {model: 100 * one.nrmse for model, one in scores(folder, "validate").items() if model != REPEATABILITY}
+
+
+def polynomials(runs: Path) -> Table:
+    """A row for every study of a paper."""
+    rows: list[tuple[Cell, ...]] = []
+    ahead = 0
+    for study in studies_of_papers():
+        found = beside(study, runs)
+        best = min((model for model in found if model not in (*SIMPLE, OWN)), key=found.__getitem__, default=None)
+        shown = [found[name] for name in POLYNOMIALS]
+        rows.append((study.rpartition("/")[2], found[OWN], best, None if best is None else found[best], *shown))
+        ahead += min(shown) < found[OWN]
+    columns = (Column("study"), Column("mapmore", "%", ".3g"), Column("best of its page"), Column("its error", "%", ".3g"))
+    note = f"A polynomial is ahead of mapmore in {ahead} of {len(rows)} studies, picked afterwards."
+    polynomial = (Column(name, "%", ".3g") for name in POLYNOMIALS)
+    return Table("polynomials", "NRMSE on the held-out data", (*columns, *polynomial), tuple(rows), (note,))
+
+
 if __name__ == "__main__":
-    write_tables(DOCS / "baselines.md", {"baselines": lambda: baselines(Path(sys.argv[1]))})
+    made = {"baselines": baselines, "polynomials": polynomials}
+    write_tables(DOCS / "baselines.md", {name: partial(made[name], Path(sys.argv[1])) for name in sys.argv[2:] or made})

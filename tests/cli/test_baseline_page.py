@@ -7,7 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import baseline_tables
 import pytest
+from page_tables import DOCS, numbers, page_table
 
 PROJECT = Path(__file__).parents[2]
 
@@ -28,3 +30,16 @@ def test_the_page_says_what_a_gaussian_process_gets(tmp_path: Path, mapmore: Cal
     scores = {r["model"]: r["nrmse"] for r in json.loads(result.stdout)["scores"] if (r["split"], r["curve"]) == ("validate", "all")}
     for name in ("mapmore", *names):
         assert 100 * scores[name] == pytest.approx(printed[name], rel=0.02)
+
+
+@pytest.mark.parametrize("study", ["m1/peano-m1-static", "m1/peano-m1-hysteresis"])
+def test_polynomials_beside_the_studies_of_papers(study: str, tmp_path: Path) -> None:
+    """One that pieces win and one that they lose; every study has its row, and the note counts them."""
+    rows = {name: numbers(row) for name, row in page_table("polynomials", DOCS / "baselines.md").items()}
+    assert list(rows) == [path.rpartition("/")[2] for path in baseline_tables.studies_of_papers()]
+    found = baseline_tables.beside(study, tmp_path)
+    row = rows[study.rpartition("/")[2]]
+    for model in ("mapmore", *baseline_tables.POLYNOMIALS):
+        assert found[model] == pytest.approx(row[model], rel=0.01)
+    ahead = sum(min(row[name] for name in baseline_tables.POLYNOMIALS) < row["mapmore"] for row in rows.values())
+    assert f"ahead of mapmore in {ahead} of {len(rows)} studies" in (DOCS / "baselines.md").read_text()
