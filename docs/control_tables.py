@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import yaml
+from closed_loop import Lift, Loop, closed_loop, wanted_force
 from pages import CONFIGS, DOCS, write_tables
 
 from mapmore_cli.domain.arrays import Array, Columns
@@ -15,11 +16,10 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling.inverse import NEAREST, invert
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.reporting.table import Cell, Column, Table
-from mapmore_cli.rig.waveform import Lift, Loop, closed_loop, wanted_force
 from mapmore_cli.spec.loader import load
 from mapmore_cli.spec.simulation import SimulationSpec
 from mapmore_cli.storage.artefacts import read_model
-from mapmore_cli.study.simulation.rig_parts import KPA, hysteresis_of, muscle_of
+from mapmore_cli.study.simulation.simulate import KPA, hysteresis_of, muscle_of
 
 LIFT = Lift(mass=20.0, length=0.088, damping=400.0, lag=0.05, highest=350 * KPA, step=0.5e-3)
 LOOP = Loop(period=5e-3, kp=500 * KPA, ki=4000 * KPA)

@@ -40,7 +40,7 @@ from mapmore_cli.storage.artefacts import read_model
 from mapmore_cli.storage.atomic import refusals_told, write_bytes, write_text
 from mapmore_cli.storage.readers import READERS, suffix_of
 from mapmore_cli.storage.run_folder import MODEL, RunFiles
-from mapmore_cli.storage.score_files import score_row, scores_beside
+from mapmore_cli.storage.run_record import score_row, scores_beside
 from mapmore_cli.study.frames import canonical_columns, is_frame, names_of, quantities_of, source_of, write_frames
 from mapmore_cli.study.prediction.loaded_model import LoadedModel
 from mapmore_cli.study.prediction.records import reading_of

@@ -116,7 +116,7 @@ def settle(error: BaseException, debug: bool, as_json: bool) -> int:
 
 
 def error_document(error: BaseException) -> dict[str, object]:
-    """An error as a member of a JSON document."""
+    """Return an error as a member of a JSON document."""
     error = explained(error)
     if isinstance(error, MapmoreError):
         return {"message": error.message, "remedy": error.remedy, "exit_code": error.exit_code}
@@ -124,7 +124,7 @@ def error_document(error: BaseException) -> dict[str, object]:
 
 
 def exit_code(error: BaseException) -> int:
-    """The code that a command ends with."""
+    """Return the code that a command ends with."""
     error = explained(error)
     if isinstance(error, MapmoreError):
         return error.exit_code
@@ -134,7 +134,7 @@ def exit_code(error: BaseException) -> int:
 
 
 def message(error: BaseException) -> str:
-    """What a user is told; an internal fault is one line."""
+    """Return what a user is told; an internal fault is one line."""
     error = explained(error)
     if isinstance(error, KeyboardInterrupt):
         return str(error) or "interrupted"

@@ -92,7 +92,7 @@ def _input(
 ) -> tuple[Iterator[str], str]:
     """Return the lines to predict for, and what messages call them."""
     from mapmore_cli.modelling.kinds import runs_over_time
-    from mapmore_cli.storage.text_streams import as_text, lines_of
+    from mapmore_cli.storage.tables.lines import as_text, lines_of
     from mapmore_cli.study.prediction.grid import grid_lines
     from mapmore_cli.study.prediction.records import with_constants
 
@@ -136,7 +136,7 @@ def _is_number(text: str) -> bool:
 
 def write_lines(lines: Iterator[str], output: Path) -> None:
     """Write lines to a file as they come, or to stdout."""
-    from mapmore_cli.storage.text_streams import TEXT_ERRORS, replaced
+    from mapmore_cli.storage.tables.lines import TEXT_ERRORS, replaced
 
     if output == STANDARD:
         cast(io.TextIOWrapper, sys.stdout).reconfigure(encoding="utf-8", errors=TEXT_ERRORS, newline="")
@@ -163,7 +163,7 @@ def invert(
     """
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.storage.artefacts import read_model
-    from mapmore_cli.storage.text_streams import as_text, lines_of
+    from mapmore_cli.storage.tables.lines import as_text, lines_of
     from mapmore_cli.study.prediction.grid import inverted_lines
 
     with Reporter(quiet) as reporter:
@@ -193,7 +193,7 @@ def adapt(
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.cli.views.models import of_adapted
     from mapmore_cli.storage.artefacts import read_model, write_model
-    from mapmore_cli.storage.text_streams import as_text, lines_of
+    from mapmore_cli.storage.tables.lines import as_text, lines_of
     from mapmore_cli.study.prediction.predict import adapt, dimension_of
 
     with Reporter(quiet) as reporter:

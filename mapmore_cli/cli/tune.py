@@ -85,7 +85,7 @@ def _search(
 
 
 def values_of(over: Sequence[str]) -> dict[str, list[Any]]:
-    """The values of every setting: `fit.max_terms=2,4,8`, each of them YAML.
+    """Return the values of every setting: `fit.max_terms=2,4,8`, each of them YAML.
 
     Raises
     ------

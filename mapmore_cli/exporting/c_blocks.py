@@ -36,7 +36,7 @@ class CBlocks:
     """Where results lie that have no name of their own."""
 
     def function(self, function: Function) -> list[str]:
-        """A function that no other file sees; several results are written where the last argument points."""
+        """Return a function that no other file sees; several results are written where the last argument points."""
         several = len(function.body.results) > 1
         parameters = [f"{self.real} {name}" for name in function.parameters] + [f"{self.real} *results"] * several
         expressions = self._expressions()
@@ -50,7 +50,7 @@ class CBlocks:
         return [*note, head, "{", *indented([*ignored, *lines, *ends]), "}", ""]
 
     def body(self) -> tuple[list[str], Expressions]:
-        """The lines of the model's main statements, and how expressions are written after them."""
+        """Return the lines of the model's main statements, and how expressions are written after them."""
         expressions = self._expressions()
         return self._statements(self.model.body.statements, expressions), expressions
 
@@ -62,7 +62,7 @@ class CBlocks:
         return f"s->{name}" if name in self.model.kept.numbers else self.places.get(name, name)
 
     def _statements(self, statements: Sequence[Statement], expressions: Expressions) -> list[str]:
-        """The lines of some statements, which `expressions` goes on with."""
+        """Return the lines of some statements, which `expressions` goes on with."""
         lines = expressions.lines
         for statement in statements:
             match statement:

@@ -89,7 +89,7 @@ class InverseSource:
         return source.file(lines, self.stem)
 
     def _macros(self) -> list[str]:
-        """What the functions of every inverse have to know of this one."""
+        """Return what the functions of every inverse have to know of this one."""
         source, f = self.slopes, "f" * self.slopes.single
         coarser = COARSER if source.single else 1.0
         edges = max(2 * (len(places) - 1) * (parts_between(places) + 1) + 1 for places in self.knots.values())

@@ -50,7 +50,7 @@ static {real} end_at({real} level, int n, const {real} *levels, const {real} *en
 
 
 def source_of(model: Model, single: bool = False) -> Source:
-    """The model as the text of its files, in single precision or not.
+    """Return the model as the text of its files, in single precision or not.
 
     Raises
     ------
@@ -105,7 +105,7 @@ class Source:
         return f"int {self.name}_step({self.name}_state *s, {given})" if self.with_memory else f"int {self.name}_eval({given})"
 
     def header(self) -> str:
-        """The declarations, with names and units."""
+        """Return the declarations, with names and units."""
         lines = [*c_comment(*self._about()), f"#ifndef {self.prefix}_H", f"#define {self.prefix}_H", ""]
         lines += [f"#define {self.prefix}_INPUTS {len(self.model.inputs)}"]
         lines += [f"#define {self.place(q)} {i} {c_comment(_unit(q))[0]}" for i, q in enumerate(self.model.inputs)]
@@ -143,18 +143,18 @@ class Source:
         return ["typedef struct {", *indented([*numbers, *queues]), f"}} {self.name}_state;"]
 
     def source(self) -> str:
-        """The functions."""
+        """Return the functions."""
         reset = self._reset() if self.with_memory else []
         return self.file([*reset, *self.evaluation(self.call, ("*out",))])
 
     def evaluation(self, head: str, results: Sequence[str]) -> list[str]:
-        """A function that writes what the model comes to where `results` are, after those that it needs."""
+        """Return a function that writes what the model comes to where `results` are, after those that it needs."""
         blocks = CBlocks(self.code, self.dialect, self.real)
         functions = [line for function in self.code.functions for line in blocks.function(function)]
         return [*functions, head, "{", *indented(self._body(blocks, results)), "}", ""]
 
     def file(self, functions: Sequence[str], header: str = "") -> str:
-        """The text of a source file, with the helpers that its functions need."""
+        """Return the text of a source file, with the helpers that its functions need."""
         fill = {"real": self.real, "f": "f" * self.single, "tolerance": self.dialect.number(OUTSIDE_TOLERANCE)}
         body = "\n".join(functions)
         helpers = [(SIGN, "sign_of("), (BEYOND, "beyond("), (BETWEEN, "end_at(")]
@@ -184,7 +184,7 @@ class Source:
         return [*lines, *statements, *checks, *values, *lost, "return bits;"]
 
     def _check(self, number: int, limit: Limit, expressions: Expressions, places: Sequence[str]) -> Iterator[str]:
-        """Sets the bits of the inputs that are beyond a range."""
+        """Set the bits of the inputs that are beyond a range."""
         bits = " | ".join(f"1 << {place}" for place in places)
         value = expressions.text(limit.value)
         if limit.at is None or len(limit.levels) == 1:
@@ -211,12 +211,12 @@ class Source:
         return lines
 
     def _last(self, queue: str) -> str:
-        """The place of what came into a queue last."""
+        """Return the place of what came into a queue last."""
         size = self.code.kept.queues[queue]
         return f"(s->{queue}_at + {size - 1}) % {size}"
 
     def program(self) -> str:
-        """A program that reads a sample a line, and prints the output and the bits of each."""
+        """Return a program that reads a sample a line, and prints the output and the bits of each."""
         measured = bool(self.code.kept.fed_back)
         read = f'scanf("%{"f" if self.single else "lf"}", &in[i]) == 1'
         state = [f"{self.name}_state s;"] if self.with_memory else []
@@ -249,7 +249,7 @@ class Source:
         )
 
     def place(self, quantity: Quantity) -> str:
-        """The macro for the place of an input."""
+        """Return the macro for the place of an input."""
         return f"{self.prefix}_IN_{self.names[quantity.name].upper()}"
 
     def _number(self, value: float) -> str:

@@ -88,11 +88,11 @@ class Expressions:
         return Expressions(self.dialect, self.names, self.fresh, [] if own_lines else self.lines, dict(self.known))
 
     def condition(self, condition: Condition) -> str:
-        """A comparison."""
+        """Return a comparison."""
         return f"{self.text(condition.left)} {condition.comparison} {self.text(condition.right)}"
 
     def text(self, expression: Expression) -> str:
-        """The expression as a whole."""
+        """Return the expression as a whole."""
         if isinstance(expression, Sum):
             return self._sum(expression)
         if isinstance(expression, Product):
@@ -100,7 +100,7 @@ class Expressions:
         return self._atom(expression, front=True)
 
     def _atom(self, expression: Expression, front: bool = False) -> str:
-        """The expression as a factor."""
+        """Return the expression as a factor."""
         match expression:
             case Number(value):
                 text = self.dialect.number(value)
@@ -130,7 +130,7 @@ class Expressions:
         return text
 
     def _once(self, expression: Power | Call) -> str:
-        """A name for the value."""
+        """Return a name for the value."""
         if expression not in self.known:
             stem, text = self._computed(expression)
             name = self.fresh(stem)

@@ -35,7 +35,7 @@ class UnitSources:
 
 
 def fmu_sources(model: Model, units: Mapping[str, BaseUnits], tool: str) -> UnitSources:
-    """The texts of a unit; `units` says what is known of the units of the model, `tool` with which version of what it is made.
+    """Return the texts of a unit; `units` says what is known of the units of the model, `tool` with which version of what it is made.
 
     Raises
     ------
@@ -89,7 +89,7 @@ class _Unit:
         return str(UUID(bytes=hashlib.sha256(about.encode()).digest()[:16]))
 
     def configuration(self) -> str:
-        """What the wrapper has to know of the model."""
+        """Return what the wrapper has to know of the model."""
         name, prefix, step = self.name, self.name.upper(), self.code.step
         measured = bool(self.code.kept.fed_back)
         lines = ["/* What the functions of FMI have to know of the model. */", f'#include "{name}.h"', ""]

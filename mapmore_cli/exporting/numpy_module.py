@@ -73,13 +73,13 @@ class Module:
         return identifiers([self.model.output.name], [*taken, *(function.name for function in self.code.functions)])[0]
 
     def text(self, imports: str, needs: str, helpers: Sequence[str] = ()) -> str:
-        """The whole module, after the line that it `imports` by; `needs` says what it needs, `helpers` are functions that come first."""
+        """Return the whole module, after the line that it `imports` by; `needs` says what it needs, `helpers` are functions before."""
         parts = [self._head(imports, needs), *helpers, *(self._function(function) for function in self.code.functions)]
         parts += [self._state(), self._step()] if self.code.step is not None else [self._evaluate()]
         return "\n\n".join([*parts, BEYOND + "\n\n" + self._outside()])
 
     def derivatives(self) -> str:
-        """A function of the derivative for every input, of a program that has them behind its output."""
+        """Return a function of the derivative for every input, of a program that has them behind its output."""
         lines, results = self._block(self.code.body, self._expressions())
         about = docstring(f"Derivatives of {self.model.output.name} for {', '.join(self.names)}.")
         slopes = ", ".join(f"np.where(finite, {one}, np.nan)" for one in results[1:])
@@ -106,7 +106,7 @@ class Module:
         )
 
     def _block(self, block: Block, expressions: Expressions) -> tuple[list[str], list[str]]:
-        """The lines of a block and its results; all cases of a choice are worked out for all rows."""
+        """Return the lines of a block and its results; all cases of a choice are worked out for all rows."""
         self._statements(block.statements, expressions)
         results = [expressions.text(result) for result in block.results]
         return expressions.lines, results
@@ -189,7 +189,7 @@ class Module:
         return "\n".join([f"def step(s, {names}):", *indented([*about, *body]), ""])
 
     def _outside(self) -> str:
-        """A function of the inputs; limits are of inputs, or of expressions of them."""
+        """Return a function of the inputs; limits are of inputs, or of expressions of them."""
         expressions = self._expressions()
         statements = [one for one in self.code.body.statements if isinstance(one, Let) and one.name.startswith("input_")]
         self._statements(statements, expressions)

@@ -116,7 +116,7 @@ def plain_module(model: Model) -> tuple[str, str]:
 
 
 def _callers(written: Module, model: Model) -> list[str]:
-    """The model by the name of its output, `force(pressure, strain, state=None)`; and `reset`."""
+    """Return the model by the name of its output, `force(pressure, strain, state=None)`; and `reset`."""
     names = ", ".join(written.names.values())
     given = f"{names}, " if names else ""
     memory = written.code.step is not None

@@ -63,7 +63,7 @@ double {name}_valid({parameters})
 
 
 def mujoco_files(model: Model) -> dict[str, str]:
-    """The C of a model of pressure and strain, and a callback that MuJoCo asks for the force of an actuator.
+    """Return the C of a model of pressure and strain, and a callback that MuJoCo asks for the force of an actuator.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def mujoco_files(model: Model) -> dict[str, str]:
 
 
 def simulink_files(model: Model) -> dict[str, str]:
-    """The C of a model, and a function of single numbers that a C Caller block calls.
+    """Return the C of a model, and a function of single numbers that a C Caller block calls.
 
     Raises
     ------

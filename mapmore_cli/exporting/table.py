@@ -25,7 +25,7 @@ HEADER = b"MATLAB 5.0 MAT-file, written by mapmore"
 
 
 def table_files(model: Model, axes: Mapping[str, Sequence[float]] | None = None) -> dict[str, bytes]:
-    """The files of a table by name; `axes` has the places along each input, ascending, else they are spread over the training range.
+    """Return the files of a table by name; `axes` has the places along each input, ascending, else they are spread over the training range.
 
     All hold the output on the grid, and `valid`: 1 within the training range, 0 beyond. The MAT file has one vector for each input, and
     the arrays in the order of the inputs. The text for Modelica is written for two inputs, with the first along the rows.
@@ -74,7 +74,7 @@ def _csv(model: Model, points: Mapping[str, Array], values: Array, valid: Array)
 
 
 def _mat(model: Model, places: Mapping[str, Array], values: Array, valid: Array) -> bytes:
-    """A MAT file of level 5, without the date that SciPy puts into it."""
+    """Return a MAT file of level 5, without the date that SciPy puts into it."""
     from scipy.io import savemat
 
     names = names_of_inputs(model.inputs, [model.output.name, "valid"])

@@ -56,7 +56,7 @@ def library_place(name: str) -> str:
 
 
 def shared_library(files: Mapping[str, str], compiled: Sequence[str]) -> bytes:
-    """The library that those of the files are compiled to.
+    """Return the library that those of the files are compiled to.
 
     Raises
     ------
@@ -170,7 +170,7 @@ def verify_module(model: Model, text: str, each: bool = False) -> None:
 
 
 def _called(function: Any, given: Sequence[Array], each: bool) -> Any:
-    """A function of whole arrays, or of one sample after the other."""
+    """Return a function of whole arrays, or of one sample after the other."""
     return np.array([function(*row) for row in zip(*given, strict=True)]) if each and given else function(*given)
 
 

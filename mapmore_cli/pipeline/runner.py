@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING
 from mapmore_cli.domain.errors import MapmoreError, RunWarning, WriteError
 from mapmore_cli.fitting.stage import Progress, Stage, Warn
 from mapmore_cli.modelling.selection import AUTO
-from mapmore_cli.pipeline.needs import MODEL_STAGE, Needed, needed_runs, runs_built_on
-from mapmore_cli.pipeline.staleness import Plan, as_found, plan_stages
+from mapmore_cli.pipeline.staleness import MODEL_STAGE, Needed, Plan, as_found, needed_runs, plan_stages, runs_built_on
 from mapmore_cli.storage.atomic import write_text
 from mapmore_cli.storage.run_folder import is_tidy, open_run_folder, recover, run_lock
 from mapmore_cli.storage.run_record import (

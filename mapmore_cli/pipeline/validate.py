@@ -78,7 +78,7 @@ def run(part: Slice, workspace: Workspace) -> None:
     from mapmore_cli.modelling.validation.residuals import alarms
     from mapmore_cli.reporting.model_tables import rival_minima
     from mapmore_cli.storage.artefacts import write_validation
-    from mapmore_cli.storage.score_files import write_scores
+    from mapmore_cli.storage.run_record import write_scores
 
     measured, model = workspace.files.dataset(), workspace.files.model()
     dataset = measured if part.seen_as is None else scored_as(part.seen_as, measured, model)

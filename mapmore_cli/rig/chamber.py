@@ -90,6 +90,9 @@ def _excess(muscle: Peano, driving: Array | float, strain: Array | float, alpha:
     return np.asarray(alpha * (1.0 - strain) - np.sin(alpha) - (bulge - muscle.bending * alpha**2) / muscle.stiffness)
 
 
+GRAVITY = 9.81
+"""m/s2."""
+
 ATMOSPHERE = 101_325.0
 """p0, Pa."""
 

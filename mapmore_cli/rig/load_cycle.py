@@ -16,9 +16,9 @@ from scipy.signal import lfilter
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.declared import NonNegative, Positive, Settings
+from mapmore_cli.rig.chamber import GRAVITY
 from mapmore_cli.rig.muscle import SLACK_WIDTH, Hysteresis, StaticMuscle, softplus, zero_force_strain
 from mapmore_cli.rig.sensors import observe
-from mapmore_cli.rig.step_response import GRAVITY
 from mapmore_cli.rig.wet_muscle import TOLERANCE, WetMuscle, integrate
 
 

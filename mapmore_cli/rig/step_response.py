@@ -13,13 +13,10 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.declared import NonNegative, Positive, Settings
-from mapmore_cli.rig.chamber import Reservoir
+from mapmore_cli.rig.chamber import GRAVITY, Reservoir
 from mapmore_cli.rig.muscle import zero_force_strain
 from mapmore_cli.rig.sensors import observe
 from mapmore_cli.rig.wet_muscle import TOLERANCE, WetMuscle, integrate
-
-GRAVITY = 9.81
-"""m/s2."""
 
 ABOVE_WATER = (1e5, 0.1, 1.0)
 """Size of the states that stand before the wet muscle's: reservoir pressure (Pa), strain, strain rate (1/s)."""

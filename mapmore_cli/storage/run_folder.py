@@ -95,7 +95,7 @@ class RunFiles:
 
     def scores(self) -> ScoreTable:
         """Return the scores alone, without the predictions behind them."""
-        from mapmore_cli.storage.score_files import read_scores
+        from mapmore_cli.storage.run_record import read_scores
 
         return read_scores(self.folder / SCORES)
 

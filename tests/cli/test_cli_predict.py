@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.text_streams import lines_of
+from mapmore_cli.storage.tables.lines import lines_of
 from mapmore_cli.study.prediction.predict import predicted_lines
 
 MODEL = hand_model()

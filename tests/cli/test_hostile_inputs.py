@@ -27,8 +27,8 @@ from mapmore_cli.domain.foreign import csv_cell, printable
 from mapmore_cli.storage.atomic import write_text
 from mapmore_cli.storage.globs import expand
 from mapmore_cli.storage.readers import READERS, TableRequest
+from mapmore_cli.storage.tables.lines import lines_of, replaced
 from mapmore_cli.storage.tables.table import reading
-from mapmore_cli.storage.text_streams import lines_of, replaced
 
 
 def read(path: Path, *columns: str, **keys: object) -> object:

@@ -12,7 +12,7 @@ from cli_samples import scored_run, write_study
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.fitting.stage import Stage
-from mapmore_cli.pipeline.needs import needed_runs
+from mapmore_cli.pipeline.staleness import needed_runs
 from mapmore_cli.spec.loader import load
 
 VARIATION = "{set: {fit.max_terms: 2, fuse: {z_s: 0.4}}, as: two}"

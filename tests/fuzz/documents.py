@@ -27,8 +27,7 @@ from mapmore_cli.pipeline.runner import bring_up_to_date, explain
 from mapmore_cli.spec.loader import LoadedSpec, load
 from mapmore_cli.storage import artefacts
 from mapmore_cli.storage.artefacts import read_validation
-from mapmore_cli.storage.run_record import load_origin
-from mapmore_cli.storage.score_files import read_scores, scores_beside
+from mapmore_cli.storage.run_record import load_origin, read_scores, scores_beside
 from mapmore_cli.study.campaigns.archive import find_model, freeze
 
 VALUES: tuple[Any, ...] = (
@@ -140,5 +139,5 @@ def warm(folder: Path) -> None:
 
 PAST = ("scores read", "scores refused (exit 4)", "record read", "record refused (exit 4)", "record read, ignored with a warning")
 TARGET = Target(
-    "documents", attempt, ("storage/run_record.py", "storage/score_files.py", "cli/views/files.py"), past=PAST, traced=50, warm=warm
+    "documents", attempt, ("storage/run_record.py", "storage/run_record.py", "cli/views/files.py"), past=PAST, traced=50, warm=warm
 )

@@ -22,7 +22,7 @@ from mapmore_cli.rig.muscle import Hysteresis
 from mapmore_cli.rig.sensors import recording_generator
 from mapmore_cli.spec.loader import load_as
 from mapmore_cli.spec.simulation import SimulationSpec
-from mapmore_cli.study.simulation import rig_parts
+from mapmore_cli.study.simulation import simulate
 from mapmore_cli.study.simulation.simulate import csv_text, decimals, recording
 
 DATASETS = Path(__file__).parents[2] / "datasets"
@@ -43,7 +43,7 @@ def committed(path: str) -> dict[str, np.ndarray]:
 @cache
 def closed_muscle(length: str = "16"):
     short = spec(f"random_velocity_{length}cm")
-    return rig_parts.closed_muscle_of(short.muscle, short.hysteresis, short.experiment)
+    return simulate.closed_muscle_of(short.muscle, short.hysteresis, short.experiment)
 
 
 # Contraction table --------------------------------------------------------------------------------------------------------------------
@@ -51,7 +51,7 @@ def closed_muscle(length: str = "16"):
 
 def test_each_weight_hangs_where_the_muscle_balances_it():
     table = spec("contraction_table")
-    muscle, weights = rig_parts.muscle_of(table.muscle), np.linspace(0.0, 290.0, 7)
+    muscle, weights = simulate.muscle_of(table.muscle), np.linspace(0.0, 290.0, 7)
     without = Hysteresis(0.0, 0.0, np.array([0.01]), np.array([1.0]))
     strains = resting_strains(muscle, without, 4e5, weights)
     assert muscle.force(4e5, strains) == pytest.approx(weights, abs=1e-6)
@@ -61,8 +61,8 @@ def test_each_weight_hangs_where_the_muscle_balances_it():
 def test_friction_keeps_a_muscle_from_its_full_contraction_and_from_being_drawn_out():
     """It contracts first and is then drawn out: shorter of contraction unloaded, and less drawn out under weights than it would be."""
     table = spec("contraction_table")
-    muscle, weights = rig_parts.muscle_of(table.muscle), np.array([0.0, 100.0, 200.0])
-    rubbing, without = rig_parts.hysteresis_of(table.hysteresis), Hysteresis(0.0, 0.0, np.array([0.01]), np.array([1.0]))
+    muscle, weights = simulate.muscle_of(table.muscle), np.array([0.0, 100.0, 200.0])
+    rubbing, without = simulate.hysteresis_of(table.hysteresis), Hysteresis(0.0, 0.0, np.array([0.01]), np.array([1.0]))
     held, free = (resting_strains(muscle, friction, 5e5, weights) for friction in (rubbing, without))
     assert held[0] < free[0]
     assert (held[1:] > free[1:]).all()
@@ -80,7 +80,7 @@ def test_repeats_are_averaged():
     """The mean of nine repeats scatters less around the weights' balance than one of them does."""
     single, many = (spec("contraction_table", f"experiment.repeats={n}", "experiment.regulator_error=0") for n in (1, 9))
     exact = resting_strains(
-        rig_parts.muscle_of(single.muscle), rig_parts.hysteresis_of(single.hysteresis), 6e5, 9.81 * np.array(single.experiment.masses)
+        simulate.muscle_of(single.muscle), simulate.hysteresis_of(single.hysteresis), 6e5, 9.81 * np.array(single.experiment.masses)
     )
     one, nine = (np.std(recording(table, 600.0)["strain"] - exact) for table in (single, many))
     assert nine < 0.6 * one
@@ -123,7 +123,7 @@ def test_the_pressure_is_that_of_the_gas_and_its_warmth_integrated_apart():
 
 
 def test_a_random_motion_is_what_its_columns_say():
-    motion = rig_parts.random_motion_of(spec("random_velocity_16cm", "experiment.duration=6", "experiment.every=1").experiment)
+    motion = simulate.random_motion_of(spec("random_velocity_16cm", "experiment.duration=6", "experiment.every=1").experiment)
     found = random_velocity(closed_muscle(), motion, 4e5, recording_generator(1, "a"))
     assert found["velocity"][1:-1] == pytest.approx(-np.gradient(found["length"], found["time"])[1:-1], abs=2e-3)
     assert np.abs(found["velocity"]).max() <= motion.speeds[1] * 1.01
@@ -144,7 +144,7 @@ def test_fewer_logged_samples_are_those_of_the_full_record():
 
 
 def test_what_one_muscle_of_the_joint_gives_the_other_takes():
-    joint, swing = rig_parts.joint_of(
+    joint, swing = simulate.joint_of(
         spec("joint").muscle, spec("joint").hysteresis, spec("joint", "experiment.duration=2", "experiment.sample_time=0.01").experiment
     )
     closed = swung(joint, swing, 0.5, 5e5)
@@ -153,7 +153,7 @@ def test_what_one_muscle_of_the_joint_gives_the_other_takes():
         np.full(len(swing.clock), closed["length_1"][0] + closed["length_2"][0])
     )
     assert np.corrcoef(closed["pressure_1"], closed["length_1"])[0, 1] > 0.9
-    regulator = rig_parts.regulator_of(spec("joint").experiment.regulator)
+    regulator = simulate.regulator_of(spec("joint").experiment.regulator)
     moved = driven(joint, swing, regulator, (0.5e5, 5e5))
     later = swing.clock > 0.5
     assert np.corrcoef(moved["pressure_1"][later], moved["pressure_2"][later])[0, 1] < -0.9

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from closed_loop import Lift, Loop, closed_loop, wanted_force
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mapmore_cli.rig.chamber import GRAVITY
 from mapmore_cli.rig.muscle import Hysteresis
 from mapmore_cli.rig.sensors import Sensor, measure, recording_generator
-from mapmore_cli.rig.waveform import GRAVITY, Lift, Loop, closed_loop, wanted_force
 
 
 @settings(deadline=None)

@@ -15,7 +15,7 @@ from mapmore_cli.storage import atomic, run_folder
 from mapmore_cli.storage.atomic import is_special, refusals_told, replacing, unfinished_beside, write_bytes, write_text
 from mapmore_cli.storage.run_folder import open_run_folder, recover, run_lock, stage_folder, swap_in
 from mapmore_cli.storage.run_record import stamps_of, take_stamp
-from mapmore_cli.storage.text_streams import replaced
+from mapmore_cli.storage.tables.lines import replaced
 
 
 def test_write_replaces_the_whole_file(tmp_path: Path) -> None:

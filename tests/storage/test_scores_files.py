@@ -16,7 +16,7 @@ from stored_records import VALIDATIONS
 from mapmore_cli.cli.views.files import of_file
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.scores import Score, ScoreTable, Validation
-from mapmore_cli.storage.score_files import read_scores, write_scores
+from mapmore_cli.storage.run_record import read_scores, write_scores
 
 ROW = Score("mapmore", "force", "validate", "pressure=250", 40, 12.3456789012345, 0.02, 617.0, "max|force|", 30.0, 0.05, 1 / 3)
 COLUMNS = [field.name for field in fields(Score)]

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 def of_scores(table: ScoreTable, published: Published | None = None) -> View:
     """Return the score rows of every curve in the document; the pooled ones in the table, beside what a publication reports."""
-    from mapmore_cli.storage.score_files import score_row
+    from mapmore_cli.storage.run_record import score_row
 
     rows = [score_row(score) for score in table.scores]
     return View({"scores": rows, "units": table.units}, (score_table(table.scores, table.units, published, table.failed),))

@@ -88,7 +88,7 @@ def _of_hdf5(path: Path, warn: Callable[[str], None] = lambda _message: None, un
 def _of_json(path: Path) -> View:
     """`scores.json` or `run.json`, as they are; the table has what fits on a screen."""
     from mapmore_cli.reporting.score_tables import score_table
-    from mapmore_cli.storage.score_files import scores_in
+    from mapmore_cli.storage.run_record import scores_in
 
     try:
         document = json.loads(path.read_text(encoding="utf-8"))

@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import Selection
 from mapmore_cli.modelling.frols.basis import SMALL, BasisRemainders, column_squares, triangle
-from mapmore_cli.modelling.frols.criteria import finished
 from mapmore_cli.modelling.frols.moments import Blocks, Gram, checked, gathered, gram, residual_products, row_blocks, safe_scale, scaled
-from mapmore_cli.modelling.frols.select import TIE_TOLERANCE, DigitsLost, Stopping, greedy, ratios
+from mapmore_cli.modelling.frols.select import TIE_TOLERANCE, DigitsLost, Stopping, finished, greedy, ratios
 
 PIVOT_TOLERANCE = 1e-6
 """A downdated `q'q` below this fraction of `p'p` has lost too many digits (anything of 1e-4..1e-10 would serve)."""

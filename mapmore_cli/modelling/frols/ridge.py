@@ -15,9 +15,9 @@ from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
 
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.fits import Selection
-from mapmore_cli.modelling.frols.criteria import FULL_LEVERAGE
 from mapmore_cli.modelling.frols.engine import frols
 from mapmore_cli.modelling.frols.moments import Blocks, Moments
+from mapmore_cli.modelling.frols.select import FULL_LEVERAGE
 
 LEAST_RIDGE = 1e-9
 """A smaller ridge, but for zero, would drown in the rounding of G."""

@@ -17,9 +17,9 @@ from mapmore_cli.domain.memory import StateSet
 from mapmore_cli.modelling.expressions import Expression, dictionary_blocks, dictionary_matrix
 from mapmore_cli.modelling.expressions.families import fits_whole, refuse_beyond_memory
 from mapmore_cli.modelling.frols import frols, frols_streamed
-from mapmore_cli.modelling.frols.criteria import fewest, information_criterion
 from mapmore_cli.modelling.frols.moments import Moments, Standard, moments, standard, standardised, uncentred
 from mapmore_cli.modelling.frols.ridge import LEAST_RIDGE, Regularised, choose_ridge, prune, ridge_press, select, substitutes
+from mapmore_cli.modelling.frols.select import fewest, information_criterion
 from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.memory.states import evaluate_states
 from mapmore_cli.modelling.selection import MemoryRecipe, Stop

@@ -16,12 +16,11 @@ from pathlib import Path
 from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset
-from mapmore_cli.domain.results import FitResult
-from mapmore_cli.domain.scores import Validation
 from mapmore_cli.storage.artefacts.files import (
     DATASET_FILE,
     FIT_FILE,
     MODEL_FILE,
+    NO_UNITS,
     SEGMENTATION_FILE,
     VALIDATION_FILE,
     Warn,
@@ -45,8 +44,6 @@ __all__ = [
     "write_validation",
 ]
 
-_NO_UNITS: Mapping[str, str] = {}
-
 
 def units_of(dataset: Dataset) -> dict[str, str]:
     """Return the units by quantity, with those of the `target` and the `level`, for the files of the later stages."""
@@ -55,56 +52,22 @@ def units_of(dataset: Dataset) -> dict[str, str]:
     return {**units, "target": dataset.unit(dataset.target), **level}
 
 
-def write_dataset(path: Path, dataset: Dataset) -> None:
-    """Write what `ingest` hands on."""
-    DATASET_FILE.write(path, dataset, _NO_UNITS)
+write_dataset, read_dataset = DATASET_FILE.write, DATASET_FILE.read
+write_fit, read_fit = FIT_FILE.write, FIT_FILE.read
+write_validation, read_validation = VALIDATION_FILE.write, VALIDATION_FILE.read
+read_model = MODEL_FILE.read
 
 
-def read_dataset(path: Path, warn: Warn = silent, unverified: bool = False) -> Dataset:
-    """Read a dataset file, as ingest.h5."""
-    dataset: Dataset = DATASET_FILE.read(path, warn, unverified)
-    return dataset
+def write_model(path: Path, model: Model, provenance: Mapping[str, str] = NO_UNITS) -> None:
+    """Write a model that stands alone; `provenance` may hold texts of any length, as the resolved spec."""
+    MODEL_FILE.write(path, model, provenance=provenance)
 
 
-def write_segmentation(path: Path, curves: tuple[SegmentedCurve, ...], units: Mapping[str, str] = _NO_UNITS) -> None:
+def write_segmentation(path: Path, curves: tuple[SegmentedCurve, ...], units: Mapping[str, str] = NO_UNITS) -> None:
     """Write where the training curves are cut: boundaries and row numbers, no samples."""
     SEGMENTATION_FILE.write(path, SegmentationFile(tuple(curves)), units)
 
 
 def read_segmentation(path: Path, warn: Warn = silent, unverified: bool = False) -> tuple[SegmentedCurve, ...]:
-    """Read a segmentation file, as segment.h5."""
-    content: SegmentationFile = SEGMENTATION_FILE.read(path, warn, unverified)
-    return content.curves
-
-
-def write_fit(path: Path, result: FitResult, units: Mapping[str, str] = _NO_UNITS) -> None:
-    """Write segment functions with every intermediate result of their selection."""
-    FIT_FILE.write(path, result, units)
-
-
-def read_fit(path: Path, warn: Warn = silent, unverified: bool = False) -> FitResult:
-    """Read a fit file, as fit.h5."""
-    result: FitResult = FIT_FILE.read(path, warn, unverified)
-    return result
-
-
-def write_model(path: Path, model: Model, provenance: Mapping[str, str] = _NO_UNITS) -> None:
-    """Write a model that stands alone; `provenance` may hold texts of any length, as the resolved spec."""
-    MODEL_FILE.write(path, model, _NO_UNITS, provenance)
-
-
-def read_model(path: Path, warn: Warn = silent, unverified: bool = False) -> Model:
-    """Read a model file, as model.h5."""
-    model: Model = MODEL_FILE.read(path, warn, unverified)
-    return model
-
-
-def write_validation(path: Path, validation: Validation) -> None:
-    """Write predictions, fitted competitors and scores."""
-    VALIDATION_FILE.write(path, validation, _NO_UNITS)
-
-
-def read_validation(path: Path, warn: Warn = silent, unverified: bool = False) -> Validation:
-    """Read a validation file, as validate.h5."""
-    validation: Validation = VALIDATION_FILE.read(path, warn, unverified)
-    return validation
+    """Read where the training curves are cut."""
+    return SEGMENTATION_FILE.read(path, warn, unverified).curves

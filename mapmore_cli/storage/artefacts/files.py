@@ -13,14 +13,18 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from io import RawIOBase
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import h5py
 
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.domain.results import FitResult
+from mapmore_cli.domain.scores import Validation
 from mapmore_cli.storage.artefacts.integrity import CHECKSUM, Digest, Invalid, look_over, stored_at
 from mapmore_cli.storage.artefacts.label import Label
-from mapmore_cli.storage.artefacts.layout import DATASET, FIT_RESULT, MODEL, SEGMENTATION, VALIDATION
+from mapmore_cli.storage.artefacts.layout import DATASET, FIT_RESULT, MODEL, SEGMENTATION, VALIDATION, SegmentationFile
 from mapmore_cli.storage.artefacts.schema import Schema
 from mapmore_cli.storage.atomic import replacing
 from mapmore_cli.storage.run_record import refuse_newer
@@ -31,6 +35,8 @@ _ALTERED = "its values are not those that were written: the checksum does not ma
 _GET_ANOTHER = "get a fresh copy, or make it again with `mapmore run CONFIG`"
 
 Warn = Callable[[str], None]
+T = TypeVar("T")
+NO_UNITS: Mapping[str, str] = {}
 
 
 def silent(_message: str) -> None:
@@ -38,14 +44,14 @@ def silent(_message: str) -> None:
 
 
 @dataclass(frozen=True)
-class FileKind:
+class FileKind(Generic[T]):
     """A kind of file: its name in the attribute `kind`, the stage that makes it, and what its root holds."""
 
     name: str
     stage: str
     schema: Schema
 
-    def write(self, path: Path, record: Any, units: Mapping[str, str], provenance: Mapping[str, str] | None = None) -> None:
+    def write(self, path: Path, record: T, units: Mapping[str, str] = NO_UNITS, provenance: Mapping[str, str] | None = None) -> None:
         """Write `record`; `units` are those that it does not know itself. The bytes depend on the arguments only.
 
         Raises WriteError where the disk is full.
@@ -67,7 +73,7 @@ class FileKind:
             finally:
                 steady.tell_fault()
 
-    def read(self, path: Path, warn: Warn = silent, unverified: bool = False) -> Any:
+    def read(self, path: Path, warn: Warn = silent, unverified: bool = False) -> T:
         """Return the record in a file, checked against its declaration; `warn` is told where nothing says that it is as it was written.
 
         Raises DataError for the file is missing, no regular file, damaged, of another kind or of a newer format; it holds more than the
@@ -79,7 +85,7 @@ class FileKind:
                 raise DataError(f"{path}: is a {found} file, not a {self.name} file", f"give a file that `mapmore {self.stage}` wrote")
             try:
                 look_over(file, path.stat().st_size)
-                record = self.schema.read_from(file)
+                record: T = self.schema.read_from(file)
                 self.schema.check(record, "", {})
                 doubt = self._doubt(file, version, record)
             except Invalid as fault:
@@ -103,14 +109,12 @@ class FileKind:
         return None if isinstance(stored, str) and stored == digest.text else _ALTERED
 
 
-KINDS = (
-    FileKind("dataset", "ingest", DATASET),
-    FileKind("segmentation", "segment", SEGMENTATION),
-    FileKind("fit", "fit", FIT_RESULT),
-    FileKind("model", "fuse", MODEL),
-    FileKind("validation", "validate", VALIDATION),
-)
-DATASET_FILE, SEGMENTATION_FILE, FIT_FILE, MODEL_FILE, VALIDATION_FILE = KINDS
+DATASET_FILE = FileKind[Dataset]("dataset", "ingest", DATASET)
+SEGMENTATION_FILE = FileKind[SegmentationFile]("segmentation", "segment", SEGMENTATION)
+FIT_FILE = FileKind[FitResult]("fit", "fit", FIT_RESULT)
+MODEL_FILE = FileKind[Model]("model", "fuse", MODEL)
+VALIDATION_FILE = FileKind[Validation]("validation", "validate", VALIDATION)
+KINDS: tuple[FileKind[Any], ...] = (DATASET_FILE, SEGMENTATION_FILE, FIT_FILE, MODEL_FILE, VALIDATION_FILE)
 
 
 def kind_of(path: Path) -> str:

@@ -22,6 +22,7 @@ from mapmore_cli.storage.tables.lines import (
     Lines,
     guess_encoding,
     last_lines,
+    lines_of,
     open_lines,
     open_quote,
     quote_left_open,
@@ -39,7 +40,6 @@ from mapmore_cli.storage.tables.text import (
     values_of_lines,
     values_of_records,
 )
-from mapmore_cli.storage.text_streams import lines_of
 
 COMPARED = 50
 """Lines before the last one, with which it is compared."""

@@ -12,7 +12,7 @@ from pathlib import Path
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.globs import expand, relative_name
 from mapmore_cli.storage.readers import READERS, reader_of, suffix_of
-from mapmore_cli.storage.text_streams import lines_of
+from mapmore_cli.storage.tables.lines import lines_of
 from mapmore_cli.study.drafting.preview import Preview, preview, shared_start
 
 _REPEAT = re.compile(r"(?:test|run|rep|repeat|trial|take|try|no|nr|cycle)?\d{1,2}", re.IGNORECASE)

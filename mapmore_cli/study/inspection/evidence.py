@@ -55,7 +55,7 @@ class ColumnTitle:
 
 
 def read_label(name: str) -> ColumnTitle | None:
-    """What a column's name says: `pressure_kPa` and `P [kPa]` are pressures in kPa; None for a name that says nothing.
+    """Return what a column's name says: `pressure_kPa` and `P [kPa]` are pressures in kPa; None for a name that says nothing.
 
     The first word that names a quantity decides, and a unit is looked for behind it; without such a word, a unit of pressure does.
     """
@@ -72,13 +72,13 @@ def read_label(name: str) -> ColumnTitle | None:
 
 
 def unit_in(quantity: str, text: str) -> str | None:
-    """The unit of a quantity that a text holds, as `[kN]` under a column's name; None for none."""
+    """Return the unit of a quantity that a text holds, as `[kN]` under a column's name; None for none."""
     words = [word.casefold() for word in re.findall(r"%|[^\W\d_]+|\d+", text)]
     return next((_UNITS[quantity][word] or None for word in words if word in _UNITS.get(quantity, {})), None)
 
 
 def _apart(name: str) -> str:
-    """The name with its camel-case words apart; units as kPa and MPa stay whole."""
+    """Return the name with its camel-case words apart; units as kPa and MPa stay whole."""
     return re.sub(r"(?<=[a-z]{3})(?=[A-Z])", " ", name)
 
 
@@ -124,7 +124,7 @@ def slack_foot(pressure: Array, strain: Array, force: Array) -> Foot | None:
 
 
 def _groups(strain: Array) -> list[tuple[float, IntArray]]:
-    """The middle of each group of strains in ascending order, with the rows that belong to it."""
+    """Return the middle of each group of strains in ascending order, with the rows that belong to it."""
     low, span = float(strain.min()), float(np.ptp(strain)) or 1.0
     place = np.round((strain - low) / span * 200).astype(int)  # strains within half a per cent of the range are one
     if len(np.unique(place)) > GROUPS:
@@ -204,7 +204,7 @@ def settling(records: Sequence[tuple[Array, Array]]) -> Settling | None:
 
 
 def two_digits(value: float) -> float:
-    """A positive number, rounded to two digits, as a person would choose it."""
+    """Return a positive number, rounded to two digits, as a person would choose it."""
     return float(f"{round(value, 1 - math.floor(math.log10(value))):.6g}")
 
 
@@ -251,7 +251,7 @@ def remembered(records: Sequence[tuple[Array, Array]]) -> Remembered | None:
 
 
 def untold(drives: Sequence[Sequence[Array]], response: Sequence[Array]) -> float:
-    """The RMSE, relative to its spread, of a response by several inputs now and before; the arrays `(n,)` are those of each record.
+    """Return the RMSE, relative to its spread, of a response by several inputs now and before; the arrays `(n,)` are those of each record.
 
     Least squares on the inputs, their squares, delayed and slowly followed copies; it learns from every second tenth of each record.
     1 where the lengths of columns differ.
@@ -272,7 +272,7 @@ def untold(drives: Sequence[Sequence[Array]], response: Sequence[Array]) -> floa
 
 
 def _earlier(u: Array) -> Array:
-    """The input delayed and followed slowly, and the square of the latter, `(n, 8)`."""
+    """Return the input delayed and followed slowly, and the square of the latter, `(n, 8)`."""
     delayed = [np.concatenate([np.full(min(k, len(u)), u[0]), u[:-k]])[: len(u)] for k in DELAYS]
     slow = [followed(linear([1 - 1 / lag], [1 / lag]), u) for lag in LAGS]
     return np.column_stack([*delayed, *slow, *(one**2 for one in slow)])
@@ -292,7 +292,7 @@ FEWEST_SAME = 30  # samples, below which a straight line may be chance
 
 
 def same_signals(columns: Sequence[Array]) -> list[list[int]]:
-    """The places of columns `(n,)` that are one another times a constant, plus one, a list for each signal that is there more than once.
+    """Return the places of columns `(n,)` that are one another times a constant, plus one, a list for each repeated signal.
 
     Columns of different lengths, as where one lacks values, are not compared.
     """
@@ -316,7 +316,7 @@ TOGETHER, FARTHEST = 0.9, 30  # correlation of a command with what it commands, 
 
 
 def leads(first: Array, second: Array) -> bool:
-    """True where the second column `(n,)` repeats the first one later: a command, and what was measured of it."""
+    """Return True where the second column `(n,)` repeats the first one later: a command, and what was measured of it."""
     n = len(first)
     if n != len(second) or n < 4 * FARTHEST or not np.ptp(first) or not np.ptp(second):
         return False

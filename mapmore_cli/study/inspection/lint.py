@@ -11,8 +11,8 @@ from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.fitting.stage import Progress
 from mapmore_cli.ingestion.dataset import build_dataset
 from mapmore_cli.ingestion.files import slice_of
-from mapmore_cli.pipeline.needs import needed_runs
 from mapmore_cli.pipeline.runner import pipeline
+from mapmore_cli.pipeline.staleness import needed_runs
 from mapmore_cli.spec.loader import LoadedSpec
 from mapmore_cli.spec.sections.data import Split
 from mapmore_cli.study.inspection.rules import OF_CURVES, OF_RECORDINGS
@@ -67,7 +67,7 @@ def _issues(loaded: LoadedSpec, dataset: Dataset) -> tuple[Issue, ...]:
 
 
 def _of_another(key: str, loaded: LoadedSpec, dataset: Dataset | None) -> Iterator[Issue]:
-    """The errors of a run that this one needs or is compared with, which would end both; `dataset` where it is of the same recordings."""
+    """Return the errors of a run that this one needs or is compared with, which would end both; `dataset` where recordings are shared."""
     try:
         found = _issues(loaded, dataset or build_dataset(slice_of(loaded.spec), loaded.folder))
     except (SpecError, DataError) as fault:
@@ -76,7 +76,7 @@ def _of_another(key: str, loaded: LoadedSpec, dataset: Dataset | None) -> Iterat
 
 
 def _of_recordings_alone(loaded: LoadedSpec) -> tuple[Issue, ...]:
-    """What the rules say about the columns as they stand in the files; nothing where these cannot be read either."""
+    """Return what the rules say about the columns as they stand in the files; nothing where these cannot be read either."""
     part = slice_of(loaded.spec)
     bare: dict[str, Any] = {"derive": {}, "keep": [], "cycles": None, "levels": None, "split": Split()}
     bare |= {"missing": "drop", "repeated_time": "average"}

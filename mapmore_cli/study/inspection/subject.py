@@ -68,11 +68,11 @@ class Subject:
     dataset: Dataset | None = None
 
     def has(self, *names: str) -> bool:
-        """True where every recording has all these quantities."""
+        """Return True where every recording has all these quantities."""
         return all(name in recording.columns for recording in self.recordings for name in names)
 
     def pooled(self, name: str, unit: str | None = None) -> Array:
-        """A quantity of all recordings together, `(n,)`, converted to `unit`."""
+        """Return a quantity of all recordings together, `(n,)`, converted to `unit`."""
         values = self._pooled[name]
         return values if unit is None else convert(values, self.units[name], unit)
 

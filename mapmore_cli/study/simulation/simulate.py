@@ -13,35 +13,138 @@ from pathlib import Path
 import numpy as np
 
 from mapmore_cli.domain.arrays import Columns
+from mapmore_cli.domain.declared import taken
 from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.fitting.stage import Progress
-from mapmore_cli.rig.antagonists import driven, swung
-from mapmore_cli.rig.closed_muscle import random_velocity
-from mapmore_cli.rig.load_cycle import contraction_table, load_cycle, perturbation
+from mapmore_cli.rig.antagonists import Joint, Swing, driven, swung
+from mapmore_cli.rig.chamber import Braid, Chamber, Peano, Tubes
+from mapmore_cli.rig.closed_muscle import ClosedMuscle, RandomMotion, random_velocity
+from mapmore_cli.rig.load_cycle import LoadCycle, Loading, Regulation, Strokes, contraction_table, load_cycle, perturbation
+from mapmore_cli.rig.mckibben import McKibben
+from mapmore_cli.rig.muscle import Hysteresis, StaticMuscle
 from mapmore_cli.rig.sensors import Sensor, measure, recording_generator
-from mapmore_cli.rig.step_response import step_response
-from mapmore_cli.rig.waveform import waveform_response
+from mapmore_cli.rig.step_response import StepRig, StepTimes, step_response
+from mapmore_cli.rig.waveform import Regulator, Waveform, WaveformRig, waveform_response
+from mapmore_cli.rig.wet_muscle import Plumbing, WetMuscle
+from mapmore_cli.spec.fields import Section
 from mapmore_cli.spec.loader import load_as
-from mapmore_cli.spec.muscle_rigs import Antagonists, ContractionTable, McKibbenMuscle, RandomVelocity
-from mapmore_cli.spec.simulated_experiments import LoadCycles, Perturbations, StepResponses, Waveforms, WaveformSpec, pressure_label
-from mapmore_cli.spec.simulation import SensorSpec, SimulationSpec
-from mapmore_cli.storage.atomic import refusals_told, write_text
-from mapmore_cli.study.simulation.rig_parts import (
-    KPA,
-    closed_muscle_of,
-    hysteresis_of,
-    joint_of,
-    load_cycle_of,
-    loading_of,
-    muscle_of,
-    random_motion_of,
-    regulator_of,
-    step_rig_of,
-    strokes_of,
-    waveform_of,
-    waveform_rig_of,
-    wet_muscle_of,
+from mapmore_cli.spec.muscle_rigs import Antagonists, ContractionTable, McKibbenMuscle, PeanoMuscle, RandomVelocity, RestLength
+from mapmore_cli.spec.simulated_experiments import (
+    LoadCycles,
+    Perturbations,
+    RegulatorSpec,
+    StepResponses,
+    WaterRig,
+    Waveforms,
+    WaveformSpec,
+    pressure_label,
 )
+from mapmore_cli.spec.simulation import HysteresisSpec, SensorSpec, SimulationSpec
+from mapmore_cli.storage.atomic import refusals_told, write_text
+
+KPA = 1e3
+"""Pa; the rig computes in Pa, specs and recordings say kPa."""
+
+
+def _in_pascal(settings: Section, *names: str) -> dict[str, float]:
+    """Return pressures of a spec, which are in kPa, in Pa."""
+    return {name: getattr(settings, name) * KPA for name in names}
+
+
+def muscle_of(muscle: McKibbenMuscle | PeanoMuscle) -> StaticMuscle:
+    """Return the muscle at rest."""
+    return braid_of(muscle) if isinstance(muscle, McKibbenMuscle) else tube_of(muscle)
+
+
+def chamber_of(muscle: McKibbenMuscle | PeanoMuscle) -> Chamber:
+    """Return the same muscle, full of water."""
+    return Braid(braid_of(muscle)) if isinstance(muscle, McKibbenMuscle) else Tubes(tube_of(muscle), muscle.tubes)
+
+
+def tube_of(muscle: PeanoMuscle) -> Peano:
+    """One tube."""
+    return taken(Peano, muscle, **_in_pascal(muscle, "threshold", "threshold_width"))
+
+
+def braid_of(muscle: McKibbenMuscle) -> McKibben:
+    """Return the braid and its rubber."""
+    pressures = _in_pascal(muscle, "c10", "c01", "threshold", "threshold_width", "crimp_pressure")
+    return taken(McKibben, muscle, radius=0.5 * muscle.diameter, braid_angle=float(np.deg2rad(muscle.braid_angle)), **pressures)
+
+
+def hysteresis_of(hysteresis: HysteresisSpec) -> Hysteresis:
+    """Its friction."""
+    return Hysteresis(
+        base=hysteresis.base,
+        per_pressure=hysteresis.per_pressure / KPA,
+        yield_strains=np.array([stop.yield_strain for stop in hysteresis.stops]),
+        shares=np.array([stop.share for stop in hysteresis.stops]),
+    )
+
+
+def load_cycle_of(experiment: LoadCycles) -> tuple[LoadCycle, Regulation]:
+    """Return the slow cycle and its regulator."""
+    return taken(LoadCycle, experiment, turns=tuple(experiment.turns)), experiment.regulation
+
+
+def wet_muscle_of(spec: SimulationSpec, rig: WaterRig) -> WetMuscle:
+    """Return the muscle at the end of its water line."""
+    return WetMuscle(chamber_of(spec.muscle), hysteresis_of(spec.hysteresis), rig.rubber, rig.wall, taken(Plumbing, rig))
+
+
+def step_rig_of(spec: SimulationSpec, experiment: StepResponses) -> tuple[StepRig, StepTimes]:
+    """Return the rig of the step responses, and when its valve is switched."""
+    rig = taken(StepRig, experiment, muscle=wet_muscle_of(spec, experiment.rig), load_cell=experiment.rig.load_cell)
+    return rig, taken(StepTimes, experiment)
+
+
+def strokes_of(experiment: Perturbations) -> Strokes:
+    """Return the actuator's moves."""
+    stretched, contracted = experiment.between
+    return Strokes(stretched, contracted, tuple(experiment.moves), experiment.dwell, experiment.sample_time)
+
+
+def waveform_rig_of(muscle: McKibbenMuscle, hysteresis: HysteresisSpec, experiment: Waveforms) -> WaveformRig:
+    """Return the muscle that hangs behind a regulator."""
+    parts = {"hysteresis": hysteresis_of(hysteresis), "regulator": regulator_of(experiment.regulator)}
+    return taken(WaveformRig, experiment, muscle=braid_of(muscle), **parts)
+
+
+def regulator_of(regulator: RegulatorSpec) -> Regulator:
+    """Return the regulator."""
+    return taken(Regulator, regulator, **_in_pascal(regulator, "slope", "offset", "band", "supply"))
+
+
+def waveform_of(experiment: Waveforms, waveform: WaveformSpec) -> Waveform:
+    """Return the input of one recording."""
+    return taken(Waveform, waveform, rest=experiment.rest, rest_input=waveform.rest_at, sample_time=experiment.sample_time)
+
+
+def loading_of(experiment: ContractionTable) -> Loading:
+    """Return the weights of a table of contractions."""
+    return Loading(tuple(experiment.masses), experiment.regulator_error * KPA)
+
+
+def closed_muscle_of(muscle: McKibbenMuscle, hysteresis: HysteresisSpec, experiment: RandomVelocity | Antagonists) -> ClosedMuscle:
+    """Return a muscle full of air."""
+    return ClosedMuscle(braid_of(muscle), hysteresis_of(hysteresis), experiment.rubber, experiment.air)
+
+
+def random_motion_of(experiment: RandomVelocity) -> RandomMotion:
+    """Return what the motor does."""
+    return taken(RandomMotion, experiment, rest=_rest_of(experiment.rest))
+
+
+def joint_of(flexor: McKibbenMuscle, hysteresis: HysteresisSpec, experiment: Antagonists) -> tuple[Joint, Swing]:
+    """Return the joint, and its sine."""
+    muscles = (closed_muscle_of(flexor, hysteresis, experiment), closed_muscle_of(experiment.extensor, hysteresis, experiment))
+    upright = (experiment.pressure * KPA, experiment.taut)
+    return taken(Joint, experiment, muscles=muscles, rest=_rest_of(experiment.rest), upright=upright), taken(Swing, experiment)
+
+
+def _rest_of(rest: RestLength) -> tuple[float, float]:
+    return rest.pressure * KPA, rest.force
+
 
 UNITS = {"pressure": KPA, "muscle_pressure": KPA, "flow": 1e-3 / 60.0, "displacement": 1e-3, "length": 1e-3, "velocity": 1e-3}
 """Of the recordings, in SI units: kPa, L/min, mm, mm/s; the other columns have the rig's own."""

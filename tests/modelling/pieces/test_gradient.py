@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mapmore_cli.modelling.pieces.boundaries import gradient_boundaries, slope_change
 from mapmore_cli.modelling.pieces.recipe import Cuts
+from mapmore_cli.modelling.pieces.segmentation import gradient_boundaries, slope_change
 from mapmore_cli.modelling.signals.rates import running_median
 
 SEEDS = 100

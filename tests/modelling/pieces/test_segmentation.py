@@ -14,10 +14,9 @@ from surfaces import curves, recipe
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
-from mapmore_cli.modelling.pieces.boundaries import optimal_partition
 from mapmore_cli.modelling.pieces.build import fit, segment
 from mapmore_cli.modelling.pieces.recipe import Cuts
-from mapmore_cli.modelling.pieces.segmentation import joined, segment_curve, segment_id, training_curves
+from mapmore_cli.modelling.pieces.segmentation import joined, optimal_partition, segment_curve, segment_id, training_curves
 
 
 def cut(curve, cuts):
