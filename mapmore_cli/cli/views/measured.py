@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from mapmore_cli.cli.views import measured
 from mapmore_cli.cli.views.fitted import View
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.results import Candidate, Plan
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
 
 def of_inspection(inspection: Inspection, unconfirmed: Sequence[str] = ()) -> View:
     """Return the curves if any, then the issues with their remedies, the worst first, and guesses that nobody has confirmed."""
-    found = View({}) if inspection.dataset is None else measured.of_dataset(inspection.dataset)
+    found = View({}) if inspection.dataset is None else of_dataset(inspection.dataset)
     issues = [asdict(issue) for issue in inspection.issues]
     questions = [f"not confirmed: {question}" for question in unconfirmed]
     lines = _lines(inspection.issues) if inspection.issues or not questions else ()
