@@ -9,6 +9,8 @@ FIGURES = {
     "data": "data",
     "fit": "fit",
     "error": "fit",
+    "residual_map": "fit",
+    "surface": "fit",
     "residuals": "fit",
     "nrmse": "nrmse",
     "bands": "nrmse",

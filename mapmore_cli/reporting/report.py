@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
@@ -70,7 +73,8 @@ def write_report(inputs: ReportInputs, out: Path, figures: Sequence[str], format
     """Write the report into the folder `out`, byte for byte the same for the same inputs.
 
     - `figures`: names out of `domain.page.FIGURES`.
-    - `formats`: `html`: index.html, with the figures in it; `svg`: a file for each figure; `csv`, `tex`: tables/*; `pdf`, `png`, `pgf`:
+    - `formats`: `html`: index.html, with the figures in it; `svg`: a file for each figure; `csv`, `tex`: tables/*, and with a page `csv`
+      of what each figure was drawn from, numbers/*; `pdf`, `png`, `pgf`:
       panels/*, every panel of every figure in these formats (and as SVG where that is asked for too), and as CSV.
     """
     tables = all_tables(inputs)
@@ -87,6 +91,8 @@ def write_report(inputs: ReportInputs, out: Path, figures: Sequence[str], format
     drawn = [(name, drawing) for name in FIGURES if name in figures for drawing in drawings(name, inputs)]
     if {"html", "svg"} & set(formats):
         on_page = [(name, rendered(drawing, inputs.style)) for name, drawing in drawn]
+        if "csv" in formats:
+            on_page = [(name, _with_numbers(figure, drawing, out)) for (name, figure), (_, drawing) in zip(on_page, drawn, strict=True)]
         if "svg" in formats:
             for _, figure in on_page:
                 _write(out / f"{figure.name}.svg", SVG_PROLOGUE + figure.svg)
@@ -94,6 +100,25 @@ def write_report(inputs: ReportInputs, out: Path, figures: Sequence[str], format
             _write(out / "index.html", render_page(inputs, tables, rendered_by_section(on_page)))
     if PAPER & set(formats):
         write_panels([drawing for _, drawing in drawn], out / "panels", formats, inputs)
+
+
+MOST_NUMBERS = 20_000
+"""Rows of a figure's numbers beside the page; longer ones are written on demand (`mapmore figure --data`)."""
+
+
+def _with_numbers(figure: RenderedFigure, drawing: Drawing, out: Path) -> RenderedFigure:
+    """Write what a figure was drawn from beside the page, panel below panel, and return the figure with the name of the file."""
+    sizes = [len(next(iter(panel.data.values()), ())) for panel in drawing.panels]
+    if not 0 < sum(sizes) <= MOST_NUMBERS:
+        return figure
+    headings = dict.fromkeys(heading for panel in drawing.panels for heading in panel.data)
+    table: dict[str, list[Any]] = {"panel": [panel.key for panel, size in zip(drawing.panels, sizes, strict=True) for _ in range(size)]}
+    for heading in headings:
+        pairs = zip((panel.data.get(heading, ()) for panel in drawing.panels), sizes, strict=True)
+        table[heading] = [value for values, size in pairs for value in (values if len(values) else [math.nan] * size)]
+    (out / "numbers").mkdir(exist_ok=True)
+    _write(out / "numbers" / f"{drawing.name}.csv", data_csv(table))
+    return replace(figure, numbers=f"numbers/{drawing.name}.csv")
 
 
 def write_panels(drawn: Sequence[Drawing], folder: Path, formats: Sequence[str], inputs: ReportInputs) -> None:

@@ -40,12 +40,13 @@ def panel_of(name: str, inputs: ReportInputs, words: str) -> tuple[Drawing, Pane
 
 @dataclass(frozen=True)
 class RenderedFigure:
-    """A figure as SVG; `width` in inches."""
+    """A figure as SVG; `width` in inches, `numbers` is the file of what it was drawn from, empty where there is none."""
 
     name: str
     caption: str
     svg: str
     width: float
+    numbers: str = ""
 
 
 def rendered(drawing: Drawing, style: FigureStyle | None = None) -> RenderedFigure:

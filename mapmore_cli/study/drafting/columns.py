@@ -214,7 +214,7 @@ def _by_values(raw: Raw, told: Sequence[float], loaded: bool) -> dict[str, Guess
         take("time", [(column, "it never decreases") for column in ranked])
         left = {column: values for column, values in left.items() if column not in clocks}  # dates, and counters of samples
     left = {column: values for column, values in left.items() if column not in twins}
-    likely = [column for column in sorted(left, key=lambda column: -scores[column][0]) if column in moving and scores[column][0] > 0]
+    likely = sorted((one for one in left if one in moving and scores[one][0] > 0), key=lambda one: -scores[one][0])
     small = [column for column in left if _largest(left[column]) <= LARGEST_FRACTION and not (named and column == likely[0])]
     if len(left) > MOST_UNNAMED and not named:  # too many for a guess of what each is: what drives, and what follows
         if likely:

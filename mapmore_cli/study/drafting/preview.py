@@ -114,7 +114,9 @@ def _table(first_rows: Top, reader: str, least: int) -> _Table | None:
     if len(numeric) < least:
         return None
     blank = [not _filled(row) for row in whole]
-    filled = [_filled([row[place] for place in numeric]) if len(row) >= width else [] for row in whole]
+    filled = [
+        _filled([row[place] for place in numeric]) if len(row) == width or (reader == "xlsx" and len(row) > width) else [] for row in whole
+    ]
     numbers = [sum(map(first_rows.is_number, cells)) for cells in filled]
     start = next((i for i in range(len(whole), 0, -1) if not (blank[i - 1] or numbers[i - 1])), 0)
     unit_lines = range(start, min(start + MOST_UNIT_LINES, len(whole)))  # `kPa;1` has a number

@@ -126,3 +126,7 @@ def test_columns_are_said_by_place_or_by_title() -> None:
 def test_columns_that_cannot_be_are_refused(text: str) -> None:
     with pytest.raises(UsageError):
         read_columns(text)
+
+
+def test_two_columns_that_never_decrease_are_no_fault() -> None:
+    assert "force" not in guess_columns({}, {0: [np.arange(30.0)], 1: [np.arange(30.0) ** 2]})
