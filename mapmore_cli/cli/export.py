@@ -83,6 +83,9 @@ def figure(
         typer.Option("--curve", "--panel", metavar="ID", help="One panel alone: of a curve (250 or pressure=250), a recording or a model."),
     ] = None,
     data: Annotated[Path | None, typer.Option("--data", metavar="FILE", help="Also write what the panel was drawn from (CSV).")] = None,
+    models: Annotated[
+        str | None, typer.Option("--models", metavar="A,B", help="Competitors to draw, as sarosi,plane; else all.", show_default=False)
+    ] = None,
     looks: Annotated[
         list[str],
         typer.Option(
@@ -111,7 +114,8 @@ def figure(
     if data is not None and curve is None:
         raise UsageError("--data needs one panel", "name it with --curve")
     with Reporter(quiet) as reporter:
-        drawn, numbers = drawn_figure(run if run.is_dir() else runs / run, name, curve, suffix, reporter.warn, looks)
+        wanted = [] if models is None else [one.strip() for one in models.split(",") if one.strip()]
+        drawn, numbers = drawn_figure(run if run.is_dir() else runs / run, name, curve, suffix, reporter.warn, looks, wanted)
     write_bytes(out, drawn)
     if data is not None and numbers is not None:
         write_text(data, numbers)

@@ -187,15 +187,22 @@ LOOKS = "report.style."
 
 
 def drawn_figure(
-    run_dir: Path, name: str, key: str | None, suffix: str, warn: Callable[[str], None], looks: Sequence[str] = ()
+    run_dir: Path,
+    name: str,
+    key: str | None,
+    suffix: str,
+    warn: Callable[[str], None],
+    looks: Sequence[str] = (),
+    models: Sequence[str] = (),
 ) -> tuple[bytes, str | None]:
     """Draw a figure of a run as a file: all of it, or the panel of one curve (or model) as wide as the spec says, with its numbers as CSV.
 
     - `warn`: is told of a font that this machine does not have.
     - `looks`: values that replace those of the run's spec, as `report.style.width=120 mm`.
+    - `models`: the competitors that are drawn beside the run's own model; all where none is named.
 
-    Raises DataError where the folder holds no finished run; UsageError where there is no such panel (the message names those that there
-    are), or `looks` are about anything else.
+    Raises DataError where the folder holds no finished run; UsageError where there is no such panel or model (the message names those that
+    there are), or `looks` are about anything else.
     """
     from mapmore_cli.reporting.figures.catalogue import drawings, panel_of
     from mapmore_cli.reporting.figures.drawing import alone, compose
@@ -211,6 +218,7 @@ def drawn_figure(
     inputs = collected(reads(load(run_dir / "experiment.yaml", looks).spec), run_dir)
     for warning in faults_of(inputs.style):
         warn(warning)
+    inputs = inputs.beside(models) if models else inputs
     with figure_style(inputs.style):
         if key is None:
             found = drawings(name, inputs)

@@ -32,6 +32,7 @@ def test_one_curve_as_pdf_with_its_numbers(finished: tuple[Path, Path], tmp_path
         (("fit", "-o", "x.docx"), 2, "choose .svg"),
         (("fit", "--curve", "201", "-o", "x.pdf"), 2, "pressure=200"),
         (("fit", "-o", "x.svg", "--data", "x.csv"), 2, "--curve"),
+        (("fit", "-o", "x.svg", "--models", "plane,parrot"), 2, "no model called 'parrot'"),
         (("fit", "-o", "x.svg", "--set", "fit.max_terms=1"), 2, "set a key of report.style"),
         (("fit", "-o", "x.svg", "--set", "report.style.widht=80mm"), 3, "did you mean `width`"),
     ],
@@ -58,6 +59,16 @@ def test_the_looks_of_one_figure(finished: Any, tmp_path: Path, mapmore: Callabl
         text = (tmp_path / out).read_text()
         assert f'width="{120 / 25.4 * 72:.6g}' in text
         assert "Pull (N)" in text
+
+
+def test_the_models_that_are_named_are_drawn_and_no_others(finished: Any, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+    arguments = ("fit", "--curve", "200", "-o", tmp_path / "a.svg", "--data", tmp_path / "a.csv", "--models", "cubic, plane")
+    assert mapmore("figure", finished[1] / "bench", *arguments).exit_code == 0
+    head = (tmp_path / "a.csv").read_text().splitlines()[0]
+    assert "mapmore [N]" in head
+    assert "polynomial_2" not in head
+    assert "polynomial_2" not in (tmp_path / "a.svg").read_text()
+    assert any(name in head for name in ("plane [N]", "cubic [N]"))
 
 
 def test_an_empty_folder_is_no_run(tmp_path: Path, mapmore: Callable[..., Any]) -> None:

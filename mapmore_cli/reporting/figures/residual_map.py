@@ -7,13 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm
+from matplotlib.ticker import MaxNLocator
 
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
 from mapmore_cli.reporting.figures.surface import samples_of, two_inputs
 from mapmore_cli.reporting.inputs import ReportInputs
 
 STEPS = 11
-"""Of the colours; the one in the middle is an error near zero."""
+"""Of the colours, about."""
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
@@ -33,10 +34,10 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
 
     def on(axes: Sequence[Axes]) -> None:
         (ax,) = axes
-        norm = BoundaryNorm(np.linspace(-largest, largest, STEPS + 1), 256, extend="both")
+        norm = BoundaryNorm(MaxNLocator(STEPS, symmetric=True).tick_values(-largest, largest), 256, extend="both")
         for out in (False, True):
             own = rows[held[rows] == out]
-            rim = {"edgecolors": "black", "linewidths": 0.5} if out else {"edgecolors": "none"}
+            rim = {"edgecolors": "0.3", "linewidths": 0.3} if out else {"edgecolors": "none"}
             dots = ax.scatter(x[own], y[own], c=error[own], s=16 if out else 8, cmap="RdBu_r", norm=norm, **rim)
         ax.figure.colorbar(dots, ax=ax, label=label, use_gridspec=False)
 

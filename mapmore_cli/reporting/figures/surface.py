@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Quantity
@@ -56,7 +57,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
 
     def on(axes: Sequence[Axes]) -> None:
         (ax,) = axes
-        limits = np.linspace(min(np.nanmin(said), z.min()), max(np.nanmax(said), z.max()), CONTOURS + 1)
+        limits = MaxNLocator(CONTOURS).tick_values(min(np.nanmin(said), z.min()), max(np.nanmax(said), z.max()))
         filled = ax.contourf(across, up, said, levels=limits, cmap="viridis")
         ax.scatter(x[rows], y[rows], c=z[rows], s=7, cmap="viridis", vmin=limits[0], vmax=limits[-1], edgecolors="white", linewidths=0.3)
         ax.figure.colorbar(filled, ax=ax, label=label, use_gridspec=False)
