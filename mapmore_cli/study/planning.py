@@ -46,7 +46,7 @@ EQUAL = (
     "Equal distances are as good on most measured muscles (docs/planning.md): this order helps where one part of the range errs much more "
     "than the others."
 )
-MAP = "On six measured maps, such points left 0.4 to 1.2 times the error of evenly spread ones, 0.84 in the mean (docs/planning.md)."
+MAP = "On six measured maps, such points left 0.3 to 1.2 times the error of evenly spread ones, 0.84 in the mean (docs/planning.md)."
 FORECAST = "How many more is a forecast: it holds on average, and single cases miss it by much."
 
 

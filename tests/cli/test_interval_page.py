@@ -31,7 +31,7 @@ def test_new_curves_are_covered_as_often_as_is_said() -> None:
     rows = {name: numbers(row)["inside"] for name, row in page_table("simulated", PAGE).items()}
     assert len(rows) == 16
     assert min(rows.values()) > 92
-    assert 95 < np.mean(list(rows.values())) < 99
+    assert 95 < np.mean(list(rows.values())) < 98
 
 
 def test_intervals_are_no_wider_than_they_need_to_be() -> None:
@@ -51,7 +51,7 @@ def test_constants_that_do_not_know_a_family_cover_it() -> None:
     assert {row[1] for row in rows} == {"3", "4", "5", "7"}
     inside, width = np.array([[float(row[4]), float(row[5])] for row in rows]).T
     assert 92 < inside.mean() < 98
-    assert inside.min() > 85
+    assert inside.min() > 86
     assert np.median(width) < 4.5
 
 
@@ -65,7 +65,7 @@ def test_a_calibration_finds_the_constants_that_errors_were_drawn_with() -> None
     for number in range(60):
         count = 3 + number % 3
         a, s = np.exp(rng.normal(-3, 1, 2))
-        at = rng.uniform(1, 10 * (count - 1) - 1, 40)
+        at = 10 * rng.integers(0, count - 1, 40) + rng.uniform(2, 8, 40)
         training = Training(tuple(10.0 * np.arange(count)), (1,) * count, 1.0, 0.2 * s * a / max(a, s), 0.0)
         left_out = summary("levels", count, {f"{i}": [np.full(5, a)] for i in range(1, count - 1)}, training)
         half = few_levels(left_out, at, 0.95, drawn)

@@ -5,9 +5,9 @@ samples. Two rules give half of the width, by the number K of levels, recordings
 
 Three to six levels (`few_levels`): a rule that was calibrated on measured and simulated muscles, docs/intervals.md. With A the root mean
 square error of the left-out inner levels, s_w the root mean square training residual, both no less than a thousandth of the largest
-training |target|, and H the gap between two levels over the range of all:
+training |target|, t the place in the gap between two levels, and H that gap over the range of all:
 
-    half = max(1.96 s_w, c_K A^.4 s_w^.6 (H (K - 1))^.75)
+    half = max(1.96 s_w, c_K (A s_w^2)^(1/3) max(4t(1 - t), .05)^.6 (H (K - 1))^.75)
 
 At a level that was measured in n >= 2 recordings it is that of the repeats, `t_f s_w sqrt(1 + 1/n)`. s_w is of all levels, so that their
 degrees of freedom add up, f = sum (n_k - 1).
@@ -39,7 +39,7 @@ INTERVAL = 0.95
 SHARES = np.linspace(0.0, 1.0, 101)
 """Of a part's samples: where the quantiles of its residuals are kept."""
 
-FEW: Mapping[int, float] = {3: 4.08, 4: 3.32, 5: 2.73}
+FEW: Mapping[int, float] = {3: 5.06, 4: 4.03, 5: 3.23}
 """c_K by the number of levels, of all families: `python docs/interval_tables.py`; six levels take that of five."""
 
 LEAST = 1e-3
@@ -123,9 +123,10 @@ def few_levels(left_out: LeftOut, at: Array, level: float, scales: Mapping[int, 
     width = np.diff(places)[gap]
     missed = math.sqrt(float(np.mean(left_out.offset**2 + left_out.scatter**2)))
     errors = np.maximum([missed, left_out.residual], LEAST * left_out.largest)
-    between = scales[min(count, 5)] * np.prod(errors ** [0.4, 0.6]) * (width / np.ptp(places) * (count - 1)) ** 0.75
-    half = np.maximum(NORMAL * left_out.residual, between) * float(ndtri(0.5 + level / 2)) / NORMAL
     t = np.clip((at - places[gap]) / width, 0.0, 1.0)
+    between = scales[min(count, 5)] * np.cbrt(errors[0] * errors[1] ** 2) * (width / np.ptp(places) * (count - 1)) ** 0.75
+    between = between * np.maximum(4 * t * (1 - t), 0.05) ** 0.6
+    half = np.maximum(NORMAL * left_out.residual, between) * float(ndtri(0.5 + level / 2)) / NORMAL
     repeats = np.array(left_out.repeats)
     n, freedom = repeats[gap + (t > 0.5)], max(int(np.sum(repeats - 1)), 1)
     repeated = (n >= 2) & (np.minimum(t, 1 - t) < AT_LEVEL)
