@@ -69,7 +69,7 @@ def run(part: Slice, workspace: Workspace) -> None:
     write_text(workspace.out / SEARCH, json.dumps(_plain(asdict(found)), indent=1, ensure_ascii=False) + "\n")
 
 
-STAGE = Stage(name="search", revision=4, outputs=(SEARCH,), reads=reads, run=run)
+STAGE = Stage(name="search", revision=5, outputs=(SEARCH,), reads=reads, run=run)
 
 
 def _plain(value: Any) -> Any:

@@ -1,5 +1,4 @@
-"""Noise-free records made by a known structure are explained by a structure of its kind, no larger than needed: but for time constants and
-widths, which are those of the list, to the last digits."""
+"""Noise-free records made by a known structure are explained by a structure of its kind, no larger than needed, to the last digits."""
 
 from __future__ import annotations
 
@@ -64,17 +63,17 @@ def found(columns: Columns) -> Search:
 
 CASES = (
     (surface, ("surface", "steep"), "surface of order 2", 6),  # four terms, in coordinates that are not shifted
-    (hinge, ("surface", "steep"), "surface of order 2 with hinges", 6),
+    (hinge, ("surface", "steep"), "surface of order 2 with hinges", 7),
     (autoregression, ("surface", "steep", "autoregression"), "two delays of the output, order 2", 6),
-    (slow_and_play, ("slow_and_play",), "slow and play, linear", 8),
+    (slow_and_play, ("slow_and_play",), "a lag that training finds, and play", 5),  # two to four terms, and a time constant
 )
 
 
 @pytest.mark.parametrize(
     ("make", "families", "words", "parameters", "seed"),
     [
-        *((*case, 0) for case in CASES),  # hinges, and lag with play, are not found for every seed (docs/search.md)
-        *(pytest.param(*case, seed, marks=pytest.mark.long) for case in (CASES[0], CASES[2]) for seed in range(1, 10)),
+        *((*case, 0) for case in CASES),
+        *(pytest.param(*case, seed, marks=pytest.mark.long) for case in CASES for seed in range(1, 10)),
     ],
 )
 def test_a_noise_free_record_is_explained_by_a_structure_of_its_kind(
@@ -90,4 +89,4 @@ def test_a_noise_free_record_is_explained_by_a_structure_of_its_kind(
     taken = found(make(np.random.default_rng(seed))).found
     assert taken.words.startswith(words)
     assert taken.parameters <= parameters
-    assert taken.error < (0.04 if make is slow_and_play else 1e-9)  # time constants and widths are those of the list
+    assert np.median(taken.errors) < 1e-9  # a fold that takes an end of the range away cannot say how it goes on there
