@@ -1,4 +1,4 @@
-"""`mapmore compare`: has this muscle changed?"""
+"""`mapmore compare`: has this muscle changed? `mapmore paper`: published tables and figures beside those of our runs."""
 
 from __future__ import annotations
 

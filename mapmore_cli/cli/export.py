@@ -1,4 +1,4 @@
-"""`mapmore export`: a model for a controller, a simulation, a paper."""
+"""`mapmore export`: a model for a controller, a simulation, a paper. `mapmore figure`: one figure of a run."""
 
 from __future__ import annotations
 

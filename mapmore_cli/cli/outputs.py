@@ -1,4 +1,4 @@
-"""Results that a command writes beside what it prints: a figure or a table, by the ending of the file."""
+"""Results that a command writes beside what it prints: a figure or a table, by the ending of the file; and what machines read."""
 
 from __future__ import annotations
 

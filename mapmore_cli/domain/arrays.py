@@ -1,4 +1,4 @@
-"""Array types that every layer speaks."""
+"""Array types that every layer speaks, and columns taken block by block."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What fits, simulations and forecasts hand on."""
+"""What fits, simulations, forecasts, searches and plans hand on."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.arrays import Array
@@ -27,24 +27,6 @@ BASELINES = ("gaussian_process", "gradient_boosting", "mlp")
 SIMPLE = ("plane", "quadratic", "cubic", "backbone", "arx")
 """Names of competitors that need no muscle; every validation has those that its model allows."""
 
-METRICS: Mapping[str, str] = MappingProxyType(
-    {
-        "n": "samples",
-        "rmse": "root of the mean squared error",
-        "nrmse": "rmse / normaliser, a fraction",
-        "normaliser": "what the error is divided by",
-        "max_abs_error": "greatest absolute error",
-        "max_abs_error_fs": "greatest absolute error as a fraction of the normaliser",
-        "r2": "coefficient of determination",
-        "rrse": "root relative squared error",
-        "rrse_one_step": "the same of predictions from the measured past; NaN without memory",
-        "r_uncentred": "correlation of measured and predicted about zero, W's index",
-        "interval_coverage": "share of the samples within their 95 % interval; NaN without intervals",
-        "interval_half_width": "half of the width of that interval, the median over the samples",
-    }
-)
-"""What the numbers of a score row mean."""
-
 
 @dataclass(frozen=True)
 class Score:
@@ -57,24 +39,28 @@ class Score:
     `interval_half_width` are of the run's own model on held-out rows, where the spec asks for intervals.
     """
 
-    model: str
-    target: str
-    split: str  # train | validate
-    curve: str  # all | a curve id
-    n: int
-    rmse: float
-    nrmse: float
-    normaliser: float
-    normaliser_name: str
-    max_abs_error: float
-    max_abs_error_fs: float  # as a fraction of the normaliser
-    r2: float
-    rrse: float = math.nan
-    rrse_one_step: float = math.nan
-    r_uncentred: float = math.nan
-    interval_coverage: float = math.nan
-    interval_half_width: float = math.nan
+    model: Annotated[str, "`mapmore`, or the name of a literature model"]
+    target: Annotated[str, "the modelled quantity"]
+    split: Annotated[str, "`train` or `validate`"]
+    curve: Annotated[str, "`all`, or the identifier of a curve"]
+    n: Annotated[int, "samples"]
+    rmse: Annotated[float, "root of the mean squared error", "[target]"]
+    nrmse: Annotated[float, "rmse / normaliser, a fraction"]
+    normaliser: Annotated[float, "what the error is divided by", "[target]"]
+    normaliser_name: Annotated[str, "what the normaliser is"]
+    max_abs_error: Annotated[float, "greatest absolute error", "[target]"]
+    max_abs_error_fs: Annotated[float, "greatest absolute error as a fraction of the normaliser"]
+    r2: Annotated[float, "coefficient of determination"]
+    rrse: Annotated[float, "root relative squared error"] = math.nan
+    rrse_one_step: Annotated[float, "the same of predictions from the measured past; NaN without memory"] = math.nan
+    r_uncentred: Annotated[float, "correlation of measured and predicted about zero, W's index"] = math.nan
+    interval_coverage: Annotated[float, "share of the samples within their 95 % interval; NaN without intervals"] = math.nan
+    interval_half_width: Annotated[float, "half of the width of that interval, the median over the samples", "[target]"] = math.nan
 
+
+NUMBERS = {name: hint for name, hint in get_type_hints(Score, include_extras=True).items() if hint.__origin__ in (int, float)}
+METRICS: Mapping[str, str] = MappingProxyType({name: hint.__metadata__[0] for name, hint in NUMBERS.items()})
+"""What the numbers of a score row mean."""
 
 AT_LEAST = frozenset({"r2", "n", "interval_coverage"})
 """Metrics whose limit is a lower one; all others are errors."""

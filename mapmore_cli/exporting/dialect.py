@@ -1,4 +1,4 @@
-"""How C and Python write numbers, functions and powers; and expressions in them."""
+"""How C and Python write numbers, functions and powers; and expressions in them; and what names may be."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Exported code is run beside `predict` before it is written: on random points within and beyond the training range."""
+"""Exported code is compiled and run beside `predict` before it is written: on random points within and beyond the training range."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every kind of model can do.
+"""What every kind of model can do, and where it was trained.
 
 A kind is a folder of `modelling/` with a file `kind.py`, which says its name, and a file `model.py`, which holds its verbs. Nothing else
 lists it. The verbs are imported when a model of the kind is there: a table needs nothing of motion.

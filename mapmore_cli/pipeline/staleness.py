@@ -1,4 +1,4 @@
-"""Which stages of a run are up to date, and why the others are not."""
+"""Which stages of a run are up to date, and why the others are not; and the runs that a stage needs."""
 
 from __future__ import annotations
 

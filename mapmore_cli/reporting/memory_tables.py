@@ -1,4 +1,4 @@
-"""What the report says in numbers about a model with memory: its states, and how nearly other terms would have served."""
+"""What the report says in numbers about models with memory (states, and how nearly other terms would have served) and of motion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a muscle is to the fluid that fills it, and air: valves by ISO 6358, the reservoir, a trapped bubble."""
+"""What a muscle is to the fluid that fills it, a Peano muscle, and air: valves by ISO 6358, the reservoir, a trapped bubble."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Checks an experiment's names: quantities that are used must be quantities of the study."""
+"""Checks an experiment's names: quantities that are used must be quantities of the study, and memory has the time it goes by."""
 
 from __future__ import annotations
 

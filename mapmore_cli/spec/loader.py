@@ -1,4 +1,4 @@
-"""From a YAML file to a validated spec that knows where each of its values was written."""
+"""From a YAML file to a validated spec that knows where each of its values was written, and makes sense as a whole."""
 
 from __future__ import annotations
 

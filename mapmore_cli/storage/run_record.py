@@ -15,12 +15,12 @@ import json
 import math
 import platform
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from functools import cache
 from importlib.metadata import version
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.foreign import csv_cell
@@ -195,7 +195,7 @@ def _stamps(entry: Mapping[str, Any]) -> dict[str, Stamp]:
 
 
 DIGITS = 12
-KINDS: Mapping[str, Callable[[Any], Any]] = {f.name: {"str": str, "int": int, "float": float}[str(f.type)] for f in fields(Score)}
+KINDS: Mapping[str, Callable[[Any], Any]] = get_type_hints(Score)
 COLUMNS = tuple(KINDS)
 
 

@@ -1,4 +1,4 @@
-"""Views of what was measured: a dataset, its curves cut up, and what `mapmore check` found."""
+"""Views of what was measured: a dataset, its curves cut up, what `mapmore check` found, and what to measure next."""
 
 from __future__ import annotations
 

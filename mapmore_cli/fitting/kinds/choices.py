@@ -1,4 +1,4 @@
-"""The sections of a spec by which a model is made."""
+"""The sections of a spec by which a model is made, and the number of terms where that is `auto`."""
 
 from __future__ import annotations
 

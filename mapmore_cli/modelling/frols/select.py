@@ -1,4 +1,4 @@
-"""The greedy choice of FROLS, whatever holds the remainders of the candidates."""
+"""The greedy choice of FROLS, whatever holds the remainders of the candidates; and the criteria that choose the number of terms."""
 
 from __future__ import annotations
 

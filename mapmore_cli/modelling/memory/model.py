@@ -1,4 +1,4 @@
-"""A model with memory: its prediction along a recording, its training range, its equation."""
+"""A model with memory: its prediction along a recording, its training range, its equation, its program."""
 
 from __future__ import annotations
 

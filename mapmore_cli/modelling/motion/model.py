@@ -1,4 +1,4 @@
-"""A model of motion: its prediction along a recording, its training range, its equations."""
+"""A model of motion: its prediction along a recording, its training range, its equations, its program."""
 
 from __future__ import annotations
 

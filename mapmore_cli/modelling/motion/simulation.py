@@ -1,4 +1,4 @@
-"""Running a model of motion along recordings. Sections are linear filters: no loop passes over samples."""
+"""Running a model of motion along recordings. Sections are linear filters: no loop passes over samples. And P's errors."""
 
 from __future__ import annotations
 

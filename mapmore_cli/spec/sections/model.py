@@ -1,4 +1,4 @@
-"""The sections `needs` and `model`: the runs that a model builds on, and its kind."""
+"""The sections `needs` and `model`: the runs that a model builds on, and its kind; and formulas that a spec defines."""
 
 from __future__ import annotations
 

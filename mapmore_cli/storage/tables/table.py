@@ -1,4 +1,4 @@
-"""What every reader is asked for and what it returns."""
+"""What every reader is asked for and what it returns; and tables that were read before."""
 
 from __future__ import annotations
 

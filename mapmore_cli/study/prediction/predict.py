@@ -1,4 +1,4 @@
-"""Predictions for a table of any length, row for row; every byte of the table is kept as it is."""
+"""Predictions for a table of any length, row for row; every byte of the table is kept as it is. And a family's model for one specimen."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`swarm`: a particle swarm (P eq 11 and 12), and as published over P1, P2 and P3 (P section 2.2)."""
+"""`swarm`: a particle swarm (P eq 11-12), as published over P1, P2 and P3 (P 2.2); `swarm_projected`: over frequency and damping."""
 
 from __future__ import annotations
 

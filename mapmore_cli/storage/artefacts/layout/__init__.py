@@ -10,9 +10,9 @@ from mapmore_cli.storage.artefacts.layout import fits  # noqa: F401 - their type
 from mapmore_cli.storage.artefacts.layout.derived import LAYOUTS
 from mapmore_cli.storage.artefacts.layout.fits import DATASET
 from mapmore_cli.storage.artefacts.layout.model import FUSION, MODEL
-from mapmore_cli.storage.artefacts.layout.results import FIT_RESULT, SCORE, SEGMENTATION, VALIDATION, SegmentationFile
+from mapmore_cli.storage.artefacts.layout.results import FIT_RESULT, SEGMENTATION, VALIDATION, SegmentationFile
 
 __all__ = ["DATASET", "FIT_RESULT", "FUSION", "MODEL", "SCHEMAS", "SEGMENTATION", "VALIDATION", "SegmentationFile"]
 
-SCHEMAS = (*LAYOUTS.values(), SCORE, VALIDATION)
+SCHEMAS = (*LAYOUTS.values(), VALIDATION)
 """Every stored type, each after those that it is made of."""

@@ -16,9 +16,7 @@ from mapmore_cli.storage.artefacts.layout.derived import (
     ANY_REAL,
     ANY_REALS,
     CELL,
-    COUNT,
     CUTS,
-    TEXT,
     TEXTS,
     schema_of,
     stored,
@@ -53,30 +51,14 @@ SEGMENTED_CURVE = stored(
 
 SEGMENTATION = stored(SegmentationFile)
 
+PIECES_FIT = stored(PiecesFit)
 
-SCORE = Schema(
-    Score,
-    "One row of the score table.",
-    (
-        Field("model", TEXT, "`mapmore`, or the name of a literature model", NO_UNIT),
-        Field("target", TEXT, "the modelled quantity", NO_UNIT),
-        Field("split", text(words=("train", "validate")), "`train` or `validate`", NO_UNIT),
-        Field("curve", TEXT, "`all`, or the identifier of a curve", NO_UNIT),
-        Field("n", COUNT, METRICS["n"]),
-        Field("rmse", ANY_REAL, METRICS["rmse"], "[target]"),
-        Field("nrmse", ANY_REAL, METRICS["nrmse"]),
-        Field("normaliser", ANY_REAL, METRICS["normaliser"], "[target]"),
-        Field("normaliser_name", TEXT, "what the normaliser is", NO_UNIT),
-        Field("max_abs_error", ANY_REAL, METRICS["max_abs_error"], "[target]"),
-        Field("max_abs_error_fs", ANY_REAL, METRICS["max_abs_error_fs"]),
-        Field("r2", ANY_REAL, METRICS["r2"]),
-        Field("rrse", ANY_REAL, METRICS["rrse"]),
-        Field("rrse_one_step", ANY_REAL, METRICS["rrse_one_step"]),
-        Field("r_uncentred", ANY_REAL, METRICS["r_uncentred"]),
-        Field("interval_coverage", ANY_REAL, METRICS["interval_coverage"]),
-        Field("interval_half_width", ANY_REAL, METRICS["interval_half_width"], "[target]"),
-    ),
-)
+FIT_BODIES = {kind.name: schema_of(kind.fit) for kind in kinds() if kind.fit is not None}
+"""What was fitted, by the name of the kind."""
+
+FIT_RESULT = stored(FitResult, {"body": optional(variant(FIT_BODIES)), "notes": TEXTS})
+
+SCORE = stored(Score, {**{name: ANY_REAL for name in METRICS if name != "n"}, "split": text(words=("train", "validate"))})
 
 VALIDATION = Schema(
     Validation,
@@ -91,11 +73,3 @@ VALIDATION = Schema(
     ),
     units=lambda validation: {**validation.units, **({"target": next(iter(validation.units.values()))} if validation.units else {})},
 )
-
-
-PIECES_FIT = stored(PiecesFit)
-
-FIT_BODIES = {kind.name: schema_of(kind.fit) for kind in kinds() if kind.fit is not None}
-"""What was fitted, by the name of the kind."""
-
-FIT_RESULT = stored(FitResult, {"body": optional(variant(FIT_BODIES)), "notes": TEXTS})
