@@ -88,12 +88,7 @@ def figure(
     ] = None,
     looks: Annotated[
         list[str],
-        typer.Option(
-            "--set",
-            metavar="KEY=VALUE",
-            help="Another look, as report.style.width=120mm. Repeatable.",
-            show_default=False,
-        ),
+        typer.Option("--set", metavar="KEY=VALUE", help="Another look, as report.style.width=120mm. Repeatable.", show_default=False),
     ] = NO_OVERRIDES,
     runs: Runs = RUNS,
     quiet: Quiet = False,

@@ -40,8 +40,7 @@ def predict(
         ),
     ] = None,
     given: Annotated[
-        list[str],
-        typer.Option("--set", metavar="NAME=VALUE", help="An input that is the same in every row, as length=250 mm. Repeatable."),
+        list[str], typer.Option("--set", metavar="NAME=VALUE", help="An input that is the same in every row, as length=250 mm. Repeatable.")
     ] = [],  # noqa: B006 - Typer makes a new list of what the user gives
     derivatives: Annotated[bool, typer.Option("--derivatives", help="Add the derivative for every input, <output>_by_<input>.")] = False,
     interval: Annotated[
@@ -147,8 +146,7 @@ def write_lines(lines: Iterator[str], output: Path) -> None:
 def invert(
     model_file: Annotated[Path, typer.Argument(metavar="MODEL", help="A model.h5 without memory.", show_default=False)],
     table: Annotated[
-        Path,
-        typer.Argument(metavar="TABLE", help="A CSV table of the wanted output and the other inputs; - is stdin.", show_default=False),
+        Path, typer.Argument(metavar="TABLE", help="A CSV table of the wanted output and the other inputs; - is stdin.", show_default=False)
     ],
     name: Annotated[str, typer.Option("--for", metavar="INPUT", help="The input to solve for, as pressure.", show_default=False)],
     rule: Annotated[str, typer.Option("--rule", help="Of several: lowest, or nearest to that of the row before.")] = "lowest",

@@ -8,18 +8,7 @@ from itertools import count
 
 from mapmore_cli.domain.foreign import c_comment
 from mapmore_cli.exporting.dialect import Dialect, Expressions
-from mapmore_cli.modelling.program.statements import (
-    Block,
-    Choose,
-    Function,
-    Keep,
-    Let,
-    Program,
-    Queue,
-    Recall,
-    Statement,
-    Use,
-)
+from mapmore_cli.modelling.program.statements import Block, Choose, Function, Keep, Let, Program, Queue, Recall, Statement, Use
 from mapmore_cli.modelling.program.writing import names_in
 
 INDENT = "    "

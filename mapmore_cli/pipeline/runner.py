@@ -20,13 +20,7 @@ from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.pipeline.staleness import MODEL_STAGE, Needed, Plan, as_found, needed_runs, plan_stages, runs_built_on
 from mapmore_cli.storage.atomic import write_text
 from mapmore_cli.storage.run_folder import is_tidy, open_run_folder, recover, run_lock
-from mapmore_cli.storage.run_record import (
-    Origin,
-    StageRecord,
-    load_origin,
-    load_records,
-    save_records,
-)
+from mapmore_cli.storage.run_record import Origin, StageRecord, load_origin, load_records, save_records
 
 if TYPE_CHECKING:
     from mapmore_cli.spec.loader import LoadedSpec

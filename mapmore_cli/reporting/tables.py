@@ -23,14 +23,7 @@ from mapmore_cli.reporting.memory_tables import (
     substitutes_table,
     waveforms_table,
 )
-from mapmore_cli.reporting.model_tables import (
-    coefficients_table,
-    equations_table,
-    folds_table,
-    formulas_table,
-    segments_table,
-    terms_table,
-)
+from mapmore_cli.reporting.model_tables import coefficients_table, equations_table, folds_table, formulas_table, segments_table, terms_table
 from mapmore_cli.reporting.score_tables import curve_scores_table, score_table, search_table
 from mapmore_cli.reporting.table import Cell, Column, Table
 

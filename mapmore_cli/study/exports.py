@@ -29,13 +29,7 @@ OLDEST = (1980, 1, 1, 0, 0, 0)
 
 
 def exported(
-    model: Model,
-    to: str,
-    *,
-    single: bool = False,
-    grid: str | None = None,
-    verify: bool = True,
-    warn: Warn = lambda _text: None,
+    model: Model, to: str, *, single: bool = False, grid: str | None = None, verify: bool = True, warn: Warn = lambda _text: None
 ) -> dict[str, bytes]:
     """Return the files of a model in one of the languages that `mapmore export --to` knows; C may be of `single` precision.
 

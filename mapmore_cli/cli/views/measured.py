@@ -90,11 +90,7 @@ def of_segmentation(curves: Sequence[SegmentedCurve]) -> View:
     variables = tuple(dict.fromkeys(name for curve in curves for name in curve.variables))
     columns = (Column("segment"), Column("samples"), *(Column(f"{name} {end}") for name in variables for end in ("from", "to")))
     rows: tuple[tuple[Cell, ...], ...] = tuple(
-        (
-            segment.id,
-            len(segment.rows),
-            *(end for name in variables for end in _ends(curve, segment).get(name, (None, None))),
-        )
+        (segment.id, len(segment.rows), *(end for name in variables for end in _ends(curve, segment).get(name, (None, None))))
         for curve in curves
         for segment in curve.segments
     )

@@ -72,11 +72,7 @@ def _formula(model: Model) -> Shown:
 def _memory(model: Model) -> Shown:
     body = model.body
     assert isinstance(body, Memory)
-    document = {
-        "memory": fitted.memory_document(body.model),
-        "backbone": formula_document(body.backbone),
-        "limits": _limits(body.ranges),
-    }
+    document = {"memory": fitted.memory_document(body.model), "backbone": formula_document(body.backbone), "limits": _limits(body.ranges)}
     return Shown(document, fitted.memory_tables(body.model), fitted.memory_lines(body.model))
 
 

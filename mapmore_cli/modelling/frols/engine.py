@@ -108,13 +108,7 @@ GRAM_COLUMNS_PER_TERM = 16
 
 
 def frols(
-    P: ArrayLike,
-    y: ArrayLike,
-    max_terms: int | None = None,
-    tolerance: float = 0.0,
-    *,
-    stop: str = "tolerance",
-    names: Sequence[str] = (),
+    P: ArrayLike, y: ArrayLike, max_terms: int | None = None, tolerance: float = 0.0, *, stop: str = "tolerance", names: Sequence[str] = ()
 ) -> Selection:
     """Select the few columns of `P` that explain `y`, one after the other by error reduction ratio.
 

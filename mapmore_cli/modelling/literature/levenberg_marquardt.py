@@ -67,15 +67,7 @@ def _descend(problem: Problem, start: Array) -> OptimizeResult | None:
 
     try:
         found = least_squares(
-            residual,
-            start,
-            jacobian,
-            method="lm",
-            x_scale="jac",
-            xtol=TOLERANCE,
-            ftol=TOLERANCE,
-            gtol=TOLERANCE,
-            max_nfev=EVALUATIONS,
+            residual, start, jacobian, method="lm", x_scale="jac", xtol=TOLERANCE, ftol=TOLERANCE, gtol=TOLERANCE, max_nfev=EVALUATIONS
         )
     except NotFinite:
         return None

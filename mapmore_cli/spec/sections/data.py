@@ -214,13 +214,7 @@ class Data(Logs):
     """
 
     join: list[Join] = []
-    derive: dict[
-        Quantity,
-        Annotated[
-            str | Rate | Direction,
-            Either(key="direction_of"),
-        ],
-    ] = {}
+    derive: dict[Quantity, Annotated[str | Rate | Direction, Either(key="direction_of")]] = {}
     plateau: Plateau | None = None
     keep: list[Keep] = []
     missing: Annotated[Literal["error", "drop"] | MissingRule, Either()] = "error"

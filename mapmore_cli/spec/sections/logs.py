@@ -99,10 +99,7 @@ class Logs(Section):
     holds it. `every: N` reads one sample in N.
     """
 
-    files: Annotated[
-        list[Annotated[SpecPath | FileEntry, Either()]],
-        Field(min_length=1),
-    ]
+    files: Annotated[list[Annotated[SpecPath | FileEntry, Either()]], Field(min_length=1)]
     reader: ReaderName = "csv"
     header: Annotated[bool | Annotated[int, Field(ge=1, le=1000)], Either()] = True
     skip_rows: Annotated[int, Field(ge=0, le=1_000_000)] = 0

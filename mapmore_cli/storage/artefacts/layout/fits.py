@@ -184,11 +184,7 @@ IDENTIFIED = stored(Identified, {"numbers": REALS})
 
 MEMORY_FIT = stored(
     MemoryFit,
-    {
-        "ridge": number(float, least=0),
-        "substitutes": numbers("<i8", least=-1),
-        "held_out": optional(ANY_REALS),
-    },
+    {"ridge": number(float, least=0), "substitutes": numbers("<i8", least=-1), "held_out": optional(ANY_REALS)},
     rule=_memory_fit_faults,
 )
 

@@ -76,10 +76,7 @@ def _are_sides(sides: tuple[Side, ...], where: str) -> None:
 BEYOND = ("continue", "continue_linear", "saturate", "zero")
 SIDES = named(
     adapted(
-        TEXTS,
-        store=lambda sides: [_side_text(side) for side in sides],
-        load=lambda stored: tuple(map(_side, stored)),
-        check=_are_sides,
+        TEXTS, store=lambda sides: [_side_text(side) for side in sides], load=lambda stored: tuple(map(_side, stored)), check=_are_sides
     )
 )
 
@@ -129,14 +126,7 @@ FUSION = completed(
     )
 )
 
-SIGNAL = stored(
-    Signal,
-    {
-        "name": NAME,
-        "kind": text(words=("rate", "direction")),
-        "window": number(float, least=0),
-    },
-)
+SIGNAL = stored(Signal, {"name": NAME, "kind": text(words=("rate", "direction")), "window": number(float, least=0)})
 
 
 CURVE_RANGE = stored(CurveRange)
@@ -304,9 +294,6 @@ def _input_faults(pieces: Pieces, known: Sequence[str]) -> Iterator[Fault]:
 MODEL: Schema = stored(
     Model,
     {"body": variant(BODIES), "signals": rows(SIGNAL), "notes": TEXTS},
-    units=lambda model: {
-        **{quantity.name: quantity.unit for quantity in (*model.inputs, model.output)},
-        "target": model.output.unit,
-    },
+    units=lambda model: {**{quantity.name: quantity.unit for quantity in (*model.inputs, model.output)}, "target": model.output.unit},
     rule=_model_faults,
 )

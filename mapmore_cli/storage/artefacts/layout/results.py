@@ -12,15 +12,7 @@ from mapmore_cli.domain.scores import METRICS, Score, Validation
 from mapmore_cli.modelling.kinds import kinds
 from mapmore_cli.storage.artefacts.codecs import added, named, numbered, optional, pairs, text
 from mapmore_cli.storage.artefacts.label import NO_UNIT
-from mapmore_cli.storage.artefacts.layout.derived import (
-    ANY_REAL,
-    ANY_REALS,
-    CELL,
-    CUTS,
-    TEXTS,
-    schema_of,
-    stored,
-)
+from mapmore_cli.storage.artefacts.layout.derived import ANY_REAL, ANY_REALS, CELL, CUTS, TEXTS, schema_of, stored
 from mapmore_cli.storage.artefacts.layout.fits import FORMULA_FIT, MOTION_FIT
 from mapmore_cli.storage.artefacts.schema import Fault, Field, Schema, record, rows, variant
 
