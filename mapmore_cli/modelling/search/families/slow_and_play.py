@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mapmore_cli.modelling.search.candidate import Candidate, Family, memory, products
+from mapmore_cli.modelling.search.candidate import Candidate, Entries, Family, memory, products
 from mapmore_cli.modelling.search.situation import Situation
 
 FINE, MANY = 1e-5, 6
@@ -28,7 +28,7 @@ def candidates(of: Situation) -> Iterator[Candidate]:
     for terms in (8, 16):
         yield memory(f"slow with all products, {terms} terms", of, [slow], terms)
     if len(moving) <= MOST_MOVING and of.samples <= MOST_FOUND:
-        lag = [{"terms": ["1", *of.inputs]}, {"slow": {"of": moving}}, {"play": {"of": moving, "count": 3}}]
+        lag: Entries = [{"terms": ["1", *of.inputs]}, {"slow": {"of": moving}}, {"play": {"of": moving, "count": 3}}]
         yield memory("a lag that training finds, and play, linear", of, lag, 8, ridge=0.0, stop="bic")
     finely = products([*of.inputs, {"slow": {"of": moving, "count": MANY}}])
     for terms in (12, 24):
