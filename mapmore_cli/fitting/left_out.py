@@ -164,6 +164,11 @@ def parts_of(dataset: Dataset, choices: ModelChoices) -> tuple[LeftOutKind, int,
     if choices.model.family is not None:
         of = choices.model.family.of
         values = np.unique(np.concatenate([curve.columns[of][rows] for curve, rows in zip(dataset.curves, known, strict=True)]))
+        if len(values) < LEAST_PARTS:
+            raise DataError(
+                f"validate.intervals: each specimen is left out in turn, and {len(values)} {'is' if len(values) == 1 else 'are'} too few",
+                "leave it out, or add recordings of a third specimen",
+            )
         specimens = {
             f"{of}={value:g}": tuple(rows & (c.columns[of] == value) for c, rows in zip(dataset.curves, known, strict=True))
             for value in values

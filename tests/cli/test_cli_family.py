@@ -127,3 +127,12 @@ def test_what_is_no_family(tmp_path: Path, mapmore: Callable[..., Any], model: s
     result = mapmore("run", tmp_path / "muscles.yaml", "--runs", tmp_path / "runs")
     assert result.exit_code == 3
     assert words in result.stderr
+
+
+def test_two_specimens_have_no_intervals(folder: Path, mapmore: Callable[..., Any]) -> None:
+    two = folder / "two.yaml"
+    two.write_text(SPEC.replace('    - {path: "300_*.csv", set: {rest: 300 mm}}\n', ""))
+    result = mapmore("run", two, "--runs", folder / "of-two")
+    assert result.exit_code == 4
+    assert "2 are too few" in result.stderr
+    assert mapmore("run", two, "--runs", folder / "of-two", "--set", "validate.intervals=false", "-q").exit_code == 0

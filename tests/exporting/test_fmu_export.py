@@ -65,7 +65,7 @@ def test_a_static_unit_is_predict(tmp_path: Path) -> None:
 
 
 @needs_compiler
-@pytest.mark.parametrize("name", ["a sum", "fed back", "motion, handed on"])
+@pytest.mark.parametrize("name", ["a sum", "fed back", "hysteresis of the output", "motion, handed on"])
 def test_a_unit_with_memory_is_predict_along_a_recording(tmp_path: Path, name: str) -> None:
     model = replace(WITH_MEMORY[name], name=f"memory {name}")
     file, columns = unit_of(model, tmp_path), recording(model, 600)
