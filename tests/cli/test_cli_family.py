@@ -95,7 +95,7 @@ def test_a_specimen_is_adapted_to_a_model_of_its_own(folder: Path, tmp_path: Pat
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ((), "adapt needs the rest"),
+        ((), "`--set rest=200`, in mm; the family goes from 100 to 300"),
         (("--set", "rest=long"), "--set rest=long"),
         (("--set", "width=3"), "no input 'width'"),
     ],

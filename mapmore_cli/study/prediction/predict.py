@@ -200,7 +200,12 @@ def adapt(model: Model, lines: Iterable[str] | None, label: str, constants: Mapp
     of = dimension_of(model)
     assert isinstance(model.body, Formula)
     if set(constants) != {of}:
-        raise UsageError(f"adapt needs the {of} of the specimen, and nothing else", f"give it as `--set {of}=0.25`")
+        ends = model.body.ranges[0].limits[of]
+        unit = next(quantity.unit for quantity in model.inputs if quantity.name == of)
+        raise UsageError(
+            f"adapt needs the {of} of the specimen, and nothing else",
+            f"give it as `--set {of}={sum(ends) / 2:.3g}`, in {unit}; the family goes from {ends[0]:g} to {ends[1]:g}",
+        )
     names = ("pressure", "strain", model.output.name)
     columns = {name: np.empty(0) for name in names} if lines is None else _columns(lines, label, names)
     target = columns.pop(model.output.name)
