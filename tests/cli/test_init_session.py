@@ -4,46 +4,12 @@ from __future__ import annotations
 
 import gzip
 import json
-import os
-import pty
-import select
-import subprocess
-import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
-
-QUESTION = " > "
-PATIENCE = 90.0  # s
-
-
-def session(folder: Path, data: Path, answers: Sequence[str]) -> tuple[str, int, int]:
-    """What the terminal showed, how many questions there were, and the exit code; Enter where the answers have run out."""
-    ours, theirs = pty.openpty()
-    command = [sys.executable, "-m", "mapmore_cli", "init", str(data), "--name", "asked", "-o", "asked.yaml"]
-    process = subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs, cwd=folder, env={**os.environ, "COLUMNS": "140"})
-    os.close(theirs)
-    shown, asked, begin = "", 0, time.monotonic()
-    while time.monotonic() - begin < PATIENCE:
-        if not select.select([ours], [], [], 0.2)[0]:
-            if process.poll() is not None:
-                break
-            continue
-        try:
-            text = os.read(ours, 65536).decode(errors="replace")
-        except OSError:  # the other end is closed
-            break
-        shown += text
-        if shown.endswith(QUESTION):
-            reply = answers[asked] if asked < len(answers) else ""
-            asked += 1
-            os.write(ours, f"{reply}\n".encode())
-            shown += "\n"
-    os.close(ours)
-    return shown, asked, process.wait(10)
+from init_sessions import PAGE, SAID, as_text, session, transcript
 
 
 def save(path: Path, columns: Sequence[np.ndarray]) -> None:
@@ -113,3 +79,19 @@ def test_one_who_knows_the_columns_needs_one_command(tmp_path: Path, cylinder: P
     assert "CHECK:" not in text
     assert "levels: {of: pressure" in text
     assert mapmore("init", cylinder, "-o", spec, "--force", "--columns", "time:parrots,_").exit_code == 2
+
+
+def test_the_page_has_every_session_within_ten_answers() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    for name in SAID:
+        told = text.partition(f"## `{name}`\n\n")[2].partition("\n")[0]
+        assert int(told.split()[0]) <= 10
+        assert told.endswith(" 0 open guesses.")
+
+
+def test_a_session_of_the_page_is_what_the_terminal_shows(measured_data: Path) -> None:
+    assert transcript("printed_cylinder", measured_data / "printed_cylinder").strip() in PAGE.read_text(encoding="utf-8")
+
+
+def test_bars_and_colours_do_not_stay_on_the_screen() -> None:
+    assert as_text("\x1b[1mWhich?\x1b[0m\r\nstructures \u2501\u2501 5%\r\x1b[2Kdone\r\n") == "Which?\ndone"

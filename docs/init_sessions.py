@@ -1,0 +1,101 @@
+"""Sessions of `mapmore init` at a pseudo-terminal, as docs/init-sessions.md shows them.
+
+`python docs/init_sessions.py [FOLDER ...]` answers the questions about folders in `MAPMORE_DATA` (by default `../shared/data`), runs the
+spec, and writes the page.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import re
+import select
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from drafted_tables import data_folder
+
+PAGE = Path(__file__).parent / "init-sessions.md"
+QUESTION = " > "
+PATIENCE = 900.0  # s
+WIDTH = "140"
+SAID: Mapping[str, tuple[str, ...]] = {
+    "printed_cylinder": (),
+    "single_bellows": ("force=Force:N*-1",),
+    "textile_arm": ("", "pressure=4:psi", "x=14:m"),
+    "bender": ("", "p1=1:mbar", "p2=3:mbar", "angle=11:deg"),
+}
+"""What a person who knows the rig answers, in turn; Enter where the answers have run out."""
+
+
+def session(folder: Path, data: Path, answers: Sequence[str], *more: str) -> tuple[str, int, int]:
+    """Return what the terminal showed, how many questions there were, and the exit code."""
+    ours, theirs = pty.openpty()
+    command = [sys.executable, "-m", "mapmore_cli", "init", str(data), "--name", "asked", "-o", "asked.yaml", *more]
+    process = subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs, cwd=folder, env={**os.environ, "COLUMNS": WIDTH})
+    os.close(theirs)
+    shown, asked, begin = "", 0, time.monotonic()
+    while time.monotonic() - begin < PATIENCE:
+        if not select.select([ours], [], [], 0.2)[0]:
+            if process.poll() is not None:
+                break
+            continue
+        try:
+            text = os.read(ours, 65536).decode(errors="replace")
+        except OSError:  # the other end is closed
+            break
+        shown += text
+        if shown.endswith(QUESTION):
+            reply = answers[asked] if asked < len(answers) else ""
+            asked += 1
+            os.write(ours, f"{reply}\n".encode())
+    os.close(ours)
+    return shown, asked, process.wait(10)
+
+
+def as_text(shown: str) -> str:
+    """Return what stays on the screen: without colours, and without the bars that vanish."""
+    plain = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", shown).replace("\r\n", "\n")
+    lines = [line.rpartition("\r")[2].rstrip() for line in plain.split("\n")]
+    return "\n".join(line for line in lines if "\u2501" not in line).strip("\n")
+
+
+def transcript(name: str, folder: Path) -> str:
+    """Return the session about a folder as Markdown, and what the run of its spec says."""
+    with TemporaryDirectory() as place:
+        there = Path(place)
+        (there / name).symlink_to(folder)
+        shown, asked, code = session(there, Path(name), SAID[name])
+        if code:
+            raise RuntimeError(shown)
+        command = [sys.executable, "-m", "mapmore_cli", "run", "asked.yaml", "--json", "-q"]
+        done = subprocess.run(command, cwd=there, capture_output=True, text=True, check=True)
+        result = json.loads(done.stdout)
+    own = next(row for row in result["scores"] if (row["model"], row["split"], row["curve"]) == ("mapmore", "validate", "all"))
+    open_ = len(result["unconfirmed"])
+    told = f"{asked} answers; `run`: NRMSE {100 * own['nrmse']:.2g} % held out, {open_} open guess{'es' if open_ != 1 else ''}."
+    return f"## `{name}`\n\n{told}\n\n```\n$ mapmore init {name} --name asked -o asked.yaml\n{as_text(shown)}\n```\n"
+
+
+HEAD = """# Sessions of init at a terminal
+
+Each session as the terminal showed it, answers behind `>`, without colours and progress bars. Made by `python docs/init_sessions.py`
+of the folders of [init and check](init-and-check.md); nothing else was said or changed.
+"""
+
+
+def page(old: str, made: Mapping[str, str]) -> str:
+    """Return the page with some sessions made anew."""
+    kept = {part.split("`")[1]: f"## {part}" for part in old.split("\n## ")[1:]}
+    return "\n".join([HEAD, *(f"{({**kept, **made})[name].strip()}\n" for name in SAID if name in {**kept, **made})])
+
+
+if __name__ == "__main__":
+    for name in sys.argv[1:] or SAID:
+        old = PAGE.read_text(encoding="utf-8") if PAGE.exists() else ""
+        PAGE.write_text(page(old, {name: transcript(name, data_folder() / name)}), encoding="utf-8")
