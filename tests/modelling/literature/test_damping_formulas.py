@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from literature_cases import DAMPING, motion
-from scipy.optimize import least_squares
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import DataError
@@ -98,24 +97,6 @@ def test_any_decay_is_recovered(decay: float, weights: tuple[float, ...], name: 
     assert dict(fit.parameters) == pytest.approx(planted, rel=1e-5)
 
 
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("name", FRICTION)
-def test_a_general_solver_finds_nothing_better_near_the_solution(name: str, seed: int) -> None:
-    columns, y = noisy(name, seed)
-    fit = get(name).fit(columns, y)
-    names, solution = tuple(fit.parameters), np.array(list(fit.parameters.values()))
-    assert fit.status == "converged"
-
-    def residual(x: Array) -> Array:
-        return written_out(name, dict(zip(names, x, strict=True)), columns) - y
-
-    found = least_squares(residual, solution * 1.02, x_scale=np.abs(solution), xtol=1e-15, ftol=1e-15, gtol=1e-15)
-    assert 2 * found.cost == pytest.approx(fit.sse, rel=1e-9)
-    assert found.x == pytest.approx(solution, rel=1e-4)
-    covariance = np.linalg.inv(found.jac.T @ found.jac) * fit.sse / (len(y) - len(names))
-    assert list(fit.errors.values()) == pytest.approx(np.sqrt(np.diag(covariance)), rel=1e-3)
-
-
 @pytest.mark.parametrize("name", BY_REGION)
 def test_regions_are_fitted_as_one_block_diagonal_system(name: str) -> None:
     """With parameters, rank and sum of squares of the whole; errors and condition of each region alone."""
@@ -173,12 +154,6 @@ def test_the_linear_term_of_peternel_is_even_as_printed(name: str, even: bool) -
         sign = 1.0 if even and term == "B1" else -1.0
         np.testing.assert_allclose(back, sign * there, rtol=1e-13)
         assert np.abs(there).min() > 0.0
-
-
-def test_kinetic_friction_goes_from_one_level_to_the_other_in_both_directions() -> None:
-    rate = np.array([-1e3, -1e-9, 0.0, 1e-9, 1e3])
-    predicted = get("tondu_kinetic_friction").predict({"B0": -40.0, "B1": -25.0, "B2": 0.3}, {"strain_rate": rate})
-    assert predicted == pytest.approx([25.0, 40.0, 0.0, -40.0, -25.0], rel=1e-6)
 
 
 @pytest.mark.parametrize("name", ["tondu_kinetic_friction", "peternel_absolute"])

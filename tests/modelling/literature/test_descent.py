@@ -50,16 +50,6 @@ def test_every_start_ends_where_a_library_ends(seed, lowest):
         assert (end.x[2] == -1.0) == (lowest == -1.0)
 
 
-def test_descents_side_by_side_are_those_one_by_one():
-    system, starts = decay(3), [np.array([0.0, 1.0, -0.5]), np.array([5.0, -3.0, 0.5]), np.array([1.0, 2.0, -1.0])]
-    together = descend(system, starts, EVERYWHERE, 1e-12)
-    alone = [descend(system, [start], EVERYWHERE, 1e-12)[0] for start in starts]
-    arrived = [(one, other) for one, other in zip(together, alone, strict=True) if one.converged]
-    assert len(arrived) >= 2
-    for one, other in arrived:
-        assert one.x == pytest.approx(other.x, rel=1e-7)  # a minimum that is reached from another side
-
-
 def test_problems_side_by_side_end_to_the_digit_where_they_end_alone():
     systems = [decay(seed) for seed in (3, 4, 5)]
     starts = [[np.array([0.0, 1.0, -0.5]), np.array([1.0, 2.0, -1.0])], [np.array([0.1, 1.0, -0.4])], [np.array([1.0, 2.0, -1.0])] * 3]
