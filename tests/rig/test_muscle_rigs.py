@@ -58,16 +58,6 @@ def test_each_weight_hangs_where_the_muscle_balances_it():
     assert (np.diff(strains) < 0).all()
 
 
-def test_friction_keeps_a_muscle_from_its_full_contraction_and_from_being_drawn_out():
-    """It contracts first and is then drawn out: shorter of contraction unloaded, and less drawn out under weights than it would be."""
-    table = spec("contraction_table")
-    muscle, weights = simulate.muscle_of(table.muscle), np.array([0.0, 100.0, 200.0])
-    rubbing, without = simulate.hysteresis_of(table.hysteresis), Hysteresis(0.0, 0.0, np.array([0.01]), np.array([1.0]))
-    held, free = (resting_strains(muscle, friction, 5e5, weights) for friction in (rubbing, without))
-    assert held[0] < free[0]
-    assert (held[1:] > free[1:]).all()
-
-
 def test_the_shipped_table_regenerates():
     table = spec("contraction_table")
     made = csv_text(recording(table, 300.0), decimals(table))
