@@ -9,6 +9,7 @@ import pytest
 from cli_samples import thinned, write_study
 
 PROJECT = Path(__file__).resolve().parents[2]
+pytestmark = pytest.mark.usefixtures("fewer_families")
 
 
 @pytest.fixture
@@ -36,7 +37,7 @@ def test_a_spec_for_the_shipped_recordings_checks_and_runs(muscle: str, tmp_path
     assert own["nrmse"] < 0.03
 
 
-@pytest.mark.parametrize("source", ["bellows_tensile/four1.csv.gz", "festo_datasheet"])
+@pytest.mark.parametrize("source", ["festo_datasheet", pytest.param("bellows_tensile/four1.csv.gz", marks=pytest.mark.long)])
 def test_a_spec_for_measured_recordings_checks_and_runs(source: str, tmp_path: Path, mapmore, measured_data: Path) -> None:
     spec = tmp_path / "spec.yaml"
     started = mapmore("init", measured_data / source, "-o", spec)
@@ -45,6 +46,7 @@ def test_a_spec_for_measured_recordings_checks_and_runs(source: str, tmp_path: P
     assert mapmore("run", spec, "--runs", tmp_path / "runs", "-q", "--set", "report.formats=[csv]").exit_code == 0
 
 
+@pytest.mark.long
 def test_measured_muscles_of_two_lengths_are_two_studies_with_a_slack_foot(
     tmp_path: Path, mapmore, measured_data: Path, monkeypatch
 ) -> None:

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.usefixtures("fewer_families")
+
 SPEC = """\
 schema_version: 1
 name: bare
@@ -37,15 +39,6 @@ def write_bare(folder: Path, permuted: bool = False) -> Path:
     (folder / "bare.csv").write_text("\n".join(["P,eps,F", *rows]) + "\n")
     (folder / "bare.yaml").write_text(SPEC)
     return folder / "bare.yaml"
-
-
-@pytest.fixture(autouse=True)
-def fewer_families(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The list without the families that take long; their candidates are made in `test_search_families`."""
-    from mapmore_cli.fitting import searching
-
-    few = {name: family for name, family in searching.FAMILIES.items() if name in ("surface", "formula", "levels")}
-    monkeypatch.setattr(searching, "FAMILIES", few)
 
 
 def test_a_minimal_spec_is_a_study_and_what_it_found_repeats_without_a_search(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
