@@ -33,7 +33,8 @@ STUDIES = {
     "identification/antagonist_pam": LEARNERS,
     "identification/mr_damper": LEARNERS,
     "identification/buck": LEARNERS,
-    **dict.fromkeys(("../docs/search/festo_20mm", "../docs/search/fmax_by_length"), OF_FORCE),
+    "../docs/search/festo_20mm": OF_FORCE,
+    "../docs/search/fmax_by_length": BASELINES,
     **{f"../docs/search/{name}": LEARNERS for name in ("printed_cylinder", "single_bellows", "textile_arm", "bender", "pwm_finger")},
     "identification/emps": LEARNERS,
 }

@@ -9,13 +9,13 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.recording import Curve, Dataset
-from mapmore_cli.fitting.baselines import features, learned
+from mapmore_cli.fitting import baselines
 
 LESS = 0.8
 """Times the error of the structure that was found, below which a black box errs clearly less."""
 
 MOST_SAMPLES = 1_500
-"""Training samples of a black box in each fold."""
+"""Training samples of a black box in each fold; fewer where as a competitor it has fewer."""
 
 MOST_INPUTS = 4
 """Inputs, delays included, up to which a Gaussian process is fitted: it takes long with more."""
@@ -36,16 +36,17 @@ def black_boxes(dataset: Dataset, inputs: Sequence[str], folds: Sequence[Sequenc
     if find_spec("sklearn") is None or not inputs:
         return {}
     delays = (0, *DELAYS) if past else (0,)
-    x = [features(curve, inputs, delays) for curve in dataset.curves]
+    x = [baselines.features(curve, inputs, delays) for curve in dataset.curves]
     names = ["gradient_boosting", "gaussian_process" if len(inputs) * len(delays) <= MOST_INPUTS else "mlp"]
     errors: dict[str, list[Array]] = {name: [] for name in names}
     y = np.concatenate([curve.columns[dataset.target] for curve in dataset.curves])
     for fold in folds:
         out = np.concatenate(list(fold))
         rest = np.flatnonzero(~out)
-        rest = rest[np.linspace(0, len(rest) - 1, min(len(rest), MOST_SAMPLES)).round().astype(int)]
         for name in names:
-            predict = learned(name, np.concatenate(x)[rest], y[rest])
+            most = min(len(rest), MOST_SAMPLES, baselines.MOST_SAMPLES[name])
+            rows = rest[np.linspace(0, len(rest) - 1, most).round().astype(int)]
+            predict = baselines.learned(name, np.concatenate(x)[rows], y[rows])
             errors[name].append(predict(np.concatenate(x)[out]) - y[out])
     return {name: float(np.sqrt(np.nanmean(np.concatenate(each) ** 2))) for name, each in errors.items()}
 
