@@ -22,7 +22,7 @@ from mapmore_cli.study.simulation.simulate import csv_text, decimals, label, rec
 
 DATASETS = Path(__file__).parents[2] / "datasets"
 WAVEFORMS = DATASETS / "waveforms"
-SPECS = {use: load_as(WAVEFORMS / f"{use}.yaml", SimulationSpec).spec for use in ("training", "validation")}
+SPECS = {use: load_as(WAVEFORMS / f"{use}.yaml", SimulationSpec).spec for use in ("training", "validation", "loads")}
 ALL = [(use, waveform) for use, spec in SPECS.items() for waveform in spec.experiment.waveforms]
 FREE = {1.4: 1.7, 3.0: 6.4, 4.0: 8.8, 5.0: 9.9, 6.0: 10.3}
 """Free contraction (cm) of the muscle at pressures in bar, as P's data suggest it."""
@@ -94,9 +94,10 @@ def test_the_load_cell_feels_weight_and_inertia():
     assert np.all(response()["load"] == 0.0)
 
 
-def test_a_committed_recording_regenerates():
+@pytest.mark.parametrize("use", ["training", "loads"])
+def test_a_committed_recording_regenerates(use):
     """Another machine's libm may round a value to the neighbouring step."""
-    spec = SPECS["training"]
+    spec = SPECS[use]
     steps = [0.01, 0.001, 0.1, 0.01, 0.1]
     third = spec.experiment.waveforms[3]
     made = csv_text(recording(spec, third), decimals(spec)).splitlines()
