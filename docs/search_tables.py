@@ -87,11 +87,12 @@ def found_structures(runs: Path, studies: Iterable[str]) -> Table:
 
 def summary(rows: list[tuple[Cell, ...]]) -> str:
     """The mean ratio, how often a black box errs more, and how many results that are much worse than the best are told."""
-    mean = float(np.exp(np.mean([np.log(one[4]) for one in rows if one[4] is not None])))
+    ratios = [one[4] for one in rows if one[4] is not None]
     below = sum(one[2] < one[5] for one in rows)  # type: ignore[operator]
     far = [one[9] for one in rows if one[9]]
     told = f"Above {WORSE:g} times the best of all: {len(far)}, of which {far.count('yes')} say so."
-    return f"Geometric mean of found / shipped: {mean:.2f}. Below the best black box in {below} of {len(rows)}. {told}"
+    mean = f"Geometric mean of found / shipped: {np.exp(np.mean(np.log(ratios))):.2f}. " if ratios else ""
+    return f"{mean}Below the best black box in {below} of {len(rows)}. {told}"
 
 
 if __name__ == "__main__":

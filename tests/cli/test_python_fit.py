@@ -63,6 +63,35 @@ def test_frames_score_as_the_command_does(tmp_path: Path, mapmore: Callable[...,
     agree(mm.fit(frames, **sections).scores, scored(config, tmp_path, mapmore))
 
 
+def test_what_a_reviewer_asks_for_stands_beside_without_being_named(tmp_path: Path) -> None:
+    """An ARX beside what runs over time; the backbone alone beside pieces on it."""
+    time = np.arange(300) * 0.05
+    u = np.sin(time) + np.sin(2.7 * time)
+    y = np.zeros(300)
+    for k in range(1, 300):
+        y[k] = 0.9 * y[k - 1] + 0.1 * u[k]
+    moving = mm.fit(
+        {"time": time, "u": u, "y": y},
+        columns={"time": {"column": "time", "unit": "s"}, "u": {"column": "u"}, "y": {"column": "y"}},
+        target={"column": "y"},
+        split={"validate": {"last": 0.3}},
+        dictionary=[{"slow": {"of": ["u"], "tau": [0.5]}}],
+    )
+    assert {row["model"] for row in moving.scores} == {"mapmore", "plane", "quadratic", "cubic", "arx"}
+    strain, pressure = (values.ravel() for values in np.meshgrid(np.linspace(0.0, 0.2, 12), np.arange(100.0, 401.0, 50.0)))
+    force = 3 * pressure * (1 - 4 * strain) + 200 * strain**2
+    on_formula = mm.fit(
+        {"pressure": pressure, "strain": strain, "force": force},
+        columns={name: {"column": name, "unit": unit} for name, unit in (("pressure", "kPa"), ("strain", "1"), ("force", "N"))},
+        levels={"of": "pressure", "at": "auto"},
+        split={"validate": {"pressure": [250]}},
+        target="static",
+        dictionary=[{"polynomial": {"of": ["strain"], "order": 2}}],
+        model={"backbone": "sarosi"},
+    )
+    assert {row["model"] for row in on_formula.scores} == {"mapmore", "plane", "quadratic", "cubic", "backbone"}
+
+
 @pytest.mark.long
 def test_a_table_scores_as_the_command_does(tmp_path: Path, mapmore: Callable[..., Any], measured_data: Path) -> None:
     """A measured table; the competitors that are other settings of the same study are runs of their own."""
