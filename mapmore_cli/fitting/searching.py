@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from mapmore_cli.domain.arrays import Array, BoolArray
-from mapmore_cli.domain.errors import FitError, MapmoreError
+from mapmore_cli.domain.errors import DataError, FitError, MapmoreError
 from mapmore_cli.domain.processors import shared_out
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Search, Tried
@@ -21,6 +21,7 @@ from mapmore_cli.fitting.kinds import maker_of
 from mapmore_cli.fitting.kinds.choices import ModelChoices
 from mapmore_cli.fitting.search_bench import Bench, Masks, Slice, holds_ends_out, searchable, shortened, thinning_of
 from mapmore_cli.fitting.yardstick import black_boxes, note_of, strongest
+from mapmore_cli.modelling.memory.records import records_of, time_step
 from mapmore_cli.modelling.pieces.recipe import Segmented
 from mapmore_cli.modelling.search.candidate import Candidate, Family
 from mapmore_cli.modelling.search.choice import chosen_of
@@ -56,7 +57,8 @@ def search(
     """
     training = shortened(searchable(dataset))
     situation = situation_of(training, part.ignored, part.model.inputs)
-    if part.by_level:
+    uneven = _uneven(dataset) if situation.timed else ()
+    if part.by_level or uneven:
         situation = replace(situation, step=None)  # a model that runs along recordings cannot be fitted without a level
     listed = [(name, one) for name, family in FAMILIES.items() for one in _offered(name, family, situation)]
     bench = Bench.of(training, situation, part, holds_ends_out(dataset))
@@ -64,7 +66,17 @@ def search(
     outcomes = shared_out(lambda one: _tried(*one, bench, clock), listed, partial(progress, "structures"))
     tried = [outcome for outcome in outcomes if outcome is not None]
     found = _chosen(tried, len(outcomes) - len(tried), bench, part)
+    found = replace(found, notes=(*found.notes, *uneven))
     return _measured(found, tried, bench, situation) if beside else found
+
+
+def _uneven(dataset: Dataset) -> tuple[str, ...]:
+    """What the fit of a model with memory would refuse anywhere in the recordings, held-out parts included; nothing where it would not."""
+    try:
+        records_of(dataset.curves, time_step(dataset.curves))
+    except DataError as fault:
+        return (f"models with a past were not tried: {fault.message}; {fault.remedy}",)
+    return ()
 
 
 FEWEST_LEVELS = 4

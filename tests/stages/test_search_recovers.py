@@ -90,3 +90,16 @@ def test_a_noise_free_record_is_explained_by_a_structure_of_its_kind(
     assert taken.words.startswith(words)
     assert taken.parameters <= parameters
     assert np.median(taken.errors) < 1e-9  # a fold that takes an end of the range away cannot say how it goes on there
+
+
+def test_recordings_that_no_memory_fits_are_searched_without_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One early stamp among the held-out samples: the fit of a model with memory would refuse the whole recording."""
+    monkeypatch.setattr(searching, "FAMILIES", {name: searching.FAMILIES[name] for name in ("surface", "lags")})
+    columns = slow_and_play(np.random.default_rng(3))
+    columns["time"][-20:] -= 0.3 * STEP
+    held_out = np.arange(len(columns["y"])) >= 600
+    dataset = Dataset("y", None, {name: Quantity(name, "1") for name in columns}, (), (Curve("a", None, columns, held_out, ("a",)),))
+    result = search(dataset, Slice(None, ModelChoice(type="auto"), Fuse(), {}, None, (), False), beside=False)
+    assert {tried.family for tried in result.tried} == {"surface"}
+    assert "models with a past were not tried" in result.notes[0]
+    assert "resample: 0.02 s" in result.notes[0]
