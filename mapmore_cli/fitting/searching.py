@@ -14,6 +14,7 @@ from pydantic import TypeAdapter
 
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.errors import DataError, FitError, MapmoreError
+from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.processors import shared_out
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Search, Tried
@@ -21,6 +22,7 @@ from mapmore_cli.fitting.kinds import maker_of
 from mapmore_cli.fitting.kinds.choices import ModelChoices
 from mapmore_cli.fitting.search_bench import Bench, Masks, Slice, holds_ends_out, searchable, shortened, thinning_of
 from mapmore_cli.fitting.yardstick import black_boxes, note_of, strongest
+from mapmore_cli.modelling.kinds import fed_back, forecast, parameters
 from mapmore_cli.modelling.memory.records import records_of, time_step
 from mapmore_cli.modelling.pieces.recipe import Segmented
 from mapmore_cli.modelling.search.candidate import Candidate, Family
@@ -78,6 +80,9 @@ def _uneven(dataset: Dataset) -> tuple[str, ...]:
         return (f"models with a past were not tried: {fault.message}; {fault.remedy}",)
     return ()
 
+
+SHIFT, SWING = 0.1, 0.1
+"""Of the range, by which a run begins higher; of the largest difference that makes, what may still swing in the second half."""
 
 FEWEST_LEVELS = 4
 """Training levels, below which left-out inner ones cannot tell what lies between levels, so that only `BETWEEN` is tried."""
@@ -203,7 +208,10 @@ def _tried(family: str, candidate: Candidate, bench: Bench, clock: Clock) -> _Ou
         if ready.mean() < WHOLE:
             return _Outcome(replace(found, failure="needs a longer past than most left-out samples have", seconds=_since(started)))
         of_parts = [_left_out(choices, dataset, fold, thinning if slow else None) for fold in parts]
-        size = parameters_of(choices, dataset)
+        model = refit(choices, dataset)
+        if slow and rings(model, dataset):
+            return _Outcome(replace(found, failure="goes on by itself: its start still rings late in a recording", seconds=_since(started)))
+        size = parameters(model)
     except MapmoreError as fault:
         return _Outcome(replace(found, failure=fault.message, seconds=_since(started)))
     return _Outcome(replace(found, parameters=size, seconds=_since(started)), of_blocks, of_parts)
@@ -213,14 +221,23 @@ def _since(started: float) -> float:
     return round(time.process_time() - started, 2)
 
 
-def parameters_of(choices: ModelChoices, dataset: Dataset) -> int:
-    """Free numbers of the model of all samples."""
-    from mapmore_cli.modelling.kinds import parameters
+def rings(model: Model, dataset: Dataset) -> bool:
+    """Whether a free run begun a tenth of the range higher still swings about the one begun as measured, late in the longest recording.
 
-    return parameters(refit(choices, dataset))
+    Where inputs repeat, a model with poles on the unit circle continues the record as a clock does, whatever drives it. An integrator keeps
+    its offset, and does not swing.
+    """
+    if not fed_back(model):
+        return False
+    curve = max(dataset.curves, key=lambda one: one.size)
+    output = curve.columns[dataset.target]
+    higher = replace(curve, columns={**curve.columns, dataset.target: output + SHIFT * float(np.nanmax(output) - np.nanmin(output))})
+    apart = forecast(model, higher).values - forecast(model, curve).values
+    late = apart[curve.size // 2 :]
+    return bool(np.nanstd(late) > SWING * np.nanmax(np.abs(apart))) if np.isfinite(late).any() else False
 
 
-def refit(choices: ModelChoices, dataset: Dataset) -> Any:
+def refit(choices: ModelChoices, dataset: Dataset) -> Model:
     """A model of the training samples of a dataset."""
     refitted = maker_of(choices).refit
     assert refitted is not None
@@ -229,8 +246,6 @@ def refit(choices: ModelChoices, dataset: Dataset) -> Any:
 
 def _left_out(choices: ModelChoices, dataset: Dataset, fold: Masks, rows: Sequence[BoolArray] | None) -> tuple[Array, BoolArray]:
     """Errors of the model without a fold on the samples of the fold, and which of them it predicts; of an even share of `rows`."""
-    from mapmore_cli.modelling.kinds import forecast
-
     curves = tuple(replace(curve, held_out=out | curve.held_out) for curve, out in zip(dataset.curves, fold, strict=True))
     model = refit(choices, replace(dataset, curves=curves))
     errors, ready = [np.zeros(0)], [np.zeros(0, dtype=np.bool_)]

@@ -103,3 +103,16 @@ def test_recordings_that_no_memory_fits_are_searched_without_one(monkeypatch: py
     assert {tried.family for tried in result.tried} == {"surface"}
     assert "models with a past were not tried" in result.notes[0]
     assert "resample: 0.02 s" in result.notes[0]
+
+
+def test_a_model_that_goes_on_by_itself_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A sine that nothing drives: two delays continue it for ever, from the first samples on, as a clock does."""
+    monkeypatch.setattr(searching, "FAMILIES", {name: searching.FAMILIES[name] for name in ("surface", "autoregression")})
+    time = STEP * np.arange(800)
+    columns = {"time": time, "u": np.random.default_rng(5).uniform(0, 1, 800), "y": np.sin(3 * time)}
+    curve = Curve("a", None, columns, np.zeros(800, dtype=bool), ("a",))
+    dataset = Dataset("y", None, {name: Quantity(name, "1") for name in columns}, (), (curve,))
+    result = search(dataset, Slice(None, ModelChoice(type="auto"), Fuse(), {}, None, (), False), beside=False)
+    refused = {tried.words for tried in result.tried if "goes on by itself" in tried.failure}
+    assert "linear, 2 delays of the output" in refused
+    assert result.found.family == "surface"
