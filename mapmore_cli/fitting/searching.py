@@ -62,7 +62,7 @@ def search(
     uneven = _uneven(dataset) if situation.timed else ()
     if part.by_level or uneven:
         situation = replace(situation, step=None)  # a model that runs along recordings cannot be fitted without a level
-    listed = [(name, one) for name, family in FAMILIES.items() for one in _offered(name, family, situation)]
+    listed = [(name, one) for name, family in FAMILIES.items() for one in _offered(family, situation)]
     bench = Bench.of(training, situation, part, holds_ends_out(dataset))
     clock = Clock.started(part.model.budget)
     outcomes = shared_out(lambda one: _tried(*one, bench, clock), listed, partial(progress, "structures"))
@@ -81,21 +81,14 @@ def _uneven(dataset: Dataset) -> tuple[str, ...]:
     return ()
 
 
-SHIFT, SWING = 0.1, 0.1
-"""Of the range, by which a run begins higher; of the largest difference that makes, what may still swing in the second half."""
-
 FEWEST_LEVELS = 4
-"""Training levels, below which left-out inner ones cannot tell what lies between levels, so that only `BETWEEN` is tried."""
-
-BETWEEN = ("levels", "formula")
-"""Families that go straight from level to level, or as a formula says. A plane does as well."""
+"""Training levels, below which left-out inner ones cannot tell what lies between levels."""
 
 
-def _offered(name: str, family: Family, situation: Situation) -> list[Candidate]:
-    """The candidates of a family that the data can tell from others."""
-    found = list(family.candidates(situation)) if family.applies(situation) else []
+def _offered(family: Family, situation: Situation) -> list[Candidate]:
+    """Return the candidates of a family that the data can tell from others."""
     few = situation.level in situation.inputs and situation.curves < FEWEST_LEVELS
-    return found if not few or name in BETWEEN else found[:1] if name == "surface" else []
+    return list(family.candidates(situation))[: family.of_few_levels if few else None] if family.applies(situation) else []
 
 
 def _measured(found: Search, outcomes: Sequence[_Outcome], bench: Bench, situation: Situation) -> Search:
@@ -201,13 +194,12 @@ def _tried(family: str, candidate: Candidate, bench: Bench, clock: Clock) -> _Ou
         dataset, blocks, parts = (
             (bench.dataset, bench.blocks, bench.parts) if slow else (bench.thinned, bench.thinned_blocks, bench.thinned_parts)
         )
-        places = [np.ones(curve.size, dtype=np.bool_) for curve in bench.dataset.curves]
-        thinning = thinning_of(bench.dataset) if slow else places
-        of_blocks = [_left_out(choices, dataset, fold, thinning if slow else None) for fold in blocks]
+        thinning = thinning_of(bench.dataset) if slow else None
+        of_blocks = [_left_out(choices, dataset, fold, thinning) for fold in blocks]
         ready = np.concatenate([rows for _, rows in of_blocks])
         if ready.mean() < WHOLE:
             return _Outcome(replace(found, failure="needs a longer past than most left-out samples have", seconds=_since(started)))
-        of_parts = [_left_out(choices, dataset, fold, thinning if slow else None) for fold in parts]
+        of_parts = [_left_out(choices, dataset, fold, thinning) for fold in parts]
         model = refit(choices, dataset)
         if slow and rings(model, dataset):
             return _Outcome(replace(found, failure="goes on by itself: its start still rings late in a recording", seconds=_since(started)))
@@ -219,6 +211,10 @@ def _tried(family: str, candidate: Candidate, bench: Bench, clock: Clock) -> _Ou
 
 def _since(started: float) -> float:
     return round(time.process_time() - started, 2)
+
+
+SHIFT, SWING = 0.1, 0.1
+"""Of the range, by which a run begins higher; of the largest difference that makes, what may still swing in the second half."""
 
 
 def rings(model: Model, dataset: Dataset) -> bool:

@@ -28,10 +28,11 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Family:
-    """Candidates of one kind: when they apply, and which they are."""
+    """Candidates of one kind: when they apply, which they are, and how many of them do not bend between a few levels; None for all."""
 
     applies: Callable[[Situation], bool]
     candidates: Callable[[Situation], Iterable[Candidate]]
+    of_few_levels: int | None = 0
 
 
 def surface(words: str, of: Situation, dictionary: Entries, terms: int, count: int = 1, backbone: str | None = None) -> Candidate:

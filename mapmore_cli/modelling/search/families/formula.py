@@ -29,4 +29,4 @@ def candidates(of: Situation) -> Iterator[Candidate]:
         yield Candidate(f"formula {name}", {"model": {"type": "literature", "name": name}})
 
 
-FAMILY = Family(lambda of: any(fitting(of, literature.names())), candidates)
+FAMILY = Family(lambda of: any(fitting(of, literature.names())), candidates, of_few_levels=None)

@@ -23,4 +23,4 @@ def candidates(of: Situation) -> Iterator[Candidate]:
         yield Candidate(f"levels, 3 segments of {swept}{f' on {backbone}' if backbone else ''}", {**sections, "fuse.levels": "pchip"})
 
 
-FAMILY = Family(lambda of: of.level is not None and len(of.inputs) == 2 and of.curves > 1, candidates)
+FAMILY = Family(lambda of: of.level is not None and len(of.inputs) == 2 and of.curves > 1, candidates, of_few_levels=None)

@@ -39,4 +39,4 @@ def count(inputs: int, order: int) -> int:
     return comb(inputs + order, order)
 
 
-FAMILY = Family(lambda of: bool(of.inputs), candidates)
+FAMILY = Family(lambda of: bool(of.inputs), candidates, of_few_levels=1)
