@@ -14,6 +14,7 @@ from mapmore_cli.cli.console import Quiet
 from mapmore_cli.domain.errors import UsageError, WriteError
 
 if TYPE_CHECKING:
+    from mapmore_cli.study.drafting.draft import Draft
     from mapmore_cli.study.drafting.questions import Ask
 
 STDOUT = Path("-")
@@ -51,20 +52,17 @@ def init(
     data. A folder with recordings of several studies gives a spec for each; with -o, one for the largest.
     """
     from mapmore_cli.cli.progress import Reporter
-    from mapmore_cli.storage.atomic import write_text
     from mapmore_cli.study.drafting.proof import proven
     from mapmore_cli.study.drafting.questions import Answers, read_columns
     from mapmore_cli.study.drafting.start import start
 
     if name is not None:
         _check_name(name)
-    if group is not None and not (group.isascii() and group.isidentifier()):
-        raise UsageError(f"--group: {group!r} is no name of a quantity", "say what the names of files tell apart, as specimen, or none")
     answers = Answers(
         {} if columns is None else read_columns(columns),
         target,
         hold,
-        group,
+        _group(group),
         None if length is None else _given("--length", length, "m", "88mm"),
     )
     seconds = _given("--budget", budget, "s", "60s")
@@ -77,21 +75,34 @@ def init(
     if output == STDOUT:
         print(found.drafts[0].text(), end="")
         return
-    from mapmore_cli.study.drafting.guesses import guesses_page
-
     specs = {output or Path(f"{draft.name}.yaml"): draft for draft in found.drafts}
     for path, draft in specs.items():
         if draft.raw and (force or not path.exists()):
-            write_text(path.with_suffix(".html"), guesses_page(draft))
-            if not quiet:
-                print(f"To check its guesses by eye: {path.with_suffix('.html')}", file=sys.stderr)
+            _write_page(path.with_suffix(".html"), draft, quiet)
     _write({path: draft.text() for path, draft in specs.items()}, force)
     if not quiet:
         print(f"Next: mapmore check {next(iter(specs))}", file=sys.stderr)
 
 
+def _write_page(path: Path, draft: Draft, quiet: bool) -> None:
+    """Write the page of a draft's guesses, and say where it is."""
+    from mapmore_cli.storage.atomic import write_text
+    from mapmore_cli.study.drafting.guesses import guesses_page
+
+    write_text(path, guesses_page(draft))
+    if not quiet:
+        print(f"To check its guesses by eye: {path}", file=sys.stderr)
+
+
+def _group(name: str | None) -> str | None:
+    """Return what names tell apart, as it was said on the line."""
+    if name is not None and not (name.isascii() and name.isidentifier()):
+        raise UsageError(f"--group: {name!r} is no name of a quantity", "say what the names of files tell apart, as specimen, or none")
+    return name
+
+
 def _asking(silent: bool) -> Ask | None:
-    """Who answers: the person at the terminal, where there is one."""
+    """Return who answers: the person at the terminal, where there is one."""
     if silent or not (sys.stdin.isatty() and sys.stderr.isatty()):
         return None
     from mapmore_cli.cli.asking import ask
@@ -100,7 +111,7 @@ def _asking(silent: bool) -> Ask | None:
 
 
 def _given(option: str, text: str, unit: str, example: str) -> float:
-    """A positive quantity that was said on the line."""
+    """Return a positive quantity that was said on the line."""
     from mapmore_cli.domain.errors import SpecError
     from mapmore_cli.spec.units import parse_quantity
 

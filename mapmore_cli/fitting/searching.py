@@ -73,7 +73,7 @@ def search(
 
 
 def _uneven(dataset: Dataset) -> tuple[str, ...]:
-    """What the fit of a model with memory would refuse anywhere in the recordings, held-out parts included; nothing where it would not."""
+    """Return what the fit of a model with memory would refuse in the recordings, held-out parts included."""
     try:
         records_of(dataset.curves, time_step(dataset.curves))
     except DataError as fault:
@@ -218,7 +218,7 @@ SHIFT, SWING = 0.1, 0.1
 
 
 def rings(model: Model, dataset: Dataset) -> bool:
-    """Whether a free run begun a tenth of the range higher still swings about the one begun as measured, late in the longest recording.
+    """Tell whether a free run that begins a tenth of the range higher still swings about the measured one late in the longest recording.
 
     Where inputs repeat, a model with poles on the unit circle continues the record as a clock does, whatever drives it. An integrator keeps
     its offset, and does not swing.

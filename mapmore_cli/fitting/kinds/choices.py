@@ -163,7 +163,7 @@ class Size:
 
 
 def with_terms(part: P, terms: int) -> P:
-    """Return the choices with so many terms at most; as they are for 0."""
+    """Return the choices with at most `terms` terms, or unchanged where that is 0."""
     return replace(part, fit=replace(part.fit, max_terms=terms)) if terms else part
 
 

@@ -261,7 +261,7 @@ class Formula(LiteratureModel):
 
 
 def can_be_solved(model: LiteratureModel) -> TypeGuard[Formula]:
-    """Whether a model is fitted as a formula is, so that the error of an input can be minimised."""
+    """Tell whether the errors of an input can be minimised: the model is fitted as a formula is."""
     return isinstance(model, Formula) and type(model).fit is Formula.fit
 
 

@@ -33,7 +33,7 @@ FEWEST = 8
 
 @dataclass(frozen=True)
 class Shift:
-    """What is to be added to the second log's time, and how sure that is.
+    """Hold what to add to the second log's time, and how sure that is.
 
     - `value`, `half_width`: in the unit of the stamps; the latter of the 95 % interval.
     - `step`: the coarser of the two records' typical steps.

@@ -252,7 +252,7 @@ def draw_band(ax: Axes, x: Array, y: Array, colour: str, **look: Any) -> None:
 
 
 def thinned(sizes: Sequence[int]) -> str:
-    """Return a sentence about how curves of so many samples are drawn; nothing where every sample is."""
+    """Say how curves of so many samples are drawn; nothing where every sample is drawn."""
     if max(sizes) <= DOTS_A_CURVE:
         return ""
     lines = " Lines are means over short stretches, pale bands the range of the samples." if max(sizes) > MOST_ON_A_LINE else ""
