@@ -11,12 +11,16 @@ import os
 import sys
 from collections import Counter
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
+
+from pages import DOCS, read_rows, write_tables
 
 from mapmore_cli.domain.errors import DataError, MapmoreError
 from mapmore_cli.domain.scores import OWN, deciding
 from mapmore_cli.pipeline.runner import bring_up_to_date
+from mapmore_cli.reporting.table import Column, Table
 from mapmore_cli.spec.loader import LoadedSpec, load
 from mapmore_cli.storage.run_folder import RunFiles
 from mapmore_cli.study.drafting.draft import Draft
@@ -24,12 +28,10 @@ from mapmore_cli.study.drafting.questions import Answers, read_columns
 from mapmore_cli.study.drafting.start import start
 from mapmore_cli.study.inspection.lint import inspect
 
-PAGE = Path(__file__).parent / "init-and-check.md"
-BEGIN, END = "<!-- made by python docs/drafted_tables.py -->", "<!-- end of the table -->"
-HEAD = (
-    "| folder | said | spec | target | held constant | structure | `CHECK` | `check` | `run`: NRMSE | plane | cubic | Sarosi alone | ARX |",
-    "|---|---|---|---|---|---|---|---|---|---|---|---|---|",
-)
+PAGE = DOCS / "init-and-check.md"
+PLAINER = ("plane", "cubic", "sarosi", "arx")
+COLUMNS = ("folder", "said", "spec", "target", "held constant", "structure", "CHECK", "check", "run: NRMSE", *PLAINER)
+Row = tuple[str, ...]
 
 
 def data_folder() -> Path:
@@ -60,40 +62,40 @@ SAID: Mapping[str, tuple[str, Answers]] = {
 """What a person who knows the rig would say on the line, by folder."""
 
 
-def rows_of(folder: Path) -> list[str]:
+def rows_of(folder: Path) -> list[Row]:
     """A row for each spec that `init` proposes for a folder, without a word and with the answers, or one that says why there is none."""
     found = _rows(folder, Answers(), "nothing")
     if folder.name in SAID:
         words, answers = SAID[folder.name]
-        found += _rows(folder, answers, f"`{words.replace('|', '')}`")
+        found += _rows(folder, answers, words)
     return found
 
 
-def _rows(folder: Path, answers: Answers, said: str) -> list[str]:
+def _rows(folder: Path, answers: Answers, said: str) -> list[Row]:
     with TemporaryDirectory() as place:
         try:
             found = start(folder, Path(place), answers=answers)
         except DataError as refusal:
-            return [f"| `{folder.name}` | {said} | - | {refusal.message.rpartition(': ')[2]} | {' | '.join('-' * 9)} |"]
-        return [f"| `{folder.name}` | {said} | {proposed(draft)} | {tried(draft, Path(place))} |" for draft in found.drafts]
+            return [(folder.name, said, "-", refusal.message.rpartition(": ")[2], *"-" * (len(COLUMNS) - 4))]
+        return [(folder.name, said, *proposed(draft), *tried(draft, Path(place))) for draft in found.drafts]
 
 
-def proposed(draft: Draft) -> str:
+def proposed(draft: Draft) -> Row:
     """Name, target, levels and open questions of a draft."""
     target = draft.spec["target"]
-    told = target if isinstance(target, str) else f"`{target['column']}`"
+    told = target if isinstance(target, str) else target["column"]
     levels = draft.data.get("levels")
     held = f"{len(levels['at'])} levels of {levels['of']}" if levels else "nothing"
     found = draft.found.found.words if draft.found is not None else "not searched"
-    return f"`{draft.name}` | {told} | {held} | {found} | {draft.text().count('CHECK: ')}"
+    return draft.name, told, held, found, str(draft.text().count("CHECK: "))
 
 
-def tried(draft: Draft, place: Path) -> str:
+def tried(draft: Draft, place: Path) -> Row:
     """What `check` finds in a draft, the error of the model that `run` makes of it, and those of plainer models on the same split."""
     path = place / f"{draft.name}.yaml"
     path.write_text(draft.text(), encoding="utf-8")
     loaded = load(path)
-    return f"{_checked(loaded)} | {_run(loaded, place / 'runs')}"
+    return _checked(loaded), *_run(loaded, place / "runs")
 
 
 def _checked(loaded: LoadedSpec) -> str:
@@ -102,37 +104,29 @@ def _checked(loaded: LoadedSpec) -> str:
     return ", ".join(told) or "clean"
 
 
-def _run(loaded: LoadedSpec, runs: Path) -> str:
+def _run(loaded: LoadedSpec, runs: Path) -> Row:
     try:
         files = RunFiles(bring_up_to_date(loaded, runs, "validate").run_dir)
     except MapmoreError as fault:
-        return f"refused: {fault.message} | - | - | - | -"
+        return f"refused: {fault.message}", *"-" * len(PLAINER)
     rows = {score.model: score for score in deciding(files.validation().scores)}
     where = "held out" if rows[OWN].split == "validate" else "training"
     errors = {name: row.nrmse for name, row in rows.items()}
-    return f"{_told(rows[OWN].nrmse)} {where} | " + " | ".join(_told(errors.get(name)) for name in ("plane", "cubic", "sarosi", "arx"))
+    return f"{_told(rows[OWN].nrmse)} {where}", *(_told(errors.get(name)) for name in PLAINER)
 
 
 def _told(error: float | None) -> str:
     return "-" if error is None or not math.isfinite(error) else f"{100 * error:.2g} %"
 
 
-def table(old: str, rows: dict[str, list[str]]) -> str:
-    """The table with the rows of some folders made anew, and those of the others as they were, by folder."""
-    kept = [line for line in old.splitlines() if line.startswith("| `") and line.split("`")[1] not in rows]
-    every = sorted([*kept, *(row for found in rows.values() for row in found)], key=lambda line: line.split("`")[1])
-    return "\n".join([*HEAD, *every])
-
-
-def page(text: str, rows: dict[str, list[str]]) -> str:
-    """The page with its table made anew."""
-    before, _, rest = text.partition(BEGIN)
-    old, _, after = rest.partition(END)
-    return f"{before}{BEGIN}\n\n{table(old, rows)}\n\n{END}{after}"
+def table(made: Mapping[str, list[Row]]) -> Table:
+    """Return the table with the rows of some folders made anew, and those of the others as they were, by folder."""
+    kept = [tuple(row) for row in read_rows(PAGE, "drafts")[1:] if row[0] not in made]
+    every = sorted([*kept, *(row for found in made.values() for row in found)], key=lambda row: row[0])
+    return Table("drafts", "What init proposes, and what comes of it", tuple(map(Column, COLUMNS)), tuple(every))
 
 
 if __name__ == "__main__":
     chosen = [data_folder() / name for name in sys.argv[1:]] or sorted(path for path in data_folder().iterdir() if path.is_dir())
     for folder in chosen:  # each as soon as it is made: the rest may take long
-        found = {folder.name: rows_of(folder)}
-        PAGE.write_text(page(PAGE.read_text(encoding="utf-8"), found), encoding="utf-8")
+        write_tables(PAGE, {"drafts": partial(table, {folder.name: rows_of(folder)})})

@@ -1,7 +1,7 @@
-"""Sessions of `mapmore init` at a pseudo-terminal, as docs/init-sessions.md shows them.
+"""Sessions of `mapmore init` at a pseudo-terminal, as the terminal showed them but for colours and bars that vanish: docs/sessions/*.txt.
 
 `python docs/init_sessions.py [FOLDER ...]` answers the questions about folders in `MAPMORE_DATA` (by default `../shared/data`), runs the
-spec, and writes the page.
+spec, and writes the files.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from tempfile import TemporaryDirectory
 
 from drafted_tables import data_folder
 
-PAGE = Path(__file__).parent / "init-sessions.md"
+SESSIONS = Path(__file__).parent / "sessions"
 QUESTION = " > "
 PATIENCE = 900.0  # s
 WIDTH = "140"
@@ -66,7 +66,7 @@ def as_text(shown: str) -> str:
 
 
 def transcript(name: str, folder: Path) -> str:
-    """Return the session about a folder as Markdown, and what the run of its spec says."""
+    """Return what the run of its spec says, and the session about a folder."""
     with TemporaryDirectory() as place:
         there = Path(place)
         (there / name).symlink_to(folder)
@@ -78,24 +78,10 @@ def transcript(name: str, folder: Path) -> str:
         result = json.loads(done.stdout)
     own = next(row for row in result["scores"] if (row["model"], row["split"], row["curve"]) == ("mapmore", "validate", "all"))
     open_ = len(result["unconfirmed"])
-    told = f"{asked} answers; `run`: NRMSE {100 * own['nrmse']:.2g} % held out, {open_} open guess{'es' if open_ != 1 else ''}."
-    return f"## `{name}`\n\n{told}\n\n```\n$ mapmore init {name} --name asked -o asked.yaml\n{as_text(shown)}\n```\n"
-
-
-HEAD = """# Sessions of init at a terminal
-
-Each session as the terminal showed it, answers behind `>`, without colours and progress bars. Made by `python docs/init_sessions.py`
-of the folders of [init and check](init-and-check.md); nothing else was said or changed.
-"""
-
-
-def page(old: str, made: Mapping[str, str]) -> str:
-    """Return the page with some sessions made anew."""
-    kept = {part.split("`")[1]: f"## {part}" for part in old.split("\n## ")[1:]}
-    return "\n".join([HEAD, *(f"{({**kept, **made})[name].strip()}\n" for name in SAID if name in {**kept, **made})])
+    told = f"{asked} answers; run: NRMSE {100 * own['nrmse']:.2g} % held out, {open_} open guess{'es' if open_ != 1 else ''}."
+    return f"{told}\n\n$ mapmore init {name} --name asked -o asked.yaml\n{as_text(shown)}\n"
 
 
 if __name__ == "__main__":
     for name in sys.argv[1:] or SAID:
-        old = PAGE.read_text(encoding="utf-8") if PAGE.exists() else ""
-        PAGE.write_text(page(old, {name: transcript(name, data_folder() / name)}), encoding="utf-8")
+        (SESSIONS / f"{name}.txt").write_text(transcript(name, data_folder() / name), encoding="utf-8")

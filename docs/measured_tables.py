@@ -151,10 +151,10 @@ def terms(scores: CampaignScores) -> Table:
     return Table("terms", "NRMSE of mapmore by number of terms", columns, tuple(rows))
 
 
-def family(runs: Path) -> Table:
-    """The scores on the held-out muscle."""
-    table = finished(Entry(CONFIGS / "festo" / "festo_10mm_family.yaml", ()), runs).table
-    return score_table([score for score in table.scores if score.split == "validate"], table.units)
+def held_out(config: str, runs: Path) -> Table:
+    """The scores of a shipped study on held-out data."""
+    table = finished(Entry(CONFIGS / f"{config}.yaml", ()), runs).table
+    return replace(score_table([score for score in table.scores if score.split == "validate"], table.units), notes=())
 
 
 def tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
@@ -166,7 +166,8 @@ def tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
         "pgm": lambda: pgm(runs),
         "maps": lambda: maps(runs),
         "hold": lambda: hold(measured, m1, runs),
-        "family": lambda: family(runs),
+        "family": lambda: held_out("festo/festo_10mm_family", runs),
+        "cylinder": lambda: held_out("cylinder/printed_cylinder", runs),
         "m1": lambda: nrmse_table(m1),
         "m1-terms": lambda: terms(campaign("m1_terms", runs)),
     }

@@ -1,19 +1,21 @@
-"""What the scripts beside this file have in common: shipped runs brought up to date, published tables, and tables written into a page.
+"""What the scripts beside this file have in common: shipped runs brought up to date, published tables, and the tables of pages.
 
-A table of a page stands between `<!-- table NAME -->` and `<!-- end -->`.
+A table of a page stands between `<!-- table NAME -->` and `<!-- end -->`. After `<!-- table NAME 3 -->` it is in `tables/PAGE/NAME.csv`:
+the page has its last three rows and a link, the site all of it.
 """
 
 from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from mapmore_cli.domain.scores import Score
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.reporting.campaign import CampaignScores
-from mapmore_cli.reporting.table import Table, to_markdown
+from mapmore_cli.reporting.table import Column, Table, to_markdown
 from mapmore_cli.spec.campaign import Entry, load_campaign
 from mapmore_cli.spec.loader import load
 from mapmore_cli.storage.artefacts import read_validation
@@ -53,13 +55,57 @@ def printed(name: str) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
+BLOCK = re.compile(r"(<!-- table (\S+?)(?: (\d+))? -->)\n(.*?)(<!-- end -->)", re.DOTALL)
+
+
 def write_tables(page: Path, found: Mapping[str, Callable[[], Table]]) -> None:
     """Replace the tables of a page by those found of their names."""
 
-    def table(match: re.Match[str]) -> str:
-        if match[2] not in found:
+    def block(match: re.Match[str]) -> str:
+        head, name, kept, _, end = match.groups()
+        if name not in found:
             return match[0]
-        return f"{match[1]}\n{to_markdown(found[match[2]]())}{match[3]}"
+        table = found[name]()
+        return f"{head}\n{to_markdown(table) if kept is None else _excerpt(table, int(kept), page.stem, name)}{end}"
 
-    text = re.sub(r"(<!-- table (\S+) -->)\n.*?(<!-- end -->)", table, page.read_text(encoding="utf-8"), flags=re.DOTALL)
-    page.write_text(text, encoding="utf-8")
+    page.write_text(BLOCK.sub(block, page.read_text(encoding="utf-8")), encoding="utf-8")
+
+
+def _excerpt(table: Table, kept: int, page: str, name: str) -> str:
+    """Write a table into its file; return its last rows, its notes and a link to the file."""
+    write_rows(DOCS / "tables" / page / f"{name}.csv", [table.headings, *table.shown])
+    text = to_markdown(replace(table, rows=table.rows[-kept:])) if kept else "\n\n".join([f"**{table.title}**", *table.notes]) + "\n"
+    return f"{text}\n[All {len(table.rows)} rows](tables/{page}/{name}.csv)\n"
+
+
+def write_rows(path: Path, rows: Sequence[Sequence[str]]) -> None:
+    """Write headings and rows as CSV."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows(rows)
+
+
+def read_rows(page: Path, name: str) -> list[list[str]]:
+    """Return headings and rows of a table, from its file or from the page."""
+    path = DOCS / "tables" / page.stem / f"{name}.csv"
+    if path.exists():
+        with path.open(encoding="utf-8", newline="") as file:
+            return list(csv.reader(file))
+    (block,) = (found[4] for found in BLOCK.finditer(page.read_text(encoding="utf-8")) if found[2] == name)
+    lines = [[cell.strip() for cell in line.strip("|").split("|")] for line in block.splitlines() if line.startswith("|")]
+    return [lines[0], *lines[2:]]
+
+
+def in_full(text: str, page: str) -> str:
+    """Return the text of a page with the whole table in the place of each link to it."""
+
+    def whole(match: re.Match[str]) -> str:
+        if match[3] is None:
+            return match[0]
+        headings, *rows = read_rows(Path(page), match[2])
+        table = Table(match[2], "", tuple(map(Column, headings)), tuple(map(tuple, rows)))
+        shown = to_markdown(table).replace("****\n\n", "")
+        head, tail = '<details markdown="1"><summary>', f"</summary>\n\n{shown}\n[CSV]"
+        return re.sub(r"\[(All \d+ rows)\](\(.*?\))", lambda link: f"{head}{link[1]}{tail}{link[2]}\n\n</details>\n", match[0])
+
+    return BLOCK.sub(whole, text)

@@ -1,6 +1,6 @@
 """Write the table of docs/search.md from runs, which are brought up to date first: `python docs/search_tables.py RUNS`.
 
-Names of studies behind `RUNS` make a table of these alone.
+Names of studies behind `RUNS` make their rows anew, and leave the others as they are. Each row is written as soon as it is made.
 
 The measured recordings must be there (docs/data.md), and scikit-learn (extra `baselines`).
 """
@@ -8,16 +8,22 @@ The measured recordings must be there (docs/data.md), and scikit-learn (extra `b
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
-from pages import DOCS, run, scores, write_tables
+from pages import DOCS, read_rows, run, scores, write_tables
 
-from mapmore_cli.domain.scores import BASELINES
+from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.domain.results import Search
+from mapmore_cli.domain.scores import BASELINES, OWN, SIMPLE
+from mapmore_cli.fitting.searching import formula_beside
 from mapmore_cli.pipeline.search import SEARCH, read_search
+from mapmore_cli.reporting.score_tables import verdict
 from mapmore_cli.reporting.table import Cell, Column, Table
+from mapmore_cli.storage.artefacts import read_validation
 
+PAGE = DOCS / "search.md"
 FORMULAS = ("sarosi", "sarosi_hinged", "polynomial_2", "polynomial_5", "kerscher")
 LEARNERS = tuple(name for name in BASELINES if name != "gaussian_process")
 """Against models with a past, whose delayed inputs are too many for a Gaussian process."""
@@ -65,10 +71,18 @@ def row(study: str, runs: Path) -> tuple[Cell, ...]:
     box = min((model for model in BASELINES if model in errors), key=lambda model: errors[model])
     formula = min((errors[model] for model in FORMULAS if model in errors), default=None)
     best = min(error for error in (found, shipped, errors[box], formula) if error is not None)
-    told = ("yes" if search.notes else "no") if found > WORSE * best else ""
+    told = ("yes" if says_so(folder, search) else "no") if found > WORSE * best else ""
     seconds = sum(tried.seconds for tried in search.tried)
     ratio = None if shipped is None else found / shipped
     return (name, search.found.words, found, shipped, ratio, errors[box], box, formula, round(seconds), told)
+
+
+def says_so(folder: Path, search: Search) -> bool:
+    """Whether the page of a study that names no competitors says that another model errs less: on its first lines, by verdict or note."""
+    shown = {OWN, *SIMPLE, formula_beside(search)}
+    rows = [row for row in read_validation(folder / "validate.h5").scores if row.model in shown]
+    text = verdict(rows, OWN, Quantity(rows[0].target, ""))
+    return "is worse" in text or any("errs" in note for note in search.notes)
 
 
 def _error(folder: Path) -> float:
@@ -76,13 +90,23 @@ def _error(folder: Path) -> float:
     return 100 * scores(folder, "validate")["mapmore"].nrmse
 
 
-def found_structures(runs: Path, studies: Iterable[str]) -> Table:
-    """A row for every study."""
+def found_structures(runs: Path, study: str) -> Table:
+    """The table with the row of a study made anew."""
     heads = (Column("study"), Column("structure found"), *(Column(word, "%", ".3g") for word in ("found", "shipped")))
     boxes = (Column("found / shipped", "", ".2f"), Column("best black box", "%", ".3g"), Column("which"))
     rest = (Column("best formula", "%", ".3g"), Column("work", "s"), Column("told on its page"))
-    rows = [row(study, runs) for study in studies]
+    kept = {cells[0]: tuple(map(_number, cells)) for cells in read_rows(PAGE, "search")[1:]}
+    every = {**kept, study.rpartition("/")[2]: row(study, runs)}
+    rows = [every[name] for one in STUDIES if (name := one.rpartition("/")[2]) in every]
     return Table("search", "NRMSE on the held-out data", (*heads, *boxes, *rest), tuple(rows), (summary(rows),))
+
+
+def _number(cell: str) -> Cell:
+    """What a cell of the table holds: a number, nothing, or words."""
+    try:
+        return None if cell == "–" else float(cell)
+    except ValueError:
+        return cell
 
 
 def summary(rows: list[tuple[Cell, ...]]) -> str:
@@ -96,4 +120,5 @@ def summary(rows: list[tuple[Cell, ...]]) -> str:
 
 
 if __name__ == "__main__":
-    write_tables(DOCS / "search.md", {"search": lambda: found_structures(Path(sys.argv[1]), sys.argv[2:] or STUDIES)})
+    for chosen in sys.argv[2:] or STUDIES:
+        write_tables(PAGE, {"search": partial(found_structures, Path(sys.argv[1]), chosen)})

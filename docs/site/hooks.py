@@ -1,9 +1,10 @@
-"""Make the gallery, the notebook and the page of commands when the site is built."""
+"""Make the gallery, the notebook, the references and whole tables when the site is built."""
 
 from __future__ import annotations
 
 import ast
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -85,6 +86,19 @@ def on_files(files: Any, config: Any) -> Any:
         ]
     files.append(File.generated(config, "gallery/index.md", content="\n".join([*index, "</div>"])))
     return files
+
+
+def on_page_markdown(markdown: str, page: Any, **_rest: Any) -> str:
+    """Return the text of a page with its tables in full, and with the references that are made from the code."""
+    sys.path.append(str(DOCS))
+    from pages import in_full
+
+    from mapmore_cli.modelling.literature import reference as formulas
+    from mapmore_cli.spec.schema import reference as keys
+    from mapmore_cli.storage.artefacts.layout import described
+
+    made = {"keys": keys, "formulas": formulas.reference, "files": described}
+    return re.sub(r"<!-- made: (\w+) -->", lambda match: made[match[1]](), in_full(markdown, page.file.src_path))
 
 
 SHIM = "https://unpkg.com/iframe-worker/shim"

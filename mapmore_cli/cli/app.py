@@ -129,6 +129,6 @@ def _common(
 
 
 def main() -> None:
-    """Entry point of the installed command and of `python -m mapmore_cli`."""
+    """Run the installed command and of `python -m mapmore_cli`."""
     cast(io.TextIOWrapper, sys.stdout).reconfigure(errors="replace")  # a terminal without ² and – still shows the table
     app(prog_name="mapmore")

@@ -32,6 +32,10 @@ def export(
     model_file: Annotated[Path, typer.Argument(metavar="MODEL", help="A model.h5.", show_default=False)],
     to: Annotated[Target, typer.Option("--to", help="What to write; see above.")],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the files.")] = Path(),
+    pressure: Annotated[
+        Path | None,
+        typer.Option("--pressure", metavar="MODEL", help="A model of the pressure that the force is a function of.", show_default=False),
+    ] = None,
     single: Annotated[bool, typer.Option("--float", help="C in single precision.")] = False,
     grid: Annotated[
         str | None,
@@ -49,9 +53,12 @@ def export(
     and text for Modelica's CombiTable2D. `mujoco` is C with an actuator callback, `simulink` C with a function for C Caller blocks. `csv`
     is one lookup table, `tex` the equations.
 
+    With `--pressure`, a model of the force and one of the pressure become one actuator, in C or as an FMU: from what the valve is told.
+
     C, FMUs and modules are compared with `predict` on 100 points before they are written.
     """
     from mapmore_cli.cli.progress import Reporter
+    from mapmore_cli.modelling.sums.joint import actuator
     from mapmore_cli.storage.artefacts import read_model
     from mapmore_cli.study.exports import exported
 
@@ -59,10 +66,13 @@ def export(
         raise UsageError("--float is for C alone", "leave it out, or write --to c")
     if (grid is not None and to not in (Target.CSV, Target.TABLE)) or (grid is None and to is Target.CSV):
         raise UsageError("--grid goes with --to csv and --to table", "as in: --to csv --grid pressure=0:600:25,strain=0:0.25:0.01")
+    if pressure is not None and to not in (Target.C, Target.FMU):
+        raise UsageError("--pressure goes with --to c and --to fmu", "export both models one by one")
     with Reporter(quiet) as reporter:
-        files = exported(
-            read_model(model_file, reporter.warn), to.value, single=single, grid=grid, verify=not no_verify, warn=reporter.warn
-        )
+        model = read_model(model_file, reporter.warn)
+        if pressure is not None:
+            model = actuator(model, read_model(pressure, reporter.warn))
+        files = exported(model, to.value, single=single, grid=grid, verify=not no_verify, warn=reporter.warn)
         with refusals_told(output):
             output.mkdir(parents=True, exist_ok=True)
         for name, data in files.items():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -95,8 +95,19 @@ def freeze(
     print(frozen.freeze(run if run.is_dir() else runs / run, tag, archive))
 
 
-def schema() -> None:
-    """Print the JSON Schema of the experiment spec."""
+def schema(
+    what: Annotated[
+        Literal["json", "keys", "formulas", "files"],
+        typer.Argument(help="The schema, or a reference as Markdown: keys of the spec, formulas, or what is in result files."),
+    ] = "json",
+) -> None:
+    """Print the JSON Schema of the experiment spec, or a reference."""
+    from mapmore_cli.modelling.literature import reference as formulas
     from mapmore_cli.spec.schema import json_schema
+    from mapmore_cli.spec.schema import reference as keys
+    from mapmore_cli.storage.artefacts.layout import described
 
-    print_document(json_schema())
+    if what == "json":
+        print_document(json_schema())
+    else:
+        print({"keys": keys, "formulas": formulas.reference, "files": described}[what]())

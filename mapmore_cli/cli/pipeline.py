@@ -16,7 +16,6 @@ from mapmore_cli.cli.outputs import CiFiles, Junit, Summary
 from mapmore_cli.cli.views.files import of_stage, page_lines
 from mapmore_cli.cli.views.fitted import View
 from mapmore_cli.domain.errors import LimitMissed, told
-from mapmore_cli.storage.run_folder import RunFiles
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.scores import ScoreTable
@@ -132,6 +131,7 @@ def _bring_up_to_date(loaded: LoadedSpec, command: str, options: Options) -> Non
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.pipeline.runner import bring_up_to_date
     from mapmore_cli.reporting.ci import RunReport
+    from mapmore_cli.storage.run_folder import RunFiles
 
     started, warnings = time.perf_counter(), list[str]()
     questions = loaded.spec.unconfirmed

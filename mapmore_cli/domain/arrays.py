@@ -29,25 +29,18 @@ ROWS = 1 << 17
 """Samples of a block: one megabyte of a column."""
 
 
-def is_one_block(size: int) -> bool:
-    """Whether so many rows are no more than one block."""
-    return size <= ROWS
+def row_blocks(size: int) -> Iterator[slice]:
+    """Slices that follow each other over `size` rows, at least one."""
+    return (slice(start, min(start + ROWS, size)) for start in range(0, max(size, 1), ROWS))
 
 
-def row_blocks(size: int, rows: int | None = None) -> Iterator[slice]:
-    """Slices that follow each other over `size` rows, of `rows` each but the last one."""
-    rows = rows or ROWS
-    return (slice(start, min(start + rows, size)) for start in range(0, size, rows))
-
-
-def in_blocks(*columns: Any, overlap: int = 0, rows: int | None = None) -> Iterator[Any]:
-    """Blocks of columns of one length, `(n,)` each: an array for one column, else a tuple of arrays.
+def in_blocks(*columns: Any, overlap: int = 0) -> Iterator[tuple[Any, ...]]:
+    """Blocks of columns of one length, `(n, ...)` each, at least one.
 
     Every block but the first begins with the last `overlap` rows of the one before.
     """
-    for part in row_blocks(len(columns[0]), rows):
-        block = tuple(column[max(0, part.start - overlap) : part.stop] for column in columns)
-        yield block if len(columns) > 1 else block[0]
+    for part in row_blocks(len(columns[0])):
+        yield tuple(column[max(0, part.start - overlap) : part.stop] for column in columns)
         for column in columns:
             give_back(column)
 

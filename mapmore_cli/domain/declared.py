@@ -168,7 +168,7 @@ Beyond = Literal["continue", "continue_linear", "saturate", "zero"]
 class Joining(Settings):
     """How segment functions are joined, as the spec says it and the model keeps it (M2 eq 9-11)."""
 
-    transition: Transition = "linear"
-    z_s: Annotated[float, Interval(ge=0, le=0.5)] = 0.25
-    levels: Between = "linear"
-    hold: Hold = "samples"
+    transition: Annotated[Transition, "`linear`, `quadratic` or `cubic`"] = "linear"
+    z_s: Annotated[float, Interval(ge=0, le=0.5), "half-width of a transition zone, as a fraction of the segment"] = 0.25
+    levels: Annotated[Between, "interpolation between curves, `linear` or `pchip`"] = "linear"
+    hold: Annotated[Hold, "`samples` where segment functions are held beyond theirs, or `none`"] = "samples"

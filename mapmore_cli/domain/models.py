@@ -61,10 +61,14 @@ class Fusion(Joining):
     place t between them.
     """
 
-    extrapolation: Mapping[str, tuple[Side, Side]]  # below and above, for every input
-    aligned: str | None = None  # variable along which curves are aligned at their thresholds before they are interpolated
-    shrink: float = 1.0
-    domain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    extrapolation: Annotated[
+        Mapping[str, tuple[Side, Side]], "behaviour below and above the limits of each input: a word, or the value it takes"
+    ]
+    aligned: Annotated[str | None, "variable along which curves are aligned at their thresholds"] = None
+    shrink: Annotated[float, "share of the pieces on a backbone that is carried to the middle between two levels"] = 1.0
+    domain: Annotated[
+        Mapping[str, tuple[float, float]], "limits of the whole training domain, for inputs that extrapolation acts on there", "[*]"
+    ] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -160,7 +164,8 @@ class StateSpace(Body):
 class Part:
     """A model in a sum.
 
-    `inputs` says where an input of the part has another name in the sum: an expression of the sum's inputs, as `p1` or `-strain`.
+    `inputs` says where an input of the part has another name in the sum: an expression of the sum's inputs, as `p1` or `-strain`. An input
+    may also be the output of another model, as the pressure behind a valve: that of a part in `fed`, by its name.
     """
 
     model: Annotated[Model, "the model"]
@@ -168,6 +173,12 @@ class Part:
     inputs: Annotated[Mapping[str, str], "its inputs that have another name in the sum, as expressions of the sum's inputs"] = field(
         default_factory=dict
     )
+    fed: Annotated[tuple[Part, ...], "models whose outputs are inputs of this one"] = ()
+
+    @property
+    def models(self) -> tuple[Model, ...]:
+        """The model, and those that feed it."""
+        return (self.model, *(model for part in self.fed for model in part.models))
 
 
 @dataclass(frozen=True)
@@ -178,8 +189,8 @@ class Sum(Body):
 
     @property
     def memories(self) -> tuple[MemoryModel, ...]:
-        """The summands that have memory."""
-        return tuple(memory for part in self.parts for memory in part.model.memories)
+        """The summands that have memory, and what feeds them."""
+        return tuple(memory for part in self.parts for model in part.models for memory in model.memories)
 
 
 LeftOutKind = Literal["levels", "recordings", "blocks", "specimens"]

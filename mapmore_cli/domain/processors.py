@@ -78,7 +78,7 @@ def _threads() -> int | None:
 
 @contextmanager
 def _copies(work: Callable[[T], R], shares: Sequence[Sequence[T]]) -> Iterator[list[Connection]]:
-    """Forks at work, one on each share, and where they tell what came of it; what is left of them ends with the context."""
+    """Set forks to work, one on each share, and say where they tell what came of it; what is left of them ends with the context."""
     with ExitStack() as stack:
         yield [stack.enter_context(_copy(work, share)) for share in shares]
 

@@ -13,6 +13,7 @@ from mapmore_cli.domain.fits import FormulaFit, SegmentFit
 from mapmore_cli.domain.memory import MemoryFit
 from mapmore_cli.domain.motion import MotionFit
 from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.domain.scores import Score, ScoreTable
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,30 @@ class FitResult:
     def formula(self) -> FormulaFit | None:
         """The formula that was fitted: the backbone, or the model itself."""
         return self.body if isinstance(self.body, FormulaFit) else self.backbone
+
+
+@dataclass(frozen=True)
+class Validation:
+    """Predictions of the run's own model (`mapmore`) and of its competitors, and their scores.
+
+    `predictions[model][c]` is `(n_c,)`, row for row of the dataset's curve number c. `formulas` and `motions` are the fits behind
+    competitors.
+    """
+
+    predictions: Annotated[Mapping[str, tuple[Array, ...]], "by model, then by curve of the dataset, row for row", "[target]"]
+    formulas: Annotated[Mapping[str, FormulaFit], "literature models that were fitted"]
+    scores: Annotated[tuple[Score, ...], "score table"]
+    units: Annotated[Mapping[str, str], "unit of every target"]
+    motions: Annotated[Mapping[str, MotionFit], "models of motion among the competitors, and how they were found"] = field(
+        default_factory=dict
+    )
+    warnings: Annotated[tuple[str, ...], "what must be known of the run's own model before its scores are read"] = ()
+
+    @property
+    def table(self) -> ScoreTable:
+        """The numbers alone."""
+        failed = tuple(name for name, formula in self.formulas.items() if formula.failed)
+        return ScoreTable(self.scores, self.units, failed, self.warnings)
 
 
 @dataclass(frozen=True)

@@ -6,13 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
-
-if TYPE_CHECKING:
-    from mapmore_cli.domain.arrays import Array
-    from mapmore_cli.domain.fits import FormulaFit
-    from mapmore_cli.domain.motion import MotionFit
-
+from typing import Annotated, Any, get_type_hints
 
 OWN = "mapmore"
 """Name of the run's own model in its scores, and of the needed static model in a composite."""
@@ -21,11 +15,15 @@ REPEATABILITY = "repeatability"
 """Name of the rows that say how far repeated measurements lie apart: the floor of every model's error, and no model itself."""
 
 
-BASELINES = ("gaussian_process", "gradient_boosting", "mlp")
-"""Names of competitors that are black boxes of scikit-learn."""
+BASELINES: Mapping[str, str] = MappingProxyType(
+    {"gaussian_process": "Gaussian process", "gradient_boosting": "Gradient boosting", "mlp": "Neural network"}
+)
+"""Competitors that are black boxes of scikit-learn: their names, and their titles."""
 
-SIMPLE = ("plane", "quadratic", "cubic", "backbone", "arx")
-"""Names of competitors that need no muscle; every validation has those that its model allows."""
+SIMPLE: Mapping[str, str] = MappingProxyType(
+    {name: name.capitalize() for name in ("plane", "quadratic", "cubic", "backbone")} | {"arx": "ARX"}
+)
+"""Competitors that need no muscle, likewise; every validation has those that its model allows."""
 
 
 @dataclass(frozen=True)
@@ -115,28 +113,6 @@ class ScoreTable:
     units: Mapping[str, str]
     failed: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Validation:
-    """Predictions of the run's own model (`mapmore`) and of its competitors.
-
-    `predictions[model][c]` is `(n_c,)`, row for row of the dataset's curve number c. `formulas` and `motions` are
-    the fits behind competitors. `warnings` say what must be known of the run's own model before its scores are read.
-    """
-
-    predictions: Mapping[str, tuple[Array, ...]]
-    formulas: Mapping[str, FormulaFit]
-    scores: tuple[Score, ...]
-    units: Mapping[str, str]
-    motions: Mapping[str, MotionFit] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
-
-    @property
-    def table(self) -> ScoreTable:
-        """The numbers alone."""
-        failed = tuple(name for name, formula in self.formulas.items() if formula.failed)
-        return ScoreTable(self.scores, self.units, failed, self.warnings)
 
 
 def deciding(scores: Iterable[Score]) -> list[Score]:

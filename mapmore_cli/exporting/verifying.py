@@ -22,7 +22,9 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.models import Model
+from mapmore_cli.modelling.expressions import Name
 from mapmore_cli.modelling.kinds import fed_back, outside_range, program_of, simulate
+from mapmore_cli.modelling.program.values import INPUT
 
 COMPILERS = ("cc", "gcc", "clang")
 """Looked for in this order, after what the environment variable CC says."""
@@ -180,6 +182,7 @@ def points(model: Model) -> Columns:
     columns = {"time": (code.step or 1.0) * np.arange(float(POINTS))}
     for quantity in model.inputs:
         known = [limit for limit in code.limits if limit.inputs == {quantity.name}]
+        known = [limit for limit in known if limit.value == Name(f"{INPUT}{quantity.name}")] or known  # and not of what follows from it
         low = min((float(limit.low.min()) for limit in known), default=-1.0)
         high = max((float(limit.high.max()) for limit in known), default=1.0)
         if quantity.name != "time" or code.step is None:  # the clock of a recording is even

@@ -12,11 +12,14 @@ from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.fitting.trials import kept, training_only
 from mapmore_cli.modelling.pieces.recipe import Fuse
 from mapmore_cli.modelling.search.situation import Situation
-from mapmore_cli.spec.sections.data import Holdout, Levels
+from mapmore_cli.spec.sections.data import Between, Holdout, Levels
 from mapmore_cli.spec.sections.model import ModelChoice
 
 BLOCKS = 5
 """Folds: contiguous blocks of every recording or curve that are left out in turn."""
+
+PLACES = 1_000
+"""Along an input, of which the middles of left-out bands are chosen."""
 
 MOST_BLOCKS = 5
 """Blocks of a recording that a fold leaves out at most, where the study holds short pieces out."""
@@ -64,14 +67,16 @@ class Bench:
     scale: float
     part: Slice
     tables: bool
+    parts_asked: bool
 
     @classmethod
-    def of(cls, training: Dataset, situation: Situation, part: Slice, behind: bool = False) -> Bench:
-        """The folds of training samples; `behind` asks for the ends of recordings."""
+    def of(cls, training: Dataset, situation: Situation, part: Slice, behind: bool = False, parts_asked: bool = False) -> Bench:
+        """The folds of training samples; `behind` asks for the ends of recordings, `parts_asked` says that the study holds parts out."""
         whole = training
         values = np.concatenate([curve.columns[training.target][curve.training] for curve in training.curves])
         thinning = thinning_of(whole)
-        blocks = _blocks(whole, situation.moving or situation.inputs)
+        bands = () if situation.timed else _bands(whole, part.held_out, situation.moving)
+        blocks = bands or _blocks(whole, situation.moving or situation.inputs)
         parts, inner = (_ends(whole), "the end of every recording") if behind else _parts(whole)
         name = "recording" if "time" in whole.curves[0].columns else "curve"
         which = "contiguous" if name == "recording" else f"inner ones of {BLOCKS + 2} contiguous"
@@ -82,11 +87,14 @@ class Bench:
             parts,
             tuple(tuple(mask[rows] for mask, rows in zip(fold, thinning, strict=True)) for fold in blocks),
             tuple(tuple(mask[rows] for mask, rows in zip(fold, thinning, strict=True)) for fold in parts),
-            f"each of {BLOCKS} {which} blocks of the training samples of every {name}",
+            f"each of {len(bands)} bands of an input, as wide as those held out"
+            if bands
+            else f"each of {BLOCKS} {which} blocks of the training samples of every {name}",
             inner,
             float(np.ptp(values)) or 1.0,
             part,
             not situation.timed,
+            parts_asked or part.by_level,
         )
 
 
@@ -155,6 +163,27 @@ def _blocks(dataset: Dataset, inputs: Sequence[str]) -> tuple[Masks, ...]:
     return tuple(folds)
 
 
+def _bands(dataset: Dataset, held_out: Holdout | None, inputs: Sequence[str]) -> tuple[Masks, ...]:
+    """Bands of an input that are as wide as those that the study holds out of it, in the middles of even parts of what trains.
+
+    Blocks in the order of time hold every value of an input that was swept more than once: left out, they ask for nothing between.
+    """
+    held = {} if held_out is None else {name: one for name, one in held_out.quantities.items() if name in inputs}
+    folds: list[Masks] = []
+    for name, bands in held.items():
+        if not isinstance(bands, Between):
+            continue
+        values = np.concatenate([curve.columns[name][curve.training] for curve in dataset.curves])
+        width = float(np.median([high - low for low, high in bands.between]))
+        places = np.linspace(values.min(), values.max(), PLACES)
+        free = places[~np.logical_or.reduce([(low <= places) & (places <= high) for low, high in bands.between])]
+        for middle in free[np.linspace(0, len(free) - 1, 2 * BLOCKS + 1)[1::2].astype(int)]:
+            fold = tuple(curve.training & (np.abs(curve.columns[name] - middle) <= width / 2) for curve in dataset.curves)
+            if any(mask.any() for mask in fold):
+                folds.append(fold)
+    return tuple(folds) if len(folds) > 1 else ()
+
+
 def _times(curve: Curve) -> int:
     """How many blocks of a recording a fold leaves out, so that they are about as short as the pieces that the study holds out."""
     out = np.concatenate([[0], *([*(~curve.training[log]).astype(int), 0] for log in curve.logs)])
@@ -182,6 +211,12 @@ def holds_ends_out(dataset: Dataset) -> bool:
         return False
     ends = sum(int(np.argmax(curve.training[log][::-1])) for curve in dataset.curves for log in curve.logs if curve.training[log].any())
     return 2 * ends > sum(int(curve.held_out.sum()) for curve in dataset.curves)
+
+
+def holds_parts_out(dataset: Dataset) -> bool:
+    """Whether most of what a study holds out are whole levels or recordings."""
+    whole = sum(curve.size for curve in dataset.curves if curve.held_out.all())
+    return 2 * whole > sum(int(curve.held_out.sum()) for curve in dataset.curves)
 
 
 def _ends(dataset: Dataset) -> tuple[Masks, ...]:

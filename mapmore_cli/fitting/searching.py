@@ -20,7 +20,7 @@ from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Search, Tried
 from mapmore_cli.fitting.kinds import maker_of
 from mapmore_cli.fitting.kinds.choices import ModelChoices
-from mapmore_cli.fitting.search_bench import Bench, Masks, Slice, holds_ends_out, searchable, shortened, thinning_of
+from mapmore_cli.fitting.search_bench import Bench, Masks, Slice, holds_ends_out, holds_parts_out, searchable, shortened, thinning_of
 from mapmore_cli.fitting.yardstick import black_boxes, note_of, strongest
 from mapmore_cli.modelling.kinds import fed_back, forecast, parameters
 from mapmore_cli.modelling.memory.records import records_of, time_step
@@ -57,13 +57,15 @@ def search(
     FitError
         Where no structure could be fitted.
     """
-    training = shortened(searchable(dataset))
+    whole = searchable(dataset)
+    training = shortened(whole)
     situation = situation_of(training, part.ignored, part.model.inputs)
     uneven = _uneven(dataset) if situation.timed else ()
-    if part.by_level or uneven:
-        situation = replace(situation, step=None)  # a model that runs along recordings cannot be fitted without a level
+    if part.by_level or uneven or not situation.timed:
+        # a model that runs along recordings cannot be fitted without a level; any other takes its share from all of their samples
+        training, situation = whole, replace(situation_of(whole, part.ignored, part.model.inputs), step=None)
     listed = [(name, one) for name, family in FAMILIES.items() for one in _offered(family, situation)]
-    bench = Bench.of(training, situation, part, holds_ends_out(dataset))
+    bench = Bench.of(training, situation, part, holds_ends_out(dataset), holds_parts_out(dataset))
     clock = Clock.started(part.model.budget)
     outcomes = shared_out(lambda one: _tried(*one, bench, clock), listed, partial(progress, "structures"))
     tried = [outcome for outcome in outcomes if outcome is not None]
@@ -134,7 +136,7 @@ def _chosen(outcomes: Sequence[_Outcome], cut: int, bench: Bench, part: Slice) -
     errors = _on_common_rows([outcomes[number].blocks for number in usable]) / bench.scale
     parts = _on_common_rows([outcomes[number].parts for number in usable]) / bench.scale if bench.parts else np.zeros((len(usable), 0))
     sizes = [outcomes[number].tried.parameters for number in usable]
-    rank = chosen_of(sizes, errors, parts, bench.tables)
+    rank = chosen_of(sizes, errors, parts, bench.tables, bench.parts_asked)
     tried = [one.tried for one in outcomes]
     for place, number in enumerate(usable):
         tried[number] = replace(
@@ -277,3 +279,10 @@ def settings_of(found: Search) -> dict[str, Any]:
     """The sections that were found, as settings on top of the spec."""
     empty: dict[str, Any] = {"segment": {}, "dictionary": [], "model": {"type": "mapmore"}, "fit": {}}
     return {**empty, **found.found.sections}
+
+
+def formula_beside(found: Search) -> str | None:
+    """The formula of the literature that erred least of those tried; None where none was, or where it is what was found."""
+    formulas = [one for one in found.tried if not one.failure and one.sections.get("model", {}).get("type") == "literature"]
+    best = min(formulas, key=lambda one: one.excess, default=None)
+    return None if best is None or best is found.found else str(best.sections["model"]["name"])

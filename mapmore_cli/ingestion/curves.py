@@ -170,8 +170,8 @@ def with_scatter(levels: LevelSet, parts: Sequence[Part]) -> LevelSet:
 def _deviation(columns: Sequence[Array]) -> float:
     """Return the standard deviation of the values of all columns."""
     size = sum(map(len, columns))
-    mean = sum(float(block.sum()) for column in columns for block in in_blocks(column)) / size
-    return math.sqrt(sum(float(((block - mean) ** 2).sum()) for column in columns for block in in_blocks(column)) / size)
+    mean = sum(float(block.sum()) for column in columns for (block,) in in_blocks(column)) / size
+    return math.sqrt(sum(float(((block - mean) ** 2).sum()) for column in columns for (block,) in in_blocks(column)) / size)
 
 
 def cut_by_level(logs: Sequence[Sequence[Recording]], levels: LevelSet | None) -> tuple[list[Recording], list[Part]]:

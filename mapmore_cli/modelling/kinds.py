@@ -176,7 +176,7 @@ def one_step_ahead(model: Model, columns: Columns) -> Array:
 def runs_over_time(model: Model) -> bool:
     """Return True where rows are samples of a recording, which the model runs along."""
     if isinstance(model.body, Sum):
-        return any(runs_over_time(part.model) for part in model.body.parts)
+        return any(runs_over_time(one) for part in model.body.parts for one in part.models)
     return kind_of(model).verb("one_step") is not None
 
 

@@ -45,9 +45,9 @@ class RunOutcome:
 
 def pipeline() -> tuple[Stage, ...]:
     """Return the six stages in order; they are imported when they are first asked for."""
-    from mapmore_cli.pipeline import fit, fuse, ingest, report, segment, validate
+    from mapmore_cli.pipeline import report, stages, validate
 
-    return (ingest.STAGE, segment.STAGE, fit.STAGE, fuse.STAGE, validate.STAGE, report.STAGE)
+    return (stages.INGEST, stages.SEGMENT, stages.FITTING, stages.FUSE, validate.STAGE, report.STAGE)
 
 
 def explain(
@@ -87,9 +87,9 @@ def searches(loaded: LoadedSpec, until: str) -> bool:
 
 def search_stages() -> tuple[Stage, ...]:
     """Return what comes before the structure is known."""
-    from mapmore_cli.pipeline import ingest, search
+    from mapmore_cli.pipeline import search, stages
 
-    return ingest.STAGE, search.STAGE
+    return stages.INGEST, search.STAGE
 
 
 def bring_up_to_date(

@@ -12,7 +12,7 @@ import numpy as np
 
 from mapmore_cli.domain.results import Search, Tried
 from mapmore_cli.fitting.search_bench import Slice
-from mapmore_cli.fitting.searching import search, settings_of
+from mapmore_cli.fitting.searching import formula_beside, search, settings_of
 from mapmore_cli.fitting.stage import Stage, Workspace
 from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.modelling.selection import AUTO
@@ -69,7 +69,7 @@ def run(part: Slice, workspace: Workspace) -> None:
     write_text(workspace.out / SEARCH, json.dumps(_plain(asdict(found)), indent=1, ensure_ascii=False) + "\n")
 
 
-STAGE = Stage(name="search", revision=5, outputs=(SEARCH,), reads=reads, run=run)
+STAGE = Stage(name="search", revision=6, outputs=(SEARCH,), reads=reads, run=run)
 
 
 def _plain(value: Any) -> Any:
@@ -96,13 +96,19 @@ def read_search(path: Path) -> Search:
 
 
 def as_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
-    """The spec with the structure that its search has found; as it is where nothing was found yet."""
+    """The spec with the structure that its search has found; as it is where nothing was found yet.
+
+    Where it names no competitors, the formula that erred least in the search is one: the page says what it reaches on the held-out data.
+    """
     from mapmore_cli.spec.layers import as_overrides
     from mapmore_cli.spec.loader import load
 
     if not (run_dir / SEARCH).is_file():
         return loaded
-    return load(loaded.path, (*loaded.overrides, *as_overrides(settings_of(read_search(run_dir / SEARCH)))))
+    found = read_search(run_dir / SEARCH)
+    rival = formula_beside(found)
+    beside = {"validate.against": [rival]} if rival and not loaded.spec.validation.against else {}
+    return load(loaded.path, (*loaded.overrides, *as_overrides({**settings_of(found), **beside})))
 
 
 def searched(

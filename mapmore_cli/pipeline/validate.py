@@ -71,7 +71,7 @@ def reads(spec: ExperimentSpec) -> Slice:
 
 def run(part: Slice, workspace: Workspace) -> None:
     """Fit the competitors to the same training data, predict every sample, and score."""
-    from mapmore_cli.domain.scores import Validation
+    from mapmore_cli.domain.results import Validation
     from mapmore_cli.fitting.competitors import Contest
     from mapmore_cli.modelling.kinds import forecast
     from mapmore_cli.modelling.validation.metrics import divisor

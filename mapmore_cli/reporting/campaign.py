@@ -109,7 +109,8 @@ def models_table(scores: CampaignScores) -> Table:
         ratios = [_ratio(score, own) if own is not None and score is not own else None for score in ordered]
         rows += [(name, score.model, 100 * score.nrmse, ratio) for score, ratio in zip(ordered, ratios, strict=True)]
     rows += [(name, scores.own, "failed", None) for name in scores.failed]
-    columns = (Column("run"), Column("model"), Column("NRMSE", "%", ".3g"), Column(f"RMSE in ratio to {scores.own}", "", ".3g"))
+    ratio = Column(f"RMSE in ratio to {scores.own}", "", ".3g")
+    columns = (Column("run"), Column("model", form="model"), Column("NRMSE", "%", ".3g"), ratio)
     note = f"All curves pooled; normalised by {scores.normalisers}."
     return Table("models", "NRMSE of every run and model", columns, tuple(rows), (note,))
 
@@ -213,7 +214,7 @@ def published_table(scores: CampaignScores) -> Table:
     unit = units.pop() if len(units) == 1 else ""
     columns = (
         Column("run"),
-        Column("model"),
+        Column("model", form="model"),
         Column("RMSE", unit, ".3g"),
         Column("published RMSE", unit, ".3g"),
         Column("NRMSE", "%", ".3g"),

@@ -14,8 +14,8 @@ from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.models import Equation, LeftOut, Model
 from mapmore_cli.domain.motion import MotionFit
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
-from mapmore_cli.domain.results import FitResult, Search
-from mapmore_cli.domain.scores import REPEATABILITY, SIMPLE, Published, Validation, deciding
+from mapmore_cli.domain.results import FitResult, Search, Validation
+from mapmore_cli.domain.scores import REPEATABILITY, SIMPLE, Published, deciding
 from mapmore_cli.modelling.kinds import outside_range, runs_over_time
 from mapmore_cli.modelling.validation.intervals import ends, half_widths_of
 from mapmore_cli.reporting.table import Table

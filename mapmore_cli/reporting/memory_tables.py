@@ -53,7 +53,7 @@ def error_parts_table(inputs: ReportInputs) -> Table:
     """Return what the errors of each model consist of, where the input goes in cycles; no rows where it does not."""
     dataset, unit = inputs.dataset, inputs.target.unit
     columns = (
-        *(Column("model"), Column("data"), Column("samples"), Column("cycles")),
+        *(Column("model", form="model"), Column("data"), Column("samples"), Column("cycles")),
         *(Column(name, unit, ".3g") for name in ("RMSE", *PARTS, "moves by")),
         Column("limited by"),
     )
@@ -73,7 +73,7 @@ def error_parts_table(inputs: ReportInputs) -> Table:
 def starts_table(inputs: ReportInputs) -> Table:
     """Errors of free runs over their first part and after it; no rows where nothing is fed back."""
     columns = (
-        Column("model"),
+        Column("model", form="model"),
         Column("first samples"),
         *(Column(name, inputs.target.unit, ".4g") for name in ("RMSE there", "RMSE after")),
     )
@@ -136,7 +136,7 @@ def sections_table(fits: Mapping[str, MotionFit], unit: str) -> Table:
     """Return the parameters of every section of every model, its poles, its gain, and how it was found; P table 1 has the first."""
     drives = tuple(dict.fromkeys(text for fit in fits.values() for text in fit.model.drives[1:]))
     columns = (
-        Column("model"),
+        Column("model", form="model"),
         Column("section"),
         Column("input"),
         Column("P1", "", "#.6g"),
@@ -197,7 +197,7 @@ def waveforms_table(inputs: ReportInputs) -> Table:
     unit, motion = inputs.target.unit, next(iter(inputs.motions.values())).model
     columns = (
         Column("recording"),
-        Column("model"),
+        Column("model", form="model"),
         Column("RMSE", unit, ".4g"),
         Column("velocity RMSE", f"{unit}/s", ".4g"),
         Column("max error", unit, ".4g"),

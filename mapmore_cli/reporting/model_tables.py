@@ -136,7 +136,7 @@ def formulas_table(inputs: ReportInputs) -> Table:
     fitted = [(own.name, "backbone" if inputs.has_pieces else "own model", own)] if own is not None else []
     fitted += [(name, "competitor", formula) for name, formula in inputs.validation.formulas.items()]
     columns = (
-        Column("formula"),
+        Column("formula", form="model"),
         Column("role"),
         Column("status"),
         Column("parameter"),

@@ -24,6 +24,7 @@ from mapmore_cli.reporting.inputs import FigureStyle, ReportInputs
 from mapmore_cli.reporting.score_tables import verdict
 from mapmore_cli.reporting.table import Table, number_text, to_csv, to_html, to_latex
 from mapmore_cli.reporting.tables import all_tables
+from mapmore_cli.reporting.titles import title_of
 
 LONG_TABLE = 40
 """Rows from which a table starts folded on the screen; it is always printed."""
@@ -55,7 +56,7 @@ def environment() -> Environment:
     templates = Environment(
         loader=PackageLoader("mapmore_cli.reporting"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    templates.filters["table"] = lambda table: Markup(to_html(table))
+    templates.filters["table"] = lambda table: Markup(to_html(table, title_of))
     templates.filters["svg"] = lambda figure: Markup(figure.svg)
     return templates
 
@@ -122,7 +123,7 @@ def _with_numbers(figure: RenderedFigure, drawing: Drawing, out: Path) -> Render
 
 
 def write_panels(drawn: Sequence[Drawing], folder: Path, formats: Sequence[str], inputs: ReportInputs) -> None:
-    """Every panel as a file of its own in every format of figures that is asked for, and the numbers behind it."""
+    """Write every panel as a file of its own in every format of figures that is asked for, and the numbers behind it."""
     folder.mkdir(exist_ok=True)
     panels = [(drawing, panel) for drawing in drawn for panel in drawing.panels]
     for stem, (drawing, panel) in zip(_stems(panels), panels, strict=True):

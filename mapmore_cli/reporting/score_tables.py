@@ -10,6 +10,7 @@ from mapmore_cli.domain.results import Search, Tried
 from mapmore_cli.domain.scores import REPEATABILITY, Published, Score, deciding
 from mapmore_cli.modelling.validation.comparison import Comparison
 from mapmore_cli.reporting.table import Cell, Column, Table
+from mapmore_cli.reporting.titles import title_of
 
 FLOOR_NOTE = (
     f"{REPEATABILITY}: no model, but how far a sample lies from the mean of the other recordings at its level, place and direction, "
@@ -31,7 +32,7 @@ def score_table(scores: Sequence[Score], units: Mapping[str, str], published: Pu
     pooled = sorted((s for s in scores if s.curve == "all"), key=lambda s: s.split != "validate")
     unit = units.get(pooled[0].target, "") if pooled else ""
     free_running = _run_free(pooled)
-    columns = [Column("model"), Column("data"), *_metric_columns(unit, free_running)]
+    columns = [Column("model", form="model"), Column("data"), *_metric_columns(unit, free_running)]
     rows = [_score_cells(s, free_running) for s in pooled] + [(name, "failed", *[None] * (len(columns) - 2)) for name in failed]
     notes = [full_scale(pooled, unit)] if pooled else []
     if any(s.model == REPEATABILITY for s in pooled):
@@ -73,7 +74,7 @@ def curve_scores_table(scores: Sequence[Score], units: Mapping[str, str]) -> Tab
     single = sorted((s for s in scores if s.curve != "all"), key=lambda s: (s.split != "validate", order[s.curve]))
     unit = units.get(single[0].target, "") if single else ""
     free_running = _run_free(single)
-    columns = (Column("curve"), Column("model"), Column("data"), *_metric_columns(unit, free_running))
+    columns = (Column("curve"), Column("model", form="model"), Column("data"), *_metric_columns(unit, free_running))
     return Table("curve_scores", "Scores by curve", columns, tuple((s.curve, *_score_cells(s, free_running)) for s in single))
 
 
@@ -128,7 +129,7 @@ def _comparison(ours: Score, others: Sequence[Score], failed: Sequence[str]) -> 
     if not usable:
         return "no competitor gave a prediction to compare with" if others or failed else "it was compared with no other model"
     best = min(usable, key=lambda s: s.nrmse)
-    claim = f"the best competitor, {best.model}, reaches {_percent(best.nrmse)}"
+    claim = f"the best competitor ({title_of(best.model)}) reaches {_percent(best.nrmse)}"
     if ours.rmse == best.rmse:
         return f"{claim}: an exact tie"
     if abs(ours.rmse - best.rmse) <= EQUAL_WITHIN * max(ours.rmse, best.rmse):
@@ -173,7 +174,8 @@ def changes_table(found: Comparison) -> Table:
 
 def drift_table(names: Sequence[str], results: Sequence[Comparison]) -> Table:
     """Every later model against the first."""
-    columns = (Column("model"), Column("ratio", "", ".4f"), Column("from", "", ".4f"), Column("to", "", ".4f"), Column("answer"))
+    ratio = (Column(name, "", ".4f") for name in ("ratio", "from", "to"))
+    columns = (Column("model", form="model"), *ratio, Column("answer"))
     rows = tuple((name, one.ratio, *one.interval, one.answer) for name, one in zip(names[1:], results, strict=True))
     return Table("drift", f"Every model against {names[0]}", columns, rows)
 

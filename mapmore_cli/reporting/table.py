@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import Literal
@@ -26,13 +26,13 @@ EQUATIONS = 0.75
 class Column:
     """A column: `unit` is empty where there is none to name, `spec` formats its floats for people.
 
-    Equations have two forms: as `text`, which LaTeX leaves out, and as LaTeX `source`, which LaTeX sets.
+    Equations have two forms: as `text`, which LaTeX leaves out, and as LaTeX `source`, which LaTeX sets. A `model` is the name of one.
     """
 
     name: str
     unit: str = ""
     spec: str = "#.4g"
-    form: Literal["cell", "text", "source"] = "cell"
+    form: Literal["cell", "text", "source", "model"] = "cell"
 
     @property
     def heading(self) -> str:
@@ -132,23 +132,28 @@ def to_latex(table: Table) -> str:
     return "\n".join([*frame, *lines[1:], r"\bottomrule", r"\end{tabular}"]) + "\n"
 
 
-def to_html(table: Table) -> str:
-    """Return a `<table>` with its title as caption; the first cell of a row is the row's heading."""
+def to_html(table: Table, spoken: Callable[[str], str] = str) -> str:
+    """Return a `<table>` with its title as caption; the first cell of a row is the row's heading.
+
+    `spoken` gives the names of models, and those among the headings, as people write them.
+    """
     kinds = [' class="number"' if number else "" for number in table.numeric]
-    head = "".join(f'<th scope="col"{kind}>{_html_heading(column)}</th>' for column, kind in zip(table.columns, kinds, strict=True))
-    body = "\n".join(_html_row(line, kinds) for line in table.shown)
+    head = "".join(f'<th scope="col"{kind}>{_html_heading(column, spoken)}</th>' for column, kind in zip(table.columns, kinds, strict=True))
+    said = [spoken if column.form == "model" else str for column in table.columns]
+    body = "\n".join(_html_row(tuple(say(text) for say, text in zip(said, line, strict=True)), kinds) for line in table.shown)
     return f"<table>\n<caption>{escape(table.title)}</caption>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>\n</table>"
 
 
-def _html_heading(column: Column) -> str:
+def _html_heading(column: Column, spoken: Callable[[str], str]) -> str:
     """Return the heading, which may break after an underscore and before its unit, but not within that."""
     unit = column.heading.removeprefix(column.name).strip()
-    return escape(column.name).replace("_", "_<wbr>") + (f' <span class="unit">{escape(unit)}</span>' if unit else "")
+    return escape(spoken(column.name)).replace("_", "_<wbr>") + (f' <span class="unit">{escape(unit)}</span>' if unit else "")
 
 
 def _html_row(line: Sequence[str], kinds: Sequence[str]) -> str:
     cells = [f'<th scope="row"{kinds[0]}>{_html_text(line[0])}</th>']
-    cells += [f"<td{kind}>{_html_text(text)}</td>" for text, kind in zip(line[1:], kinds[1:], strict=True)]
+    long = [kind or (' class="long"' if len(text) > LONG_TEXT else "") for text, kind in zip(line, kinds, strict=True)]
+    cells += [f"<td{kind}>{_html_text(text)}</td>" for text, kind in zip(line[1:], long[1:], strict=True)]
     return f"<tr>{''.join(cells)}</tr>"
 
 

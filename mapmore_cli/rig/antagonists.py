@@ -5,16 +5,14 @@ Muscle 1, the flexor, shortens with the angle; muscle 2, the extensor, is drawn 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.rig.chamber import ATMOSPHERE
-from mapmore_cli.rig.closed_muscle import ClosedMuscle
-from mapmore_cli.rig.mckibben import volume, volume_slope
-from mapmore_cli.rig.muscle import SLACK_WIDTH, softplus, stop_rates
+from mapmore_cli.rig.closed_muscle import TOLERANCE, ClosedMuscle
 from mapmore_cli.rig.sensors import low_pass
 from mapmore_cli.rig.waveform import Regulator
 from mapmore_cli.rig.wet_muscle import integrate
@@ -22,10 +20,8 @@ from mapmore_cli.rig.wet_muscle import integrate
 SIGNS = (1.0, -1.0)
 """Of the change of strain with the angle: flexor, extensor."""
 
-MUSCLE_STATES = 3
-"""Wanted pressure, pressure (Pa), rubber (N); the stop operators follow them."""
-
-TOLERANCE = 1e-5
+Asked = Callable[[float], float]
+"""A wanted pressure over time, Pa."""
 
 
 @dataclass(frozen=True)
@@ -84,63 +80,41 @@ def swung(joint: Joint, swing: Swing, amplitude: float, pressure: float) -> Colu
     return columns
 
 
-def driven(joint: Joint, swing: Swing, regulator: Regulator, pressures: tuple[float, float]) -> Columns:
-    """Truth while regulators drive the pressures between two values (Pa) as sines in antiphase, and the joint moves as it will.
+def driven(joint: Joint, swing: Swing, regulator: Regulator, asked: tuple[Asked, Asked]) -> Columns:
+    """Truth while regulators are asked for two pressures (Pa) over time, and the joint moves as it will; their `input` in V.
 
-    `p_w' = (wanted - p_w)/lag`; `p' = gamma/V (q p0 - (p + p0) V' e')`; `J a'' = r (F_1 - F_2) - d a'`.
+    `J a'' = r (F_1 - F_2) - d a'`; the muscles as `ClosedMuscle.rates` has them.
     """
-    low, high = pressures
-    middle, reach, turn = 0.5 * (low + high), 0.5 * (high - low), 2.0 * np.pi * swing.frequency
-    sizes = [MUSCLE_STATES + len(muscle.hysteresis.yield_strains) for muscle in joint.muscles]
+    starts = [muscle.at_rest(float(wanted(0.0))) for muscle, wanted in zip(joint.muscles, asked, strict=True)]
+    cut = 2 + len(starts[0])
 
-    def parts(states: Array) -> list[Array]:
-        return np.split(states[2:], np.cumsum(sizes)[:-1])
+    def parts(states: Array) -> tuple[Array, Array]:
+        return states[2:cut], states[cut:]
 
     def rates(time: float, states: Array) -> Array:
         angle, rate = states[:2].tolist()
         pulls, changes = [], []
-        for which, own in enumerate(parts(states)):
-            asked = middle + SIGNS[which] * reach * np.sin(turn * time)
-            pull, change = _muscle_rates(joint, which, own, regulator, asked, angle, rate)
-            pulls.append(pull)
-            changes.append(change)
+        for which, (muscle, own) in enumerate(zip(joint.muscles, parts(states), strict=True)):
+            strain = float(joint.strain(which, np.asarray(angle)))
+            strain_rate = SIGNS[which] * joint.radius * rate / muscle.muscle.length
+            pulls.append(muscle.pull(own, strain))
+            changes.append(muscle.rates(own, strain, strain_rate, regulator, float(asked[which](time))))
         turning = joint.radius * (pulls[0] - pulls[1]) - joint.damping * rate
         return np.concatenate([[rate, turning / joint.inertia], *changes])
 
-    start = np.concatenate([[0.0, 0.0], *([middle, middle, 0.0, *np.zeros(size - MUSCLE_STATES)] for size in sizes)])
-    scales = np.concatenate([[0.1, 1.0], *([1e5, 1e5, 10.0, *np.ones(size - MUSCLE_STATES)] for size in sizes)])
-    states = integrate(rates, start, swing.clock, scales, TOLERANCE)
+    scales = np.concatenate([[0.1, 1.0], *(muscle.scales for muscle in joint.muscles)])
+    states = integrate(rates, np.concatenate([[0.0, 0.0], *starts]), swing.clock, scales, TOLERANCE)
     columns = {"time": swing.clock}
     for which, muscle in enumerate(joint.muscles):
         own = np.array([parts(row)[which] for row in states])
-        force = np.array([_pull(muscle, row, float(e)) for row, e in zip(own, joint.strain(which, states[:, 0]), strict=True)])
-        moved = {"pressure": own[:, 1], "force": low_pass(force, joint.load_cell, swing.sample_time)}
+        force = np.array([muscle.pull(row, float(e)) for row, e in zip(own, joint.strain(which, states[:, 0]), strict=True)])
+        moved = {"input": regulator.command(np.array([asked[which](time) for time in swing.clock.tolist()])), "pressure": own[:, 1]}
+        moved["force"] = low_pass(force, joint.load_cell, swing.sample_time)
         columns |= joint.observed(which, states[:, 0], states[:, 1], moved)
     return columns
 
 
-def _pull(muscle: ClosedMuscle, own: Array, strain: float) -> float:
-    """Pull, N, from a muscle's states."""
-    pressure, rubber, stops = max(float(own[1]), 0.0), float(own[2]), np.clip(own[MUSCLE_STATES:], -1.0, 1.0)
-    friction = float(muscle.hysteresis.half_width(pressure) * (stops @ muscle.hysteresis.shares))
-    return float(softplus(float(muscle.muscle.force(pressure, strain)) - friction - rubber, SLACK_WIDTH))
-
-
-def _muscle_rates(
-    joint: Joint, which: int, own: Array, regulator: Regulator, asked: float, angle: float, rate: float
-) -> tuple[float, Array]:
-    """Pull (N) and rates of a muscle's states."""
-    muscle = joint.muscles[which]
-    wanted, pressure, rubber = own[:MUSCLE_STATES].tolist()
-    strain = float(joint.strain(which, np.asarray(angle)))
-    strain_rate = SIGNS[which] * joint.radius * rate / muscle.muscle.length
-    chamber = float(volume(muscle.muscle, np.asarray(strain))) + muscle.air.dead_volume
-    swept = float(volume_slope(muscle.muscle, np.asarray(strain)))
-    filling = regulator.inflow(wanted, pressure) * ATMOSPHERE - (pressure + ATMOSPHERE) * swept * strain_rate
-    moving = [
-        (asked - wanted) / regulator.lag,
-        muscle.air.heat_ratio / chamber * filling,
-        muscle.rubber.stiffness * strain_rate - rubber / muscle.rubber.relaxation_time,
-    ]
-    stops = np.clip(own[MUSCLE_STATES:], -1.0, 1.0)
-    return _pull(muscle, own, strain), np.concatenate([moving, stop_rates(stops, muscle.hysteresis.yield_strains, strain_rate)])
+def sines(swing: Swing, low: float, high: float) -> tuple[Asked, Asked]:
+    """Return two pressures over time, sines between two values (Pa) in antiphase."""
+    middle, reach, turn = 0.5 * (low + high), 0.5 * (high - low), 2.0 * np.pi * swing.frequency
+    return lambda time: middle + reach * np.sin(turn * time), lambda time: middle - reach * np.sin(turn * time)

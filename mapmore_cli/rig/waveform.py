@@ -77,6 +77,10 @@ class Regulator:
         """Pressure that an input (V) asks for once it has settled, Pa: `max(slope u + offset, 0)`."""
         return np.maximum(self.slope * np.asarray(command) + self.offset, 0.0)
 
+    def command(self, wanted: Array) -> Array:
+        """Input (V) that asks for a pressure (Pa)."""
+        return np.asarray((wanted - self.offset) / self.slope)
+
     def inflow(self, wanted: float, pressure: float) -> float:
         """Air flow into the muscle at p0, m3/s."""
         opening = min(max((wanted - pressure) / self.band, -1.0), 1.0)

@@ -18,7 +18,7 @@ DERIVED = ("damping", "hysteresis")
 
 
 def terms(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Every text of the dictionary is a term or the name of a state, of quantities of the study."""
+    """Require that every text of the dictionary is a term or the name of a state, of quantities of the study."""
     for loc, name, family in entries_of(spec.dictionary):
         for at, text, is_expression in texts_in(loc, family):
             yield from _expression(text, at, spec) if is_expression else _state(text, at, spec, name, family)
@@ -102,14 +102,14 @@ def _delayed_target(found: State, text: str, loc: Loc, spec: ExperimentSpec) -> 
 
 
 def _lags_of_now(loc: Loc, family: Family, target: str) -> Iterator[Finding]:
-    """No step of `lags` is the target as it is now."""
+    """Refuse a step of `lags` that is the target as it is now."""
     if isinstance(family, Lags) and target in family.of and 0 in family.steps:
         remedy = "a model cannot explain its target by itself: begin at 1, and give the inputs `lags` of their own"
         yield Finding((*loc, "steps", family.steps.index(0)), f"step 0 of the target `{target}` is the target itself", remedy)
 
 
 def _partners(loc: Loc, family: Family) -> Iterator[Finding]:
-    """Partners of products are among the terms of these; what families within products will be called is known to the fit alone."""
+    """Require partners of products to be among their terms; only the fit knows what families within products will be called."""
     if not isinstance(family, Products) or family.partners is None:
         return
     names = [text for text in family.of if isinstance(text, str)]

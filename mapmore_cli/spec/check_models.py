@@ -21,7 +21,7 @@ from mapmore_cli.spec.units import default_unit
 
 
 def needed_runs(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Damping is what a static model leaves; a sum has two models."""
+    """Require the runs that a target needs: damping is what a static model leaves; a sum has two models."""
     if spec.target == "damping" and spec.needs.static is None:
         yield Finding(("target",), "target `damping` needs a static model", "add `needs: {static: my-static.yaml}`")
     if spec.target == "damping" and spec.data.plateau is None:
@@ -104,7 +104,7 @@ def composites(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def sums(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Every sum of a study: its own, and those that it is compared with."""
+    """Check every sum of a study: its own, and those that it is compared with."""
     if spec.model.sum is not None:
         yield from _sum(spec, spec.model.sum, ("model", "sum"))
     for i, competitor in enumerate(spec.validation.against):

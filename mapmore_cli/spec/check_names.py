@@ -156,7 +156,7 @@ ONE = "one model with memory stands in place of the segments"
 
 
 def time_of_memory(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Memory goes by the time, in seconds, and samples keep their order and their neighbours."""
+    """Require the time, in seconds, of samples in their order beside their neighbours: memory goes by it."""
     if not spec.has_memory:
         return
     data = spec.data

@@ -63,7 +63,7 @@ def groups(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def after_cycles(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Branches that are joined have no time any more: their samples stand in the order of `cycles.over`."""
+    """Refuse what goes by the time of joined branches: their samples stand in the order of `cycles.over`."""
     cycles, hold_out = spec.data.cycles, spec.data.split.hold_out
     if cycles is None:
         return
@@ -289,14 +289,14 @@ def formula_uses(spec: ExperimentSpec) -> Iterator[tuple[str, Loc]]:
 
 
 def metrics(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Limits are set on numbers of the score row."""
+    """Require that limits are set on numbers of the score row."""
     for name in spec.validation.require:
         if name not in METRICS:
             yield Finding(("validate", "require", name), f"there is no metric `{name}`", did_you_mean(name, METRICS), on_key=True)
 
 
 def units(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Units exist; those of the model fit the canonical quantity, and those of columns fit the model's."""
+    """Require units that exist: the model's fit the canonical quantity, the columns' fit the model's."""
     known = dict.fromkeys((*spec.data.quantities, *CANONICAL))
     wrong = []
     for name, unit in spec.units.items():
@@ -309,17 +309,12 @@ def units(spec: ExperimentSpec) -> Iterator[Finding]:
     for loc, table in tables:
         for name, column in table.columns.items():
             if column.unit is not None and name not in wrong:
-                remedy = None if is_canonical(name) or name in spec.units else f"say `units: {{{name}: {column.unit}}}`"
-                yield from _unit((*loc, "columns", name, "unit"), column.unit, default_unit(name, spec.units), remedy)
+                yield from _unit((*loc, "columns", name, "unit"), column.unit, default_unit(name, spec.units))
 
 
-def _unit(loc: Loc, unit: str, wanted: str, remedy: str | None = None) -> Iterator[Finding]:
+def _unit(loc: Loc, unit: str, wanted: str) -> Iterator[Finding]:
     try:
         check_unit(unit)
-    except SpecError as error:
-        yield Finding(loc, error.message, error.remedy)
-        return
-    try:
         convert(1.0, unit, wanted)
     except SpecError as error:
-        yield Finding(loc, error.message, remedy or error.remedy)
+        yield Finding(loc, error.message, error.remedy)

@@ -13,6 +13,7 @@ from mapmore_cli.domain.errors import SpecError, UsageError
 from mapmore_cli.spec.diagnostics import Mistake, fail
 from mapmore_cli.spec.fields import possible_path
 from mapmore_cli.spec.tree import Node, SourceText, merged, with_child, without
+from mapmore_cli.spec.units import default_unit, has_dimension
 from mapmore_cli.spec.yaml_loader import escaped, expand, parse, read_source
 
 DEEPEST = 20
@@ -92,6 +93,26 @@ def _formula(entry: Node, problems: list[Mistake]) -> Node:
     if not path.is_file():
         fail(entry.at, f"there is no file {path}", "paths start at the folder of the file that they are written in")
     return parse(read_source(path), problems)
+
+
+def with_units(root: Node) -> Node:
+    """Return the tree whose `units` name the unit of every column that has no canonical name: a model is in the unit of its column.
+
+    Per cent and angles are plain numbers where `units` does not name them.
+    """
+    units = root.child("units") or Node({}, root.at)
+    data = root.child("data")
+    if data is None or not isinstance(units.value, dict):
+        return root
+    joined = data.child("join")
+    tables = (data, *(joined.value if joined is not None and isinstance(joined.value, list) else ()))
+    found = dict(units.value)
+    for columns in (table.child("columns") for table in tables):
+        for name, column in columns.value.items() if columns is not None and isinstance(columns.value, dict) else ():
+            unit = column.child("unit")
+            if name not in found and default_unit(name) == "1" and unit is not None and has_dimension(str(unit.value)):
+                found[name] = unit
+    return with_child(root, "units", replace(units, value=found)) if len(found) > len(units.value) else root
 
 
 def apply(root: Node, overrides: Sequence[str], problems: list[Mistake]) -> Node:

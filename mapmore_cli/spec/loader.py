@@ -16,7 +16,7 @@ from mapmore_cli.spec import check_dictionary, check_models, check_names, check_
 from mapmore_cli.spec.diagnostics import MOST_ERRORS, Finding, Mistake, explain, faulty, locate, new_places, raise_if_any, unknown_keys
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.fields import PARTIAL, moved, resolve
-from mapmore_cli.spec.layers import apply, read, read_text, with_formulas
+from mapmore_cli.spec.layers import apply, read, read_text, with_formulas, with_units
 from mapmore_cli.spec.tree import Kind, Loc, Node, nearest, plain, without
 from mapmore_cli.spec.yaml_loader import dump, escaped
 
@@ -128,7 +128,7 @@ def load_text(text: str, name: str, folder: Path) -> LoadedSpec:
 
 def _valid(written: Node, path: Path, model: type[M], overrides: Sequence[str], check: Check[M], problems: list[Mistake]) -> Loaded[M]:
     """Return a spec as written, resolved and validated; raises all `problems` at once, and those found here."""
-    root = resolve(with_formulas(written, problems) if model is ExperimentSpec else written, model, problems)
+    root = resolve(with_units(with_formulas(written, problems)) if model is ExperimentSpec else written, model, problems)
     try:
         spec = model.model_validate(plain(root))
         later = [locate(finding, root) for finding in check(spec)]

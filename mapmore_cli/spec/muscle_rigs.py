@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from mapmore_cli.domain.declared import NonNegative, Positive
-from mapmore_cli.rig.closed_muscle import Air
+from mapmore_cli.rig.closed_muscle import Air, Tendon
 from mapmore_cli.rig.wet_muscle import Rubber
 from mapmore_cli.spec.fields import Section
 from mapmore_cli.spec.simulated_experiments import Pressure, RegulatorSpec, once
@@ -65,8 +65,22 @@ class RestLength(Section):
     force: Positive  # N
 
 
+class Course(Section):
+    """Smooth moves of a wanted pressure to random places, in random times."""
+
+    between: Annotated[tuple[Pressure, Pressure], Field(strict=False)]  # kPa
+    pace: Annotated[tuple[Positive, Positive], Field(strict=False)]  # shortest and longest move, s
+
+
+class Valves(Section):
+    """A regulator drives the pressure along random moves, which begin at the initial pressure."""
+
+    regulator: RegulatorSpec
+    course: Course
+
+
 class RandomVelocity(Section):
-    """A motor moves the muscle at random velocities for a while, valves closed at an initial pressure (H section II.A)."""
+    """A motor moves the muscle at random velocities for a while, valves closed at an initial pressure (H section II.A), or controlled."""
 
     type: Literal["random_velocity"]
     pressures: Annotated[list[Pressure], Field(min_length=1), AfterValidator(once)]  # initial, kPa
@@ -80,6 +94,8 @@ class RandomVelocity(Section):
     air: Air
     rubber: Rubber
     load_cell: Positive  # cut-off of its amplifier, Hz
+    tendon: Tendon | None = None  # in series; lengths are then those of both
+    valves: Valves | None = None  # controlled; else closed
 
     @model_validator(mode="after")
     def _possible(self) -> RandomVelocity:
@@ -93,12 +109,12 @@ class RandomVelocity(Section):
 class Antagonists(Section):
     """Two muscles on a joint (H section II.D): `closed` swings it by a motor at closed valves, `driven` drives the pressures in antiphase.
 
-    The spec's `muscle` is the flexor.
+    `random` drives each pressure along a `course` of its own. The spec's `muscle` is the flexor.
     """
 
     type: Literal["antagonists"]
     extensor: McKibbenMuscle
-    recordings: Annotated[list[Literal["closed", "driven"]], Field(min_length=1)]
+    recordings: Annotated[list[Literal["closed", "driven", "random"]], Field(min_length=1)]
     duration: Positive  # s
     sample_time: Positive  # s
     frequency: Positive  # Hz
@@ -113,4 +129,11 @@ class Antagonists(Section):
     air: Air
     rubber: Rubber
     regulator: RegulatorSpec
+    course: Course | None = None  # of `random`
     load_cell: Positive  # Hz
+
+    @model_validator(mode="after")
+    def _possible(self) -> Antagonists:
+        if "random" in self.recordings and self.course is None:
+            raise ValueError("`random` needs a `course`, as {between: [200, 500], pace: [0.2, 1]}")
+        return self

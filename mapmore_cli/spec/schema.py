@@ -1,6 +1,6 @@
-"""The JSON Schema of an experiment, with which editors complete and check a spec while it is typed.
+"""The JSON Schema of an experiment, with which editors complete and check a spec while it is typed, and the reference of its keys.
 
-`python -m mapmore_cli.spec.schema FILE` writes it; the one in `configs/` is checked in.
+`python -m mapmore_cli.spec.schema FILE` writes the schema; the one in `configs/` is checked in. `mapmore schema keys` prints the reference.
 """
 
 from __future__ import annotations
@@ -12,7 +12,9 @@ from typing import Any
 
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 
+from mapmore_cli.domain.scores import METRICS
 from mapmore_cli.spec.experiment import ExperimentSpec
+from mapmore_cli.spec.fields import OF_TARGET
 
 
 class _Untitled(GenerateJsonSchema):
@@ -37,7 +39,7 @@ def json_schema() -> JsonSchemaValue:
 
 
 def _merged_sections(schema: Any, sections: dict[str, Any]) -> set[str]:
-    """Sections that a file may say in part, since `extends` merges mappings; the items of lists are always whole."""
+    """Return the schema of sections that a file may say in part, since `extends` merges mappings; items of lists are whole."""
     if isinstance(schema, list):
         return set().union(*(_merged_sections(item, sections) for item in schema))
     if not isinstance(schema, dict):
@@ -51,6 +53,99 @@ def _merged_sections(schema: Any, sections: dict[str, Any]) -> set[str]:
 def schema_text() -> str:
     """Return the schema as it is checked in."""
     return json.dumps(json_schema(), indent=2, ensure_ascii=False) + "\n"
+
+
+# The reference of the keys ----------------------------------------------------------------------------------------------------------
+
+
+def reference() -> str:
+    """Return every section with its keys, values and defaults as Markdown, in the order of the pipeline, and the metrics of `require`."""
+    schema = ExperimentSpec.model_json_schema()
+    schema["properties"] = {"extends": json_schema()["properties"]["extends"], **schema["properties"]}
+    sections = {"Top level": schema, **{_heading(name): schema["$defs"][name] for name in _in_order(schema, schema["$defs"])}}
+    tables = [_section(title, section) for title, section in sections.items() if "properties" in section]
+    return "\n".join([*tables, _metrics()])
+
+
+def _in_order(schema: Any, sections: dict[str, Any]) -> list[str]:
+    """Return the names of the sections as one comes upon them from top to bottom, each followed by those inside it."""
+    if isinstance(schema, list):
+        return list(dict.fromkeys(name for item in schema for name in _in_order(item, sections)))
+    if not isinstance(schema, dict):
+        return []
+    name = str(schema.get("$ref", "")).removeprefix("#/$defs/")
+    inside = {key: value for key, value in sections.items() if key != name}  # families lie within products
+    found = [name, *_in_order(sections[name], inside)] if name in sections else []
+    below = [value for key, value in schema.items() if key not in ("$defs", "default")]
+    return list(dict.fromkeys([*found, *(one for value in below for one in _in_order(value, sections))]))
+
+
+def _metrics() -> str:
+    """Return the numbers of a score row, which `validate.require` may limit."""
+    rows = [f"| `{name}` | {meaning} | {'the target' if name in OF_TARGET else '1'} |" for name, meaning in METRICS.items()]
+    return "\n".join(
+        [
+            "### Metrics",
+            "",
+            "What `validate.require` may limit, as `{nrmse: 0.05, r2: 0.9}`: `r2` and `n` from below, all others from above. A limit holds",
+            "for the run's own model on the pooled validation rows, or on the training rows where nothing is held out.",
+            "",
+            "| metric | meaning | in units of |",
+            "|---|---|---|",
+            *rows,
+            "",
+        ]
+    )
+
+
+def _section(title: str, section: dict[str, Any]) -> str:
+    required = section.get("required", [])
+    rows = [
+        f"| `{key}` | {_values(value)} | {_default(value, key in required)} |"
+        for key, value in section["properties"].items()
+        if key != "schema_version"
+    ]
+    return "\n".join([f"### {title}", "", section.get("description", ""), "", "| key | value | default |", "|---|---|---|", *rows, ""])
+
+
+def _values(value: dict[str, Any]) -> str:
+    """Return what may stand at a key, in one cell."""
+    for several in ("anyOf", "oneOf"):
+        if several in value:
+            return " or ".join(dict.fromkeys(text for part in value[several] if (text := _values(part)) != "nothing"))
+    if "$ref" in value:
+        name = _heading(value["$ref"].rpartition("/")[2])
+        return f"[{name}](#{name.lower().replace(' ', '-')})"
+    if "enum" in value or "const" in value:
+        return " or ".join(f"`{word}`" for word in value.get("enum", [value.get("const")]))
+    if value.get("type") == "array":
+        return f"list of {_values(value.get('items', {})) or 'values'}"
+    if value.get("type") == "object":
+        inner = value.get("additionalProperties")
+        return f"mapping to {_values(inner)}" if isinstance(inner, dict) else "mapping"
+    if value.get("type") == "string" and str(value.get("pattern", "")).startswith(r"^\s*[-+]?"):
+        return "with unit"
+    words = {"string": "text", "number": "number", "integer": "whole number", "boolean": "`true` or `false`", "null": "nothing"}
+    return words.get(value.get("type", ""), "value") + _bounds(value)
+
+
+def _bounds(value: dict[str, Any]) -> str:
+    signs = {"minimum": "≥", "exclusiveMinimum": ">", "maximum": "≤", "exclusiveMaximum": "<"}
+    return "".join(f" {sign} {value[key]:g}" for key, sign in signs.items() if key in value)
+
+
+def _default(value: dict[str, Any], required: bool) -> str:
+    if required:
+        return "**required**"
+    default = value.get("default")
+    return "" if default is None or isinstance(default, dict) else f"`{json.dumps(default, ensure_ascii=False)}`"
+
+
+def _heading(name: str) -> str:
+    """Return `DictionaryEntry` as words; a class whose name occurs twice begins with its module (`...__data__Rate`)."""
+    module, _, last = name.rpartition("__")
+    words = module.rpartition("__")[2].capitalize() + last.replace("_", "")
+    return "".join(f" {letter.lower()}" if letter.isupper() and place else letter for place, letter in enumerate(words))
 
 
 if __name__ == "__main__":

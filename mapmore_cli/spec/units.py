@@ -32,7 +32,7 @@ _NAMED_DIMENSIONS = {
 }  # fmt: skip
 _COMMON = [
     *("Pa", "hPa", "kPa", "MPa", "mbar", "bar", "psi", "mmHg", "um", "mm", "cm", "m", "in", "s", "ms", "us", "min", "h"),
-    *("mN", "N", "kN", "lbf", "kgf", "mV", "V", "g", "kg", "%", "1", "degC", "K", "kPa/ms"),
+    *("mN", "N", "kN", "lbf", "kgf", "N*m", "mV", "V", "g", "kg", "%", "1", "degC", "K", "kPa/ms"),
     *(f"{unit}/s" for unit in ("1", "%", "mm", "m", "N", "V", "Pa", "kPa", "bar", "psi")),
 ]
 
@@ -55,7 +55,8 @@ _EVERYDAY: Mapping[str, tuple[str, Fraction]] = MappingProxyType(
 
 _NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)  # one way to match: no backtracking
 _FACTOR = r"\(*(?:1|%|[^\W\d]\w*|°[CF])(?:(?:\^|\*\*)-?\d)?\)*"
-_UNIT = re.compile(rf"{_FACTOR}(?:\s*[*/]\s*{_FACTOR})*")
+_UNIT = re.compile(rf"{_FACTOR}(?:(?:\s*[*/·]\s*|\s+){_FACTOR})*")
+_TORQUE = re.compile(r"\b([mk]?N)(m|mm|cm)\b")  # as everybody writes it; pint has a measure of yarn by this name
 _LONGEST_UNIT = 60
 _BASE = {
     "kilogram": "kg", "meter": "m", "second": "s", "ampere": "A", "kelvin": "K", "mole": "mol", "candela": "cd", "radian": "rad",
@@ -164,6 +165,17 @@ def check_unit(unit: str) -> None:
         _parsed(unit)
 
 
+def has_dimension(unit: str) -> bool:
+    """Return True for a unit that is no plain number, as `mm`; False for `%`, `deg`, and what nobody knows."""
+    everyday = _everyday(unit)
+    if everyday is not None:
+        return everyday[0] != ("number",)
+    try:
+        return not _parsed(unit).dimensionless
+    except SpecError:
+        return False
+
+
 def base_units(unit: str) -> BaseUnits | None:
     """Return a unit in base units of the SI; None for one that nobody knows, or of broken powers."""
     try:
@@ -190,7 +202,8 @@ def _parsed(unit: str) -> Any:
     """Return a pint unit; `1` is dimensionless. The grammar is checked first, as pint would compute `m**9**9**9`."""
     text = unit.strip()
     if len(text) <= _LONGEST_UNIT and _UNIT.fullmatch(text):
-        spelled, registry = re.sub(r"°([CF])", r"deg\1", text).replace("%", "percent"), _registry()
+        torque = _TORQUE.sub(r"\1*\2", text).replace("·", "*")
+        spelled, registry = re.sub(r"°([CF])", r"deg\1", torque).replace("%", "percent"), _registry()
         try:
             return registry.parse_units("" if spelled == "1" else spelled)
         except Exception:  # pint and the tokenizer below it raise a dozen kinds, all for the same reason

@@ -12,6 +12,7 @@ from contextlib import contextmanager, suppress
 from io import BufferedRandom
 from pathlib import Path
 from secrets import token_hex
+from typing import IO
 
 from mapmore_cli.domain.errors import WriteError
 
@@ -123,13 +124,20 @@ def replacing(path: Path) -> Iterator[BufferedRandom]:
             sync_folder(path.parent)
 
 
-def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file whole; into what stands there, where that is no file."""
-    if is_special(path):
-        with refusals_told(path.parent), path.open("wb") as stream:
-            stream.write(data)
+@contextmanager
+def written(path: Path) -> Iterator[IO[bytes]]:
+    """Open a file that is written whole as by `replacing`; what stands there, where that is no file, as a pipe or `/dev/null`."""
+    if not is_special(path):
+        with replacing(path) as file:
+            yield file
         return
-    with replacing(path) as file:
+    with refusals_told(path.parent), path.open("wb") as stream:
+        yield stream
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a file whole."""
+    with written(path) as file:
         file.write(data)
 
 

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from mapmore_cli.domain.fits import SegmentedCurve
     from mapmore_cli.domain.models import Model
     from mapmore_cli.domain.recording import Dataset
-    from mapmore_cli.domain.results import FitResult
-    from mapmore_cli.domain.scores import ScoreTable, Validation
+    from mapmore_cli.domain.results import FitResult, Validation
+    from mapmore_cli.domain.scores import ScoreTable
 
 
 DATASET, SEGMENTATION, FIT, MODEL, VALIDATION = "ingest.h5", "segment.h5", "fit.h5", "model.h5", "validate.h5"

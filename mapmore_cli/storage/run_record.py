@@ -15,12 +15,14 @@ import json
 import math
 import platform
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from functools import cache
 from importlib.metadata import version
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any
+
+from pydantic import TypeAdapter
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.foreign import csv_cell
@@ -125,6 +127,9 @@ class Origin:
         return other.campaign if campaigns and self.settings != other.settings and (run_dir / other.campaign).is_file() else None
 
 
+_ORIGIN, _STAGES = TypeAdapter(Origin), TypeAdapter(dict[str, StageRecord])
+
+
 def stale_stages(records: Mapping[str, StageRecord]) -> dict[str, str]:
     """Return committed stages whose results follow from others than lie before them now, by the earlier stage that was done since."""
     found: dict[str, str] = {}
@@ -138,9 +143,8 @@ def stale_stages(records: Mapping[str, StageRecord]) -> dict[str, str]:
 def load_origin(run_dir: Path) -> Origin | None:
     """Where a run comes from; None where that is not known."""
     try:
-        entry = json.loads((run_dir / RUN_RECORD).read_text(encoding="utf-8"))["origin"]
-        return Origin(str(entry["spec"]), str(entry["campaign"]), tuple(map(str, entry["settings"])))
-    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
+        return _ORIGIN.validate_python(json.loads((run_dir / RUN_RECORD).read_text(encoding="utf-8"))["origin"])
+    except (OSError, ValueError, TypeError, KeyError, RecursionError):
         return None
 
 
@@ -152,12 +156,12 @@ def load_records(run_dir: Path, warn: Callable[[str], None]) -> dict[str, StageR
     path = run_dir / RUN_RECORD
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
-        stages = {str(name): _record(entry) for name, entry in document["stages"].items()}
+        stages = _STAGES.validate_python(document["stages"])
         version = str(document["format_version"])
     except FileNotFoundError:
         return {}
-    except (OSError, ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as fault:
-        warn(f"{path}: is damaged ({type(fault).__name__}: {fault}) and is ignored; every stage runs again")
+    except (OSError, ValueError, TypeError, KeyError, RecursionError) as fault:
+        warn(f"{path}: is damaged ({type(fault).__name__}: {str(fault).partition(chr(10))[0]}) and is ignored; every stage runs again")
         return {}
     refuse_newer(path, version, FORMAT_VERSION)
     return stages
@@ -175,28 +179,9 @@ def save_records(run_dir: Path, name: str, origin: Origin, records: Mapping[str,
     write_text(run_dir / RUN_RECORD, json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
 
 
-def _record(entry: Mapping[str, Any]) -> StageRecord:
-    """Return an entry, checked as far as the runner relies on it."""
-    return StageRecord(
-        fingerprint=str(entry["fingerprint"]),
-        revision=int(entry["revision"]),
-        before=str(entry["before"]),
-        slice=entry["slice"],
-        inputs=_stamps(entry["inputs"]),
-        outputs=_stamps(entry["outputs"]),
-        tools={str(tool): str(version) for tool, version in entry["tools"].items()},
-        seconds=float(entry["seconds"]),
-        why=str(entry["why"]),
-    )
-
-
-def _stamps(entry: Mapping[str, Any]) -> dict[str, Stamp]:
-    return {str(path): Stamp(int(stamp["size"]), int(stamp["mtime_ns"]), str(stamp["sha256"])) for path, stamp in entry.items()}
-
-
 DIGITS = 12
-KINDS: Mapping[str, Callable[[Any], Any]] = get_type_hints(Score)
-COLUMNS = tuple(KINDS)
+COLUMNS = tuple(field.name for field in fields(Score))
+_SCORES = TypeAdapter(tuple[Score, ...])
 
 
 def write_scores(folder: Path, table: ScoreTable, name: str) -> None:
@@ -230,25 +215,9 @@ def scores_in(document: Any) -> ScoreTable:
 
     Raises ValueError, TypeError, KeyError, AttributeError or OverflowError for another document.
     """
-    scores = tuple(_score(row) for row in document["scores"])
+    rows = [{name: math.nan if cell is None else cell for name, cell in row.items()} for row in document["scores"]]
     units = {str(name): str(unit) for name, unit in document["units"].items()}
-    return ScoreTable(scores, units, *(tuple(map(str, document.get(key, ()))) for key in ("failed", "warnings")))
-
-
-def _score(row: Mapping[str, Any]) -> Score:
-    """Return a row of the file; null stands for a number that is not finite."""
-    values: dict[str, Any] = {n: _text(row[n]) if kind is str else _number(row.get(n), kind) for n, kind in KINDS.items()}
-    return Score(**values)
-
-
-def _text(value: Any) -> str:
-    if not isinstance(value, str):
-        raise TypeError(f"{value!r} is no text")
-    return value
-
-
-def _number(value: Any, kind: Callable[[Any], Any]) -> Any:
-    return math.nan if value is None and kind is float else kind(value)
+    return ScoreTable(_SCORES.validate_python(rows), units, *(tuple(map(str, document.get(key, ()))) for key in ("failed", "warnings")))
 
 
 def score_row(score: Score) -> Mapping[str, str | int | float | None]:

@@ -133,7 +133,7 @@ def _of_levels(
     prices: Mapping[str, float],
     progress: Progress,
 ) -> Plan:
-    """The next levels."""
+    """Return the next levels."""
     level = str(dataset.level)
     _checked(prices, (level,))
     places = np.unique([curve.level for curve in dataset.curves if curve.level is not None])
@@ -176,7 +176,7 @@ def _beside(found: Sequence[Candidate], level: str, places: Array, whole: Datase
 def _of_points(
     name: str, choices: ModelChoices, dataset: Dataset, largest: float, count: int, wanted: float | None, prices: Mapping[str, float]
 ) -> Plan:
-    """The next points."""
+    """Return the next points."""
     columns = pooled_training(dataset.curves)
     inputs = [quantity.name for quantity in refitted(choices, dataset).inputs]
     names = tuple(one for one in inputs if np.ptp(columns[one]) > 0)
@@ -212,7 +212,7 @@ def _of_points(
 
 
 def formulas_of(dataset: Dataset, measured: of_points.Measured, places: Array) -> dict[str, tuple[Array, Array]]:
-    """What each member of the committee says of the measured points and of the places; of none, nothing.
+    """Return what each member of the committee says of the measured points and of the places; of none, nothing.
 
     A formula that leaves the measured values by their range, as one of few points does, is no member.
     """

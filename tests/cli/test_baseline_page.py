@@ -17,11 +17,7 @@ PROJECT = Path(__file__).parents[2]
 @pytest.mark.long
 def test_the_page_says_what_a_gaussian_process_gets(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
     pytest.importorskip("sklearn")
-    lines = [
-        line.strip("| ").split(" | ") for line in (PROJECT / "docs" / "baselines.md").read_text().splitlines() if line.startswith("| ")
-    ]
-    header, row = lines[0], next(line for line in lines if line[0] == "peano-static")
-    printed = {name.removesuffix(" [%]"): float(cell) for name, cell in zip(header, row, strict=True) if name.endswith("[%]")}
+    printed = numbers(page_table("baselines", DOCS / "baselines.md")["peano-static"])
     names = ("sarosi", "gaussian_process")
     against = f"validate.against=[{', '.join(names)}]"
     spec = PROJECT / "configs" / "m2" / "peano-static.yaml"
@@ -30,6 +26,15 @@ def test_the_page_says_what_a_gaussian_process_gets(tmp_path: Path, mapmore: Cal
     scores = {r["model"]: r["nrmse"] for r in json.loads(result.stdout)["scores"] if (r["split"], r["curve"]) == ("validate", "all")}
     for name in ("mapmore", *names):
         assert 100 * scores[name] == pytest.approx(printed[name], rel=0.02)
+
+
+def test_what_is_said_of_a_gaussian_process() -> None:
+    rows = page_table("baselines", DOCS / "baselines.md")
+    festo, pgm = (rows[name] for name in ("festo_10mm_10cm_pressure", "pgm_force"))
+    said = (
+        f"({festo['gaussian_process']} % where `mapmore` has {festo['mapmore']}, {pgm['gaussian_process']} where it has {pgm['mapmore']})"
+    )
+    assert said in (DOCS / "baselines.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("study", ["m1/peano-m1-static", "m1/peano-m1-hysteresis"])

@@ -72,6 +72,11 @@ def test_schema(mapmore) -> None:
     assert json.loads(result.stdout) == json_schema()
 
 
+@pytest.mark.parametrize(("what", "line"), [("keys", "| `max_terms` |"), ("formulas", "### sarosi_hinged"), ("files", "### SegmentFit")])
+def test_references(mapmore, what: str, line: str) -> None:
+    assert line in mapmore("schema", what).stdout
+
+
 def test_batch_goes_on_after_a_failure_and_ends_with_the_highest_code(tmp_path: Path, shell) -> None:
     good, broken = write_study(tmp_path, "good"), write_study(tmp_path, "broken")
     (tmp_path / "broken_200.csv").write_text("")

@@ -10,6 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mapmore_cli.modelling.validation.significance import Ranked
+from mapmore_cli.spec.loader import load
+
 pytestmark = pytest.mark.usefixtures("fewer_families")
 
 SPEC = """\
@@ -61,6 +64,21 @@ def test_a_minimal_spec_is_a_study_and_what_it_found_repeats_without_a_search(tm
     reasons = json.loads(mapmore("run", spec, "--runs", tmp_path / "runs", "--explain", "--json", "-q").stdout)["stages"]
     assert list(reasons) == ["ingest", "search", "segment", "fit", "fuse", "validate", "report"]
     assert set(reasons.values()) == {None}
+
+
+def test_first_lines_tell_of_better_models(tmp_path: Path, mapmore: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    """The best formula of the search competes on the held-out data; a black box that errs less on left-out training data is told."""
+    from mapmore_cli.fitting import searching
+
+    monkeypatch.setattr(searching, "note_of", lambda *_: "a Gaussian process errs 9 times less")
+    monkeypatch.setattr(searching, "chosen_of", lambda sizes, *_: Ranked(0, 0, *np.zeros((2, len(sizes)))))
+    mapmore("run", write_bare(tmp_path), "--runs", tmp_path / "runs", "-q")
+    run = tmp_path / "runs/bare"
+    formulas = [one for one in json.loads((run / "search.json").read_text())["tried"] if one["family"] == "formula" and not one["failure"]]
+    first, _, _ = (run / "report/index.html").read_text().partition("<nav")
+    assert "a Gaussian process errs 9 times less" in first
+    assert "mapmore is worse" in first
+    assert formulas[0]["words"] == f"formula {load(run / 'found.yaml').spec.validation.against[0]}"
 
 
 def test_held_out_values_influence_nothing(tmp_path: Path, mapmore: Callable[..., Any]) -> None:

@@ -65,6 +65,13 @@ def test_held_out_recordings_replayed_by_others(mapmore: Callable[..., Any], tmp
         assert found[reader] == pytest.approx(row[reader], rel=0.06) if reader in TABLES else max(found[reader], row[reader]) < 1e-10
 
 
+def test_the_sentence_of_replays_follows_from_its_table() -> None:
+    rows = [numbers(row) for row in page_table("replays", PAGE).values()]
+    assert max(row[reader] for row in rows for reader in READERS if reader in row and reader not in TABLES) < 1e-11
+    off = [row[reader] for row in rows for reader in TABLES if reader in row]
+    assert f"differ by {min(off):.2f} to {max(off):.2f} %" in PAGE.read_text(encoding="utf-8")
+
+
 def test_what_a_call_costs() -> None:
     rows = {name: numbers(row) for name, row in page_table("calls", PAGE).items()}
     assert {"sarosi", "polynomial_2", "polynomial_5", "reynolds (damping)", "peternel (damping)"} < set(rows)

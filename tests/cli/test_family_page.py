@@ -22,6 +22,15 @@ def test_the_sentences_follow_from_the_tables() -> None:
     assert all(row["adapted"] < row["fit to these levels alone"] for row in rows.values() if row["count"] == 2)
 
 
+def test_the_numbers_of_the_sentences_are_those_of_the_table() -> None:
+    rows = page_table("adapt", PAGE)
+    text = PAGE.read_text(encoding="utf-8")
+    for name in ("rest and third", "rest and second"):
+        assert f"({rows[name]['family as it is']} to {rows[name]['adapted']} %)" in text
+    alone = [rows[name]["fit to these levels alone"] for name in ("rest and third", "rest and second")]
+    assert "alone ({} and {} %)".format(*alone) in text
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["lengths", "adapt"])
 def test_a_table_made_anew(name: str, tmp_path_factory: pytest.TempPathFactory, measured_data: Path) -> None:

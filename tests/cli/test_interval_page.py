@@ -7,7 +7,7 @@ from pathlib import Path
 import interval_tables
 import numpy as np
 import pytest
-from page_tables import DOCS, numbers, page_table
+from page_tables import DOCS, numbers, page_table, rows_of
 
 from mapmore_cli.modelling.validation.intervals import FEW, Training, few_levels, summary
 
@@ -39,20 +39,26 @@ def test_intervals_are_no_wider_than_they_need_to_be() -> None:
     assert np.median([row["± over RMSE"] for row in rows]) <= 4.5
 
 
-def left_out_rows() -> list[list[str]]:
-    """The rows of the table of families, whose first cells repeat."""
-    block = PAGE.read_text(encoding="utf-8").split("<!-- table families -->")[1].split("<!-- end -->")[0]
-    return [[cell.strip() for cell in line.strip("|").split("|")] for line in block.splitlines() if line.startswith("|")][2:]
-
-
 def test_constants_that_do_not_know_a_family_cover_it() -> None:
-    rows = left_out_rows()
+    rows = rows_of("families", PAGE)
     assert len({row[0] for row in rows}) == 11
     assert {row[1] for row in rows} == {"3", "4", "5", "7"}
     inside, width = np.array([[float(row[4]), float(row[5])] for row in rows]).T
     assert 92 < inside.mean() < 98
     assert inside.min() > 86
     assert np.median(width) < 4.5
+
+
+def test_the_sentences_follow_from_the_tables() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    families = [float(row[4]) for row in rows_of("families", PAGE)]
+    assert f"{np.mean(families):.1f} % of the samples lie inside on average, {min(families)} % at the least" in text
+    simulated = [numbers(row) for row in page_table("simulated", PAGE).values()]
+    inside = [row["inside"] for row in simulated]
+    assert f"{min(inside)} to {max(inside)} % lie inside" in text
+    assert f"need: {max(row['± over RMSE'] for row in simulated)} times" in text
+    inside = [numbers(row)["inside"] for row in page_table("measured", PAGE).values()]
+    assert f"{min(inside)} to {max(inside)} % lie inside" in text
 
 
 def test_the_constants_are_those_of_all_families() -> None:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from page_tables import numbers, page_table
+from page_tables import PAGE, numbers, page_table
 from test_shipped_studies import CONFIGS, NRMSE
 
 from mapmore_cli.domain.recording import Curve, Quantity
@@ -22,6 +22,7 @@ from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import Cuts, Recipe
 from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.spec.campaign import load_campaign
+from mapmore_cli.storage.artefacts import read_model
 
 CLOSING = ("ratio, geometric mean", "ratio, worst", "runs better", "below the best formula")
 DIGITS = 0.006  # three of them
@@ -118,12 +119,43 @@ def test_the_gel_muscle_is_better_the_other_way_round(measured_data: Path) -> No
     assert 100 * error == pytest.approx(inverted["100 kPa"], rel=0.02)
 
 
+def test_the_sentences_follow_from_the_tables() -> None:
+    text, mean = PAGE.read_text(encoding="utf-8"), {model: row["mean"] for model, row in page_table("pgm").items()}
+    told = [mean[model] for model in ("mapmore, strain inverted", "cubic", "mapmore", "sarosi")]
+    assert "inverted model has {} %, the cubic {}, the direct model {}, Sárosi's formula {}.".format(*told) in text
+    family = {model: row["NRMSE"] for model, row in page_table("family").items()}
+    told = [family[model] for model in ("mapmore", "polynomial_5", "sarosi_hinged", "sarosi", "repeatability")]
+    said = "`mapmore` has {} %, `polynomial_5` {}, `sarosi_hinged` {}, `sarosi` {}; the repeatability is {}."
+    assert said.format(*told) in text
+    hold = {group: float(row["geometric mean"]) for group, row in page_table("hold").items()}
+    told = [100 * (hold[group] - 1) for group in ("measured, the study's settings", "M1's studies")]
+    assert "the error is {:.1f} % larger in the geometric mean of eleven measured studies, and {:.1f} % in M1's".format(*told) in text
+    terms = page_table("m1-terms")["peano-m1-static"]
+    assert "the error is {one term} % with one, {two} with two, {three} with three".format(**terms) in text
+
+
+def test_the_piston_of_the_printed_cylinder(tmp_path: Path, mapmore: Callable[..., Any], measured_data: Path) -> None:
+    """The sentences follow from the table, and the slope from the model."""
+    text, row = PAGE.read_text(encoding="utf-8"), {model: cells["NRMSE"] for model, cells in page_table("cylinder").items()}
+    said = "errs by {mapmore} %, by {nominal} with nominal pressures, by {by_level} with a function"
+    assert said.format(**row) in text
+    assert "displacement has {plane}; a quadratic, {quadratic}, follows".format(**row) in text
+    assert mapmore("fuse", CONFIGS / "cylinder" / "printed_cylinder.yaml", "--runs", tmp_path, "-q").exit_code == 0
+    model = read_model(tmp_path / "printed_cylinder" / "model.h5")
+    low, high = predict(model, {"pressure": np.array([200.0, 600.0]), "displacement": np.array([0.01, 0.01])})
+    assert f"a constant and {(high - low) / 400:.3f} N/kPa" in text
+
+
 def test_a_map_of_few_points_is_below_the_best_formula() -> None:
     table = {held_out: numbers(row) for held_out, row in page_table("maps").items()}
     assert len(table) == 2
     for row in table.values():
         assert max(row[shape] for shape in ("by level", "one surface", "one surface, cut")) < row["its error"]
-    assert table["strain 0.035 to 0.105"]["one surface"] < table["strain 0.035 to 0.105"]["by level"]
+    pressures, strain = table.values()
+    assert strain["one surface"] < strain["by level"]
+    text = PAGE.read_text(encoding="utf-8")
+    assert f"each level errs by {pressures['by level']} %, a surface by {pressures['one surface']}." in text
+    assert f"better: {strain['one surface']} and {strain['by level']}, cut {strain['one surface, cut']}." in text
 
 
 def test_holding_helps_measured_muscles_and_not_the_papers() -> None:

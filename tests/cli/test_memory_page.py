@@ -64,6 +64,20 @@ def test_one_setting_keeps_the_limits_on_both_sets(group: str) -> None:
     assert all(typical["mapmore"] < told for model, told in typical.items() if model not in ("mapmore", "repeatability"))
 
 
+def test_what_is_said_of_jumps_stands_in_the_table() -> None:
+    rows = [numbers(row) for row in page_table("uncut", MEMORY).values()]
+    (uncut, cut) = (sorted(row[name] for row in rows) for name in ("uncut", "cut"))
+    said = f"out of four records. With them the error is {uncut[0]} to {uncut[-1]} %, without {cut[0]} to {cut[-1]}."
+    assert (len(rows), said in MEMORY.read_text(encoding="utf-8")) == (4, True)
+
+
+def test_what_is_said_of_other_loads_stands_in_the_table() -> None:
+    text = MEMORY.read_text(encoding="utf-8")
+    between, beyond = (numbers(page_table("coiled_loads", MEMORY)[f"{where}: median"]) for where in ("between", "beyond"))
+    assert f"{between['mapmore']} % in the median with it, {between['without_load']} without." in text
+    assert f"Beyond them it does: {beyond['mapmore']} and {beyond['without_load']}." in text
+
+
 def test_the_campaign_has_every_record_and_one_fragment() -> None:
     spec, runs = campaign("coiled")
     assert [sum(variant.group == group for variant in spec.runs) for group in ("steps", "loops")] == [10, 5]
@@ -105,6 +119,9 @@ def test_inner_reversals_are_shown_as_they_run() -> None:
         errors = numbers(table[name])
         assert errors == pytest.approx({model: 100 * told for model, told in NRMSE[name].items()}, rel=0.01)
         assert all(errors["mapmore"] < told for model, told in errors.items() if model != "mapmore")
+    own, loops, plays = ([table[name][model] for name in REVERSALS] for model in ("mapmore", "rise_and_fall", "prandtl_ishlinskii"))
+    said = "errs by {} % (McKibben) and {} % (Peano), `rise_and_fall` by {} and {}, `prandtl_ishlinskii` by {} and {}."
+    assert said.format(*own, *loops, *plays) in MEMORY.read_text(encoding="utf-8")
 
 
 STUDIES = Path(__file__).parents[2] / "configs" / "identification"
@@ -157,6 +174,12 @@ def test_stops_of_the_fed_back_output_help_and_those_of_the_input_do_not() -> No
     assert errors["cubic_stops"] < 0.95 * errors["cubic"]
     assert errors["mapmore"] < 0.2 * errors["cubic_stops"]
     assert errors["linear_input_stops"] > 0.9 * errors["linear"]
+    text = MEMORY.read_text(encoding="utf-8")
+    assert (
+        "{:.4f} with `wen_stiffening`, {:.4f} with `wen`, {:.4f} for".format(*(errors[name] for name in ("mapmore", "wen", "linear")))
+        in text
+    )
+    assert f"the linear model ({errors['linear_stops']:.4f}), stops of the input do not ({errors['linear_input_stops']:.4f})" in text
 
 
 @pytest.mark.parametrize("record", ["mr_damper", pytest.param("antagonist_pam", marks=pytest.mark.long)])

@@ -104,6 +104,27 @@ def test_errors_by_the_number_of_sections_are_made_again(count: int) -> None:
     assert int(row["sections, rise and fall"]) == 2 * count
 
 
+def test_the_sentences_follow_from_the_tables() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    solvers, sections, slowest = ({name: numbers(row) for name, row in table(name).items()} for name in ("solvers", "sections", "slowest"))
+    times, needed = solvers["swarm"]["median"], solvers["least_squares"]["simulations"]
+    assert f"its RMSE is {times:.0f} times that of least squares, which need {needed:.0f} simulations" in text
+    assert all(solvers[f"{swarm}, polished"]["greatest"] == 1 for swarm in ("swarm", "swarm_projected"))
+    hard = [f"{sections[f'sections-{count}']['RMSE, hard']:.3f}" for count in (1, 2, 8)]
+    assert "RMSE {} cm with one section each for rise and fall, {} with two, {} with eight".format(*hard) in text
+    errors = [slowest[bound]["piecewise"] for bound in ("0.5 s", "1 s", "1000 s")]
+    poles = table("poles")
+    told = ("largest pole", "greatest jump at a boundary", "shared state")
+    most = [max(numbers(row).get(name, 0.0) for row in poles.values()) for name in told]
+    assert "largest pole is {:.3f}. The steady output jumps by up to {:.2f} cm".format(*most) in text
+    assert f"shared state by {most[-1]:.3f} cm" in text
+    steps, loops = (numbers(table("coiled_motion")[f"{group}: median"]) for group in ("steps", "loops"))
+    assert f"in the median {steps['mapmore']} % on steps and {loops['mapmore']} on loops" in text
+    least = [min((error, model) for model, error in row.items() if model not in ("mapmore", "repeatability")) for row in (steps, loops)]
+    assert "`{0[1]}` has least on steps ({0[0]}), `{1[1]}` on loops ({1[0]})".format(*least) in text
+    assert "errs by {} cm with a bound of 0.5 s, {} with the default (1 s here) and {} without".format(*errors) in text
+
+
 def test_every_record_of_coiled_muscles_is_shown() -> None:
     campaign, _ = load_campaign(CONFIGS / "campaigns" / "coiled_motion.yaml")
     rows = table("coiled_motion")

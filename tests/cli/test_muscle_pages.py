@@ -60,6 +60,23 @@ def test_the_measured_gel_muscle_fitted_both_ways(runs: Path, measured_data: Pat
     assert_shown(muscle_tables.measured_wrist_tables(runs)["both-ways-pgm"](), WRIST)
 
 
+def test_the_sentences_of_w_follow_from_the_tables() -> None:
+    text = WRIST.read_text(encoding="utf-8")
+    r = {name: f"{numbers(row)['R, uncentred']:.3f}" for name, row in page_table("simulated", WRIST).items()}
+    models = ("tondu_lopez_fixed_area", "chou_hannaford", "tondu_lopez_corrected_fixed_area", "kerscher", "sarosi")
+    said = [f"{r[model]} for eq ({equation})" for model, equation in zip(models, (4, 3, 8, 9, 12), strict=True)]
+    assert f"R is {', '.join(said[:-1])} and {said[-1]}" in text
+    assert f"and {r['mapmore']} for `mapmore`" in text
+    for study, told in (("wrist", "from {:.3f} to {:.3f} % strain"), ("pgm", "({:.3f} to {:.3f} % strain)")):
+        rows = page_table(f"both-ways-{study}", WRIST)
+        assert told.format(*(float(rows[f"sarosi, {way}"]["RMSE of the strain"]) for way in ("force", "strain"))) in text
+    n = {name: row["RMSE"] for name, row in page_table("held-out", WRIST).items()}
+    said = [f"{n[model]} for eq ({equation})" for model, equation in zip(reversed(models), (12, 9, 8, 3, 4), strict=True)]
+    assert f"{n['mapmore']} N for `mapmore`, {', '.join(said[:-1])} and {said[-1]}" in text
+    rows = page_table("both-ways-wrist", WRIST)
+    assert "from {} to {} N".format(*(rows[f"sarosi, {way}"]["RMSE of the force"] for way in ("force", "strain"))) in text
+
+
 @pytest.mark.parametrize("study", ["wrist", "pgm"])
 def test_each_way_is_best_at_what_it_minimises(study: str) -> None:
     rows = {name: numbers(row) for name, row in page_table(f"both-ways-{study}", WRIST).items()}
@@ -102,6 +119,9 @@ def test_what_is_said_of_w() -> None:
 def test_a_k_was_inert() -> None:
     found = muscle_tables.inert_table()
     assert_shown(found, WRIST)
+    shown, here = page_table("inert", WRIST), "R of the printed parameters, a_k inert"
+    assert f"eq (8) give R {shown['8'][here]} (printed {shown['8']['printed R']})" in WRIST.read_text(encoding="utf-8")
+    assert f"they give {shown['9'][here]}, near the root of the printed R², {shown['9']['its root']}" in WRIST.read_text(encoding="utf-8")
     assert f"{muscle_tables.size_of_eq_3():.1f} times too small" in WRIST.read_text(encoding="utf-8")
 
 
@@ -115,6 +135,13 @@ def test_a_slack_muscle_is_what_the_model_misses() -> None:
     assert min(rows[f"{wide}: {muscle}, never below zero"] for muscle in muscles) > 0.9
     assert min(rows[f"{narrow}: {muscle}"] for muscle in muscles) > 0.96
     assert rows[f"{wide}: the same, identified from the first half of this record"] > 0.99
+    for record, after in (("closed", ""), (wide, ""), (wide, ", never below zero"), (narrow, "")):
+        assert " and ".join(f"{rows[f'{record}: {muscle}{after}']:.3f}" for muscle in muscles) in MUSCLE_LIKE.read_text(encoding="utf-8")
+
+
+def test_the_pressure_at_closed_valves_is_said() -> None:
+    row = page_table("closed-valves", MUSCLE_LIKE)["mapmore"]
+    assert f"alone the RMSE is {row['RMSE']} kPa." in MUSCLE_LIKE.read_text(encoding="utf-8")
 
 
 def test_biological_curves_are_those_of_h() -> None:

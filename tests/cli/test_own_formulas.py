@@ -163,5 +163,5 @@ def test_a_model_file_with_another_definition_is_refused(tmp_path: Path) -> None
     path = mm.fit(FRAME, formulas=[SAROSI], model={"backbone": "our_sarosi"}, **STUDY).save(tmp_path / "model.h5")
     with h5py.File(path, "r+") as file:
         file["body/backbone"].attrs["definition"] = "{}"
-    with pytest.raises(DataError):
+    with pytest.raises(DataError, match="defines no formula"):
         mm.load_model(path, unverified=True)

@@ -8,43 +8,39 @@ from pathlib import Path
 import numpy as np
 import planning_tables
 import pytest
-from page_tables import DOCS
+from page_tables import DOCS, rows_of
 
 PAGE = DOCS / "planning.md"
 
 
-def rows_of(name: str) -> list[list[str]]:
-    """The rows of a table of the page, whose first cells repeat."""
-    block = re.search(rf"<!-- table {name} -->\n(.*?)<!-- end -->", PAGE.read_text(encoding="utf-8"), re.DOTALL)
-    assert block
-    lines = [line for line in block[1].splitlines() if line.startswith("|")]
-    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
-
-
 def means_of(name: str) -> list[float]:
     """What the note of a table says."""
-    block = PAGE.read_text(encoding="utf-8").split(f"<!-- table {name} -->")[1].split("<!-- end -->")[0]
+    block = PAGE.read_text(encoding="utf-8").split(f"<!-- table {name} 0 -->")[1].split("<!-- end -->")[0]
     return [float(text) for text in re.findall(r"\d\.\d\d", block.split("Geometric mean")[1])]
 
 
 def test_equal_distances_are_as_good_as_is_said() -> None:
-    errors = np.array([[float(cell) for cell in row[2:]] for row in rows_of("levels")])
+    errors = np.array([[float(cell) for cell in row[2:]] for row in rows_of("levels", PAGE)])
     ratios = np.exp(np.log(errors[:, [0, 2, 3]] / errors[:, [1]]).mean(axis=0))
     assert ratios == pytest.approx(means_of("levels"), abs=0.01)
     assert 0.98 < ratios[0] < 1.02
     assert 0.8 < ratios[2] < 0.87
     assert np.abs(errors[:, 0] / errors[:, 1] - 1).max() < 0.4
-    assert len({row[0] for row in rows_of("levels")}) == 6
+    assert len({row[0] for row in rows_of("levels", PAGE)}) == 6
 
 
 def test_what_is_said_of_stopping() -> None:
-    rows = [[int(cell) for cell in row[1:4]] for row in rows_of("stopping")]
+    rows = [[int(cell) for cell in row[1:4]] for row in rows_of("stopping", PAGE)]
     assert all(campaigns == 6 and stopped == reached for campaigns, stopped, reached in rows)
-    assert sum(stopped for _, stopped, _ in rows) == 7
+    words = {0: "none", 3: "three", 4: "four"}
+    stopped = [words[row[1]] for row in rows]
+    said = "none stopped at 3 % of the largest force, {1} at 5, {2} at 8, {3} at 12."
+    assert stopped[0] == "none"
+    assert said.format(*stopped) in PAGE.read_text(encoding="utf-8")
 
 
 def test_what_is_said_of_maps() -> None:
-    rows = rows_of("maps")
+    rows = rows_of("maps", PAGE)
     errors = np.array([[float(cell) for cell in row[2:]] for row in rows]).reshape(6, 4, 4)
     plan = np.exp(np.log(errors[:, :, 0] / errors[:, :, 1]).mean(axis=1))
     by_map = dict(zip(dict.fromkeys(row[0] for row in rows), plan, strict=True))
@@ -61,12 +57,12 @@ def test_a_campaign_by_equal_distances_is_made_anew(tmp_path: Path, measured_dat
     name = "datasheet, pressures"
     choices, dataset = planning_tables.study(name, tmp_path)
     found = planning_tables.campaign(choices, dataset, lambda known, rest: planning_tables.in_gap(known, rest, np.diff(known)))
-    told = [float(row[3]) for row in rows_of("levels") if row[0] == name]
+    told = [float(row[3]) for row in rows_of("levels", PAGE) if row[0] == name]
     assert 100 * found.errors[1:] == pytest.approx(told, rel=0.02)
 
 
 @pytest.mark.long
 def test_a_map_is_made_anew(tmp_path: Path, measured_data: Path) -> None:
     found = [planning_tables.points_by("datasheet, pressures", tmp_path, "plan", seed) for seed in range(planning_tables.STARTS)]
-    told = {int(row[1]): float(row[2]) for row in rows_of("maps") if row[0] == "datasheet"}
+    told = {int(row[1]): float(row[2]) for row in rows_of("maps", PAGE) if row[0] == "datasheet"}
     assert {size: 100 * np.median([one[size] for one in found]) for size in found[0]} == pytest.approx(told, rel=0.05)

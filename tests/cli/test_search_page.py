@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 
 import pytest
+from pages import read_rows
 
 from mapmore_cli.spec.loader import load
 
@@ -13,9 +14,9 @@ PAGE = Path(__file__).parents[2] / "docs" / "search.md"
 
 
 def test_the_note_of_the_table_follows_from_its_rows() -> None:
-    table = PAGE.read_text(encoding="utf-8").partition("<!-- table search -->")[2].partition("<!-- end -->")[0]
-    lines = [[cell.strip() for cell in line.strip().strip("|").split("|")] for line in table.splitlines() if line.startswith("|")]
-    rows = [dict(zip(lines[0], line, strict=True)) for line in lines[2:]]
+    table = PAGE.read_text(encoding="utf-8").partition("<!-- table search 0 -->")[2].partition("<!-- end -->")[0]
+    headings, *lines = read_rows(PAGE, "search")
+    rows = [dict(zip(headings, line, strict=True)) for line in lines]
     found, box = ([float(row[f"{name} [%]"]) for row in rows] for name in ("found", "best black box"))
     beside = [row for row in rows if row["shipped [%]"] != "–"]
     ratios = [float(row["found [%]"]) / float(row["shipped [%]"]) for row in beside]

@@ -81,6 +81,9 @@ SHORT = {
 LONG_SIMULATED = ("dmsp-20-400-waveforms", "dmsp-20-400-read-again", "peano-perturbation")
 """Their competitors are other models of motion, as those of dmsp-20-400-sections; the last is as dmsp-20-88-perturbation."""
 
+SCORED = {"festo_10mm_family": "family", "printed_cylinder": "cylinder"}
+"""Studies whose score table is on docs/measured-static.md."""
+
 IN_CAMPAIGNS = {
     "coiled_loops": ("coiled", "loops-1-200g"),
     "coiled_steps": ("coiled", "steps-1-200g"),
@@ -182,8 +185,8 @@ def assert_told(told: dict[str, float], rows: dict[str, Any]) -> None:
 
 def shown_of(study: str) -> dict[str, float]:
     """NRMSE in per cent by model, as docs/measured-static.md or docs/memory.md has it; empty for a study that neither shows."""
-    if study == "festo_10mm_family":
-        return {model: float(row["NRMSE"]) for model, row in page_table("family").items()}
+    if study in SCORED:
+        return {model: float(row["NRMSE"]) for model, row in page_table(SCORED[study]).items()}
     if study in IN_CAMPAIGNS:
         table, row = IN_CAMPAIGNS[study]
         return numbers(page_table(table, MEMORY)[row])

@@ -234,9 +234,10 @@ def edges_of(model: Model, name: str) -> list[float]:
             return [
                 edge
                 for part in parts
-                for own in (q.name for q in part.model.inputs)
+                for one in part.models
+                for own in (q.name for q in one.inputs)
                 if name in parse(part.inputs.get(own, own)).names
-                for edge in edges_of(part.model, own)
+                for edge in edges_of(one, own)
             ]
     raise TypeError(model.body)
 

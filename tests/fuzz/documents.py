@@ -22,7 +22,7 @@ from specs import STATIC, at, ways, write_data
 from mapmore_cli.cli.console import print_view
 from mapmore_cli.cli.views.files import of_file
 from mapmore_cli.domain.errors import MapmoreError
-from mapmore_cli.domain.scores import Validation
+from mapmore_cli.domain.results import Validation
 from mapmore_cli.pipeline.runner import bring_up_to_date, explain
 from mapmore_cli.spec.loader import LoadedSpec, load
 from mapmore_cli.storage import artefacts

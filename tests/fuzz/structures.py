@@ -8,14 +8,12 @@ refused or done, and no internal fault.
 
 from __future__ import annotations
 
-import json
 import random
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import redirect_stdout, suppress
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -28,16 +26,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "storage"))
 
 from stored_records import same
 from test_artefacts import KINDS, examples
+from used_files import use
 
-from mapmore_cli.cli.console import print_view
-from mapmore_cli.cli.views.files import of_file
 from mapmore_cli.domain.errors import DataError, MapmoreError
 from mapmore_cli.domain.foreign import printable
-from mapmore_cli.domain.models import Model
-from mapmore_cli.modelling.kinds import equations
-from mapmore_cli.storage import artefacts
-from mapmore_cli.study.exports import exported
-from mapmore_cli.study.prediction.predict import predicted_lines
 
 ARCHIVES = Path(__file__).resolve().parents[1] / "storage" / "archives"
 FILES = {"ingest.h5": "dataset", "segment.h5": "segmentation", "fit.h5": "fit", "model.h5": "model", "validate.h5": "validation"}
@@ -281,31 +273,6 @@ def _checked_words(error: DataError, path: Path) -> str:
     if error.exit_code != 4 or str(path) not in said or len(said) > LONGEST_MESSAGE:
         raise Fault(f"a message as no user wants it: {said[:300]!r}")
     return said
-
-
-def use(path: Path, chance: random.Random) -> None:
-    """`show`, and with a model `predict` and `export`, all of them unverified; MapmoreError where one of them is refused."""
-    with redirect_stdout(StringIO()) as shown:
-        view = of_file(path, lambda _message: None, True)
-        print_view(view, False)
-        print_view(view, True)
-    json.loads(shown.getvalue()[shown.getvalue().index("\n{\n") if "\n{\n" in shown.getvalue() else 0 :])
-    if artefacts.kind_of(path) == "model":
-        model: Model = artefacts.read_model(path, unverified=True)
-        with np.errstate(all="ignore"):
-            list(predicted_lines(model, _table(model), "table.csv"))
-        equations(model)
-        if chance.random() < 0.2:
-            exported(model, chance.choice(["c", "py", "tex"]))
-
-
-def _table(model: Model) -> Iterator[str]:
-    """Rows of all that a model may ask for."""
-    names = dict.fromkeys(["time", *(quantity.name for quantity in model.inputs), model.output.name])
-    names |= dict.fromkeys(name for name in model.fed_signals) if hasattr(model, "fed_signals") else {}
-    yield ",".join(names) + "\n"
-    for row in range(12):
-        yield ",".join(str(0.1 * row + 0.01 * place) for place, _ in enumerate(names)) + "\n"
 
 
 def warm(folder: Path) -> None:

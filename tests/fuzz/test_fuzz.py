@@ -13,15 +13,15 @@ import drafts
 import driver
 import exports
 import expressions
+import numpy as np
 import pytest
 import readers
 import specs
 import structures
 from driver import LONGEST, Fault, Target, explore
+from pages import DOCS, read_rows
 
 from mapmore_cli.modelling import expressions as terms
-
-PROJECT = Path(__file__).resolve().parents[2]
 
 pytestmark = pytest.mark.filterwarnings("ignore")
 
@@ -110,28 +110,37 @@ def test_what_is_too_long_when_it_is_written_out_is_refused() -> None:
         terms.parse("+".join(["x1", "x2"] * 1200))
 
 
-def rows_below(heading: str) -> list[list[str]]:
-    """The cells of the first table below a heading of docs/reliability.md."""
-    text = (PROJECT / "docs" / "reliability.md").read_text().split(f"\n## {heading}\n")[1]
-    lines = [line for line in text.split("\n## ")[0].splitlines() if line.startswith("|")]
-    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
+PAGE = DOCS / "reliability.md"
+
+
+def test_the_sentences_follow_from_the_tables() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    damaged = np.array([[int(cell) for cell in row[1:]] for row in read_rows(PAGE, "damaged")[1:]])
+    tried, refused, same, missed, crashed, hung = damaged.sum(axis=0)
+    assert (tried, missed) == (refused + same + crashed + hung, 0)
+    assert f"Of {tried // 1000} {tried % 1000:03d} files none was misread. {crashed} crashed libhdf5, {hung} made it hang." in text
+    trials = [row[1] for row in read_rows(PAGE, "disturbed")[1:]]
+    assert f"Of {sum(map(int, trials))} trials one went wrong, in the first campaign." in text
+    assert [row[-1][0] for row in read_rows(PAGE, "disturbed")[1:]] == ["1", *"0" * (len(trials) - 1)]
+    counts = [int(row[2]) for row in read_rows(PAGE, "strangers")[1:]]
+    assert (sum(count >= 100_000 for count in counts), min(counts) >= 10_000) == (5, True)
 
 
 def test_what_the_page_says_was_tried_adds_up() -> None:
     """Every command is one that `run.py` takes, and the inputs of all of them are as many as were tried."""
     modules = (expressions, readers, documents, specs, structures, drafts)
     names = {specs.RUNS.name, exports.EXPORTS.name, exports.FREE_TEXTS.name, *(module.TARGET.name for module in modules)}
-    rows = rows_below("What strangers may write")
+    rows = read_rows(PAGE, "strangers")[1:]
     assert len(rows) == len(names)
     for _, commands, tried, *_ in rows:
-        asked = re.findall(r"`run\.py (\d+) \d+ (\w+)`", commands)
+        asked = re.findall(r"run\.py (\d+) \d+ (\w+)", commands)
         assert {name for _, name in asked} <= names
         others = re.findall(r"(\d+) of (?:seed \d+|other seeds)", commands)
         assert sum(map(int, [*(count for count, _ in asked), *others])) == int(tried)
 
 
 def test_the_trials_of_disturbed_commands_add_up() -> None:
-    rows = rows_below("Disturbed commands")
+    rows = read_rows(PAGE, "disturbed")[1:]
     for command, trials, *ways, _ in rows:
         counts = [int(re.split(r"\D", way)[0]) for way in ways]
         assert sum(counts) == int(trials) == int(re.findall(r"torture\.py (\d+)", command)[0])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,7 @@ from mapmore_cli.modelling.pieces.recipe import Fuse
 from mapmore_cli.modelling.search.choice import chosen_of
 from mapmore_cli.modelling.search.families import FAMILIES
 from mapmore_cli.modelling.search.situation import Situation, situation_of
+from mapmore_cli.spec.sections.data import Holdout
 from mapmore_cli.spec.sections.model import ModelChoice
 
 SITUATIONS = {
@@ -80,6 +83,42 @@ def test_in_tables_more_counts_as_good() -> None:
     blocks = np.array([[1.0, 1.6, 1.1], [1.0, 1.1, 1.15], [3.0, 3.1, 2.9]])  # the first 11 % worse, within one standard error
     assert chosen_of([4, 9, 1], blocks, np.zeros((3, 0))).chosen == 1
     assert chosen_of([4, 9, 1], blocks, np.zeros((3, 0)), tables=True).chosen == 0
+
+
+def test_simplicity_has_a_price() -> None:
+    """2 % more error is worth half of the parameters, and not one of seven."""
+    blocks = np.array([[1.0, 1.2, 1.1], [1.0, 1.1, 1.14]])
+    assert chosen_of([6, 7], blocks, np.zeros((2, 0))).chosen == 1
+    assert chosen_of([3, 7], blocks, np.zeros((2, 0))).chosen == 0
+
+
+def test_where_a_study_holds_levels_out_they_decide() -> None:
+    blocks, parts = np.array([[1.0, 1.1], [1.5, 1.6]]), np.array([[4.0, 5.0], [2.0, 2.2]])  # 1.5 times less, and 2.1 times more
+    assert chosen_of([8, 8], blocks, parts, tables=True, asked=False).chosen == 0
+    assert chosen_of([8, 8], blocks, parts, tables=True, asked=True).chosen == 1
+
+
+def test_bands_of_an_input_are_left_out_where_the_study_holds_some_out() -> None:
+    """A pressure swept up and down: pieces of the time hold all of its values, and ask for nothing between."""
+    time = np.arange(600) * 0.01
+    u = 100 * np.abs((time % 2) - 1)
+    held_out = (u >= 40) & (u <= 60)
+    whole = dataset({"time": time**2, "u": u, "y": u}, held_out)
+    part = Slice(None, ModelChoice(type="auto"), Fuse(), {}, Holdout(quantities={"u": {"between": [[40, 60]]}}), (), False)
+    found = searchable(whole)
+    folds = Bench.of(found, situation_of(found), part).blocks
+    values = found.curves[0].columns["u"]
+    assert len(folds) == 5
+    assert all(10 < np.ptp(values[fold[0]]) <= 20 for fold in folds)
+    assert not any((fold[0] & found.curves[0].held_out).any() for fold in folds)
+
+
+def test_splines_go_straight_between_levels() -> None:
+    """So that three levels tell them."""
+    alone, on_formula = FAMILIES["splines"].candidates(replace(SITUATIONS["map"], curves=3))
+    assert "sarosi_hinged" in on_formula.words
+    assert "pressure*abs(strain-0.5)^3" in str(alone.sections)
+    assert "pressure^2" not in str(alone.sections)
 
 
 def test_recordings_too_short_to_say_or_too_long_to_miss_are_not_left_out() -> None:

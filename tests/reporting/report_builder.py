@@ -11,8 +11,8 @@ import numpy as np
 from mapmore_cli.domain.fits import FormulaFit, Scaling, Segment, SegmentedCurve, SegmentFit, Selection
 from mapmore_cli.domain.models import CurveFunction, Equation, Fusion, Model, Pieces, SegmentFunction
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
-from mapmore_cli.domain.results import FitResult, PiecesFit
-from mapmore_cli.domain.scores import Published, Score, Validation
+from mapmore_cli.domain.results import FitResult, PiecesFit, Validation
+from mapmore_cli.domain.scores import Published, Score
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.reporting.inputs import ReportInputs
 

@@ -198,7 +198,7 @@ def dots(scores):
 def test_every_error_is_a_dot_in_the_line_of_its_run() -> None:
     names, legend, found = dots(CampaignScores({"a": rows(mapmore=1, sarosi=4, repeatability=0.5), "b": rows(mapmore=3, sarosi=2)}))
     assert names == ["a", "b"]
-    assert legend == ["mapmore", "sarosi", REPEATABILITY]
+    assert legend == ["mapmore", "Sárosi", REPEATABILITY]
     assert found == [("a", 0.5), ("a", 1.0), ("a", 4.0), ("b", 2.0), ("b", 3.0)]
 
 

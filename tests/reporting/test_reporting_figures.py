@@ -25,6 +25,7 @@ from mapmore_cli.reporting.figures.terms import term_steps, whole_curves
 from mapmore_cli.reporting.figures.thinning import MOST_ON_A_LINE, STRETCHES, band, cloud, envelope, spread
 from mapmore_cli.reporting.figures.training import draw_training_curves, label_curves, training_curve_fits
 from mapmore_cli.reporting.inputs import FigureStyle
+from mapmore_cli.reporting.titles import title_of
 
 
 @pytest.fixture
@@ -216,7 +217,7 @@ class TestFit:
     def test_a_failed_formula_draws_nothing_and_is_called_failed(self, ax, failed):
         draw_fit(ax, curve_fit(failed, 2), model_styles(failed.models))
         assert [line.get_label() for line in ax.lines[1:]] == ["mapmore", "flat"]
-        assert "sarosi (failed)" in texts(drawn(failed, ["fit"])["fit"])
+        assert "Sárosi (failed)" in texts(drawn(failed, ["fit"])["fit"])
 
     def test_without_held_out_samples_there_are_training_curves_only(self, alone):
         assert list(drawn(alone, ["fit"])) == ["fit_training"]
@@ -277,7 +278,7 @@ class TestNrmse:
         expected = [pooled[model, split] for model in inputs.models for split in ("validate", "train")]
         assert [patch.get_width() for patch in ax.patches] == pytest.approx(expected)
         assert ax.get_xlim()[0] == 0
-        assert [label.get_text() for label in ax.get_yticklabels()] == list(inputs.models)
+        assert [label.get_text() for label in ax.get_yticklabels()] == list(map(title_of, inputs.models))
 
     def test_published_markers_only_where_given(self, ax, inputs):
         self.bars(ax, inputs, {"mapmore": 0.022, "somebody_else": 0.5})

@@ -19,7 +19,7 @@ def test_better_than_the_best_of_the_others():
     text = verdict([score("mapmore", 0.02), score("sarosi", 0.025), score("poly", 0.07)], "mapmore", FORCE)
     assert text == (
         "mapmore predicts force with an NRMSE of 2 % (RMSE 2 N) on the held-out data; "
-        "the best competitor, sarosi, reaches 2.5 %: mapmore is better (0.8 times the RMSE)."
+        "the best competitor (Sárosi) reaches 2.5 %: mapmore is better (0.8 times the RMSE)."
     )
 
 
@@ -71,6 +71,6 @@ def test_a_perfect_competitor():
 def test_repeatability_is_told_and_is_no_competitor():
     text = verdict([score("mapmore", 0.02), score("sarosi", 0.04), score("repeatability", 0.01)], "mapmore", FORCE)
     assert text.endswith(
-        "the best competitor, sarosi, reaches 4 %: mapmore is better (0.5 times the RMSE); repeated measurements differ by 1 %."
+        "the best competitor (Sárosi) reaches 4 %: mapmore is better (0.5 times the RMSE); repeated measurements differ by 1 %."
     )
     assert "compared with no other model" in verdict([score("mapmore", 0.02), score("repeatability", 0.01)], "mapmore", FORCE)

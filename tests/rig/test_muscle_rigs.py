@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.rig.antagonists import driven, swung
+from mapmore_cli.rig.antagonists import driven, sines, swung
 from mapmore_cli.rig.chamber import ATMOSPHERE
 from mapmore_cli.rig.closed_muscle import random_velocity
 from mapmore_cli.rig.load_cycle import resting_strains
@@ -144,12 +144,46 @@ def test_what_one_muscle_of_the_joint_gives_the_other_takes():
     )
     assert np.corrcoef(closed["pressure_1"], closed["length_1"])[0, 1] > 0.9
     regulator = simulate.regulator_of(spec("joint").experiment.regulator)
-    moved = driven(joint, swing, regulator, (0.5e5, 5e5))
+    moved = driven(joint, swing, regulator, sines(swing, 0.5e5, 5e5))
     later = swing.clock > 0.5
     assert np.corrcoef(moved["pressure_1"][later], moved["pressure_2"][later])[0, 1] < -0.9
     turning = joint.radius * (moved["force_1"] - moved["force_2"]) - joint.damping * moved["velocity_1"] / joint.radius
     acceleration = np.gradient(moved["velocity_1"], swing.clock) / joint.radius
     assert np.corrcoef(turning[later], joint.inertia * acceleration[later])[0, 1] > 0.95  # but for the filter of the load cells
+
+
+def test_a_stiff_tendon_is_none():
+    """The states, step by step, come to what the filters of a muscle at closed valves have."""
+    short = ("experiment.duration=1.5", "experiment.sample_time=0.005", "experiment.every=1")
+    plain, stiff = (
+        random_velocity(closed_muscle(), simulate.random_motion_of(spec(name, *short, *more).experiment), 4e5, recording_generator(1, "a"))
+        for name, more in (("random_velocity_16cm", ()), ("tendon", ("experiment.tendon={stiffness: 2.0e+6, damping: 10000}",)))
+    )
+    assert stiff["pressure"] == pytest.approx(plain["pressure"], rel=5e-3)
+    assert stiff["force"] == pytest.approx(plain["force"], abs=1.0)
+
+
+def test_a_tendon_gives_way():
+    """What is drawn out is shared by tendon and muscle: the pressure, which the muscle's length makes, varies less, the force too."""
+    short = ("experiment.duration=2", "experiment.every=1", "experiment.sample_time=0.005")
+    found = [recording(spec(name, *short), 500.0) for name in ("random_velocity_16cm", "tendon")]
+    assert np.ptp(found[0]["length"]) == pytest.approx(np.ptp(found[1]["length"]), rel=0.5)
+    spans = [np.ptp(one["pressure"]) / np.ptp(one["length"]) for one in found]
+    assert spans[1] < 0.9 * spans[0]
+
+
+@pytest.mark.parametrize(("name", "cause", "shipped"), [("valves", 300.0, "valves_300"), ("joint_random", "random", "joint_random")])
+def test_the_records_of_random_pressures_begin_as_shipped(name, cause, shipped):
+    """But for the noise; what a regulator is told is what the muscle takes on a little later."""
+    short = spec(name, "experiment.duration=2", *(["experiment.every=2"] if name == "valves" else []))
+    made, committed_ = recording(short, cause), committed(f"muscle-like/{shipped}.csv")
+    columns = {"input": ("U", 0.0), "pressure": ("P", 10.0), "force": ("F", 3.0), "length": ("l", 0.2), "velocity": ("v", 5.0)}
+    for number in ("",) if name == "valves" else ("_1", "_2"):
+        for column, (head, noise) in columns.items():
+            theirs = committed_[f"{head}{number}"][: len(made["time"])]
+            assert made[f"{column}{number}"] == pytest.approx(theirs, abs=noise + 1e-3), column
+        later = 125.0 * np.roll(made[f"input{number}"], round(0.03 / made["time"][1]))
+        assert made[f"pressure{number}"][50:] == pytest.approx(later[50:], abs=20.0)
 
 
 @pytest.mark.parametrize(
@@ -161,6 +195,8 @@ def test_what_one_muscle_of_the_joint_gives_the_other_takes():
         ("random_velocity_16cm", "experiment.every=40000", "fewer than 100 samples"),
         ("random_velocity_16cm", "muscle={kind: peano}", "kind: mckibben|unknown key"),
         ("joint", "experiment.recordings=[swung]", "closed"),
+        ("joint", "experiment.recordings=[random]", "needs a `course`"),
+        ("tendon", "experiment.tendon.stiffness=0", "greater than 0"),
     ],
 )
 def test_impossible_experiments_are_refused(name, change, words):

@@ -80,7 +80,7 @@ SLIPS = [
     ("unit: N}", "unit: N, offset: ▸1 bar}", ["'bar' (a pressure) cannot be converted to 'N' (a force)"]),
     ("target: static", "units: {pressure: ▸mm}\ntarget: static", ["'mm' (a length) cannot be converted to 'kPa'"]),
     ("target: static", "units: {▸presure: bar}\ntarget: static", ["no quantity `presure`", "did you mean `pressure`?"]),
-    ("force:    {", "heat: {column: T, unit: ▸degC}\n    force:    {", ["(a temperature)", "say `units: {heat: degC}`"]),
+    ("force:    {", "heat: {column: T, unit: ▸degZ}\n    force:    {", ["unit 'degZ' is unknown", "did you mean `degC`?"]),
     ("require: {nrmse: 0.05}", "require: {rmse: ▸5 kPa}", ["cannot be converted to 'N' (a force)"]),
     # names
     ("over: strain", "over: ▸strian", ["no quantity `strian`", "did you mean `strain`?"]),

@@ -40,6 +40,13 @@ def test_the_static_study(tmp_path: Path) -> None:
     assert (loaded.path, loaded.folder) == (tmp_path / "spec.yaml", tmp_path)
 
 
+def test_a_quantity_without_a_canonical_name_is_in_the_unit_of_its_column(tmp_path: Path) -> None:
+    heated = STATIC.replace("force:    {", "heat: {column: T, unit: degC}\n    share: {column: w, unit: '%'}\n    force:    {")
+    assert load_text(tmp_path, heated).spec.units == {"heat": "degC"}
+    said = heated.replace("target: static", "units: {heat: K}\ntarget: static")
+    assert load_text(tmp_path, said).spec.units == {"heat": "K"}
+
+
 def test_numbers_with_units_are_in_the_units_of_the_model(tmp_path: Path) -> None:
     spec = load_text(tmp_path, MEASURED).spec
     data = spec.data

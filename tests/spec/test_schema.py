@@ -1,8 +1,9 @@
-"""What is made from the declarations: the JSON Schema and docs/spec.md; and open questions of a spec."""
+"""What is made from the declarations: the JSON Schema and the reference of keys; and open questions of a spec."""
 
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -12,8 +13,7 @@ from spec_examples import GOOD, STATIC
 
 from mapmore_cli.domain.scores import METRICS, Score
 from mapmore_cli.spec.loader import confirmed, questions_in
-from mapmore_cli.spec.reference import page
-from mapmore_cli.spec.schema import json_schema, schema_text
+from mapmore_cli.spec.schema import json_schema, reference, schema_text
 from mapmore_cli.spec.tree import SourceText, plain
 from mapmore_cli.spec.yaml_loader import parse
 
@@ -76,19 +76,13 @@ def test_an_heir_may_leave_out_what_it_inherits() -> None:
     assert list(VALIDATOR.iter_errors(document("name: orphan\ndata: {levels: {at: [1, 2 bar]}}\n")))
 
 
-PAGE = Path(__file__).parents[2] / "docs" / "spec.md"
-
-
-def test_the_page_is_up_to_date() -> None:
-    text = PAGE.read_text(encoding="utf-8")
-    assert page(text) == text, "run `make schema`"
-
-
-def test_every_key_is_on_the_page() -> None:
-    text = PAGE.read_text(encoding="utf-8")
+def test_every_key_is_in_the_reference_and_every_link_has_its_heading() -> None:
+    text = reference()
     for section in json_schema()["$defs"].values():
         for key in section.get("properties", {}):
             assert f"| `{key}` |" in text
+    headings = {heading.lower().replace(" ", "-") for heading in re.findall(r"^### (.*)$", text, re.MULTILINE)}
+    assert set(re.findall(r"\]\(#([^)]+)\)", text)) <= headings
 
 
 def test_every_number_of_a_score_is_a_metric() -> None:

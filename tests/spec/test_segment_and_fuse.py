@@ -9,7 +9,7 @@ from spec_examples import MEASURED, STATIC, load_text, refusal
 
 from mapmore_cli.fitting.kinds.pieces import cuts_of, recipe_of
 from mapmore_cli.modelling.pieces.recipe import Cuts
-from mapmore_cli.pipeline.segment import reads
+from mapmore_cli.pipeline.stages import segment_slice
 
 EVEN = "{method: even, count: 4}"
 FUSE = "fuse: {transition: linear, z_s: 0.25,"
@@ -79,6 +79,6 @@ def test_segments_depend_on_the_fit_only_where_boundaries_try_it(tmp_path: Path)
     """A change of `fit` must not cut the curves anew, unless boundaries are optimal for that fit."""
     more_terms = STATIC.replace("max_terms: 1", "max_terms: 2")
     optimal = "{method: optimal, count: 4}"
-    assert reads(load_text(tmp_path, STATIC).spec) == reads(load_text(tmp_path, more_terms).spec)
-    tried = (reads(load_text(tmp_path, text.replace(EVEN, optimal)).spec) for text in (STATIC, more_terms))
+    assert segment_slice(load_text(tmp_path, STATIC).spec) == segment_slice(load_text(tmp_path, more_terms).spec)
+    tried = (segment_slice(load_text(tmp_path, text.replace(EVEN, optimal)).spec) for text in (STATIC, more_terms))
     assert next(tried) != next(tried)

@@ -67,6 +67,13 @@ def test_everyday_units_need_no_pint() -> None:
 
 
 @pytest.mark.parametrize(
+    ("unit", "factor"), [("N*m", 1.0), ("N m", 1.0), ("N·m", 1.0), ("Nm", 1.0), ("mNm", 1e-3), ("Nmm", 1e-3), ("N cm", 0.01), ("kNm", 1e3)]
+)
+def test_a_torque_as_people_write_it(unit: str, factor: float) -> None:
+    assert convert(1.0, unit, "N*m") == pytest.approx(factor, rel=1e-12)
+
+
+@pytest.mark.parametrize(
     ("source", "target", "words"),
     [
         ("kpa", "kPa", ["'kpa' is unknown", "did you mean `kPa`?"]),

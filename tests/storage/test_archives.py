@@ -11,8 +11,7 @@ import pytest
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.storage import artefacts, run_folder
-from mapmore_cli.storage.artefacts import write_dataset
-from mapmore_cli.storage.artefacts.files import FORMAT_VERSION
+from mapmore_cli.storage.artefacts import FORMAT_VERSION, write_dataset
 from mapmore_cli.storage.run_folder import DATASET, RunFiles
 
 ARCHIVES = sorted(path for path in (Path(__file__).parent / "archives").iterdir() if path.is_dir())

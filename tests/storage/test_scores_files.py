@@ -11,11 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
-from stored_records import VALIDATIONS
+from hypothesis import strategies as st
+from stored_records import records
 
 from mapmore_cli.cli.views.files import of_file
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.scores import Score, ScoreTable, Validation
+from mapmore_cli.domain.scores import Score, ScoreTable
 from mapmore_cli.storage.run_record import read_scores, write_scores
 
 ROW = Score("mapmore", "force", "validate", "pressure=250", 40, 12.3456789012345, 0.02, 617.0, "max|force|", 30.0, 0.05, 1 / 3)
@@ -65,19 +66,19 @@ def test_numpy_numbers_are_numbers(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "scores.json").read_text(encoding="utf-8"))["scores"][0]["rmse"] == 2.5
 
 
-@settings(deadline=None, max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
-@given(validation=VALIDATIONS)
-def test_digits_survive(validation: Validation, tmp_path: Path) -> None:
-    write_scores(tmp_path, validation.table, "demo")
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(scores=st.lists(records(Score), max_size=3))
+def test_digits_survive(scores: list[Score], tmp_path: Path) -> None:
+    written(tmp_path, *scores)
     rows = json.loads((tmp_path / "scores.json").read_text(encoding="utf-8"))["scores"]
-    for score, row in zip(validation.scores, rows, strict=True):
+    for score, row in zip(scores, rows, strict=True):
         if math.isfinite(score.rmse):
             assert row["rmse"] == pytest.approx(score.rmse, rel=1e-11, abs=0)
         else:
             assert row["rmse"] is None
     back = read_scores(tmp_path / "scores.json")
-    assert (back.units, back.failed) == (validation.units, validation.table.failed)
-    for score, read in zip(validation.scores, back.scores, strict=True):
+    assert (back.units, back.failed, back.warnings) == ({"force": "N"}, ("sarosi",), ("worse than the mean",))
+    for score, read in zip(scores, back.scores, strict=True):
         assert read.rmse == pytest.approx(score.rmse, rel=1e-11, abs=0) or not math.isfinite(score.rmse)
         assert replace(read, **{name: getattr(score, name) for name in COLUMNS if isinstance(getattr(score, name), float)}) == score
 

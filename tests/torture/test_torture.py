@@ -1,4 +1,4 @@
-"""A few disturbed commands; `make torture` tries as many as one likes. Every instant of a run: tests/stages/pipeline."""
+"""A few disturbed commands; `make torture` tries as many as one likes. Every instant of a run: tests/pipeline."""
 
 from __future__ import annotations
 

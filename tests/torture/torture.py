@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "stages" / "campaigns"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "study" / "campaigns"))
 
 from run_studies import write_study
 

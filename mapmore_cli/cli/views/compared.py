@@ -7,8 +7,8 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from mapmore_cli.cli.views.fitted import View
-from mapmore_cli.domain.results import Search, Tried
-from mapmore_cli.domain.scores import Published, ScoreTable, Trial, Tuning, Validation
+from mapmore_cli.domain.results import Search, Tried, Validation
+from mapmore_cli.domain.scores import Published, ScoreTable, Trial, Tuning
 from mapmore_cli.reporting.score_tables import changes_table, curve_scores_table, drift_table, score_table, search_table
 from mapmore_cli.reporting.table import Cell, Column, Table
 from mapmore_cli.spec.layers import as_overrides

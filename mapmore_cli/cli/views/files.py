@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING, Any
 from mapmore_cli.cli.views.fitted import View
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.page import RUN_PAGE
-from mapmore_cli.storage.run_folder import RESULTS
-from mapmore_cli.storage.run_record import load_records, stale_stages
 
 if TYPE_CHECKING:
     from mapmore_cli.reporting.table import Table
@@ -24,6 +22,8 @@ def of_file(path: Path, warn: Callable[[str], None], unverified: bool) -> View:
 
     `warn` is told where nothing shows that a file is as it was written; one that is not is only read where it may be `unverified`.
     """
+    from mapmore_cli.storage.run_folder import RESULTS
+
     if path.is_dir():
         return of_run(path)
     if path.suffix == ".json":
@@ -35,6 +35,8 @@ def of_file(path: Path, warn: Callable[[str], None], unverified: bool) -> View:
 
 def of_stage(stage: str, run_dir: Path) -> View:
     """Return what a stage found."""
+    from mapmore_cli.storage.run_folder import RESULTS
+
     if stage in RESULTS:
         return _of_hdf5(run_dir / RESULTS[stage])
     page = run_dir / RUN_PAGE
@@ -44,6 +46,8 @@ def of_stage(stage: str, run_dir: Path) -> View:
 
 def of_run(run_dir: Path) -> View:
     """Return what a run is made of: why each stage ran, and the scores."""
+    from mapmore_cli.storage.run_folder import RESULTS
+
     record = run_dir / "run.json"
     if not record.is_file():
         raise DataError(f"{run_dir}: is not a run folder (no run.json)", "name a folder that `mapmore run` wrote, as runs/NAME")
@@ -58,6 +62,8 @@ def of_run(run_dir: Path) -> View:
 
 def _stale(run_dir: Path) -> dict[str, str]:
     """Stages of a run whose results are older than what they were made from, each with a line that says so."""
+    from mapmore_cli.storage.run_record import load_records, stale_stages
+
     found = stale_stages(load_records(run_dir, lambda _message: None))
     return {name: f"{name} is out of date: {before} was done again since; run the spec to renew it" for name, before in found.items()}
 

@@ -116,8 +116,7 @@ def of_plan(plan: Plan) -> View:
     }
     lines = []
     if plan.until is not None:
-        found = plan.until
-        document["until"] = {"wanted": found.wanted, "widest": found.widest, "more": found.more, "least": found.least}
+        document["until"] = asdict(plan.until)
         lines.append(_forecast(plan))
     return View(document, (plan_table(plan),), tuple(lines))
 
@@ -137,8 +136,8 @@ def plan_table(plan: Plan) -> Table:
 
 
 def _document(candidate: Candidate) -> dict[str, Any]:
-    numbers = {"half_width": candidate.half_width, "after": candidate.after, "error": candidate.error, "cost": candidate.cost}
-    return {**candidate.at, "kind": candidate.kind, **numbers}
+    numbers = asdict(candidate)
+    return {**numbers.pop("at"), **numbers}
 
 
 def _forecast(plan: Plan) -> str:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from mapmore_cli.cli.views import fitted
 from mapmore_cli.cli.views.fitted import View, formula_document, formula_lines, segment_document
-from mapmore_cli.domain.models import CurveFunction, CurveRange, Formula, Fusion, Memory, Model, Pieces, StateSpace, Sum
+from mapmore_cli.domain.models import CurveFunction, CurveRange, Formula, Fusion, Memory, Model, Part, Pieces, StateSpace, Sum
 from mapmore_cli.modelling.kinds import equations, kind_of
 from mapmore_cli.reporting.table import Column, Table
 
@@ -86,10 +86,15 @@ def _state_space(model: Model) -> Shown:
 def _sum(model: Model) -> Shown:
     body = model.body
     assert isinstance(body, Sum)
-    parts = [(part, _shown(part.model)) for part in body.parts]
-    document = {"parts": [{"sign": part.sign, "renamed": part.inputs, **_document(part.model, shown)} for part, shown in parts]}
-    lines = tuple(f"{part.model.name}: {line}" for part, shown in parts for line in shown.lines)
+    parts = [(model, _shown(model)) for part in body.parts for model in part.models]
+    document = {"parts": [_part(part) for part in body.parts]}
+    lines = tuple(f"{model.name}: {line}" for model, shown in parts for line in shown.lines)
     return Shown(document, tuple(table for _, shown in parts for table in shown.tables), lines)
+
+
+def _part(part: Part) -> dict[str, Any]:
+    fed = {"fed": [_part(one) for one in part.fed]} if part.fed else {}
+    return {"sign": part.sign, "renamed": part.inputs, **fed, **_document(part.model, _shown(part.model))}
 
 
 SHOWN: Mapping[str, Callable[[Model], Shown]] = {

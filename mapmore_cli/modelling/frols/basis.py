@@ -98,7 +98,7 @@ class BasisRemainders:
             self.sse_of_products = self.sse
 
     def _renew(self) -> None:
-        """Norms and products from explicit remainders where downdating has lost the digits; dependent candidates drop out."""
+        """Form norms and products from explicit remainders where downdating has lost the digits; dependent candidates drop out."""
         lost = self.live & (self.squares < self.pivot_tolerance * self.pp)
         lost[self.explicit] = False
         kept = self.live[self.explicit]

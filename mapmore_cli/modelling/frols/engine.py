@@ -87,7 +87,7 @@ class GramRemainders:
         return row
 
     def _renew(self) -> None:
-        """Products with the residual itself instead of y, so that they keep their digits however small it is.
+        """Form products with the residual itself instead of y, so that they keep their digits however small it is.
 
         What rounding left of the chosen columns in `r = y - P_chosen theta` is `U U'r`, with `R' U'r = P_chosen'r`. Raises DigitsLost where
         residual and sum of ERR together are not `y'y`: the chosen columns have lost too many digits.

@@ -136,7 +136,7 @@ class Family(Formula):
         return substitute(parse(text), {name: Number(value) for name, value in fit.parameters.items()})
 
     def _check_linearity(self) -> None:
-        """Nothing needs to be linear for a fit of its own."""
+        """Accept all: nothing needs to be linear for a fit of its own."""
 
 
 def _ends(y: Array) -> tuple[float, float]:

@@ -183,9 +183,10 @@ def zeta(parameters: Mapping[str, float], pressure: Array) -> Array:
     return np.clip(share, 0.0, 1.0)
 
 
-def hysteresis_loss(name: str, reference: str, text: str) -> HysteresisLoss:
+def hysteresis_loss(name: str, title: str, reference: str, text: str) -> HysteresisLoss:
     """Return the formula with the damping force `text`."""
-    return HysteresisLoss(name, reference, ("pressure", "strain", "strain_rate", "load"), PARAMETERS, text, component="damping")
+    inputs = ("pressure", "strain", "strain_rate", "load")
+    return HysteresisLoss(name, reference, inputs, PARAMETERS, text, component="damping", title=title)
 
 
 def _branch(branch: str) -> Expression:

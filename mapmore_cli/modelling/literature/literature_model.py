@@ -21,6 +21,7 @@ class LiteratureModel(ABC):
     """A parametric model with a name; its output may stand against any target.
 
     - `name`, `reference`: as in the spec, and where it is published.
+    - `title`: as people write the name; the name where there is none.
     - `inputs`: quantities that it predicts from.
     - `parameters`: in the order of the publication.
     - `component`: the component of the force that it was published for, `static`, `damping` or `dynamic`.
@@ -34,6 +35,7 @@ class LiteratureModel(ABC):
     reference: str
     inputs: tuple[str, ...]
     parameters: tuple[str, ...]
+    title: str = field(default="", kw_only=True)
     component: str = field(default="static", kw_only=True)
     dimensions: tuple[str, ...] = field(default=(), kw_only=True)
     given: Mapping[str, float] = field(default_factory=dict, kw_only=True)

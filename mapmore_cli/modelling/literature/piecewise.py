@@ -84,6 +84,7 @@ def by_region(local: Formula, regions: tuple[Region, ...]) -> PiecewiseFormula:
         local=local,
         regions=regions,
         component=local.component,
+        title=local.title,
     )
 
 

@@ -13,8 +13,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
 from mapmore_cli.domain.memory import StateSet
 from mapmore_cli.modelling.expressions import evaluate
-from mapmore_cli.modelling.expressions.operator import Recursion
-from mapmore_cli.modelling.expressions.recursion import FLOATS
+from mapmore_cli.modelling.expressions.operator import FLOATS, Recursion
 from mapmore_cli.modelling.memory.feedback import OUTPUT, Feedback, fed_back_states
 from mapmore_cli.modelling.memory.records import AtSample
 from mapmore_cli.modelling.memory.states import Known, evaluate_states, value_of

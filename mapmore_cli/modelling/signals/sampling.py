@@ -98,7 +98,7 @@ def _after(time: Array, condition: Callable[[Array], BoolArray]) -> IntArray:
     """Return the indices of the samples that are followed by a step of some kind."""
     found: list[IntArray] = [np.zeros(0, dtype=np.int64)]
     start = 0
-    for block in in_blocks(time, overlap=1):
+    for (block,) in in_blocks(time, overlap=1):
         steps = np.diff(block)
         found.append(start + np.flatnonzero(condition(steps)))
         start += len(steps)

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import Model, Part, Sum
 from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.modelling import literature
+from mapmore_cli.modelling import kinds, literature
 from mapmore_cli.modelling.expressions import Expression, Name, Number, add, evaluate, multiply, parse, substitute, to_text
 from mapmore_cli.modelling.literature.formula import Formula, LinearForm
 
@@ -55,6 +55,29 @@ def sum_of(name: str, parts: Sequence[Part], output: Quantity, quantities: Mappi
         body=Sum(tuple(parts)),
         notes=tuple(f"{part.model.name}: {note}" for part in parts for note in part.model.notes),
     )
+
+
+def actuator(force: Model, pressure: Model) -> Model:
+    """Return a model whose input `pressure` is the output of another: from what a valve is told to the force.
+
+    Raises DataError where the force does not depend on the pressure, on its rate, or in another unit, where the pressure goes on from its
+    measured past, and where both have an input of one name in two units.
+    """
+    output, needed = pressure.output, {quantity.name: quantity for quantity in force.inputs}
+    if needed.pop(output.name, None) != output:
+        found = f"{force.name} is no function of {output.name} in {output.unit}, which {pressure.name} predicts"
+        raise DataError(found, "fit it by that quantity, with the unit under `units`")
+    if rates := [signal.name for signal in force.signals if signal.of == output.name]:
+        raise DataError(f"{force.name} needs {rates[0]}, which {pressure.name} does not predict", "fit the force without it")
+    if kinds.fed_back(pressure):
+        raise DataError(f"{pressure.name} goes on from measured {output.name}", "fit it without past outputs")
+    inputs = {quantity.name: quantity for quantity in pressure.inputs}
+    if other := [name for name in inputs if needed.get(name, inputs[name]) != inputs[name]]:
+        raise DataError(f"{force.name} and {pressure.name} have {other[0]} in different units", "set it under `units`")
+    given = tuple({**inputs, **needed}.values())
+    signals = tuple(dict.fromkeys((*pressure.signals, *force.signals)))
+    notes = tuple(f"{one.name}: {note}" for one in (force, pressure) for note in one.notes)
+    return Model(f"{force.name}-actuator", force.output, given, Sum((Part(force, fed=(Part(pressure),)),)), signals, notes)
 
 
 def refuse_shared_names(inputs_of: Sequence[tuple[str, Sequence[str], Mapping[str, str]]]) -> None:

@@ -1,9 +1,10 @@
-"""Models that are added up: `output = sum_m sign_m m(inputs_m)`."""
+"""Models that are added up: `output = sum_m sign_m m(inputs_m)`, an input of which may be the output of another model."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -12,51 +13,60 @@ from mapmore_cli.domain.models import Equation, Model, Part, Sum
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling import kinds
 from mapmore_cli.modelling.expressions import Expression, Name, Number, evaluate, parse, substitute, to_latex, to_text
-from mapmore_cli.modelling.program.statements import Limit
+from mapmore_cli.modelling.expressions.syntax import Condition
+from mapmore_cli.modelling.program.statements import NOTHING
 from mapmore_cli.modelling.program.writing import Inputs, Writer, times, total
 
 
 def simulate(model: Model, columns: Columns) -> Run:
     """Return the sum at every row, (n,), and the rows at which a free run of any part diverges."""
-    runs = [(part.sign, kinds.simulate(part.model, inputs)) for part, inputs in _parts(model, columns)]
+    runs = [(part.sign, kinds.simulate(part.model, inputs)) for part, inputs in _parts(_body(model).parts, columns)]
     values = sum((sign * run.values for sign, run in runs), start=np.zeros(len(next(iter(columns.values())))))
     return Run(values, tuple(sorted({row for _, run in runs for row in run.diverged})))
 
 
 def one_step(model: Model, columns: Columns) -> Array:
     """Return the sum from the measured past, (n,)."""
-    values: Array = np.sum([part.sign * kinds.one_step_ahead(part.model, inputs) for part, inputs in _parts(model, columns)], axis=0)
+    found = [part.sign * kinds.one_step_ahead(part.model, inputs) for part, inputs in _parts(_body(model).parts, columns)]
+    values: Array = np.sum(found, axis=0)
     return values
 
 
 def outside_range(model: Model, columns: Columns) -> BoolArray:
-    """Return True where any part is beyond its training range, (n,)."""
-    found: BoolArray = np.logical_or.reduce([kinds.outside_range(part.model, inputs) for part, inputs in _parts(model, columns)])
+    """Return True where any part, or what feeds it, is beyond its training range, (n,)."""
+    return _outside(_body(model).parts, columns)
+
+
+def _outside(parts: Sequence[Part], columns: Columns) -> BoolArray:
+    own = [kinds.outside_range(part.model, inputs) | _outside(part.fed, columns) for part, inputs in _parts(parts, columns)]
+    found: BoolArray = np.logical_or.reduce(own) if own else np.zeros(len(next(iter(columns.values()))), dtype=np.bool_)
     return found
 
 
 def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
     """Return the sum of the parts by their names, with what their inputs are here; then the equations of each part, named after it."""
-    whole = () if all(part.sign == 1.0 and not part.inputs for part in _body(model).parts) else (_whole(model),)
-    named = [(part.model.name, kinds.equations(part.model, units)) for part in _body(model).parts]
+    parts = _body(model).parts
+    whole = () if all(part.sign == 1.0 and not part.inputs and not part.fed for part in parts) else (_whole(model),)
+    named = [(one.name, kinds.equations(one, units)) for part in parts for one in part.models]
     return whole + tuple(replace(one, id=f"{name}: {one.id}") for name, found in named for one in found)
 
 
 def parameters(model: Model) -> int:
     """Return the parameters of all parts."""
-    return sum(kinds.parameters(part.model) for part in _body(model).parts)
+    return sum(kinds.parameters(one) for part in _body(model).parts for one in part.models)
 
 
 def fed_back(model: Model) -> tuple[str, ...]:
     """Return the measured outputs that any part begins from."""
-    return tuple(dict.fromkeys(name for part in _body(model).parts for name in kinds.fed_back(part.model)))
+    return tuple(dict.fromkeys(name for part in _body(model).parts for one in part.models for name in kinds.fed_back(one)))
 
 
 def _whole(model: Model) -> Equation:
     terms, printed = [], []
     for part in _body(model).parts:
         sign = "-" if part.sign < 0 else "+"
-        given = {q.name: parse(part.inputs.get(q.name, q.name)) for q in part.model.inputs}
+        given: dict[str, Expression] = {q.name: parse(part.inputs.get(q.name, q.name)) for q in part.model.inputs}
+        given |= {one.model.output.name: Name(one.model.name) for one in part.fed}
         terms.append(f"{sign} {part.model.name}({', '.join(f'{name} = {to_text(source)}' for name, source in given.items())})")
         arguments = ", ".join(f"{to_latex(Name(name))} = {to_latex(source)}" for name, source in given.items())
         words = part.model.name.replace("_", r"\_")
@@ -64,12 +74,13 @@ def _whole(model: Model) -> Equation:
     return Equation("sum", " ".join(terms).removeprefix("+ "), " ".join(printed).removeprefix("+ "))
 
 
-def _parts(model: Model, columns: Columns) -> Iterator[tuple[Part, Columns]]:
+def _parts(parts: Sequence[Part], columns: Columns) -> Iterator[tuple[Part, Columns]]:
     """Each part, with its inputs by the names that it knows them by."""
     n = len(next(iter(columns.values())))
-    for part in _body(model).parts:
+    for part in parts:
         renamed = {name: np.broadcast_to(evaluate(parse(text), columns), n) for name, text in part.inputs.items()}
-        yield part, {**columns, **renamed}
+        fed = {one.model.output.name: kinds.simulate(one.model, inputs).values for one, inputs in _parts(part.fed, columns)}
+        yield part, {**columns, **renamed, **fed}
 
 
 def _body(model: Model) -> Sum:
@@ -79,21 +90,33 @@ def _body(model: Model) -> Sum:
 
 def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
     """Write models added up, each with its sign and by its own names of the inputs."""
-    assert isinstance(model.body, Sum)
     values = []
-    for part in model.body.parts:
-        renamed = {name: m.let("input", substitute(parse(text), inputs)) for name, text in part.inputs.items()}
-        limits, knots, m.limits, m.knots = m.limits, m.knots, [], {}
-        value = kinds.write(m, part.model, {**inputs, **renamed})
+    for part in _body(model).parts:
+        value = _value(m, part, inputs)
         values.append(value if part.sign == 1.0 else times(Number(part.sign), value))
-        m.limits = [*limits, *(_through(limit, part.inputs, inputs) for limit in m.limits)]
-        own, m.knots = m.knots, knots
-        for name in own.keys() - part.inputs.keys():  # a renamed input is another expression of the sum's inputs
-            m.knot(name, *own[name])
     return m.let("sum", total(values))
 
 
-def _through(limit: Limit, renamed: Mapping[str, str], inputs: Inputs) -> Limit:
-    """Return the limit of a part, where its inputs are expressions of the sum's."""
-    own = {used for name in limit.inputs for used in (parse(renamed[name]).names if name in renamed else {name})}
-    return replace(limit, inputs=frozenset(own & inputs.keys()))
+def _value(m: Writer, part: Part, inputs: Inputs) -> Expression:
+    """Write a part, after what feeds it; it waits as long as that has no value for want of history."""
+    renamed = {name: m.let("input", substitute(parse(text), inputs)) for name, text in part.inputs.items()}
+    waits: list[Expression] = []
+    for one in part.fed:
+        queues = len(m.kept.queues)
+        renamed[one.model.output.name] = fed = m.let("fed", _value(m, one, inputs))
+        waits += [fed] * (len(m.kept.queues) > queues)
+    waited = m.let("fed", total(waits)) if waits else None
+    limits, knots, m.limits, m.knots = m.limits, m.knots, [], {}
+    write: Callable[[], Expression] = partial(kinds.write, m, part.model, {**inputs, **renamed})
+    value = write() if waited is None else m.where(Condition(waited, "==", waited), write, NOTHING)
+    m.limits = [*limits, *(replace(limit, inputs=_own(part, limit.inputs) & inputs.keys()) for limit in m.limits)]
+    own, m.knots = m.knots, knots
+    for name in own.keys() - renamed.keys():  # a renamed input is another expression of the sum's inputs
+        m.knot(name, *own[name])
+    return value
+
+
+def _own(part: Part, names: Iterable[str]) -> frozenset[str]:
+    """Return the inputs of the sum that those of a part are made of."""
+    fed = {one.model.output.name: _own(one, (quantity.name for quantity in one.model.inputs)) for one in part.fed}
+    return frozenset().union(*(fed[name] if name in fed else parse(part.inputs.get(name, name)).names for name in names))

@@ -14,6 +14,7 @@ from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
 from mapmore_cli.reporting.figures.style import ModelStyle, model_styles, shortened
 from mapmore_cli.reporting.inputs import SINGLE, ReportInputs
 from mapmore_cli.reporting.tables import bands_table
+from mapmore_cli.reporting.titles import title_of
 
 
 def draw_bands(ax: Axes, found: Sequence[Band], models: Sequence[str], styles: Mapping[str, ModelStyle]) -> None:
@@ -52,13 +53,13 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     panel = Panel("", lambda axes: draw_bands(axes[0], found, models, styles), label, (f"RMSE ({inputs.target.unit})",), _data(found))
     handles = tuple(_handle(model, styles[model]) for model in models)
     caption = "Root mean square error by the size of what was measured, of held-out data where there are any."
-    spoken = ", ".join(f"{model} {found[0].rmse[model]:.3g}" for model in models)
+    spoken = ", ".join(f"{title_of(model)} {found[0].rmse[model]:.3g}" for model in models)
     alt = f"RMSE where little is measured, up to {found[0].high:.3g} {inputs.target.unit}: {spoken}."
     return [Drawing("bands", caption, alt, (panel,), Grid(width=SINGLE, height=2.3), handles)]
 
 
 def _handle(model: str, look: ModelStyle) -> Line2D:
-    return Line2D([], [], color=look.colour, linestyle=look.dashes, marker=look.marker, markersize=3, label=shortened(model, 24))
+    return Line2D([], [], color=look.colour, linestyle=look.dashes, marker=look.marker, markersize=3, label=shortened(title_of(model), 24))
 
 
 def _data(found: Sequence[Band]) -> dict[str, Values]:

@@ -90,7 +90,7 @@ def _look(style: ModelStyle) -> dict[str, Any]:
 
 
 def _label_logarithm(ax: Axes) -> None:
-    """Plain numbers, as 0.5, 1, 2, 5, 10."""
+    """Label with plain numbers, as 0.5, 1, 2, 5, 10."""
     ax.set_xscale("log")
     ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     formatter = ScalarFormatter()

@@ -36,6 +36,7 @@ from mapmore_cli.reporting.figures.style import (
 )
 from mapmore_cli.reporting.figures.thinning import cloud
 from mapmore_cli.reporting.inputs import ReportInputs
+from mapmore_cli.reporting.titles import title_of
 
 MOST_PANELS = 9
 MOST_SPANS = 6
@@ -87,7 +88,7 @@ def held_out_spans(x: Array, held_out: BoolArray) -> list[tuple[float, float]]:
 
 
 def draw_fit(ax: Axes, curve: CurveFit, styles: Mapping[str, ModelStyle]) -> None:
-    """Measured samples as dots, filled where held out, and every model as a line. A model without prediction draws nothing."""
+    """Draw measured samples as dots, filled where held out, and every model as a line. A model without prediction draws nothing."""
     for rows, face, edge in ((~curve.held_out, "none", GREY), (curve.held_out, BLACK, BLACK)):
         if rows.any():
             dots = np.flatnonzero(rows)[cloud(curve.x[rows], curve.y[rows], DOTS_A_CURVE)]
@@ -99,7 +100,7 @@ def draw_fit(ax: Axes, curve: CurveFit, styles: Mapping[str, ModelStyle]) -> Non
 
 
 def draw_error(ax: Axes, curve: CurveFit, styles: Mapping[str, ModelStyle]) -> None:
-    """Predicted minus measured, one line a model."""
+    """Draw predicted minus measured, one line a model."""
     zero_line(ax)
     if curve.interval is not None:
         low, high = (end - curve.predictions[curve.own] for end in curve.interval)
@@ -177,7 +178,7 @@ def _legend(curves: Sequence[CurveFit], styles: Mapping[str, ModelStyle], mixed:
     for model, style in styles.items():
         failed = not any(curve.predicted(model) for curve in curves)
         look: dict[str, Any] = {"linestyle": "none", "marker": "x"} if failed else {"linestyle": style.dashes}
-        name = f"{model} (failed)" if failed else model
+        name = f"{title_of(model)} (failed)" if failed else model
         handles.append(Line2D([], [], color=style.colour, linewidth=style.width, label=name, **look))
     if any(curve.interval is not None for curve in curves):
         handles.append(interval_key(styles[curves[0].own].colour))
@@ -189,4 +190,4 @@ def _worst_errors(curves: Sequence[CurveFit]) -> str:
         errors = np.concatenate([np.abs(curve.predictions[model] - curve.y)[curve.scored] for curve in curves])
         return f"largest error {np.nanmax(errors):.3g}" if np.isfinite(errors).any() else "no prediction"
 
-    return ", ".join(f"{model}: {worst(model)}" for model in curves[0].predictions)
+    return ", ".join(f"{title_of(model)}: {worst(model)}" for model in curves[0].predictions)

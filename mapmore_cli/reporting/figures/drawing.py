@@ -14,6 +14,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from mapmore_cli.reporting.figures.style import fonts_may_lack_glyphs, small
 from mapmore_cli.reporting.inputs import SINGLE, FigureStyle
+from mapmore_cli.reporting.titles import title_of
 
 POINTS = 72
 """Points an inch. Figures have as many dots an inch, so that what is measured are points."""
@@ -111,8 +112,8 @@ def _composed(drawing: Drawing, panels: Sequence[Panel], columns: int, width: fl
                 ax.remove()
     _hold(panels, places, columns if grid.common_y == "row" else len(panels) if grid.common_y == "all" else 1)
     if drawing.legend:
-        labels = [str(handle.get_label()) for handle in drawing.legend]
-        figure.legend(handles=list(drawing.legend), loc="outside upper left", ncols=_legend_columns(labels, width))
+        labels = [title_of(str(handle.get_label())) for handle in drawing.legend]
+        figure.legend(list(drawing.legend), labels, loc="outside upper left", ncols=_legend_columns(labels, width))
     figure.align_ylabels()
     with fonts_may_lack_glyphs():
         ConstrainedLayoutEngine().execute(figure)  # once, so that the places are the same in every format
@@ -130,7 +131,7 @@ def _fill(axes: Sequence[Axes], panel: Panel, grid: Grid, style: FigureStyle, *,
     bottom.locator_params(axis="x", nbins=5 if columns < 2 else 4)
     panel.draw(axes)
     if panel.title:
-        top.set_title(panel.title)
+        top.set_title(title_of(panel.title))
     bottom.set_xlabel(panel.x_label, parse_math=style.is_own_label(panel.x_label))
     for ax, label in zip(axes, panel.y_labels, strict=True):
         if first:

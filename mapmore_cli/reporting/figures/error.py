@@ -24,6 +24,7 @@ from mapmore_cli.reporting.figures.style import (
 )
 from mapmore_cli.reporting.figures.thinning import cloud
 from mapmore_cli.reporting.inputs import ReportInputs
+from mapmore_cli.reporting.titles import title_of
 
 DOTS = 600
 """In a panel by itself; half as many where panels stand side by side, which are smaller."""
@@ -58,7 +59,7 @@ def model_errors(inputs: ReportInputs) -> list[ModelErrors]:
 
 
 def draw_errors(ax: Axes, panel: ModelErrors, style: ModelStyle, dots: int = DOTS) -> None:
-    """Training samples as pale dots under the held-out ones in the model's colour; both thinned so that the extremes remain."""
+    """Draw training samples as pale dots under the held-out ones in the model's colour; both thinned so that the extremes remain."""
     zero_line(ax)
     for (measured, error), colour, size in ((panel.train, LIGHT, 1.6), (panel.held_out, style.colour, 2.2)):
         if np.isfinite(error).any():
@@ -87,7 +88,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     dots = "pale dots are training samples, coloured ones were held out" if held_out else "all samples are training samples"
     thinned = max(len(measured) for measured, _ in (found[0].train, found[0].held_out)) > most
     what = f"Error (predicted minus measured) over the measured {inputs.target.name}"
-    models = ", ".join(one.model for one in found)
+    models = ", ".join(title_of(one.model) for one in found)
     caption = f"{what}, all curves pooled; {dots}.{SOME_DOTS if thinned else ''}{beyond_scale(inputs.far_off)}"
     return [Drawing("error", caption, f"{what} for {models}.", panels, grid)]
 

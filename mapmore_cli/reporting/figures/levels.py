@@ -71,7 +71,7 @@ def _courses(inputs: ReportInputs, level: Quantity, levels: Array) -> Drawing:
 
 
 def draw_levels(ax: Axes, levels: Array, x: Array, weights: Array) -> None:
-    """Weights of the curves, `(levels, m)`, as the model has them at `x` between the levels and beyond the outer ones."""
+    """Draw weights of the curves, `(levels, m)`, as the model has them at `x` between the levels and beyond the outer ones."""
     for colour, level, weight in zip(level_colours(len(levels)), levels, weights, strict=True):
         ax.plot(x, weight, color=colour, linewidth=1.2)
         ax.plot([level], [1.0], color=colour, marker="o", markersize=3)
@@ -114,7 +114,7 @@ def level_courses(model: Model, along: str, levels: Array) -> list[Course]:
 
 
 def draw_courses(ax: Axes, courses: Sequence[Course], levels: Array) -> None:
-    """One line a place, a dot at every training level."""
+    """Draw one line a place, a dot at every training level."""
     for colour, course in zip(level_colours(len(courses)), courses, strict=True):
         ax.plot(course.x, course.y, color=colour, linewidth=1.2)
         ax.plot(levels, course.at_levels, color=colour, linestyle="none", marker="o", markersize=3)

@@ -15,6 +15,7 @@ from mapmore_cli.reporting.figures.motion import MEASURED, shown_models
 from mapmore_cli.reporting.figures.style import BLACK, DOUBLE, OWN_STYLE, ModelStyle, model_styles, places, shortened, some_of
 from mapmore_cli.reporting.figures.thinning import envelope
 from mapmore_cli.reporting.inputs import SINGLE, ReportInputs
+from mapmore_cli.reporting.titles import title_of
 
 MOST_RECORDINGS = 3
 MOST_RIVALS = 2
@@ -52,7 +53,7 @@ def _panel(inputs: ReportInputs, number: int, model: str, style: ModelStyle) -> 
     rows = np.concatenate(pieces)
     names = (f"{along.name} [{along.unit}]", f"{target.name} [{target.unit}]", f"{model} [{target.unit}]")
     data: dict[str, Values] = dict(zip(names, (x[rows], measured[rows], predicted[rows]), strict=True))
-    title = f"{shortened(inputs.curve_label(curve), 22)}: {shortened(model, 24)}"
+    title = f"{shortened(inputs.curve_label(curve), 22)}: {shortened(title_of(model), 24)}"
     return Panel(f"{curve.id} {model}", on, inputs.axis_label(along), (inputs.axis_label(target),), data, title)
 
 

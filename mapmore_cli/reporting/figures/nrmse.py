@@ -13,9 +13,10 @@ from matplotlib.patches import Patch
 
 from mapmore_cli.domain.scores import REPEATABILITY, Score
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
-from mapmore_cli.reporting.figures.style import BLACK, GREY, ModelStyle, model_styles, shortened, small
+from mapmore_cli.reporting.figures.style import BLACK, GREY, ModelStyle, model_styles, small, two_lines
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.score_tables import full_scale
+from mapmore_cli.reporting.titles import title_of
 
 BAR = 0.36
 SPLITS = {"validate": "held out", "train": "training"}
@@ -70,7 +71,7 @@ def draw_nrmse(ax: Axes, bars: NrmseBars, styles: Mapping[str, ModelStyle]) -> N
     places = {model: place for place, model in enumerate(bars.values)}
     if bars.published:
         ax.plot([*bars.published.values()], [places[model] + first for model in bars.published], zorder=5, clip_on=False, **DIAMOND)
-    ax.set_yticks(range(len(places)), [shortened(model, 24) for model in places])
+    ax.set_yticks(range(len(places)), [two_lines(title_of(model), 18) for model in places])
     ax.tick_params(axis="y", length=0)
     ax.set_ylim(len(places) - 0.45, -0.55)
     ax.set_xlim(left=0)
@@ -102,7 +103,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     normaliser = full_scale([s for s in inputs.validation.scores if s.curve == "all"], inputs.target.unit)
     caption = f"Normalised root mean square error of all curves pooled. {normaliser}{floor}{source}"
     results = {model: f"{by_split[shown]:.2f} %" if shown in by_split else "failed" for model, by_split in bars.values.items()}
-    spoken = ", ".join(f"{model} {result}" for model, result in results.items())
+    spoken = ", ".join(f"{title_of(model)} {result}" for model, result in results.items())
     grid = Grid(height=0.3 + 0.42 * len(bars.values))
     return [Drawing("nrmse", caption, f"NRMSE on {SPLITS[shown]} data: {spoken}.", (panel,), grid, tuple(handles))]
 

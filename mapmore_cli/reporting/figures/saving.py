@@ -39,7 +39,7 @@ def _svg_file(figure: Figure, name: str, alt: str) -> bytes:
 
 
 def _pdf_file(figure: Figure, _name: str, alt: str) -> bytes:
-    """Fonts are embedded as outlines that journals take (Type 42); neither a date nor the name of a program is written."""
+    """Write a PDF: fonts are embedded as outlines that journals take (Type 42); neither a date nor the name of a program is written."""
     found = io.BytesIO()
     with rc_context({"pdf.fonttype": 42}), fonts_may_lack_glyphs():
         figure.savefig(found, format="pdf", metadata={"CreationDate": None, "Creator": None, "Producer": None, "Title": alt})

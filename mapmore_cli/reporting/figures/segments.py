@@ -75,7 +75,7 @@ def draw_segments(ax: Axes, curve: SegmentCurve) -> None:
 
 
 def draw_weights(ax: Axes, curve: SegmentCurve, transition: Transition, z_s: float) -> None:
-    """Weight of every segment along the variable, where it has any."""
+    """Draw the weight of every segment along the variable, where it has any."""
     x = np.union1d(np.linspace(curve.boundaries[0], curve.boundaries[-1], GRID), np.concatenate(zones(curve.boundaries, z_s)))
     for place, weight in enumerate(cell_weights(x, curve.boundaries, transition, z_s).T, start=1):
         ax.plot(x, np.where(weight > 0, weight, np.nan), linewidth=1.2, **_look(place, "linestyle"))
@@ -83,7 +83,7 @@ def draw_weights(ax: Axes, curve: SegmentCurve, transition: Transition, z_s: flo
 
 
 def draw_zones(ax: Axes, boundaries: Array, z_s: float) -> None:
-    """Boundaries as vertical lines, transition zones shaded (M2 eq 10 and 11)."""
+    """Draw boundaries as vertical lines, transition zones shaded (M2 eq 10 and 11)."""
     for start, end in zip(*zones(boundaries, z_s), strict=True):
         ax.axvspan(start, end, color="#ececec", linewidth=0, zorder=-1)
     for boundary in boundaries:

@@ -20,6 +20,7 @@ from matplotlib.patches import Patch
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.reporting.figures.thinning import MOST_ON_A_LINE, band, spread
 from mapmore_cli.reporting.inputs import INTERVAL, SINGLE, FigureStyle, ReportInputs
+from mapmore_cli.reporting.titles import title_of
 
 DOUBLE = 7.16
 """Width of two columns of a journal page, inches."""
@@ -74,7 +75,7 @@ def _changed() -> dict[Any, Any]:
 
 @contextmanager
 def _no_word_of_absent_fonts() -> Iterator[None]:
-    """Matplotlib logs a line for every letter group that is set in another font; the user has been told once (`faults_of`)."""
+    """Silence Matplotlib's line for every letter group in another font: the user has been told once (`faults_of`)."""
 
     def keep(record: LogRecord) -> bool:
         return not record.getMessage().startswith(("findfont: Font family", "Ignoring unknown font"))
@@ -217,7 +218,7 @@ def extent(values: Sequence[Array]) -> tuple[float, float]:
 
 def beyond_scale(models: Sequence[str]) -> str:
     """Return a sentence about the models that leave the panels; nothing where all are held."""
-    return f" Too far off for the scale: {', '.join(models)}." if models else ""
+    return f" Too far off for the scale: {', '.join(map(title_of, models))}." if models else ""
 
 
 def zero_line(ax: Axes) -> None:
@@ -244,7 +245,7 @@ def interval_words(inputs: ReportInputs) -> str:
 
 
 def draw_band(ax: Axes, x: Array, y: Array, colour: str, **look: Any) -> None:
-    """`y` over sorted `x` as a line; of many samples the mean, with their range as a pale band."""
+    """Draw `y` over sorted `x` as a line; of many samples the mean, with their range as a pale band."""
     line = band(x, y)
     if not line.drawn_whole:
         ax.fill_between(line.x, line.low, line.high, color=colour, alpha=0.15, linewidth=0, zorder=1)

@@ -54,7 +54,7 @@ def whole_curves(fits: Sequence[SegmentFit], most: int) -> list[SegmentFit]:
 
 
 def draw_terms(ax: Axes, segments: Sequence[TermSteps], colour: str) -> None:
-    """One row a segment: a filled dot for every chosen term, an open one for its runner-up, the names at the right."""
+    """Draw one row a segment: a filled dot for every chosen term, an open one for its runner-up, the names at the right."""
     left_room, right_room = _room(ax, segments)
     margins = [[*one.left, np.nan, one.left[-1], one.left_by_runner_up[-1], np.nan] for one in segments]
     ax.plot(*_in_rows(margins), color=LIGHT, linewidth=0.8, zorder=1)

@@ -37,7 +37,7 @@ def training_curve_fits(inputs: ReportInputs) -> list[CurveFit]:
 
 
 def draw_training_curves(top: Axes, bottom: Axes, curves: Sequence[CurveFit], model: str, own_colour: str) -> None:
-    """Measured samples coloured by curve with the model's lines over them, and the errors in the same colours."""
+    """Draw measured samples coloured by curve with the model's lines over them, and the errors in the same colours."""
     zero_line(bottom)
     for curve, colour in zip(curves, level_colours(len(curves)), strict=True):
         dots = cloud(curve.x, curve.y, DOTS_A_CURVE)

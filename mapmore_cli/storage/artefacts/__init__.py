@@ -2,47 +2,133 @@
 
 Every `write_*` makes a whole file or none (WriteError), with bytes that depend on the arguments only. Every `read_*` raises DataError,
 naming the file, for one that is missing, damaged, of another kind or of a newer format, that holds what the format does not know or values
-that cannot be, or whose values are not those that were written; `unverified` accepts the last, and `warn` is told of it, and of files
-without a checksum. h5py is imported at the first use.
+of another type or shape, or whose values are not those that were written; `unverified` accepts the last, and `warn` is told of it, and of
+files without a checksum.
 
 `units` of `write_segmentation` and `write_fit` are those of `units_of(dataset)`: the types written there do not know them.
+
+Format versions are read like semantic versions: a new major is refused by older programs, a new minor only adds fields.
+
+2.0  first released version: fits and models have a body of one kind; sums have signs and renamed inputs.
+2.1  models with left-out residuals, from which intervals are made.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from io import FileIO
 from pathlib import Path
+from typing import Any, Generic, TypeVar
 
+import h5py
+
+from mapmore_cli.domain.errors import DataError, Doubt
 from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset
-from mapmore_cli.storage.artefacts.files import (
-    DATASET_FILE,
-    FIT_FILE,
-    MODEL_FILE,
-    NO_UNITS,
-    SEGMENTATION_FILE,
-    VALIDATION_FILE,
-    Warn,
-    kind_of,
-    silent,
-)
+from mapmore_cli.domain.results import FitResult, Validation
+from mapmore_cli.storage.artefacts.field import Label
+from mapmore_cli.storage.artefacts.integrity import CHECKSUM, Digest, Invalid, look_over, stored_at
 from mapmore_cli.storage.artefacts.layout import SegmentationFile
+from mapmore_cli.storage.artefacts.schema import check_lengths, schema_of
+from mapmore_cli.storage.atomic import replacing
+from mapmore_cli.storage.run_record import refuse_newer
 
-__all__ = [
-    "kind_of",
-    "read_dataset",
-    "read_fit",
-    "read_model",
-    "read_segmentation",
-    "read_validation",
-    "units_of",
-    "write_dataset",
-    "write_fit",
-    "write_model",
-    "write_segmentation",
-    "write_validation",
-]
+FORMAT_VERSION = "2.1"
+
+_ALTERED = "its values are not those that were written: the checksum does not match"
+_GET_ANOTHER = "get a fresh copy, or make it again with `mapmore run CONFIG`"
+
+Warn = Callable[[str], None]
+T = TypeVar("T")
+NO_UNITS: Mapping[str, str] = {}
+
+
+def silent(_message: str) -> None:
+    """Tell nobody."""
+
+
+@dataclass(frozen=True)
+class FileKind(Generic[T]):
+    """A kind of file: its name in the attribute `kind`, the stage that makes it, and the type of what its root holds."""
+
+    name: str
+    stage: str
+    type: type[T]
+
+    def write(self, path: Path, record: T, units: Mapping[str, str] = NO_UNITS, provenance: Mapping[str, str] | None = None) -> None:
+        """Write `record`; `units` are those that it does not know itself. The bytes depend on the arguments only.
+
+        Raises WriteError where the disk is full.
+        """
+        with replacing(path) as place:
+            steady = SteadyFile(place.fileno(), "r+b", closefd=False)
+            try:
+                # Settled versions and no times: two writes give the same bytes, and old readers understand them.
+                with h5py.File(steady, "w", driver="fileobj", libver=("earliest", "v110")) as file:
+                    file.attrs["kind"] = self.name
+                    file.attrs["format_version"] = FORMAT_VERSION
+                    file.attrs["creator"] = "mapmore"
+                    schema_of(self.type).write_into(file, record, Label(scope=units))
+                    digest = Digest()
+                    schema_of(self.type).feed(digest, "", record)
+                    file.attrs[CHECKSUM] = digest.text
+                    if provenance is not None:
+                        _write_provenance(file, provenance)
+            finally:
+                if steady.fault is not None:
+                    raise steady.fault
+
+    def read(self, path: Path, warn: Warn = silent, unverified: bool = False) -> T:
+        """Return the record in a file; `warn` is told where nothing says that it is as it was written.
+
+        Raises DataError where the file is missing, no regular file, damaged, of another kind or of a newer format; where it holds what the
+        format does not know, or values of another type or shape; where its checksum does not match (but not where it may be `unverified`).
+        """
+        with _opened(path) as file:
+            found, version = _kind_and_version(path, file)
+            if found != self.name:
+                raise DataError(f"{path}: is a {found} file, not a {self.name} file", f"give a file that `mapmore {self.stage}` wrote")
+            try:
+                look_over(file, path.stat().st_size)
+                record: T = schema_of(self.type).read_from(file)
+                check_lengths(record)
+                doubt = self._doubt(file, version, record)
+            except Invalid as fault:
+                raise DataError(f"{path}: is not a valid {self.name}: {fault}", _GET_ANOTHER) from fault
+        if doubt == _ALTERED and not unverified:
+            raise DataError(f"{path}: {_ALTERED}", f"{_GET_ANOTHER}; `--unverified` reads it all the same")
+        if doubt:
+            warn(Doubt.of(str(path), doubt))
+        return record
+
+    def _doubt(self, file: h5py.File, version: str, record: Any) -> str | None:
+        """Why the values may not be those that were written; None where the checksum says that they are."""
+        with stored_at(CHECKSUM):
+            stored = file.attrs.get(CHECKSUM)
+        if stored is None:
+            return "has no checksum: nothing shows whether its values are those that were written"
+        if _as_numbers(version) > _as_numbers(FORMAT_VERSION):
+            return f"is of the newer format {version}: its checksum cannot be verified here"
+        digest = Digest()
+        schema_of(self.type).feed(digest, "", record)
+        return None if isinstance(stored, str) and stored == digest.text else _ALTERED
+
+
+DATASET_FILE = FileKind("dataset", "ingest", Dataset)
+SEGMENTATION_FILE = FileKind("segmentation", "segment", SegmentationFile)
+FIT_FILE = FileKind("fit", "fit", FitResult)
+MODEL_FILE = FileKind("model", "fuse", Model)
+VALIDATION_FILE = FileKind("validation", "validate", Validation)
+KINDS: tuple[FileKind[Any], ...] = (DATASET_FILE, SEGMENTATION_FILE, FIT_FILE, MODEL_FILE, VALIDATION_FILE)
+
+
+def kind_of(path: Path) -> str:
+    """`dataset`, `segmentation`, `fit`, `model` or `validation`; DataError for anything else."""
+    with _opened(path) as file:
+        return _kind_and_version(path, file)[0]
 
 
 def units_of(dataset: Dataset) -> dict[str, str]:
@@ -71,3 +157,73 @@ def write_segmentation(path: Path, curves: tuple[SegmentedCurve, ...], units: Ma
 def read_segmentation(path: Path, warn: Warn = silent, unverified: bool = False) -> tuple[SegmentedCurve, ...]:
     """Read where the training curves are cut."""
     return SEGMENTATION_FILE.read(path, warn, unverified).curves
+
+
+def _write_provenance(file: h5py.File, provenance: Mapping[str, str]) -> None:
+    """One string dataset for every entry: attributes could not hold more than 64 kB."""
+    group = file.create_group("provenance")
+    for name, text in provenance.items():
+        dataset = group.create_dataset(name, data=text.replace("\0", ""), dtype=h5py.string_dtype(), track_times=False)
+        Label("where the file comes from").without_unit().put_on(dataset)
+
+
+def _kind_and_version(path: Path, file: h5py.File) -> tuple[str, str]:
+    try:
+        with stored_at(""):
+            kind, version = file.attrs.get("kind"), file.attrs.get("format_version")
+    except Invalid as fault:
+        raise DataError(f"{path}: {fault}", _GET_ANOTHER) from fault
+    if not isinstance(kind, str) or kind not in {known.name for known in KINDS} or not isinstance(version, str):
+        raise DataError(f"{path}: is an HDF5 file, but not one of mapmore's", "give a file out of a run folder, as runs/NAME/model.h5")
+    refuse_newer(path, version, FORMAT_VERSION)
+    if _as_numbers(version) < (2,):
+        raise DataError(f"{path}: is of the format {version}, from before the first release", _GET_ANOTHER)
+    return kind, version
+
+
+def _as_numbers(version: str) -> tuple[int, ...]:
+    return tuple(int(part) if part.isdigit() else 0 for part in version.split("."))
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[h5py.File]:
+    """Open the file for reading; DataError where HDF5 cannot open it. What goes wrong in the block is not this one's to explain."""
+    if not path.exists():
+        raise DataError(f"{path}: no such file", "`mapmore run CONFIG` makes it")
+    if not path.is_file():
+        raise DataError(f"{path}: is a folder or a special file, not a file", "give a file out of a run folder, as runs/NAME/model.h5")
+    try:
+        file = h5py.File(path, "r")
+    except OSError as fault:
+        why = str(fault).splitlines()[0] if str(fault) else type(fault).__name__
+        raise DataError(f"{path}: cannot be read ({why})", f"give a file that mapmore wrote; {_GET_ANOTHER}") from fault
+    with file:
+        yield file
+
+
+class SteadyFile(FileIO):
+    """A file, as HDF5 wants it, in which no write fails: the first `fault` is kept, and what comes after it goes nowhere.
+
+    HDF5 cannot close a file that it could not write: it crashes at the exit of the program. So it never learns of the fault; the caller
+    looks for it when the file is closed.
+    """
+
+    fault: OSError | None = None
+
+    def write(self, data: Any) -> int:
+        """Write, or do as if."""
+        rest = memoryview(data)
+        while len(rest) and self.fault is None:
+            try:
+                rest = rest[super().write(rest) :]
+            except OSError as fault:
+                self.fault = fault
+        return len(data)
+
+    def truncate(self, size: int | None = None) -> int:
+        """Set the length, or do as if."""
+        try:
+            return super().truncate(size) if self.fault is None else size or 0
+        except OSError as fault:
+            self.fault = fault
+            return size or 0

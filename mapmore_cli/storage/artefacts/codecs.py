@@ -1,9 +1,8 @@
 """How values lie in an HDF5 group: one codec for each form, made to be put together.
 
-A codec writes one value under a name, reads it back, checks that it is what the form promises, and feeds it to a checksum. Scalars are
-attributes of their group; arrays are datasets with the attributes `unit` and `description`; whatever has parts is a group. Names chosen by
-users never become a path by accident: parts of a sequence are numbered (`000`), and parts of a mapping are named after their keys with
-`/`, `%` and a leading dot escaped.
+A codec writes one value under a name, reads it back, and feeds it to a checksum. Scalars are attributes of their group; arrays are datasets
+with the attributes `unit` and `description`; whatever has parts is a group. Names chosen by users never become a path by accident: parts of
+a sequence are numbered (`000`), and parts of a mapping are named after their keys with `/`, `%` and a leading dot escaped.
 """
 
 from __future__ import annotations
@@ -11,7 +10,6 @@ from __future__ import annotations
 import math
 import mmap
 import os
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,41 +20,34 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from mapmore_cli.domain.arrays import give_back, in_blocks, row_blocks
+from mapmore_cli.domain.arrays import give_back, row_blocks
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.foreign import is_one_line
+from mapmore_cli.storage.artefacts.field import Label
 from mapmore_cli.storage.artefacts.integrity import MOST_KEYS, Digest, Invalid, is_unicode, stored_at, texts_of, valid_text
-from mapmore_cli.storage.artefacts.label import Label
 
 LONG, HUGE = 4096, 1 << 20
 """Elements from which on an array is compressed, and from which on it is so no more. Shorter ones stay contiguous, so that any reader finds
 them at once; huge ones, so that they can be mapped, and because compressing them takes longer than all else."""
-
-Sizes = dict[str, tuple[int, str]]
-"""Lengths of the dimensions seen so far in an object, by their letters, and where each was seen first."""
-
-
-def _anything(_value: Any, _where: str, _sizes: Sizes) -> None:
-    """Any value will do."""
 
 
 @dataclass(frozen=True)
 class Codec:
     """Writes a value under a name into a group, and reads it back.
 
-    - `form`: what the documentation calls it.
+    - `form`: what docs/file-format.md calls it.
     - `write`, `read`: of a group and a name in it; `read` raises Invalid for what is not of the form.
     - `feed`: adds a value to a checksum, under the path that it stands at.
-    - `check`: raises Invalid for a value that is of the form and yet cannot be.
     - `column`: stores a list of such values, where they can be the cells of a table.
+    - `types`: dataclasses that it is made of.
     """
 
     form: str
     write: Callable[[h5py.Group, str, Any, Label], None]
     read: Callable[[h5py.Group, str], Any]
     feed: Callable[[Digest, str, Any], None]
-    check: Callable[[Any, str, Sizes], None] = _anything
     column: Codec | None = None
+    types: tuple[type, ...] = ()
 
 
 def place_of(group: h5py.Group, name: str) -> str:
@@ -90,14 +81,13 @@ def _present(group: h5py.Group, name: str) -> bool:
         return name in group or name in group.attrs
 
 
-def numbers(
-    dtype: str, ndim: int = 1, load_dtype: str | None = None, *, may_be_nan: bool = False, ascending: bool = False, least: int | None = None
-) -> Codec:
-    """Return an array of `ndim` dimensions, stored as `dtype` (little-endian) and read as `load_dtype`.
+WORDS = {"<f8": "float", "<i8": "int", "|u1": "flag"}
+"""What the documentation calls types of numbers."""
 
-    Real numbers are finite unless they `may_be_nan`; they may have to be strictly `ascending`; whole ones may have a `least` value.
-    """
-    form = f"{np.dtype(dtype).name} dataset, {ndim}-D"
+
+def numbers(dtype: str, ndim: int = 1, load_dtype: str | None = None) -> Codec:
+    """Return an array of `ndim` dimensions, stored as `dtype` (little-endian) and read as `load_dtype`."""
+    form = f"`{WORDS[dtype]}[{',' * (ndim - 1)}]`"
     loaded = load_dtype or np.dtype(dtype).newbyteorder("=")
 
     def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
@@ -124,20 +114,10 @@ def numbers(
         found.setflags(write=False)  # several stages may be given the same
         return found
 
-    def check(value: Any, where: str, _sizes: Sizes) -> None:
-        array = np.asarray(value)
-        for block in in_blocks(array) if least is not None or not may_be_nan else ():
-            if block.dtype.kind == "f" and not may_be_nan and not np.isfinite(block).all():
-                raise Invalid(where, f"holds {block[~np.isfinite(block)][0]}")
-            if least is not None and block.min() < least:
-                raise Invalid(where, f"holds {block.min()}, where {least} is the least")
-        if ascending and (array[1:] <= array[:-1]).any():
-            raise Invalid(where, f"does not ascend at place {int(np.argmax(array[1:] <= array[:-1])) + 1}")
-
     def feed(digest: Digest, where: str, value: Any) -> None:
         digest.add(where, value, dtype)
 
-    return Codec(form, write, read, feed, check)
+    return Codec(form, write, read, feed)
 
 
 _mappings: WeakValueDictionary[tuple[int, ...], mmap.mmap] = WeakValueDictionary()
@@ -167,11 +147,11 @@ def texts() -> Codec:
     def feed(digest: Digest, where: str, value: Any) -> None:
         digest.add(where, list(value), None)
 
-    return Codec("string dataset, 1-D", write, read, feed)
+    return Codec("`text[]`", write, read, feed)
 
 
-def number(kind: type[float] | type[int], *, may_be_nan: bool = False, least: float | None = None, most: float | None = None) -> Codec:
-    """Return a real number or an integer, as attribute of the group; finite unless it `may_be_nan`, from `least` to `most`."""
+def number(kind: type[float] | type[int]) -> Codec:
+    """Return a real number or an integer, as attribute of the group."""
     dtype = "<f8" if kind is float else "<i8"
 
     def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
@@ -184,21 +164,14 @@ def number(kind: type[float] | type[int], *, may_be_nan: bool = False, least: fl
             raise Invalid(place_of(group, name), f"is no {np.dtype(dtype).name}")
         return kind(value)
 
-    def check(value: Any, where: str, _sizes: Sizes) -> None:
-        if not may_be_nan and not np.isfinite(value):
-            raise Invalid(where, f"is {value}")
-        if (least is not None and value < least) or (most is not None and value > most):
-            limits = f"{least:g} to {most:g}" if least is not None and most is not None else f"{least:g} or more"
-            raise Invalid(where, f"is {value:g}, where {limits} can be")
-
     def feed(digest: Digest, where: str, value: Any) -> None:
         digest.add(where, value, dtype)
 
-    return Codec(f"{np.dtype(dtype).name} attribute", write, read, feed, check, numbers(dtype))
+    return Codec(f"`{WORDS[dtype]}`", write, read, feed, numbers(dtype))
 
 
-def text(pattern: str | None = None, words: tuple[str, ...] = ()) -> Codec:
-    """Return a short text, as attribute of the group; of a `pattern`, or one of some `words`, where these are given."""
+def text() -> Codec:
+    """Return a short text, as attribute of the group."""
 
     def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
         del label
@@ -210,16 +183,22 @@ def text(pattern: str | None = None, words: tuple[str, ...] = ()) -> Codec:
             raise Invalid(place_of(group, name), "is no text")
         return valid_text(value, place_of(group, name))
 
-    def check(value: Any, where: str, _sizes: Sizes) -> None:
-        if words and value not in words:
-            raise Invalid(where, f"is {shown(value)}, which is none of {', '.join(words)}")
-        if pattern and not re.fullmatch(pattern, value):
-            raise Invalid(where, f"is {shown(value)}, which is no name")
-
     def feed(digest: Digest, where: str, value: Any) -> None:
         digest.add(where, value, None)
 
-    return Codec("string attribute", write, read, feed, check, texts())
+    return Codec("`text`", write, read, feed, texts())
+
+
+def plain(values: Any) -> Any:
+    """Return a list of numbers or texts as Python has them."""
+    return values.tolist() if isinstance(values, np.ndarray) else values
+
+
+def checked_text(value: str) -> str:
+    """Return the text, if it is one that `valid_text` reads again; DataError for control characters and undecodable bytes."""
+    if not is_unicode(value) or not is_one_line(value):
+        raise DataError(f"the name {value!r} cannot be stored: it is not one line of valid text", "rename the file or column that it is of")
+    return value
 
 
 def optional(codec: Codec) -> Codec:
@@ -233,14 +212,10 @@ def optional(codec: Codec) -> Codec:
         if value is not None:
             codec.feed(digest, where, value)
 
-    def check(value: Any, where: str, sizes: Sizes) -> None:
-        if value is not None:
-            codec.check(value, where, sizes)
-
     def read(group: h5py.Group, name: str) -> Any:
         return codec.read(group, name) if _present(group, name) else None
 
-    return Codec(f"{codec.form} (MAY be absent)", write, read, feed, check)
+    return replace(codec, form=f"{codec.form} ?", write=write, read=read, feed=feed, column=None)
 
 
 def added(codec: Codec, default: Any) -> Codec:
@@ -256,22 +231,14 @@ def added(codec: Codec, default: Any) -> Codec:
     return replace(codec, read=read, feed=feed)
 
 
-def adapted(
-    codec: Codec, store: Callable[[Any], Any], load: Callable[[Any], Any], check: Callable[[Any, str], None] | None = None
-) -> Codec:
-    """Return the same for a value that is changed to what `codec` stores, and back; `check` raises Invalid for one that cannot be."""
-
-    def checked(value: Any, where: str, sizes: Sizes) -> None:
-        codec.check(store(value), where, sizes)
-        if check is not None:
-            check(value, where)
+def adapted(codec: Codec, store: Callable[[Any], Any], load: Callable[[Any], Any]) -> Codec:
+    """Return the same for a value that is changed to what `codec` stores, and back."""
 
     return replace(
         codec,
         write=lambda group, name, value, label: codec.write(group, name, store(value), label),
         read=lambda group, name: load(codec.read(group, name)),
         feed=lambda digest, where, value: codec.feed(digest, where, store(value)),
-        check=checked,
         column=None,
     )
 
@@ -293,11 +260,7 @@ def numbered(codec: Codec) -> Codec:
         for place, part in enumerate(value):
             codec.feed(digest, f"{where}/{place:03d}", part)
 
-    def check(value: Any, where: str, sizes: Sizes) -> None:
-        for place, part in enumerate(value):
-            codec.check(part, f"{where}/{place:03d}", dict(sizes))
-
-    return Codec(f"numbered group of: {codec.form}", write, read, feed, check)
+    return Codec(f"numbered {codec.form}", write, read, feed, types=codec.types)
 
 
 def named(codec: Codec) -> Codec:
@@ -325,11 +288,7 @@ def named(codec: Codec) -> Codec:
         for key, part in value.items():
             codec.feed(digest, f"{where}/{escaped(key)}", part)
 
-    def check(value: Mapping[str, Any], where: str, sizes: Sizes) -> None:
-        for key, part in value.items():
-            codec.check(part, f"{where}/{escaped(key)}", dict(sizes))
-
-    return Codec(f"named group of: {codec.form}", write, read, feed, check)
+    return Codec(f"named {codec.form}", write, read, feed, types=codec.types)
 
 
 def pairs(codec: Codec) -> Codec:
@@ -351,27 +310,7 @@ def pairs(codec: Codec) -> Codec:
         digest.add(f"{where}/names", list(value), None)
         codec.feed(digest, f"{where}/values", list(value.values()))
 
-    def check(value: Mapping[str, Any], where: str, sizes: Sizes) -> None:
-        codec.check(list(value.values()), f"{where}/values", sizes)
-
-    return Codec(f"`names` and `values`; values: {codec.form}", write, read, feed, check)
-
-
-def plain(values: Any) -> Any:
-    """Return a list of numbers or texts as Python has them."""
-    return values.tolist() if isinstance(values, np.ndarray) else values
-
-
-def shown(value: str, most: int = 60) -> str:
-    """Return a text from a file as a message may show it."""
-    return repr(value if len(value) <= most else f"{value[:most]}...")
-
-
-def checked_text(value: str) -> str:
-    """Return the text, if it is one that `valid_text` reads again; DataError for control characters and undecodable bytes."""
-    if not is_unicode(value) or not is_one_line(value):
-        raise DataError(f"the name {value!r} cannot be stored: it is not one line of valid text", "rename the file or column that it is of")
-    return value
+    return Codec(f"`names`/`values` {codec.form}", write, read, feed)
 
 
 def escaped(key: str) -> str:

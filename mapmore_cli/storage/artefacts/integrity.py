@@ -170,7 +170,7 @@ class Digest:
         else:
             self._hash.update(f"{where} {dtype} {np.shape(values)}\n".encode())
             array = values if isinstance(values, np.ndarray) else np.asarray(values, dtype)
-            for block in in_blocks(np.atleast_1d(array)):
+            for (block,) in in_blocks(np.atleast_1d(array)):
                 self._hash.update(np.ascontiguousarray(block, dtype=dtype).data)
 
     @property

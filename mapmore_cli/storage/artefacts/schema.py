@@ -1,84 +1,50 @@
-"""A stored type is declared once: its fields with form, unit and description. Writer, reader, checks and documentation follow from that."""
+"""A stored type is declared once, as a dataclass: writer, reader, checksum and documentation follow from its fields.
+
+A setting that is added to a stored class, and a kind that is added, need no line in this folder. The first text in the `Annotated` of a
+field is its description, the second its unit (without one 1 for numbers, - for all else). A default is what files without the field are
+read as. What a type says beyond that stands in `layout.py`.
+"""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
-from typing import Any
+import types
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from dataclasses import field as default
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import h5py
 import numpy as np
 
-from mapmore_cli.storage.artefacts.codecs import Codec, Sizes, place_of, plain, shown, stored
+from mapmore_cli.storage.artefacts.codecs import (
+    Codec,
+    adapted,
+    added,
+    escaped,
+    named,
+    number,
+    numbered,
+    numbers,
+    optional,
+    pairs,
+    place_of,
+    plain,
+    stored,
+    text,
+    texts,
+)
+from mapmore_cli.storage.artefacts.field import NO_UNIT, Field, Label, Sizes, dimensions
 from mapmore_cli.storage.artefacts.integrity import Digest, Invalid, stored_at
-from mapmore_cli.storage.artefacts.label import Label
-
-_DIMENSIONS = re.compile(r"\((\w+(?: or 0)?(?:, \w+)*)\) ")
-
-
-@dataclass(frozen=True)
-class Field:
-    """A field of a stored type, under the name that it has in Python.
-
-    A description that begins with letters in brackets declares the dimensions: within an object, and the objects inside of it, all that is
-    called `(k)` has one length; `(k, M)` is a table, and `(k or 0)` may also be empty. `unit` may name quantities in brackets (see
-    `Label`). A field with `derived` is computed for readers of the file and ignored when the object is read back.
-    """
-
-    name: str
-    codec: Codec
-    description: str
-    unit: str = "1"
-    derived: Callable[[Any], Any] | None = None
-
-    def value_of(self, record: Any) -> Any:
-        """Return what to store for this field."""
-        return self.derived(record) if self.derived else getattr(record, self.name)
-
-    def label(self, outer: Label) -> Label:
-        """Return the attributes of this field, within an object that stands where `outer` says."""
-        return outer.of_field(self.description, self.unit)
-
-    @property
-    def dimensions(self) -> tuple[str, ...]:
-        """The letters of the dimensions; empty where none are declared."""
-        match = _DIMENSIONS.match(self.description)
-        return tuple(match[1].split(", ")) if match else ()
-
-    def check(self, value: Any, where: str, sizes: Sizes) -> None:
-        """Raise Invalid where a value is not what this field may hold, or not as long as others beside it."""
-        self.codec.check(value, where, sizes)
-        if self.dimensions and value is not None:
-            for part in value.values() if isinstance(value, Mapping) else [value]:
-                self._check_lengths(np.shape(part) if isinstance(part, np.ndarray) else (len(part),), where, sizes)
-
-    def _check_lengths(self, shape: tuple[int, ...], where: str, sizes: Sizes) -> None:
-        if shape == (0,) and self.dimensions[0].endswith(" or 0"):
-            return
-        for length, letter in zip(shape, (dimension.removesuffix(" or 0") for dimension in self.dimensions), strict=True):
-            known, first = sizes.setdefault(letter, (length, where))
-            if length != known:
-                raise Invalid(where, f"has {length} values, where {first} has {known}")
-
-
-Fault = tuple[str, str]
-"""A field, and what is wrong with it."""
 
 
 @dataclass(frozen=True)
 class Schema:
-    """How a dataclass is stored in a group.
-
-    `units` gives the units that an object knows, by the names used in brackets. `rule` tells what is wrong with an object whose fields
-    are all right by themselves: the field, and what is wrong with it in view of the others.
-    """
+    """How a dataclass is stored in a group; `units` gives the units that an object knows, by the names used in brackets."""
 
     type: type
     summary: str
     fields: tuple[Field, ...]
     units: Callable[[Any], Mapping[str, str]] = lambda _record: {}
-    rule: Callable[[Any], Iterable[Fault]] = lambda _record: ()
 
     def write_into(self, group: h5py.Group, record: Any, label: Label) -> None:
         """Write every field of `record` into `group`."""
@@ -90,14 +56,6 @@ class Schema:
         """Return the record that `write_into` stored; Invalid where it is of another form."""
         return self.type(**{field.name: field.codec.read(group, field.name) for field in self.fields if not field.derived})
 
-    def check(self, record: Any, where: str, sizes: Sizes) -> None:
-        """Raise Invalid for a record that cannot be, although each of its values has the right form."""
-        own = [field for field in self.fields if not field.derived]
-        for field in own:
-            field.check(getattr(record, field.name), f"{where}/{field.name}".lstrip("/"), sizes)
-        for name, what in self.rule(record):
-            raise Invalid(f"{where}/{name}", what)
-
     def feed(self, digest: Digest, where: str, record: Any) -> None:
         """Add every value of a record to a checksum."""
         for field in self.fields:
@@ -105,70 +63,171 @@ class Schema:
                 field.codec.feed(digest, f"{where}/{field.name}", getattr(record, field.name))
 
 
+TEXT, REAL, COUNT, TEXTS = text(), number(float), number(int), texts()
+REALS, INDICES = numbers("<f8"), numbers("<i8")
+PAIR = adapted(REALS, store=list, load=lambda array: tuple(array.tolist()))
+PLAIN: Mapping[Any, Codec] = {
+    str: TEXT,
+    float: REAL,
+    int: COUNT,
+    bool: adapted(COUNT, store=int, load=bool),
+    tuple[str, ...]: TEXTS,
+    tuple[float, ...]: PAIR,
+    tuple[float, float]: PAIR,
+    tuple[int, ...]: adapted(INDICES, store=list, load=lambda array: tuple(array.tolist())),
+    Mapping[str, float]: pairs(REALS),
+    Mapping[str, int]: pairs(INDICES),
+    Mapping[str, str]: pairs(TEXTS),
+}
+ARRAYS = {np.float64: "<f8", np.int64: "<i8", np.bool_: "|u1"}  # flags are not HDF5's enumeration, which MATLAB reads as text
+
+
+def form_of(hint: Any, ndim: int = 1) -> Codec:
+    """Return the form of the values of a type, arrays with `ndim` dimensions; raises TypeError for one that has none."""
+    origin, arguments = get_origin(hint), get_args(hint)
+    if hint in PLAIN:
+        return PLAIN[hint]
+    if origin is Annotated:
+        return form_of(arguments[0], ndim)
+    if origin is Literal:
+        return TEXT
+    if origin in (Union, types.UnionType) and len(arguments) == 2 and arguments[1] is type(None):
+        return optional(form_of(arguments[0], ndim))
+    if origin is np.ndarray:
+        number_of = get_args(arguments[1])[0]
+        return numbers(ARRAYS[number_of], ndim, "bool" if number_of is np.bool_ else None)
+    if origin is tuple and arguments[1:] == (...,):
+        return numbered(form_of(arguments[0]))
+    if origin in (dict, Mapping):
+        return named(form_of(arguments[1], ndim))
+    if is_dataclass(hint):
+        return nested(hint)  # type: ignore[arg-type]
+    raise TypeError(f"values of {hint} cannot be stored")
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What is said of how a dataclass is stored, beyond its fields.
+
+    - `codecs`: forms that do not follow from the types of fields.
+    - `always`: fields that are stored and count in the checksum even where they have their default.
+    - `first`: fields that are stored before the others, in this order.
+    - `derived`: fields that are computed for readers of the file.
+    - `units`: units that an object knows, by the names used in brackets.
+    """
+
+    codecs: Mapping[str, Codec] = default(default_factory=dict)
+    always: tuple[str, ...] = ()
+    first: tuple[str, ...] = ()
+    derived: tuple[Field, ...] = ()
+    units: Callable[[Any], Mapping[str, str]] = lambda _record: {}
+
+
+LAYOUTS: dict[type, Layout] = {}
+"""The types that have one."""
+
+
+_schemas: dict[type, Schema] = {}
+
+
+def schema_of(type_: type) -> Schema:
+    """Return how a dataclass is stored."""
+    if type_ not in _schemas:
+        _schemas[type_] = _laid_out(type_)
+    return _schemas[type_]
+
+
+def _laid_out(type_: type) -> Schema:
+    layout = LAYOUTS.get(type_, Layout())
+    hints = get_type_hints(type_, include_extras=True)
+    kept = {field.name: field for field in fields(type_) if field.metadata.get("stored", True)}
+    in_order = dict.fromkeys((*layout.first, *kept))
+    found = [_field(kept[name], hints[name], layout) for name in in_order]
+    return Schema(type_, str(type_.__doc__).partition("\n")[0], (*found, *layout.derived), layout.units)
+
+
+def _field(declared: Any, hint: Any, layout: Layout) -> Field:
+    words = [mark for mark in getattr(hint, "__metadata__", ()) if isinstance(mark, str)]
+    description = words[0] if words else declared.name.replace("_", " ")
+    codec = layout.codecs.get(declared.name) or form_of(hint, len(dimensions(description)) or 1)
+    otherwise = declared.default_factory() if declared.default_factory is not MISSING else declared.default
+    if otherwise is not MISSING and otherwise is not None and declared.name not in layout.always:
+        codec = added(codec, otherwise)
+    unit = "1" if codec.form.startswith(("`float", "`int")) else NO_UNIT
+    return Field(declared.name, codec, description, words[1] if words[1:] else unit)
+
+
+def check_lengths(record: Any, where: str = "", sizes: Sizes | None = None) -> None:
+    """Raise Invalid where arrays in a record, and in the records inside of it, that are declared to have one length do not."""
+    known: Sizes = {} if sizes is None else sizes
+    for field in schema_of(type(record)).fields:
+        if not field.derived:
+            value, place = getattr(record, field.name), f"{where}/{field.name}".lstrip("/")
+            field.check(value, place, known)
+            for name, part in _parts_of(value):
+                check_lengths(part, f"{place}{name}", dict(known) if name else known)
+
+
+def _parts_of(value: Any) -> Iterator[tuple[str, Any]]:
+    """Yield the records that a value is, or consists of, with how their places go on from its own."""
+    if is_dataclass(value):
+        yield "", value
+    elif isinstance(value, Mapping):
+        yield from ((f"/{escaped(key)}", part) for key, part in value.items() if is_dataclass(part))
+    elif isinstance(value, tuple):
+        yield from ((f"/{place:03d}", part) for place, part in enumerate(value) if is_dataclass(part))
+
+
 def _link(schema_type: type) -> str:
     return f"[{schema_type.__name__}](#{schema_type.__name__.lower()})"
 
 
-def record(schema: Schema) -> Codec:
+def nested(type_: type) -> Codec:
     """One object, as a group of its own."""
-    return nested(schema.type, lambda: schema)
-
-
-def nested(type_: type, schema: Callable[[], Schema]) -> Codec:
-    """Return the same for a type with parts of its own type, whose schema is not known before it is used. Such parts may lie too deep."""
 
     def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
-        schema().write_into(group.create_group(name), value, label)
+        schema_of(type_).write_into(group.create_group(name), value, label)
 
     def read(group: h5py.Group, name: str) -> Any:
-        return schema().read_from(stored(group, name, "Group"))
+        return schema_of(type_).read_from(stored(group, name, "Group"))
 
     def feed(digest: Digest, where: str, value: Any) -> None:
-        schema().feed(digest, where, value)
+        schema_of(type_).feed(digest, where, value)
 
-    def check(value: Any, where: str, sizes: Sizes) -> None:
-        schema().check(value, where, sizes)
-
-    return Codec(_link(type_), write, read, feed, check)
+    return Codec(_link(type_), write, read, feed, types=(type_,))
 
 
-def variant(bodies: Mapping[str, Schema]) -> Codec:
+def variant(kinds: Mapping[str, type]) -> Codec:
     """One object of one of several types, as a group of its own whose attribute `kind` names the type."""
-
-    def of(value: Any) -> tuple[str, Schema]:
-        return next((word, schema) for word, schema in bodies.items() if type(value) is schema.type)
+    words = {type_: word for word, type_ in kinds.items()}
 
     def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
-        word, schema = of(value)
         body = group.create_group(name)
-        body.attrs["kind"] = word
-        schema.write_into(body, value, label)
+        body.attrs["kind"] = words[type(value)]
+        schema_of(type(value)).write_into(body, value, label)
 
     def read(group: h5py.Group, name: str) -> Any:
         body, where = stored(group, name, "Group"), place_of(group, name)
         with stored_at(where):
             word = body.attrs.get("kind")
-        if not isinstance(word, str) or word not in bodies:
-            raise Invalid(where, f"is of the kind {shown(str(word))}, which is none of {', '.join(bodies)}")
-        return bodies[word].read_from(body)
+        if not isinstance(word, str) or word not in kinds:
+            raise Invalid(where, f"is of the kind {str(word)[:60]!r}, which is none of {', '.join(kinds)}")
+        return schema_of(kinds[word]).read_from(body)
 
     def feed(digest: Digest, where: str, value: Any) -> None:
-        word, schema = of(value)
-        digest.add(f"{where}/kind", word, None)
-        schema.feed(digest, where, value)
+        digest.add(f"{where}/kind", words[type(value)], None)
+        schema_of(type(value)).feed(digest, where, value)
 
-    def check(value: Any, where: str, sizes: Sizes) -> None:
-        of(value)[1].check(value, where, sizes)
-
-    form = ", ".join(f"`{word}`: {_link(schema.type)}" for word, schema in bodies.items())
-    return Codec(f"group with the attribute `kind`; {form}", write, read, feed, check)
+    form = ", ".join(f"`{word}`: {_link(type_)}" for word, type_ in kinds.items())
+    return Codec(form, write, read, feed, types=(*kinds.values(),))
 
 
-def rows(schema: Schema) -> Codec:
+def rows(type_: type) -> Codec:
     """Return a tuple of objects with scalar fields as a table: a group with one 1-D dataset for every field.
 
     A column that files of earlier versions lack is read as the default of its field, which no checksum counts.
     """
+    schema = schema_of(type_)
     columns = {field: field.codec.column for field in schema.fields}
     defaults = {field.name: getattr(schema.type, field.name, None) for field in schema.fields}
 
@@ -180,20 +239,12 @@ def rows(schema: Schema) -> Codec:
 
     def read(group: h5py.Group, name: str) -> tuple[Any, ...]:
         table, where = stored(group, name, "Group"), place_of(group, name)
-        known = {
-            field: column for field, column in columns.items() if column is not None and (not _has_default(field) or field.name in table)
-        }
-        cells = {field.name: plain(column.read(table, field.name)) for field, column in known.items()}
+        there = {field: column for field, column in columns.items() if defaults[field.name] is None or field.name in table}
+        cells = {field.name: plain(column.read(table, field.name)) for field, column in there.items() if column is not None}
         lengths = {len(column) for column in cells.values()}
         if len(lengths) > 1:
             raise Invalid(where, f"has columns of {min(lengths)} and of {max(lengths)} rows")
-        return made_of(cells)
-
-    def made_of(cells: Mapping[str, Any]) -> tuple[Any, ...]:
         return tuple(schema.type(**dict(zip(cells, row, strict=True))) for row in zip(*cells.values(), strict=True))
-
-    def _has_default(field: Field) -> bool:
-        return defaults[field.name] is not None
 
     def feed(digest: Digest, where: str, value: Any) -> None:
         digest.add(where, len(value), "<i8")
@@ -202,11 +253,7 @@ def rows(schema: Schema) -> Codec:
                 if not same(field.value_of(row), defaults[field.name]):
                     field.codec.feed(digest, f"{where}/{field.name}/{place}", field.value_of(row))
 
-    def check(value: Any, where: str, sizes: Sizes) -> None:
-        for place, row in enumerate(value):
-            schema.check(row, f"{where}/{place}", dict(sizes))
-
-    return Codec(f"table of {_link(schema.type)}, a dataset for every column", write, read, feed, check)
+    return Codec(f"table of {_link(type_)}", write, read, feed, types=(type_,))
 
 
 def same(value: Any, default: Any) -> bool:

@@ -9,15 +9,15 @@ import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, IntArray
+from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.spool import Growing
+from mapmore_cli.storage.spool import by_blocks, in_a_row
 from mapmore_cli.storage.tables.lines import (
     Lines,
     guess_encoding,
@@ -43,9 +43,6 @@ from mapmore_cli.storage.tables.text import (
 
 COMPARED = 50
 """Lines before the last one, with which it is compared."""
-
-SPARE = 1.02
-"""Room beyond what is expected, so that lines that get a little shorter make no copy necessary."""
 
 CHUNK = 8192
 """Lines held as text at one time; where one of them is out of order, all of them are read record by record."""
@@ -104,18 +101,14 @@ def _parse(lines: Lines, request: TableRequest) -> RawTable:
     for _ in range(request.header - 1):
         next(records, None)
     leading = [] if request.header else [first]
-    taken, columns = Growing(np.int64), [Growing(np.float64) for _ in layout.places]
-    size = 0
-    for rows, values in _parts(lines, records, leading, layout, request):
-        size += len(rows)
-        expected = int(SPARE * size / lines.share)
-        taken.add(rows, expected)
-        for column, added in zip(columns, values.T, strict=True):
-            column.add(added, expected)
-        request.progress(lines.position)
-    if not size:
+    parts = _parts(lines, records, leading, layout, request)
+    begin = next(parts, None)
+    if begin is None:
         raise DataError(f"{request.label}: the file has a header but no data")
-    return RawTable({name: column.whole() for name, column in zip(request.columns, columns, strict=True)}, taken.whole(), request.label)
+    table = in_a_row(chain([begin], parts))
+    columns = np.ascontiguousarray(table.T) if table.flags.writeable else table.T  # what was spooled stays where it is
+    rows = by_blocks(lambda numbers: numbers.astype(np.int64), columns[0])
+    return RawTable(dict(zip(request.columns, columns[1:], strict=True)), rows, request.label)
 
 
 def _records(lines: Lines, request: TableRequest) -> Iterator[Numbered]:
@@ -153,18 +146,19 @@ def _layout(first: Sequence[str], request: TableRequest) -> Layout:
 
 def _parts(
     lines: Lines, records: Iterator[Numbered], leading: Sequence[Numbered], layout: Layout, request: TableRequest
-) -> Iterator[tuple[IntArray, Array]]:
-    """Line numbers (n,) and values (n, columns) of the data, piece by piece; `leading` are records that have been taken already."""
+) -> Iterator[Array]:
+    """Line numbers and values of the data, (n, 1 + columns), piece by piece; `leading` are records that have been taken already."""
     if leading:
         yield _numbered(leading, layout, request)
     while block := lines.take(CHUNK):
         values, last = values_of_lines(block, layout, request), lines.taken
         if values is not None:
-            yield np.arange(last - len(values) + 1, last + 1), values
+            yield np.column_stack([np.arange(last - len(values) + 1, last + 1), values])
         else:
             lines.put_back(block)
             if found := list(_filled_until(last, lines, records)):
                 yield _numbered(found, layout, request)
+        request.progress(lines.position)
 
 
 def _filled_until(end: int, lines: Lines, records: Iterator[Numbered]) -> Iterator[Numbered]:
@@ -194,8 +188,8 @@ def _whole(table: RawTable, path: Path, request: TableRequest) -> RawTable:
     return replace(table, columns=columns, rows=table.rows[:-1], doubts=(f"{request.label}: {said}: it is left out",))
 
 
-def _numbered(records: Sequence[Numbered], layout: Layout, request: TableRequest) -> tuple[IntArray, Array]:
-    return np.array([row for row, _ in records], dtype=np.int64), values_of_records(records, layout, request)
+def _numbered(records: Sequence[Numbered], layout: Layout, request: TableRequest) -> Array:
+    return np.column_stack([[row for row, _ in records], values_of_records(records, layout, request)])
 
 
 def _header_hint(first: Sequence[str], request: TableRequest) -> str | None:

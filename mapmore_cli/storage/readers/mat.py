@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import struct
 import zlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -88,7 +88,7 @@ def _variables(stream: Any, request: TableRequest | None, label: str) -> Member:
 
     _refuse_packed(stream, label)
     if request is None:
-        loaded = {name: value for name, value in loadmat(stream).items() if not name.startswith("__")}
+        loaded = _by_own_name(loadmat(stream))
         return _file(list(loaded), lambda name: _member(loaded[name], name))
     addresses = [request.root] if request.root else [column for column in request.columns if isinstance(column, str)]
     firsts = [step for address in addresses for step in parse_address(address.removesuffix(EVERY)).steps[:1]]
@@ -99,10 +99,36 @@ def _variables(stream: Any, request: TableRequest | None, label: str) -> Member:
         known = wanted
     wanted = known if request.root == EVERY else wanted
     stream.seek(0)
-    loaded = loadmat(stream, variable_names=sorted(wanted & known))
+    loaded = _by_own_name(loadmat(stream, variable_names=[*sorted(wanted & known), OBJECT]))
     for name in sorted(wanted & known - {*loaded}):
         raise _is_object(name, "")
     return _file(sorted(known), lambda name: _member(loaded[name], name))
+
+
+OBJECT = "None"
+"""What SciPy calls every object of MATLAB; of several it keeps the last."""
+
+
+def _by_own_name(loaded: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the variables, an object under the name that its file has for it."""
+    from scipy.io.matlab import MatlabOpaque
+
+    named = {name: value for name, value in loaded.items() if not name.startswith("__")}
+    if isinstance(named.get(OBJECT), MatlabOpaque):
+        hidden = named.pop(OBJECT)
+        named[hidden["s0"].item().decode(errors="replace")] = hidden
+    return named
+
+
+def _class_of_object(value: Any) -> str:
+    """Return the class of an object, a function or what SciPy keeps closed."""
+    from scipy.io.matlab import MatlabFunction, MatlabOpaque
+
+    if isinstance(value, MatlabFunction):
+        return "a function"
+    if isinstance(value, MatlabOpaque):
+        return str(value["s2"].item().decode(errors="replace"))
+    return str(getattr(value, "classname", "") or "")
 
 
 def _file(names: Sequence[str], member: Callable[[str], Member]) -> Member:
@@ -124,7 +150,7 @@ def _member(value: Any, name: str) -> Member:
     from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 
     if isinstance(value, MatlabFunction | MatlabObject | MatlabOpaque):
-        raise _is_object(name, "a function" if isinstance(value, MatlabFunction) else str(getattr(value, "classname", "") or ""))
+        raise _is_object(name, _class_of_object(value))
     if hasattr(value, "toarray"):  # sparse
         value = value.toarray()
     flat = value.reshape(-1, order="F")

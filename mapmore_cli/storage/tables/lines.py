@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import IO, TextIO, cast
 
 from mapmore_cli.domain.errors import DataError, WriteError
-from mapmore_cli.storage.atomic import is_special, replaced_place, sync_folder, unfinished_beside
+from mapmore_cli.storage.atomic import written
 
 GZIP_MAGIC = b"\x1f\x8b"
 HEAD = 65536  # bytes by which the encoding is guessed
@@ -46,12 +46,6 @@ class Lines:
     def position(self) -> int:
         """How many bytes of the file have been read."""
         return self._raw.tell()
-
-    @property
-    def share(self) -> float:
-        """How much of the file that is; one where nobody knows its size."""
-        size = os.fstat(self._raw.fileno()).st_size
-        return self.position / size if 0 < self.position <= size else 1.0
 
     def take(self, count: int) -> list[str]:
         """Return the next `count` lines, or as many as there are."""
@@ -215,40 +209,17 @@ def lines_of(path: Path, told: Callable[[int, int], None] = lambda _read, _size:
 
 @contextmanager
 def replaced(path: Path) -> Iterator[TextIO]:
-    """Open a text stream that takes the place of `path` when the block ends without an error; WriteError where that cannot be.
+    """Open a text stream that takes the place of `path` when the block ends without an error (`atomic.written`).
 
-    What is no file, as a pipe or `/dev/null`, is written into.
-
-    Errors of the file system inside the block count as errors of this file.
+    Errors of the file system inside the block count as errors of this file, and are WriteErrors; BrokenPipeError where nobody reads more.
     """
-    if is_special(path):
-        with _into(path) as text:
-            yield text
-        return
-    path = replaced_place(path)
     try:
-        with unfinished_beside(path) as unfinished:
-            with unfinished.open("wb") as raw:
-                with _encoded(raw, path.suffix == ".gz") as text:
-                    yield text
-                raw.flush()
-                os.fsync(raw.fileno())
-            unfinished.replace(path)
-            sync_folder(path.parent)
-    except OSError as fault:
-        raise WriteError(f"{path}: cannot be written ({fault.strerror})", "choose another place with -o, or make room") from fault
-
-
-@contextmanager
-def _into(path: Path) -> Iterator[TextIO]:
-    """Open a text stream into something that is no file; BrokenPipeError where nobody reads any more."""
-    try:
-        with path.open("wb") as raw, _encoded(raw, path.suffix == ".gz") as text:
+        with written(path) as raw, _encoded(raw, path.suffix == ".gz") as text:
             yield text
     except BrokenPipeError:
         raise
     except OSError as fault:
-        raise WriteError(f"{path}: cannot be written ({fault.strerror})", "choose another place with -o") from fault
+        raise WriteError(f"{path}: cannot be written ({fault.strerror})", "choose another place with -o, or make room") from fault
 
 
 @contextmanager

@@ -67,6 +67,11 @@ class RawTable:
     element: int | str | None = None
     doubts: tuple[str, ...] = ()
 
+    @property
+    def size(self) -> int:
+        """How many numbers it holds."""
+        return len(self.rows) * (1 + len(self.columns))
+
     def at(self, sample: int) -> str:
         """Where a sample stands, for messages: `a.csv:row 17`."""
         return f"{self.label}:{self.place} {self.rows[sample]}"
@@ -182,38 +187,7 @@ MOST_NUMBERS = 20_000_000
 """That are kept: 160 MB."""
 
 
-@dataclass(frozen=True)
-class _Kept:
-    """The tables of a file with the request that they answered."""
-
-    path: Path
-    request: TableRequest
-    tables: Sequence[RawTable]
-
-    @property
-    def size(self) -> int:
-        """How many numbers they hold."""
-        return sum(len(table.rows) * (1 + len(table.columns)) for table in self.tables)
-
-    def answers(self, path: Path, request: TableRequest, of_rows: bool) -> bool:
-        """Return True where the tables have what is asked for.
-
-        A table of rows has the columns of a smaller request as well; of a tree, arrays of other lengths would have cut it.
-        """
-        known, asked = self.request.columns, request.columns
-        enough = known == asked or (of_rows and {*asked} <= {*known})
-        return self.path == path and enough and _bare(self.request) == _bare(request)
-
-    def chosen(self, columns: Sequence[SourceColumn], label: str) -> list[RawTable]:
-        """Return the wanted columns, under the name that the file has now."""
-        was = len(self.request.label)
-        return [
-            replace(table, columns={name: table.columns[name] for name in columns}, label=label + table.label[was:])
-            for table in self.tables
-        ]
-
-
-_KEPT: ContextVar[list[_Kept] | None] = ContextVar("tables read before", default=None)
+_KEPT: ContextVar[list[tuple[Path, TableRequest, list[RawTable]]] | None] = ContextVar("tables read before", default=None)
 
 
 @contextmanager
@@ -227,19 +201,25 @@ def remembered() -> Iterator[None]:
 
 
 def read_with(reader: Reader, path: Path, request: TableRequest) -> list[RawTable]:
-    """Return the tables of a file as `reader.read` gives them, those of before where they are remembered."""
+    """Return the tables of a file as `reader.read` gives them, those of before where they are remembered.
+
+    A table of rows has the columns of a smaller request as well; of a tree, arrays of other lengths would have cut it.
+    """
     kept = _KEPT.get()
     if kept is None:
         return reader.read(path, request)
-    place = path.resolve()
-    found = next((one for one in kept if one.answers(place, request, "header" in reader.keys)), None)
-    if found is not None:
-        request.progress(path.stat().st_size)
-        return found.chosen(request.columns, request.label)
-    read = _Kept(place, request, reader.read(path, request))
-    if read.size + sum(one.size for one in kept) <= MOST_NUMBERS:
-        kept.append(read)
-    return list(read.tables)
+    path = path.resolve()
+    for place, before, tables in kept:
+        enough = before.columns == request.columns or ("header" in reader.keys and {*request.columns} <= {*before.columns})
+        if place == path and enough and _bare(before) == _bare(request):
+            request.progress(path.stat().st_size)
+            labels = (request.label + table.label[len(before.label) :] for table in tables)
+            wanted = ({name: table.columns[name] for name in request.columns} for table in tables)
+            return [replace(table, columns=own, label=label) for table, own, label in zip(tables, wanted, labels, strict=True)]
+    found = reader.read(path, request)
+    if sum(table.size for *_, tables in [*kept, (path, request, found)] for table in tables) <= MOST_NUMBERS:
+        kept.append((path, request, found))
+    return list(found)
 
 
 def _bare(request: TableRequest) -> TableRequest:

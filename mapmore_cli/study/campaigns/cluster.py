@@ -154,7 +154,7 @@ def _connected(address: str | None, file: Path | None, place: str) -> Any:
 
 @contextmanager
 def _failures_told(place: str) -> Iterator[None]:
-    """Workers on which the program does not run are the user's to mend."""
+    """Tell of workers on which the program does not run, which are the user's to mend."""
     try:
         yield
     except MapmoreError:
@@ -183,13 +183,13 @@ def _variables() -> dict[str, str]:
 
 
 def _greet(shared: Shared, dask_worker: Any) -> tuple[dict[str, str], int]:
-    """On a worker: its versions and the number of its threads, once it is clear that it sees the folder of runs."""
+    """Return, on a worker, its versions and the number of its threads, once it is clear that it sees the folder of runs."""
     shared.check()
     return dict(tool_versions()), int(dask_worker.state.nthreads)
 
 
 def _work(function: Callable[[J], T], job: J, shared: Shared, begun: tuple[str, int]) -> T:
-    """On a worker: do a job."""
+    """Do a job, on a worker."""
     from distributed import get_worker
 
     get_worker().log_event(TOPIC, begun)

@@ -24,12 +24,14 @@ HEAD = ("Started by `mapmore init`. Every guess says why: look first at those ma
 class Draft:
     """Sections as the YAML will hold them, with numbers in the model's units, and why they were chosen.
 
-    `rivals` are the columns that come next for each quantity, `raw` the values of all columns, `found` is where its structure comes from.
+    `rivals` are the columns that come next for each quantity, `files` counts the recordings' files, `raw` has the values of all columns of
+    some of them, `found` is where its structure comes from.
     """
 
     spec: dict[str, Any]
     notes: dict[Loc, Note] = field(default_factory=dict)
     rivals: Mapping[str, tuple[Guess, ...]] = field(default_factory=dict)
+    files: int = field(default=0, compare=False)
     raw: Raw = field(default_factory=dict, repr=False, compare=False)
     found: Search | None = field(default=None, repr=False, compare=False)
 

@@ -33,7 +33,8 @@ def guesses_page(draft: Draft) -> str:
         .get_template("guesses.html")
         .render(
             name=draft.name,
-            files=len(next(iter(draft.raw.values()), ())),
+            files=draft.files,
+            drawn=len(next(iter(draft.raw.values()), ())),
             questions=[f"{'.'.join(map(str, loc))}: {note.why}" for loc, note in draft.notes.items() if not note.sure],
             columns=[_row(draft, column, used.get(column)) for column in draft.raw],
             pairs=pairs,

@@ -233,7 +233,7 @@ def _start(path: Path, folder: Path, name: str | None, single: bool, answers: An
             asked = own if name is None else name if single or len(groups) == 1 else f"{name}-{own}"
             second = seconds[group.files]
             beside_it = None if second is None else (second, about[second.files])
-            draft = replace(propose(group, asked, folder, said, beside_it), raw=raw_columns(group, folder))
+            draft = replace(propose(group, asked, folder, said, beside_it), raw=raw_columns(group, folder), files=len(group.files))
             if ask is not None:
                 draft = _interviewed(draft, said, ask, lambda told: propose(group, asked, folder, told, beside_it))  # noqa: B023
             draft = search(draft, folder)
@@ -254,7 +254,7 @@ def _interviewed(draft: Draft, said: Answers, ask: Ask, again: Callable[[Answers
     length = asked_length(draft, ask)
     if length:
         told = replace(told, length=parse_quantity(length, "m"))
-    return again(told) if told != said else draft
+    return replace(again(told), raw=draft.raw, files=draft.files) if told != said else draft
 
 
 def _count(group: Group) -> str:

@@ -12,8 +12,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
-from mapmore_cli.modelling.expressions.operator import linear
-from mapmore_cli.modelling.expressions.recursion import followed
+from mapmore_cli.modelling.expressions.operator import followed, linear
 from mapmore_cli.modelling.signals.cycles import bin_means
 from mapmore_cli.modelling.signals.rates import rate
 from mapmore_cli.modelling.signals.sampling import correlation

@@ -83,7 +83,7 @@ def _scores(run_dir: Path) -> Table:
 
 
 def _curves(run_dir: Path) -> Table:
-    """The last wavelength of every quantity of every curve, its range and mean; `repeats` counts whole wavelengths in `seconds`."""
+    """Return the last wavelength of every quantity of every curve, its range and mean; `repeats` counts whole wavelengths in `seconds`."""
     names = ("curve", "quantity", "lowest", "highest", "mean", "seconds", "wavelength", "repeats")
     rows: list[tuple[Cell, ...]] = []
     for curve in RunFiles(run_dir).dataset().curves:

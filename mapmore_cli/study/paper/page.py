@@ -104,7 +104,7 @@ def _drawn(item: Item, runs: Runs, tell: Tell) -> Sequence[Shown]:
 
 
 def overview(papers: Sequence[PaperResult]) -> Table:
-    """What was compared in each paper, kinds apart: agreeing of compared."""
+    """Tabulate what was compared in each paper, kinds apart: agreeing of compared."""
     kinds = ("value", "size", "order", "bound", "word", "sentence")
     rows = []
     for paper in papers:
@@ -135,7 +135,7 @@ def items_table(paper: PaperResult) -> Table:
 
 
 def verdicts_table(papers: Sequence[PaperResult]) -> Table:
-    """What was compared in each item, and how closely it agrees; a row for each kind and quantity."""
+    """Tabulate what was compared in each item, and how closely it agrees; a row for each kind and quantity."""
     rows = tuple(
         (paper.loaded.spec.paper, result.item.id, line)
         for paper in papers
@@ -146,7 +146,7 @@ def verdicts_table(papers: Sequence[PaperResult]) -> Table:
 
 
 def document(papers: Sequence[PaperResult]) -> dict[str, Any]:
-    """The results for programs."""
+    """Return the results for programs."""
     return {
         "papers": [
             {
@@ -169,7 +169,7 @@ def document(papers: Sequence[PaperResult]) -> dict[str, Any]:
 
 
 def page(papers: Sequence[PaperResult]) -> str:
-    """The page as HTML, one file that loads nothing."""
+    """Return the page as HTML, one file that loads nothing."""
     return (
         environment()
         .get_template("paper.html")

@@ -16,9 +16,9 @@ from mapmore_cli.domain.arrays import Columns
 from mapmore_cli.domain.declared import taken
 from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.fitting.stage import Progress
-from mapmore_cli.rig.antagonists import Joint, Swing, driven, swung
+from mapmore_cli.rig.antagonists import Joint, Swing, driven, sines, swung
 from mapmore_cli.rig.chamber import Braid, Chamber, Peano, Tubes
-from mapmore_cli.rig.closed_muscle import ClosedMuscle, RandomMotion, random_velocity
+from mapmore_cli.rig.closed_muscle import ClosedMuscle, Course, RandomMotion, random_velocity
 from mapmore_cli.rig.load_cycle import LoadCycle, Loading, Regulation, Strokes, contraction_table, load_cycle, perturbation
 from mapmore_cli.rig.mckibben import McKibben
 from mapmore_cli.rig.muscle import Hysteresis, StaticMuscle
@@ -29,6 +29,7 @@ from mapmore_cli.rig.wet_muscle import Plumbing, WetMuscle
 from mapmore_cli.spec.fields import Section
 from mapmore_cli.spec.loader import load_as
 from mapmore_cli.spec.muscle_rigs import Antagonists, ContractionTable, McKibbenMuscle, PeanoMuscle, RandomVelocity, RestLength
+from mapmore_cli.spec.muscle_rigs import Course as CourseSpec
 from mapmore_cli.spec.simulated_experiments import (
     LoadCycles,
     Perturbations,
@@ -132,7 +133,14 @@ def closed_muscle_of(muscle: McKibbenMuscle, hysteresis: HysteresisSpec, experim
 
 def random_motion_of(experiment: RandomVelocity) -> RandomMotion:
     """Return what the motor does."""
-    return taken(RandomMotion, experiment, rest=_rest_of(experiment.rest))
+    valves = experiment.valves
+    driven = {} if valves is None else {"regulator": regulator_of(valves.regulator), "course": course_of(valves.course)}
+    return taken(RandomMotion, experiment, rest=_rest_of(experiment.rest), **driven)
+
+
+def course_of(course: CourseSpec) -> Course:
+    """Return the random moves of a wanted pressure."""
+    return Course((course.between[0] * KPA, course.between[1] * KPA), course.pace)
 
 
 def joint_of(flexor: McKibbenMuscle, hysteresis: HysteresisSpec, experiment: Antagonists) -> tuple[Joint, Swing]:
@@ -164,7 +172,10 @@ HEADER = {
 }
 """Column of the file for each quantity: s, V, kPa, 1, N, L/min, kPa, mm, N, mm, mm/s; of two muscles, `P_1` is the first one's."""
 
-SET_STEPS = {"waveforms": {"input": 0.001}, "contraction_table": {"force": 0.001}}
+SET_STEPS = {
+    **{kind: {"input": 0.001} for kind in ("waveforms", "random_velocity", "antagonists")},
+    "contraction_table": {"force": 0.001},
+}
 """Steps in the files of what is set and not measured: V, N."""
 
 Cause = float | WaveformSpec | str
@@ -190,7 +201,7 @@ def simulate(spec: SimulationSpec, folder: Path, progress: Progress, force: bool
 
 
 def causes_of(spec: SimulationSpec) -> list[Cause]:
-    """One for each recording."""
+    """Return one cause for each recording."""
     experiment = spec.experiment
     if isinstance(experiment, Waveforms):
         return [*experiment.waveforms]
@@ -238,8 +249,12 @@ def truth(spec: SimulationSpec, cause: Cause, rng: np.random.Generator) -> Colum
             joint, swing = joint_of(flexor, spec.hysteresis, experiment)
             if name == "closed":
                 return swung(joint, swing, experiment.amplitude, experiment.pressure * KPA)
-            low, high = experiment.pressures
-            return driven(joint, swing, regulator_of(experiment.regulator), (low * KPA, high * KPA))
+            asked = sines(swing, experiment.pressures[0] * KPA, experiment.pressures[1] * KPA)
+            if name == "random" and experiment.course is not None:
+                course = course_of(experiment.course)
+                first, second = (course.drawn(joint.upright[0], experiment.duration, own) for own in rng.spawn(2))
+                asked = lambda time: float(first(time)), lambda time: float(second(time))
+            return driven(joint, swing, regulator_of(experiment.regulator), asked)
         case LoadCycles() as experiment, muscle, float(pressure):
             cycle, regulation = load_cycle_of(experiment)
             return load_cycle(muscle_of(muscle), hysteresis_of(spec.hysteresis), cycle, regulation, pressure * KPA, rng)

@@ -6,9 +6,8 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.memory import MemoryModel, StateSet
-from mapmore_cli.modelling.expressions.operator import Setting
+from mapmore_cli.modelling.expressions.operator import Setting, along
 from mapmore_cli.modelling.expressions.operators import OPERATORS
-from mapmore_cli.modelling.expressions.recursion import along
 from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.selection import MemoryRecipe
 from mapmore_cli.modelling.validation.metrics import relative

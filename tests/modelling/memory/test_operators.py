@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from memory_samples import resonance, slow
 
-from mapmore_cli.modelling.expressions.operator import Setting
+from mapmore_cli.modelling.expressions.operator import Setting, along
 from mapmore_cli.modelling.expressions.operators import OPERATORS as DECLARED
-from mapmore_cli.modelling.expressions.recursion import along
 from mapmore_cli.modelling.memory.states import delayed
 from mapmore_cli.rig.muscle import stop as rig_stop
 

@@ -14,9 +14,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from mapmore_cli.modelling.expressions import operators
-from mapmore_cli.modelling.expressions.operator import Setting
+from mapmore_cli.modelling.expressions.operator import FLOATS, Setting, along, followed
 from mapmore_cli.modelling.expressions.operators import OPERATORS, families
-from mapmore_cli.modelling.expressions.recursion import FLOATS, along, followed
 from mapmore_cli.modelling.program.slopes import recursion_slopes
 
 sys.path.append(str(Path(__file__).parents[2] / "exporting"))

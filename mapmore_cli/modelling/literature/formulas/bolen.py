@@ -14,6 +14,7 @@ BELL = Nonlinear("k2", per=None, intervals=((1e-2, 1e4),))
 
 FORMULA = Formula(
     name="bolen",
+    title="Bolen",
     reference="Bolen, Elzein, Pang, Hunt, Actuators 2026",
     inputs=("pressure", "strain"),
     parameters=("F620", "c0", "k1", "k2"),

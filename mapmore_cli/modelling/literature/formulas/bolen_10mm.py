@@ -5,6 +5,7 @@ from mapmore_cli.modelling.literature.problem import Nonlinear
 
 FORMULA = Formula(
     name="bolen_10mm",
+    title="Bolen, 10 mm",
     reference="Bolen, Elzein, Pang, Hunt, Actuators 2026; constants of 10 mm muscles",
     inputs=("pressure", "strain"),
     parameters=("length", "e620"),

@@ -5,6 +5,7 @@ from mapmore_cli.modelling.literature.problem import Nonlinear
 
 FORMULA = Formula(
     name="bolen_20mm",
+    title="Bolen, 20 mm",
     reference="Bolen, Elzein, Pang, Hunt, Actuators 2026; constants of 20 mm muscles",
     inputs=("pressure", "strain"),
     parameters=("length", "e620"),

@@ -9,6 +9,7 @@ PRESSURES = (Region("low", (Condition("pressure", "<=", 200.0),)), Region("high"
 FORMULA = by_region(
     Formula(
         name="cao",
+        title="Cao",
         reference="M2 section 2.2 and table 1",
         inputs=("pressure", "strain_rate"),
         parameters=("B0", "B1"),

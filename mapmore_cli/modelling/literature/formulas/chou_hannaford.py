@@ -13,6 +13,7 @@ from mapmore_cli.modelling.literature.formula import Formula
 
 FORMULA = Formula(
     name="chou_hannaford",
+    title="Chou and Hannaford",
     reference="W eq 3",
     inputs=("pressure", "strain"),
     parameters=("c1", "c2"),

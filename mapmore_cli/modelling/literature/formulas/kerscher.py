@@ -9,6 +9,7 @@ from mapmore_cli.modelling.literature.formula import Formula
 
 FORMULA = Formula(
     name="kerscher",
+    title="Kerscher",
     reference="W eq 9 with 10, 11",
     inputs=("pressure", "strain"),
     parameters=("theta", "a_k", "b_k", "a_e", "b_e"),

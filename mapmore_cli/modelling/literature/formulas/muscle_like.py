@@ -16,6 +16,7 @@ DAMPING = Nonlinear("b0", per="velocity", intervals=((-10.0, -1e-4), (1e-4, 10.0
 
 FORMULA = Formula(
     name="muscle_like",
+    title="Muscle-like",
     reference="H eq 4-5",
     inputs=("pressure", "length", "velocity"),
     parameters=("F", "a0", "a1", "a2", "b0", "c0", "c1"),

@@ -8,6 +8,7 @@ from mapmore_cli.modelling.literature.problem import decay
 
 FORMULA = Formula(
     name="peternel",
+    title="Peternel",
     reference="M2 eq 24",
     inputs=("strain_rate",),
     parameters=("B0", "B1", "B2", "B3", "B4"),

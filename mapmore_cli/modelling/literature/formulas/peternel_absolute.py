@@ -5,6 +5,7 @@ from mapmore_cli.modelling.literature.problem import decay
 
 FORMULA = Formula(
     name="peternel_absolute",
+    title="Peternel, absolute",
     reference="M2 eq 24, with |strain_rate|^k",
     inputs=("strain_rate",),
     parameters=("B0", "B1", "B2", "B3", "B4"),

@@ -4,6 +4,7 @@ from mapmore_cli.modelling.literature.formula import Formula
 
 FORMULA = Formula(
     name="polynomial_2",
+    title="Polynomial 2",
     reference="M2 eq 15",
     inputs=("pressure", "strain"),
     parameters=("a20", "a11", "a10", "a01", "a00"),

@@ -19,6 +19,7 @@ def _term(powers: tuple[int, ...]) -> str:
 
 FORMULA = Formula(
     name="polynomial_3",
+    title="Polynomial 3",
     reference="H section I, its reference 19",
     inputs=INPUTS,
     parameters=tuple(f"a{''.join(map(str, powers))}" for powers in POWERS),

@@ -12,6 +12,7 @@ POWERS = tuple((i, degree - i) for degree in range(ORDER, -1, -1) for i in range
 
 FORMULA = Formula(
     name="polynomial_5",
+    title="Polynomial 5",
     reference="M1 section II",
     inputs=("pressure", "strain"),
     parameters=tuple(f"a{i}{j}" for i, j in POWERS),

@@ -4,6 +4,7 @@ from mapmore_cli.modelling.literature.formula import Formula
 
 FORMULA = Formula(
     name="pressure_viscous",
+    title="Pressure viscous",
     reference="M2 table 1",
     inputs=("pressure", "strain_rate"),
     parameters=("B1",),

@@ -7,6 +7,7 @@ from mapmore_cli.modelling.literature.piecewise import by_region
 FORMULA = by_region(
     Formula(
         name="reynolds",
+        title="Reynolds",
         reference="M2 eq 16",
         inputs=("pressure", "strain_rate"),
         parameters=("B0", "B1"),

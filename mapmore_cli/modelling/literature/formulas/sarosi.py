@@ -16,6 +16,7 @@ for a fraction), but W's strain is a fraction (`printed` has the numbers as they
 
 FORMULA = Formula(
     name="sarosi",
+    title="Sárosi",
     reference="M1 eq 1 = M2 eq 14 = W eq 12",
     inputs=("pressure", "strain"),
     parameters=("a1", "a2", "a3", "a4", "a5", "a6"),

@@ -99,7 +99,7 @@ class SarosiHinged(Formula):
         return substitute(parse(PRINTED), {name: Number(value) for name, value in fit.parameters.items()})
 
     def _check_linearity(self) -> None:
-        """Nothing needs to be linear for a fit of its own."""
+        """Accept all: nothing needs to be linear for a fit of its own."""
 
 
 def _both(hinged: HingeFit, plain: FormulaFit) -> tuple[dict[str, float], dict[str, float]]:
@@ -158,6 +158,7 @@ def _levels(strain: Array) -> int:
 
 FORMULA = SarosiHinged(
     name="sarosi_hinged",
+    title="Sárosi, hinged",
     reference="ours, on M1 eq 1",
     inputs=("pressure", "strain"),
     parameters=(*hinge.NAMES, "share", *PLAIN_NAMES.values()),

@@ -7,6 +7,7 @@ from mapmore_cli.modelling.literature.hysteresis_loss import hysteresis_loss
 
 FORMULA = hysteresis_loss(
     "sarosi_hysteresis_loss",
+    "Sárosi, hysteresis loss",
     "M2 eq 17-23, times the length",
     "-2*zeta*sqrt(abs(stiffness)*load/9.81)*length*strain_rate",
 )

@@ -4,6 +4,7 @@ from mapmore_cli.modelling.literature.hysteresis_loss import hysteresis_loss
 
 FORMULA = hysteresis_loss(
     "sarosi_hysteresis_loss_printed",
+    "Sárosi, hysteresis loss, printed",
     "M2 eq 17-23",
     "-2*zeta*sqrt(abs(stiffness)*load/9.81)*strain_rate",
 )

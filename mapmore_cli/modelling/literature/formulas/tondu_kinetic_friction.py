@@ -9,6 +9,7 @@ from mapmore_cli.modelling.literature.problem import decay
 
 FORMULA = Formula(
     name="tondu_kinetic_friction",
+    title="Tondu, kinetic friction",
     reference="M2 table 1, with |strain_rate|",
     inputs=("strain_rate",),
     parameters=("B0", "B1", "B2"),

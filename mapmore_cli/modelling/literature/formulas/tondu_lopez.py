@@ -10,6 +10,7 @@ from mapmore_cli.modelling.literature.formula import Formula
 
 FORMULA = Formula(
     name="tondu_lopez",
+    title="Tondu and Lopez",
     reference="W eq 4",
     inputs=("pressure", "strain"),
     parameters=("area", "theta"),

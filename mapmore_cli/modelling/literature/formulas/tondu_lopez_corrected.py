@@ -8,6 +8,7 @@ from mapmore_cli.modelling.literature.formula import Formula
 
 FORMULA = Formula(
     name="tondu_lopez_corrected",
+    title="Tondu and Lopez, corrected",
     reference="W eq 8 with 10",
     inputs=("pressure", "strain"),
     parameters=("area", "theta", "a_k", "b_k"),

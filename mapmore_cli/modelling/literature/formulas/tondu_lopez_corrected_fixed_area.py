@@ -8,6 +8,7 @@ from mapmore_cli.modelling.literature.formula import Formula
 
 FORMULA = Formula(
     name="tondu_lopez_corrected_fixed_area",
+    title="Tondu and Lopez, corrected, fixed area",
     reference="W eq 8 with 10, as printed",
     inputs=("pressure", "strain"),
     parameters=("diameter", "theta", "a_k", "b_k"),

@@ -8,6 +8,7 @@ from mapmore_cli.modelling.literature.formula import Formula
 
 FORMULA = Formula(
     name="tondu_lopez_fixed_area",
+    title="Tondu and Lopez, fixed area",
     reference="W eq 4, as printed",
     inputs=("pressure", "strain"),
     parameters=("diameter", "theta"),

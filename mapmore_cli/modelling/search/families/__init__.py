@@ -8,6 +8,7 @@ from mapmore_cli.modelling.search.candidate import Family
 
 ORDER = (
     "surface",
+    "arx",
     "lags",
     "slow_and_play",
     "friction",
@@ -17,6 +18,7 @@ ORDER = (
     "loops",
     "rise_and_fall",
     "steep",
+    "splines",
     "on_formula",
     "formula",
     "levels",

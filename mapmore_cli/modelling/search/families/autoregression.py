@@ -6,24 +6,18 @@ from collections.abc import Iterator
 from typing import Any
 
 from mapmore_cli.modelling.search.candidate import Candidate, Family, memory
+from mapmore_cli.modelling.search.families.arx import MOST_INPUTS, TINY, linear
 from mapmore_cli.modelling.search.situation import Situation
-
-TINY = 1e-6
-"""The ridge where delays are near-copies, whose small differences count."""
 
 ORDERS = (1, 2, 4)
 """Samples that a linear model looks back (ARX)."""
-
-MOST_INPUTS = 4
 
 
 def candidates(of: Situation) -> Iterator[Candidate]:
     """Linear models with all their terms; two delays with products. Little is left one step ahead, so no tolerance ends them."""
     free: dict[str, Any] = {"ridge": TINY, "criterion": "free_run", "tolerance": 0.0}
     for order in ORDERS:
-        past = {"lags": {"of": [of.target], "steps": [*range(1, order + 1)], "constant": False}}
-        driven = {"lags": {"of": [*of.inputs], "steps": [*range(order + 1)], "constant": False}}
-        yield memory(f"linear, {order} delays of the output", of, [past, driven], order + (order + 1) * len(of.inputs), **free)
+        yield linear(f"linear, {order} delays of the output", of, order, criterion="free_run")
     both = [squares(of)]
     yield memory("two delays of the output, order 2, one step ahead", of, both, 8, scaling="none", ridge=0.0, stop="bic")
     yield memory("two delays of the output, order 2", of, both, 8, margin=0.0, **free)

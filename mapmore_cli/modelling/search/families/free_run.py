@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from mapmore_cli.modelling.search.candidate import Candidate, Family, memory
-from mapmore_cli.modelling.search.families.autoregression import TINY, squares
+from mapmore_cli.modelling.search.families.arx import TINY
+from mapmore_cli.modelling.search.families.autoregression import squares
 from mapmore_cli.modelling.search.situation import Situation
 
 MOST_INPUTS, MOST_SAMPLES = 2, 1_500

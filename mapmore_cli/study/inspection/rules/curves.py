@@ -14,7 +14,7 @@ POSITIONS = ("strain", "displacement", "length")
 
 
 def single_valued(subject: Subject) -> Iterator[Issue]:
-    """A loop has two values at one place, of which a static model has one: its error has a floor."""
+    """Find loops: they have two values at one place, of which a static model has one, so that its error has a floor."""
     spec, dataset = subject.spec, subject.dataset
     if spec.target != "static" or spec.data.cycles is not None or dataset is None or dataset.level is None:
         return

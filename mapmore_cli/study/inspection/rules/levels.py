@@ -25,7 +25,7 @@ BEYOND = 0.01  # of the training range, that held-out samples may lie outside
 
 
 def few_samples(subject: Subject) -> Iterator[Issue]:
-    """A curve of three samples has no shape."""
+    """Find curves of a few samples, which have no shape."""
     for curve in _dataset(subject).curves:
         if curve.size < FEWEST:
             message = f"{curve.id} has {curve.size} sample{'s' if curve.size > 1 else ''}"
@@ -82,7 +82,7 @@ def beyond_training(subject: Subject) -> Iterator[Issue]:
 
 
 def _inputs(subject: Subject) -> list[str]:
-    """The measured quantities that the model is a function of, but the time."""
+    """Return the measured quantities that the model is a function of, but the time."""
     spec = subject.spec
     texts = [text for loc, _, family in entries_of(spec.dictionary) for _, text, _ in texts_in(loc, family)]
     formula = formula_called(spec, spec.model.backbone or spec.model.name)
@@ -92,7 +92,7 @@ def _inputs(subject: Subject) -> list[str]:
 
 
 def _values(dataset: Dataset, name: str, held_out: bool) -> Array:
-    """A quantity's samples on one side of the split; of the level quantity, the levels themselves."""
+    """Return a quantity's samples on one side of the split; of the level quantity, the levels themselves."""
     parts = []
     for curve in dataset.curves:
         values = curve.columns[name] if name != dataset.level or curve.level is None else np.full(curve.size, curve.level)

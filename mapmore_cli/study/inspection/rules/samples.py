@@ -23,7 +23,7 @@ HELD, MOVED = 0.05, 0.2  # movement within a recording, relative to the largest 
 
 
 def constant(subject: Subject) -> Iterator[Issue]:
-    """A quantity that never changes explains nothing; a target that never changes needs no explanation."""
+    """Find quantities that never change: they explain nothing, and such a target needs no explanation."""
     for name in subject.spec.data.columns:
         values = subject.pooled(name)
         if np.ptp(values) == 0 and len(values) > 1:
@@ -34,7 +34,7 @@ def constant(subject: Subject) -> Iterator[Issue]:
 
 
 def same_signal(subject: Subject) -> Iterator[Issue]:
-    """A sensor's volts and what is computed of them are one signal: neither tells anything of the other."""
+    """Find a signal that is there twice, as a sensor's volts and what is computed of them: neither explains the other."""
     names = [name for name in subject.spec.data.measured if name != "time" and subject.has(name)]
     for family in evidence.same_signals([subject.pooled(name) for name in names]):
         told = " and ".join(names[place] for place in family)
@@ -44,7 +44,7 @@ def same_signal(subject: Subject) -> Iterator[Issue]:
 
 
 def clipped(subject: Subject) -> Iterator[Issue]:
-    """A sensor at its end reads one number for a long time, where it otherwise hardly reads any number twice."""
+    """Find sensors at their end: they read one number for long, where they otherwise hardly read any twice."""
     levels = subject.spec.data.levels
     for name in (name for name in subject.spec.data.columns if name != "time" and (levels is None or name != levels.of)):
         for recording in (one for one in subject.recordings if name in one.columns and one.rows_kept):
@@ -65,7 +65,7 @@ def clipped(subject: Subject) -> Iterator[Issue]:
 
 
 def cycles_of_noise(subject: Subject) -> Iterator[Issue]:
-    """Cycles of a quantity that was held are cycles of its noise."""
+    """Find cycles of a quantity that was held, which are cycles of its noise."""
     cycles = subject.spec.data.cycles
     others = [name for name in ("pressure", "strain", "displacement", "length") if cycles and name != cycles.over and subject.has(name)]
     if cycles is None or not others or not subject.has(cycles.over):
@@ -86,7 +86,7 @@ def _movement(subject: Subject, name: str) -> float:
 
 
 def force_never_pulls(subject: Subject) -> Iterator[Issue]:
-    """A muscle pulls, and the models take pull as positive."""
+    """Find a force that never pulls: a muscle pulls, and the models take pull as positive."""
     if subject.has("force"):
         force = subject.pooled("force")
         if force.max() <= 0 and force.min() < 0:
@@ -95,7 +95,7 @@ def force_never_pulls(subject: Subject) -> Iterator[Issue]:
 
 
 def recorded_twice(subject: Subject) -> Iterator[Issue]:
-    """A copied file counts twice, and a copy among the validation data makes them worthless."""
+    """Find copied files: they count twice, and a copy among the validation data makes these worthless."""
     held_out = _held_out(subject)
     first: dict[bytes, Recording] = {}
     for recording in (recording for recording in subject.recordings if recording.rows_kept):
@@ -108,7 +108,7 @@ def recorded_twice(subject: Subject) -> Iterator[Issue]:
 
 
 def many_dropped(subject: Subject) -> Iterator[Issue]:
-    """Samples that are lost rather than left out: missing values, and those that are at no level."""
+    """Find samples that are lost rather than left out: missing values, and those that are at no level."""
     conditions = {"missing value": ("data", "missing"), "no level": ("data", "levels")}
     read = sum(recording.rows_read for recording in subject.recordings)
     for reason, loc in conditions.items():
@@ -144,7 +144,7 @@ def unsettled(subject: Subject) -> Iterator[Issue]:
 
 
 def slack_foot(subject: Subject) -> Iterator[Issue]:
-    """A plain formula spends its terms on the corner at the threshold pressure; a hinge is made for it (`sarosi_hinged`)."""
+    """Find a slack foot: a plain formula spends its terms on that corner, for which `sarosi_hinged` is made."""
     model = subject.spec.model
     if subject.spec.target != "static" or evidence.HINGED not in literature.names() or evidence.HINGED in (model.backbone, model.name):
         return
@@ -164,7 +164,7 @@ def _held_out(subject: Subject) -> set[str]:
 
 
 def _digest(recording: Recording, names: Collection[str]) -> bytes:
-    """A fingerprint of what was measured; what is set for a file does not make it another."""
+    """Return a fingerprint of what was measured; what is set for a file does not make it another."""
     told = hashlib.sha256()
     for name in sorted(name for name in recording.columns if name in names):
         told.update(name.encode() + np.ascontiguousarray(recording.columns[name]).tobytes())

@@ -22,7 +22,7 @@ LONGEST_RECORD = 12 * 3600.0  # s
 
 
 def strain_in_per_cent(subject: Subject) -> Iterator[Issue]:
-    """A strain of more than 1.5 was meant in per cent."""
+    """Find strains above 1.5, which were meant in per cent."""
     if subject.has("strain"):
         largest = float(np.abs(subject.pooled("strain", "1")).max())
         if largest > LARGEST_STRAIN:
@@ -31,7 +31,7 @@ def strain_in_per_cent(subject: Subject) -> Iterator[Issue]:
 
 
 def pressure_in_pascals(subject: Subject) -> Iterator[Issue]:
-    """A pressure of more than 5 MPa was meant in Pa."""
+    """Find pressures above 5 MPa, which were meant in Pa."""
     if subject.has("pressure"):
         largest = float(np.abs(subject.pooled("pressure", "kPa")).max())
         if largest > LARGEST_PRESSURE:
@@ -40,7 +40,7 @@ def pressure_in_pascals(subject: Subject) -> Iterator[Issue]:
 
 
 def pressure_in_bar(subject: Subject) -> Iterator[Issue]:
-    """A pressure that never exceeds a few kPa may have been meant in bar."""
+    """Find pressures that never exceed a few kPa, which may have been meant in bar."""
     if subject.has("pressure") and _declared(subject, "pressure") == "kPa":
         largest = float(np.abs(subject.pooled("pressure", "kPa")).max())
         if PRESSURE_IN_BAR[0] <= largest <= PRESSURE_IN_BAR[1]:
@@ -64,7 +64,7 @@ def pull_of_the_bore(subject: Subject) -> Iterator[Issue]:
 
 
 def time_in_milliseconds(subject: Subject) -> Iterator[Issue]:
-    """A logger takes many samples a second, and a test lasts minutes: slower stamps may be in ms, unless their name tells the unit."""
+    """Find slow stamps, which may be in ms: a logger takes many samples a second. Names that tell the unit are believed."""
     column = subject.spec.data.columns.get("time")
     label = read_label(column.column) if column is not None and isinstance(column.column, str) else None
     if not subject.has("time") or (label is not None and label.unit is not None):
@@ -81,7 +81,7 @@ def time_in_milliseconds(subject: Subject) -> Iterator[Issue]:
 
 
 def unit_in_the_name(subject: Subject) -> Iterator[Issue]:
-    """A column that is called `P_psi` is hardly in kPa."""
+    """Find columns whose name tells another unit: one called `P_psi` is hardly in kPa."""
     for name, column in subject.spec.data.columns.items():
         label = read_label(column.column) if isinstance(column.column, str) else None
         declared = column.unit or default_unit(name, subject.spec.units)
@@ -97,7 +97,7 @@ def unit_in_the_name(subject: Subject) -> Iterator[Issue]:
 
 
 def unit_line(subject: Subject) -> Iterator[Issue]:
-    """A line of units under the names says kN, and the column is read in N."""
+    """Find lines of units that say otherwise: kN under the name, and the column is read in N."""
     data = subject.spec.data
     peek = READERS[data.reader].peek
     if peek is None or int(data.header) < 2 or not subject.recordings:
@@ -122,6 +122,6 @@ def _units_below(subject: Subject, names: list[str], below: list[list[str]]) -> 
 
 
 def _declared(subject: Subject, name: str) -> str:
-    """The unit that a quantity is read in."""
+    """Return the unit that a quantity is read in."""
     column = subject.spec.data.columns.get(name)
     return (column.unit if column is not None else None) or subject.units[name]

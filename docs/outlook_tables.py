@@ -1,0 +1,329 @@
+"""Write the tables of what the papers leave to others, into docs/muscle-like.md (H), wrist.md (W) and export.md (both models as one unit).
+
+`python docs/outlook_tables.py RUNS`. All of it is simulated but for a regulator, whose records must be there (docs/data.md).
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import cache, partial
+from pathlib import Path
+
+import numpy as np
+from actuator_joint import chained, turned
+from muscle_tables import joint_forces
+from pages import DOCS, run, scores, write_tables
+from scipy.optimize import minimize_scalar
+from wrist_loop import Force, ModelMuscles, RigMuscles, Wrist, followed, lag_of
+
+import mapmore_cli
+from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.modelling import literature
+from mapmore_cli.modelling.kinds import predict
+from mapmore_cli.reporting.table import Cell, Column, Table
+from mapmore_cli.rig.antagonists import Joint
+from mapmore_cli.rig.closed_muscle import Air, ClosedMuscle
+from mapmore_cli.rig.waveform import Regulator
+from mapmore_cli.rig.wet_muscle import Rubber
+from mapmore_cli.spec.loader import load_as
+from mapmore_cli.spec.muscle_rigs import Antagonists, McKibbenMuscle
+from mapmore_cli.spec.simulation import SimulationSpec
+from mapmore_cli.storage.artefacts import read_dataset, read_model, read_validation
+from mapmore_cli.study.simulation.simulate import KPA, braid_of, hysteresis_of, joint_of
+
+DATASETS = DOCS.parent / "datasets"
+
+
+def rmse_and_r2(truth: Array, found: Array) -> tuple[float, float]:
+    """Root mean square error, and its coefficient of determination."""
+    error = found - truth
+    return float(np.sqrt(np.mean(error**2))), 1 - float(np.sum(error**2) / np.sum((truth - truth.mean()) ** 2))
+
+
+# H ------------------------------------------------------------------------------------------------------------------------------------
+
+TENDON = 10_000.0
+"""N/m, of datasets/muscle-like/tendon.yaml; the tendon carries 10 N where the length is zero."""
+
+Predict = Callable[[Columns], Array]
+"""Force of a muscle, N, `(n,)`."""
+
+
+def of_the_muscle(columns: Columns, force: Array, stiffness: float) -> Columns:
+    """Return the columns with length and velocity of the muscle in the place of those of both: `l - (F - 10)/k`, `v + F'/k`."""
+    length = columns["length"] - (force - 10.0) / stiffness
+    return {**columns, "length": length, "velocity": columns["velocity"] + np.gradient(force, columns["time"]) / stiffness}
+
+
+def behind_tendon(columns: Columns, predicted: Predict, stiffness: float) -> Array:
+    """Return a muscle's force behind a tendon, N, `(n,)`, which makes its length: `F = f(P, l - (F - 10)/k, v + F'/k)`.
+
+    Half Newton steps by the slope along the length; the rate of the force is that of the step before.
+    """
+    force, further = np.full(len(columns["length"]), 10.0), 1e-6
+    for _ in range(30):
+        own = of_the_muscle(columns, force, stiffness)
+        here, there = (predicted({**own, "length": own["length"] + more}) for more in (0.0, further))
+        force = force + 0.5 * (here - force) / (1.0 + (there - here) / further / stiffness)
+    return force
+
+
+def in_series(muscle: Predict, stiffness: float) -> Predict:
+    """Return the force of a muscle behind a tendon."""
+    return lambda columns: behind_tendon(columns, muscle, stiffness)
+
+
+def tendon_found(study: str, runs: Path, identified: Callable[[float], Predict]) -> float:
+    """Return the stiffness (N/m) with the least error on a study's training samples; `identified` is the muscle that goes with one."""
+    curves = read_dataset(run(f"muscle-like/{study}", runs) / "ingest.h5").curves
+
+    def error(power: float) -> float:
+        muscle = identified(10.0**power)
+        found = [(behind_tendon(one.columns, muscle, 10.0**power) - one.columns["force"])[one.training] for one in curves]
+        return float(np.sum(np.concatenate(found) ** 2))
+
+    return float(10.0 ** minimize_scalar(error, bounds=(3.3, 5.0), method="bounded", options={"xatol": 1e-3}).x)
+
+
+def muscle_behind(study: str, runs: Path, stiffness: float) -> Predict:
+    """Return H's model, fitted to the muscle's own length and velocity, which follow from the measured force and a tendon's stiffness."""
+    curves = read_dataset(run(f"muscle-like/{study}", runs) / "ingest.h5").curves
+    own = [of_the_muscle(one.columns, one.columns["force"], stiffness) for one in curves]
+    columns = {name: np.concatenate([x[name][one.training] for x, one in zip(own, curves, strict=True)]) for name in own[0]}
+    formula = literature.get("muscle_like")
+    fit = formula.fit(columns, columns["force"], advice=False)
+    return lambda given: formula.predict(fit.parameters, given)
+
+
+def muscle_like(study: str, runs: Path) -> Predict:
+    """Return H's model as a study of `configs/muscle-like` fitted it."""
+    fit = read_validation(run(f"muscle-like/{study}", runs) / "validate.h5").formulas["muscle_like"]
+    return lambda columns: literature.get("muscle_like").predict(fit.parameters, columns)
+
+
+def held_out(study: str, runs: Path, predicted: Predict, shortest: float = -np.inf) -> tuple[int, float, float]:
+    """Samples, RMSE (N) and R² of predictions of a study's records, where they are held out and not shorter than `shortest`."""
+    curves = read_dataset(run(f"muscle-like/{study}", runs) / "ingest.h5").curves
+    rows = [curve.held_out & (curve.columns["length"] >= shortest) for curve in curves]
+    found = np.concatenate([predicted(curve.columns)[own] for curve, own in zip(curves, rows, strict=True)])
+    force = np.concatenate([curve.columns["force"][own] for curve, own in zip(curves, rows, strict=True)])
+    return len(force), *rmse_and_r2(force, found)
+
+
+def outlook(runs: Path) -> Table:
+    """Return how H's model does at controlled valves, behind a tendon, and on a joint whose motion does not repeat."""
+    closed, valves, tendon = "muscle-like-16cm", "muscle-like-valves", "muscle-like-tendon"
+    before = muscle_like(closed, runs)
+    (record,) = read_dataset(run(f"muscle-like/{valves}", runs) / "ingest.h5").curves
+    common = float(record.columns["length"].min())
+    alone, both = (tendon_found(tendon, runs, one) for one in (lambda _stiffness: before, partial(muscle_behind, tendon, runs)))
+    rows: list[tuple[Cell, ...]] = [
+        ("closed valves: identified there", *held_out(closed, runs, before)),
+        ("closed valves: identified at controlled valves", *held_out(closed, runs, muscle_like(valves, runs))),
+        ("closed valves, common lengths: identified there", *held_out(closed, runs, before, common)),
+        (
+            "closed valves, common lengths: identified at controlled valves",
+            *held_out(closed, runs, muscle_like(valves, runs), common),
+        ),
+        ("controlled valves: identified at closed valves", *held_out(valves, runs, before)),
+        ("controlled valves: identified there", *held_out(valves, runs, muscle_like(valves, runs))),
+        ("behind a tendon: the muscle alone", *held_out(tendon, runs, before)),
+        ("behind a tendon: muscle and known tendon", *held_out(tendon, runs, in_series(before, TENDON))),
+        ("behind a tendon: muscle, and a tendon found there", *held_out(tendon, runs, in_series(before, alone))),
+        ("behind a tendon: both identified there", *held_out(tendon, runs, in_series(muscle_behind(tendon, runs, both), both))),
+        ("behind a tendon: identified there, as a muscle", *held_out(tendon, runs, muscle_like(tendon, runs))),
+    ]
+    for muscle, _, measured, predicted in joint_forces(runs, "random"):
+        rows.append((f"joint, random: {muscle}", len(measured), *rmse_and_r2(measured, predicted)))
+    found = scores(run("muscle-like/muscle-like-joint-random", runs), "validate")
+    for model, words in (("mapmore", "difference of both"), ("identified_here", "the same, identified from its first half")):
+        rows.append((f"joint, random: {words}", found[model].n, found[model].rmse, found[model].r2))
+    heads = (Column("record: model"), Column("samples"), Column("RMSE", "N", ".3g"), Column("R²", "", ".4f"))
+    notes = (f"Stiffness of the tendon: {TENDON / 1e3:.0f} N/mm; found {alone / 1e3:.1f}, with the muscle {both / 1e3:.1f}.",)
+    return Table("outlook", "H's model where H leaves it to others (simulated)", heads, tuple(rows), notes)
+
+
+# Both models as one unit --------------------------------------------------------------------------------------------------------------
+
+STEP = 0.01
+"""Of the record and of the units, s."""
+
+
+@cache
+def random_joint() -> tuple[Joint, Columns]:
+    """Return the joint of datasets/muscle-like/joint_random.yaml, and its record."""
+    spec = load_as(DATASETS / "muscle-like" / "joint_random.yaml", SimulationSpec).spec
+    table = np.genfromtxt(DATASETS / "muscle-like" / "joint_random.csv", delimiter=",", names=True)
+    assert table.dtype.names
+    assert isinstance(spec.muscle, McKibbenMuscle)
+    assert isinstance(spec.experiment, Antagonists)
+    joint, _ = joint_of(spec.muscle, spec.hysteresis, spec.experiment)
+    return joint, {name: table[name] for name in table.dtype.names}
+
+
+def actuators(runs: Path, samples: int | None = None) -> Table:
+    """Return how the joint moves that two exported actuators turn: beside both models one after the other, and beside the rig."""
+    joint, record = random_joint()
+    models = [
+        tuple(read_model(run(f"muscle-like/muscle-like-{study}", runs) / "model.h5") for study in pair)
+        for pair in (("16cm-formula", "joint-valve-flexor"), ("22cm-formula", "joint-valve-extensor"))
+    ]
+    pairs = [(force, pressure) for force, pressure in models]
+    record = {name: column[:samples] for name, column in record.items()}
+    found = turned(joint, pairs, [record["U_1"], record["U_2"]], STEP)
+    rows: list[tuple[Cell, ...]] = []
+    later = slice(len(found["angle"]) // 2, None)
+    for which, muscle in ((1, "flexor"), (2, "extensor")):
+        force, pair = found[f"force_{which}"], pairs[which - 1]
+        apart = float(np.max(np.abs(force - chained(pair, found, which, STEP))) / np.median(np.abs(force)))
+        rows.append((f"{muscle}'s force [N]", apart, *rmse_and_r2(record[f"F_{which}"][later], force[later])))
+    angle, length = np.degrees(found["angle"]), 1e-3 * record["l_1"]
+    start = float(joint.strain(0, np.asarray(0.0)))
+    rest = joint.muscles[0].taut_strain(*joint.rest) - start
+    true = np.degrees((rest * joint.muscles[0].muscle.length - length) / joint.radius)
+    rows.append(("angle [deg]", None, *rmse_and_r2(true[later], angle[later])))
+    heads = (
+        Column("of the joint"),
+        Column("unit beside both `predict`, relative", "", ".1e"),
+        Column("RMSE beside the rig", "", ".3g"),
+        Column("R²", "", ".4f"),
+    )
+    return Table("actuators", "A joint that two exported actuators turn, second half of the record", heads, tuple(rows))
+
+
+RECORDS = {"staircase": "repeating_take1_20s", "sweep": "sweep_take1_15s"}
+SENSORS = {"MPR": "mpr_sensor_kPa", "VEAB": "veab_sensor_kPa"}
+
+
+def regulators(_runs: Path) -> Table:
+    """Return how well a lag is the pressure behind a measured regulator without a muscle; the second half of each record is held out."""
+    folder = Path(os.environ.get("MAPMORE_DATA") or DOCS.parents[1] / "shared" / "data") / "regulator_only"
+    known = {"time": {"unit": "s"}, "command": {"unit": "kPa"}, "pressure": {"unit": "kPa"}}
+    settings = {"dictionary": [{"slow": {"of": ["command"]}}], "resample": "10 ms", "split": {"validate": {"last": 0.5}}}
+    rows: list[tuple[Cell, ...]] = []
+    for record, file in RECORDS.items():
+        table = np.genfromtxt(folder / f"{file}.csv", delimiter=",", names=True)
+        for sensor, column in SENSORS.items():
+            frame = {"time": table["t_s"], "command": table["cmd_kPa"], "pressure": table[column]}
+            columns = {name: {"column": name, **unit} for name, unit in known.items()}
+            found = mapmore_cli.fit(frame, columns=columns, target={"column": "pressure"}, validate={"simple": False}, **settings)
+            error = [100 * found.scores.of_model(split=split)["nrmse"] for split in ("train", "validate")]
+            rows.append((f"{record}, {sensor} sensor", found.equations[0].text, *error))
+    heads = (Column("record"), Column("pressure [kPa]"), Column("training NRMSE", "%", ".3g"), Column("held-out NRMSE", "%", ".3g"))
+    return Table("regulators", "A lag behind a measured regulator", heads, tuple(rows))
+
+
+# W ------------------------------------------------------------------------------------------------------------------------------------
+
+WRIST = Wrist(
+    length=0.23, radius=0.015, inertia=0.01, damping=0.05, middle=0.06, pressure=400.0, highest=700.0, reach=1.0,
+    period=0.01, step=0.001, kp=100.0, ki=500.0,
+)  # fmt: skip
+REGULATOR = Regulator(1.0, 0.0, 0.02, 50 * KPA, 800 * KPA, 1e-8, 1e-8, 0.3)
+AIR, RUBBER = Air(1.4, 0.5, 2e-5), Rubber(80.0, 0.02)
+SECONDS, SETTLED = 6.0, 2.0
+"""How long the course is, and what is left out of the errors at its beginning."""
+
+MODELS = ("chou_hannaford", "tondu_lopez_fixed_area", "tondu_lopez_corrected_fixed_area", "kerscher", "sarosi", "mapmore")
+
+
+def course(seconds: float) -> Array:
+    """Return angles to follow, rad: sines of 20 degrees at 0.5 Hz and 6 degrees at 1.1 Hz, which grow over the first second."""
+    time = np.arange(0.0, seconds, WRIST.period)
+    growing = np.clip(time, 0.0, 1.0) ** 2 * (3 - 2 * np.clip(time, 0.0, 1.0))
+    return np.asarray(np.radians(growing * (20 * np.sin(2 * np.pi * 0.5 * time) + 6 * np.sin(2 * np.pi * 1.1 * time))))
+
+
+def force_of(name: str, runs: Path) -> Force:
+    """Return the force of a model of `configs/wrist/wrist-static.yaml`."""
+    folder = run("wrist/wrist-static", runs)
+    if name == "mapmore":
+        model = read_model(folder / "model.h5")
+        return lambda pressure, strain: predict(model, {"pressure": pressure, "strain": strain})
+    fit, formula = read_validation(folder / "validate.h5").formulas[name], literature.get(name)
+    return lambda pressure, strain: formula.predict(fit.parameters, {"pressure": pressure, "strain": strain})
+
+
+def rig_muscles(friction: float = 1.0) -> RigMuscles:
+    """Return the muscles of datasets/wrist, full of air, behind regulators; with so much of their friction."""
+    spec = load_as(DATASETS / "wrist" / "contraction_table.yaml", SimulationSpec).spec
+    assert isinstance(spec.muscle, McKibbenMuscle)
+    found = hysteresis_of(spec.hysteresis)
+    found = replace(found, base=friction * found.base, per_pressure=friction * found.per_pressure)
+    return RigMuscles(ClosedMuscle(braid_of(spec.muscle), found, RUBBER, AIR), REGULATOR, WRIST)
+
+
+@cache
+def lag() -> float:
+    """Return the time constant of the regulator, s, from a loop that knows no model."""
+    reference = course(2.0)
+    found = followed(WRIST, rig_muscles(), reference, np.zeros(len(reference)))
+    return lag_of(found["asked"], found["pressure"], WRIST.period)
+
+
+def _loop(name: str | None, runs: Path, gains: float) -> tuple[Wrist, Force | None, Array, Array]:
+    """The loop, a model's force, the course, and what the model feeds forward."""
+    wrist, reference = replace(WRIST, kp=gains * WRIST.kp, ki=gains * WRIST.ki), course(SECONDS)
+    force = None if name is None else force_of(name, runs)
+    return wrist, force, reference, np.zeros(len(reference)) if force is None else wrist.feed(force, reference)
+
+
+def _error(one: Array, other: Array) -> float:
+    """RMSE of an angle, degrees, after the beginning."""
+    return float(np.degrees(np.sqrt(np.mean((one - other)[round(SETTLED / WRIST.period) :] ** 2))))
+
+
+def foretold(name: str, runs: Path, gains: float = 1.0) -> float:
+    """RMSE of the angle in the simulation by a model that is also fed forward, degrees."""
+    wrist, force, reference, feed = _loop(name, runs, gains)
+    assert force is not None
+    return _error(followed(wrist, ModelMuscles(force, lag(), wrist), reference, feed)["angle"], reference)
+
+
+def frictionless(name: str, runs: Path, gains: float = 1.0) -> float:
+    """RMSE of the angle in the rig without friction, degrees."""
+    wrist, _, reference, feed = _loop(name, runs, gains)
+    return _error(followed(wrist, rig_muscles(0.0), reference, feed)["angle"], reference)
+
+
+def loops(name: str | None, runs: Path, gains: float = 1.0) -> tuple[float | None, ...]:
+    """RMSE of the angle in the rig, in the simulation by the model that is fed forward, and between both, degrees."""
+    wrist, force, reference, feed = _loop(name, runs, gains)
+    true = followed(wrist, rig_muscles(), reference, feed)["angle"]
+    if force is None:
+        return _error(true, reference), None, None
+    told = followed(wrist, ModelMuscles(force, lag(), wrist), reference, feed)["angle"]
+    return _error(true, reference), _error(told, reference), _error(true, told)
+
+
+def wrist_loop(runs: Path) -> Table:
+    """Return errors of the loop on the rig, and what simulations by the fitted models foretell."""
+    rows: list[tuple[Cell, ...]] = [(name or "nothing", *loops(name, runs), *loops(name, runs, gains=2.0)[:2]) for name in (*MODELS, None)]
+    rows.append(("sarosi, on a rig without friction", frictionless("sarosi", runs), None, None, frictionless("sarosi", runs, 2.0), None))
+    heads = ("rig: RMSE", "foretold: RMSE", "rig and foretold apart", "rig at twice the gains: RMSE", "foretold at twice the gains: RMSE")
+    columns = (Column("fed forward"), *(Column(head, "deg", ".3g") for head in heads))
+    notes = (f"Lag of the regulator by least squares: {1e3 * lag():.0f} ms.",)
+    return Table("wrist-loop", "W's muscles on a wrist in a closed loop (simulated)", columns, tuple(rows), notes)
+
+
+TABLES: Mapping[str, tuple[str, Callable[[Path], Table]]] = {
+    "outlook": ("muscle-like.md", outlook),
+    "actuators": ("export.md", actuators),
+    "regulators": ("export.md", regulators),
+    "wrist-loop": ("wrist.md", wrist_loop),
+}
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Write the tables, or those that are named behind the folder of runs."""
+    runs, *names = arguments
+    for name in names or TABLES:
+        page, table = TABLES[name]
+        write_tables(DOCS / page, {name: partial(table, Path(runs))})
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

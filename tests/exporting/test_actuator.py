@@ -1,0 +1,133 @@
+"""A model of the pressure and one of the force as one actuator: equal to the one after the other, in C and as a unit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from agreement import recording
+from export_samples import OPERATORS, PRESSURE, WITH_MEMORY, formula, memory, motion, pieces
+from fmpy.validation import validate_fmu
+from replay import simulated
+from test_fmu_export import greatest_difference, needs_compiler, unit_of
+from typer.testing import CliRunner, Result
+
+from mapmore_cli.cli.app import app
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.memory import MemoryModel, StateSet
+from mapmore_cli.domain.models import CurveRange, Memory, Model, StateSpace
+from mapmore_cli.domain.recording import Quantity, Signal
+from mapmore_cli.modelling.kinds import equations, outside_range, parameters, predict, program_of, runs_over_time
+from mapmore_cli.modelling.sums.joint import actuator
+from mapmore_cli.storage.artefacts import read_model, write_model
+from mapmore_cli.study.exports import exported
+
+VALVE = Quantity("input", "V")
+RANGE = (CurveRange("a", None, {"input": (0.0, 10.0)}),)
+
+
+def called(*args: object) -> Result:
+    return CliRunner().invoke(app, [str(arg) for arg in args])
+
+
+def lag() -> Model:
+    """P's state space from the input of a valve to the pressure."""
+    body = motion("bumpless", directed=False, dead_band=0.0).body
+    assert isinstance(body, StateSpace)
+    sections = tuple(replace(one, weights=np.array([1.5 + i])) for i, one in enumerate(body.motion.sections))
+    found = replace(body.motion, input="input", output="pressure", drives=("input",), sections=sections, boundaries=(5.0,))
+    return Model("lag", PRESSURE, (VALVE,), StateSpace(found, RANGE))
+
+
+def delayed(*states: str) -> Model:
+    """A model with memory from the input of a valve to the pressure."""
+    ranges = {"input": (0.0, 10.0), "pressure[k-1]": (0.0, 600.0)}
+    found = StateSet(states, 0.01, ranges, {}, np.empty(0), np.empty(0), 0.15)
+    theta = np.full(len(states), 20.0)
+    return Model("delayed", PRESSURE, (VALVE,), Memory(MemoryModel("pressure", found, states, theta, theta, 30.0, (-100.0, 900.0)), RANGE))
+
+
+PAIRS = {
+    "lag, static": (pieces(), lag()),
+    "delay, static": (pieces(aligned="strain"), delayed("input[k-4]", "slow(input, 0.05)")),
+    "lag, memory": (memory(OPERATORS, OPERATORS), lag()),
+    "delay, memory": (WITH_MEMORY["lags"], delayed("input[k-2]", "input")),
+}
+
+
+def one_after_the_other(force: Model, pressure: Model, columns: dict[str, np.ndarray]) -> np.ndarray:
+    return predict(force, {**columns, "pressure": predict(pressure, columns)})
+
+
+@needs_compiler
+@pytest.mark.parametrize(
+    "name", ["lag, static", "delay, memory", *(pytest.param(one, marks=pytest.mark.long) for one in ("delay, static", "lag, memory"))]
+)
+def test_a_unit_is_the_force_at_the_predicted_pressure(tmp_path: Path, name: str) -> None:
+    force, pressure = PAIRS[name]
+    model = actuator(force, pressure)
+    assert [quantity.name for quantity in model.inputs] == ["input", "strain"]
+    columns = recording(model, 600)
+    columns["input"][300] = np.nan  # both begin anew
+    expected = one_after_the_other(force, pressure, columns)
+    assert np.isfinite(expected).sum() > 500
+    assert greatest_difference(predict(model, columns), expected) == 0
+    file, step = unit_of(model, tmp_path), program_of(model).step
+    assert validate_fmu(str(file)) == []
+    assert step is not None
+    found = simulated(model, file, columns, step)
+    assert greatest_difference(found["force"][1:], expected) < 1e-9
+    known = np.isfinite(expected)
+    assert np.array_equal((found["outside_range"][1:] & 3 != 0)[known], outside_range(model, columns)[known])
+
+
+@needs_compiler
+def test_an_actuator_is_written_by_one_command(tmp_path: Path) -> None:
+    force, pressure = PAIRS["lag, static"]
+    for name, model in (("force", force), ("pressure", pressure)):
+        write_model(tmp_path / f"{name}.h5", model)
+    for to, written in (("c", "dmsp_20_actuator.c"), ("fmu", "dmsp_20_actuator.fmu")):
+        done = called("export", tmp_path / "force.h5", "--pressure", tmp_path / "pressure.h5", "--to", to, "-o", tmp_path / to)
+        assert done.exit_code == 0, done.stderr
+        assert (tmp_path / to / written).is_file()
+    refused = called("export", tmp_path / "force.h5", "--pressure", tmp_path / "pressure.h5", "--to", "py")
+    assert refused.exit_code == 2
+    assert "--pressure goes with" in refused.stderr
+
+
+def test_an_actuator_can_be_stored_and_shown(tmp_path: Path) -> None:
+    force, pressure = PAIRS["lag, memory"]
+    model = actuator(force, pressure)
+    assert runs_over_time(actuator(pieces(), pressure))
+    assert parameters(model) == parameters(force) + parameters(pressure)
+    assert equations(model)[0].text == "with memory(pressure = lag, strain = strain)"
+    write_model(tmp_path / "model.h5", model)
+    columns = recording(model, 100)
+    assert np.array_equal(predict(read_model(tmp_path / "model.h5"), columns), predict(model, columns), equal_nan=True)
+    shown = called("show", tmp_path / "model.h5", "--json")
+    assert shown.exit_code == 0, shown.stderr
+    assert '"fed"' in shown.stdout
+
+
+def test_what_cannot_be_joined_is_refused() -> None:
+    force = pieces()
+    needing_rate = replace(force, signals=(Signal("pressure_rate", "rate", "pressure"),))
+    for one, other, words in (
+        (formula("reynolds"), lag(), "no function of pressure"),
+        (replace(force, inputs=(Quantity("pressure", "bar"), force.inputs[1])), lag(), "no function of pressure in kPa"),
+        (needing_rate, lag(), "needs pressure_rate"),
+        (force, delayed("pressure[k-1]", "input"), "goes on from measured pressure"),
+        (replace(force, inputs=(*force.inputs, Quantity("input", "mV"))), lag(), "have input in different units"),
+    ):
+        with pytest.raises(DataError, match=words):
+            actuator(one, other)
+
+
+def test_models_of_other_time_steps_are_no_actuator() -> None:
+    slow = lag()
+    assert isinstance(slow.body, StateSpace)
+    slow = replace(slow, body=replace(slow.body, motion=replace(slow.body.motion, step=0.02)))
+    with pytest.raises(DataError, match="count samples"):
+        exported(actuator(WITH_MEMORY["lags"], slow), "c")

@@ -1,0 +1,230 @@
+from __future__ import annotations
+
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from ingest_samples import Ingest, csv_text, spec_of, steps
+
+from mapmore_cli.domain.errors import DataError, MapmoreError, SpecError
+from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.ingestion.dataset import build_dataset
+from mapmore_cli.ingestion.files import slice_of
+from mapmore_cli.pipeline.stages import INGEST
+from mapmore_cli.pipeline.staleness import plain
+
+REPEATS = {f"{level}_{repeat}.csv": steps(level, F=100 * level + repeat) for level in (80, 150, 250) for repeat in (1, 2)}
+LEVELS = {"of": "pressure", "at": "auto"}
+
+
+def validating(dataset: Dataset) -> dict[str, int]:
+    return {curve.id: int(curve.held_out.sum()) for curve in dataset.curves if curve.held_out.any()}
+
+
+def test_curves_come_in_the_order_of_their_levels_and_join_recordings(ingest: Ingest) -> None:
+    dataset = ingest({"z.csv": steps(-5), "b.csv": steps(80), "a.csv": steps(80), "c.csv": steps(0)}, levels=LEVELS)
+    assert [(c.id, c.level, c.recordings) for c in dataset.curves] == [
+        ("pressure=-5", -5.0, ("z",)),
+        ("pressure=0", 0.0, ("c",)),
+        ("pressure=80", 80.0, ("a", "b")),
+    ]
+    assert dataset.level == "pressure"
+    assert dataset.notes == ("levels of pressure: -5, 0, 80 (within 2.5)",)
+
+
+def test_levels_of_constants_set_for_files(ingest: Ingest) -> None:
+    strains = [0.0, 0.0412, 0.0824, 0.1236]
+    files = [{"path": f"{k}_*.csv", "set": {"length": x}} for k, x in enumerate(strains)]
+    dataset = ingest({f"{k}_{r}.csv": steps(100 * k) for k in range(4) for r in "ab"}, files=files, levels={"of": "length", "at": "auto"})
+    assert [curve.level for curve in dataset.curves] == strains
+    assert [curve.recordings for curve in dataset.curves] == [(f"{k}_a", f"{k}_b") for k in range(4)]
+
+
+def test_samples_between_levels_are_counted(ingest: Ingest) -> None:
+    text = csv_text(t=np.arange(7), P=[80, 81, 115, 149, 150, 190, 400], eps=0, F=0)
+    dataset = ingest({"a.csv": text}, levels={"of": "pressure", "at": [150.0, 80.0], "within": 10.0})
+    assert dict(dataset.recordings[0].dropped) == {"no level within 10 of pressure": 3}
+    assert [curve.size for curve in dataset.curves] == [2, 2]
+
+
+def test_the_value_of_a_level_is_what_was_measured_or_the_nominal_one(ingest: Ingest) -> None:
+    text = csv_text(t=np.arange(6), P=[79, 80, 82, 149, 150, 152], eps=[0.0, 0.1, 0.2] * 2, F=0)
+    files, levels = {"a.csv": text}, {"of": "pressure", "at": [80.0, 150.0]}
+    measured, nominal = (ingest(files, levels={**levels, **value}) for value in ({}, {"value": "nominal"}))
+    assert [curve.columns["pressure"].tolist() for curve in measured.curves] == [[79, 80, 82], [149, 150, 152]]
+    assert [curve.columns["pressure"].tolist() for curve in nominal.curves] == [[80] * 3, [150] * 3]
+    assert [curve.limits("pressure") for curve in nominal.curves] == [(80, 80), (150, 150)]
+    assert [one.columns["pressure"].tolist() for one in nominal.recordings] == [[79, 80, 82, 149, 150, 152]]
+    held = {"split": {"validate": {"pressure": {"between": [(81, 83)]}}}}
+    first, _ = ingest(files, levels={**levels, "value": "nominal"}, **held).curves
+    assert first.held_out.tolist() == [
+        False,
+        False,
+        True,
+    ]
+
+
+@pytest.mark.parametrize(
+    ("choice", "expected"),
+    [
+        ({"quantities": {"pressure": [150.0]}}, {"pressure=150": 40}),
+        ({"quantities": {"pressure": [150.6, 79.4]}}, {"pressure=80": 40, "pressure=150": 40}),
+        (
+            {"quantities": {"time": {"between": [(0.0, 0.45), (1.75, 9.0)]}}},
+            dict.fromkeys(["pressure=80", "pressure=150", "pressure=250"], 14),
+        ),
+        ({"quantities": {"force": [8001.0]}}, {"pressure=80": 20}),
+        ({"files": ["*_2.csv"]}, dict.fromkeys(["pressure=80", "pressure=150", "pressure=250"], 20)),
+        ({"files": ["./80_1.csv"]}, {"pressure=80": 20}),
+        ({"recordings": ["250_*", "80_1"]}, {"pressure=80": 20, "pressure=250": 40}),
+        ({"last": 0.25}, dict.fromkeys(["pressure=80", "pressure=150", "pressure=250"], 10)),
+        ({"recordings": ["80_1"], "last": 0.5}, {"pressure=80": 10}),
+    ],
+)
+def test_what_is_held_out(ingest: Ingest, choice: dict[str, Any], expected: dict[str, int]) -> None:
+    assert validating(ingest(REPEATS, levels=LEVELS, split={"validate": choice})) == expected
+
+
+def test_held_out_samples_are_marked_one_by_one(ingest: Ingest) -> None:
+    by_file = ingest(REPEATS, levels=LEVELS, split={"validate": {"files": ["*_2.csv"]}})
+    for curve in by_file.curves:
+        np.testing.assert_array_equal(curve.held_out, curve.columns["force"] % 100 == 2)
+    last = ingest(REPEATS, levels=LEVELS, split={"validate": {"last": 0.25}})
+    for curve in last.curves:
+        np.testing.assert_array_equal(curve.held_out, curve.columns["time"] >= 1.45)
+
+
+def test_random_fraction_is_exact_and_hangs_on_the_seed_alone(ingest: Ingest) -> None:
+    def chosen(seed: int) -> np.ndarray:
+        dataset = ingest(REPEATS, levels=LEVELS, split={"validate": {"fraction": 0.25, "seed": seed}})
+        return np.concatenate([curve.held_out for curve in dataset.curves])
+
+    assert chosen(1).sum() == 30
+    np.testing.assert_array_equal(chosen(1), chosen(1))
+    assert (chosen(1) != chosen(2)).any()
+
+
+BROKEN: dict[str, tuple[dict[str, Any], type[MapmoreError], list[str]]] = {
+    "no such level": ({"split": {"quantities": {"pressure": [300.0]}}}, DataError, ["no level pressure=300", "80, 150, 250"]),
+    "no such value": ({"split": {"quantities": {"force": [7.0]}}}, DataError, ["force is nowhere 7", "8001 to 25002", "between"]),
+    "no such interval": ({"split": {"quantities": {"time": {"between": [(5.0, 6.0)]}}}}, DataError, ["time between 5 and 6", "0 to 1.9"]),
+    "no such file": ({"split": {"files": ["*_2.csv", "*_3.csv"]}}, DataError, ["files: '*_3.csv' matches nothing", "80_1.csv"]),
+    "no such recording": ({"split": {"recordings": ["x*"]}}, DataError, ["recordings: 'x*' matches nothing", "80_1"]),
+    "nothing left": ({"split": {"files": ["*.csv"]}}, DataError, ["none is left to train on"]),
+    "nothing in both": ({"split": {"recordings": ["80_1"], "quantities": {"pressure": [150.0]}}}, DataError, ["no sample fulfils all"]),
+    "empty level": ({"levels": {"of": "pressure", "at": [80.0, 500.0]}}, DataError, ["within 210 of pressure=500", "80 to 250"]),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN)
+def test_choices_that_the_data_cannot_fulfil(ingest: Ingest, case: str) -> None:
+    data, error, parts = BROKEN[case]
+    split = {"split": {"validate": data["split"]}} if "split" in data else {}
+    with pytest.raises(error) as caught:
+        ingest(REPEATS, **{"levels": LEVELS, **data, **split})
+    assert all(part in str(caught.value) for part in parts), str(caught.value)
+
+
+def test_sweep_has_no_levels_to_find(ingest: Ingest) -> None:
+    with pytest.raises(DataError, match="strain is nowhere held constant"):
+        ingest({"a.csv": steps(80, 500)}, levels={"of": "strain", "at": "auto"})
+
+
+def cycle(level: float, rows: int = 400) -> str:
+    strain = np.concatenate([np.linspace(0, 0.2, rows), np.linspace(0.2, 0, rows)])
+    side = np.repeat([-1, 1], rows)
+    return csv_text(t=np.arange(2 * rows) * 0.01, P=level + 0.1 * side, eps=strain, F=level * (1 - strain / 0.2) + side * (2 + 10 * strain))
+
+
+def test_cycles_become_static_and_hysteresis_curves(ingest: Ingest) -> None:
+    files = {f"{level}.csv": cycle(level) for level in (80, 150)}
+    data = {"cycles": {"over": "strain", "samples": 50}, "levels": {"of": "pressure", "at": [80.0, 150.0]}}
+    static = ingest(files, **data, split={"validate": {"quantities": {"pressure": [150.0]}}})
+    assert (static.target, [curve.held_out.all() for curve in static.curves]) == ("force", [False, True])
+    for curve in static.curves:
+        assert curve.level is not None
+        strain = curve.columns["strain"]
+        assert list(curve.columns) == ["strain", "pressure", "force", "hysteresis"]
+        np.testing.assert_allclose(curve.columns["force"], curve.level * (1 - strain / 0.2), atol=1e-9)
+        np.testing.assert_allclose(curve.columns["pressure"], curve.level, atol=1e-9)
+        np.testing.assert_allclose(curve.columns["hysteresis"], 2 + 10 * strain, atol=1e-9)
+    assert static.recordings[0].rows_kept == 800
+    hysteresis = ingest(files, **data, target="hysteresis")
+    assert (hysteresis.target, hysteresis.unit("hysteresis")) == ("hysteresis", "N")
+    named = ingest(files, **data, target={"column": "pressure"})
+    assert (named.target, named.unit("hysteresis")) == ("pressure", "kPa")
+
+
+def test_recording_without_a_cycle_is_named(ingest: Ingest) -> None:
+    with pytest.raises(DataError, match=r"b\.csv, level 150 \(20 samples\): there is no full load cycle"):
+        ingest({"a.csv": cycle(80), "b.csv": steps(150)}, cycles={"over": "strain"}, levels=LEVELS)
+
+
+def test_last_makes_no_sense_after_cycles(ingest: Ingest) -> None:
+    with pytest.raises(SpecError, match="`last` needs samples in the order of time"):
+        ingest({"a.csv": cycle(80)}, cycles={"over": "strain"}, split={"validate": {"last": 0.5}})
+
+
+def test_slice_holds_what_ingest_depends_on_and_no_more() -> None:
+    spec = spec_of({"files": ["a.csv"]})
+    same = [
+        spec_of({"files": ["a.csv"]}, fuse={"z_s": 0.1}, fit={"max_terms": 3}),
+        spec_of({"files": ["a.csv"], "split": {"leave_one_level_out": True}}),
+        spec_of({"files": ["a.csv"]}, units={"torque": "N*m"}),
+        spec_of({"files": ["a.csv"]}, target={"column": "force"}),
+    ]
+    other = [
+        spec_of({"files": ["b.csv"]}),
+        spec_of({"files": ["a.csv"]}, units={"force": "kN"}),
+        spec_of({"files": ["a.csv"]}, target={"column": "pressure"}),
+        spec_of({"files": ["a.csv"], "split": {"validate": {"last": 0.5}}}),
+        spec_of({"files": ["a.csv"], "split": {"validate": {"quantities": {"pressure": [80.0]}}}}),
+        spec_of({"files": ["a.csv"], "split": {"validate": {"quantities": {"pressure": [150.0]}}}}),
+    ]
+    part = plain(slice_of(spec))
+    assert all(plain(slice_of(one)) == part for one in same)
+    different = [part, *(plain(slice_of(one)) for one in other)]
+    assert all(one != another for one, another in combinations(different, 2))
+
+
+def test_stage_names_its_sources_and_reports_progress(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("mapmore_cli.ingestion.files.MEGABYTE", 1)
+    for name in ("b.csv", "a.csv"):
+        (tmp_path / name).write_text(steps(80))
+    size = len(steps(80))
+    spec = spec_of({"files": ["*.csv"]})
+    assert [path.name for path in INGEST.sources(spec, tmp_path)] == ["a.csv", "b.csv"]
+    seen: list[tuple[str, int, int]] = []
+    build_dataset(slice_of(spec), tmp_path, progress=lambda *step: seen.append(step))
+    assert seen == [("MB read", done, 2 * size) for done in (0, size, size, 2 * size)]
+
+
+@pytest.mark.parametrize("value", [171.0, 115.0])
+def test_a_value_that_names_no_level_is_refused(ingest: Ingest, value: float) -> None:
+    """Samples go to the nearest level; what is held out has to be named."""
+    with pytest.raises(DataError, match=rf"there is no level pressure={value:g}") as told:
+        ingest(REPEATS, levels=LEVELS, split={"validate": {"quantities": {"pressure": [value]}}})
+    assert "levels 80, 150, 250" in str(told.value.remedy)
+
+
+def test_the_scatter_of_a_level_counts_as_its_name(ingest: Ingest) -> None:
+    """A regulator that wanders by 3 kPa: who says 151.5 means the level that was found at 150."""
+    wander = 3 * np.sin(np.arange(40.0))
+    files = {f"{level}.csv": steps(level, 40, P=level + wander) for level in (80, 150, 250)}
+    levels = {"of": "pressure", "at": [80.0, 150.0, 250.0]}
+    assert validating(ingest(files, levels=levels, split={"validate": {"quantities": {"pressure": [151.5]}}})) == {"pressure=150": 40}
+    with pytest.raises(DataError, match="there is no level pressure=153"):
+        ingest(files, levels=levels, split={"validate": {"quantities": {"pressure": [153.0]}}})
+
+
+def test_a_level_that_was_found_goes_by_the_number_that_a_person_writes(ingest: Ingest) -> None:
+    """Found at 84, 154 and 254: 150 means the level 154, and 120 none."""
+    files = {f"{level}.csv": steps(level, 40) for level in (84, 154, 254)}
+    levels = {"of": "pressure", "at": "auto"}
+    found = ingest(files, levels=levels, split={"validate": {"quantities": {"pressure": [150.0]}}})
+    assert validating(found) == {"pressure=154": 40}
+    assert "split.validate: pressure 150 is taken as the level 154" in found.notes
+    with pytest.raises(DataError, match="there is no level pressure=120"):
+        ingest(files, levels=levels, split={"validate": {"quantities": {"pressure": [120.0]}}})

@@ -1,0 +1,305 @@
+"""Logs that are longer than memory, read block by block, also where somebody interrupts."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tracemalloc
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from ingest_samples import COLUMNS, csv_text, spec_of
+
+from mapmore_cli.domain import arrays
+from mapmore_cli.domain.errors import MapmoreError
+from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.ingestion.dataset import build_dataset
+from mapmore_cli.ingestion.files import slice_of
+from mapmore_cli.modelling.signals.sampling import find_gaps, find_resets, typical_step
+from mapmore_cli.pipeline.runner import bring_up_to_date
+from mapmore_cli.spec.loader import load
+from mapmore_cli.storage import spool
+from mapmore_cli.storage.artefacts import codecs, read_dataset, write_dataset
+from mapmore_cli.storage.artefacts.integrity import Digest
+from mapmore_cli.storage.artefacts.schema import schema_of
+from mapmore_cli.storage.run_record import load_records
+from mapmore_cli.storage.tables import lines
+
+SAMPLES = 60
+
+
+def log(seed: int, fault: str) -> str:
+    """Cycles at three pressures, with one fault of the clock or of the values."""
+    rng = np.random.default_rng(seed)
+    t = np.round(np.cumsum(rng.uniform(0.009, 0.011, SAMPLES)), 4)
+    force = np.round(100 * np.sin(np.arange(SAMPLES) / 3) + rng.normal(size=SAMPLES), 3)
+    if fault == "gap":
+        t[30:] += 5
+    elif fault == "reset":
+        t[40:] -= t[39]
+    elif fault == "repeated":
+        t[20:24] = t[20]
+    elif fault == "missing":
+        force[[7, 50]] = np.nan
+    elif fault == "marked":
+        force[[0, 59]] = -999
+    return csv_text(t=t, P=np.repeat([80, 150, 250], 20) + np.round(rng.normal(size=SAMPLES), 2), eps=np.round(t / 10, 5), F=force)
+
+
+OPTIONS: dict[str, Any] = {
+    "every": st.sampled_from([1, 2, 7]),
+    "missing": st.sampled_from(["error", "drop", {"tokens": [-999], "action": "drop"}]),
+    "gaps": st.sampled_from([None, {"longer_than": 1.0, "action": "split"}, {"longer_than": 1.0, "action": "error"}]),
+    "repeated_time": st.sampled_from(["error", "average", "spread"]),
+    "resample": st.sampled_from([None, None, 0.02]),
+    "levels": st.sampled_from(
+        [None, {"of": "pressure"}, {"of": "pressure", "at": [80, 150]}, {"of": "pressure", "at": [250], "within": 3}]
+    ),
+    "derive": st.sampled_from(
+        [{}, {"stiffness": "force/(strain + 0.01)", "half": "exp(-strain)/2"}, {"strain_rate": {"rate_of": "strain", "window": 0.05}}]
+    ),
+    "keep": st.lists(
+        st.sampled_from(
+            [
+                {"quantity": "force", "abs_below": 90},
+                {"quantity": "strain", "above": 0.01},
+                {"quantity": "time", "outside": [0.2, 0.3]},
+                {"quantity": "pressure", "between": [0, 200]},
+            ]
+        ),
+        max_size=2,
+    ),
+    "split": st.sampled_from(
+        [
+            {},
+            {"validate": {"last": 0.2}},
+            {"validate": {"strain": {"between": [[0.01, 0.02]]}}},
+            {"validate": {"files": ["b.csv"]}},
+            {"validate": {"fraction": 0.3, "seed": 4}},
+            {"validate": {"pressure": [150]}},
+        ]
+    ),
+}
+"""Keys of `data`, and what they may say."""
+
+
+def outcome(folder: Path, data: dict[str, Any]) -> tuple[str, list[str]]:
+    """A checksum of everything in the dataset, and the warnings; or the error."""
+    warnings: list[str] = []
+    try:
+        dataset = build_dataset(slice_of(spec_of(data)), folder, warn=warnings.append)
+    except MapmoreError as error:
+        return str(error), []
+    digest = Digest()
+    schema_of(Dataset).feed(digest, "", dataset)
+    return digest.text, warnings
+
+
+@pytest.fixture
+def spooled(tmp_path: Path) -> Iterator[Path]:
+    folder = tmp_path / "spool"
+    folder.mkdir()
+    with spool.spooling_in(folder):
+        yield folder
+
+
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    faults=st.tuples(*[st.sampled_from(["none", "none", "gap", "reset", "repeated", "missing", "marked"])] * 2),
+    options=st.fixed_dictionaries(OPTIONS),
+    scale=st.sampled_from([{}, {"unit": "kN"}, {"scale": 2.0, "offset": 0.5}, {"rest": 0.05}]),
+    constants=st.booleans(),
+    timed=st.booleans(),
+    rows=st.integers(1, 25),
+    characters=st.integers(20, 400),
+)
+def test_blocks_give_what_the_whole_gives(
+    tmp_path: Path,
+    faults: tuple[str, str],
+    options: dict[str, Any],
+    scale: dict[str, Any],
+    constants: bool,
+    timed: bool,
+    rows: int,
+    characters: int,
+) -> None:
+    columns = {**COLUMNS, "force": {**COLUMNS["force"], **scale}}
+    if not timed:
+        columns = {name: column for name, column in columns.items() if name != "time"}
+        options = {**options, "sample_time": 0.01}
+    given_constants = {"set": {"load": 2.5}} if constants else {}
+    options = {key: value for key, value in options.items() if value is not None}
+    for name, fault, seed in zip(("a.csv", "b.csv"), faults, (1, 2), strict=True):
+        (tmp_path / name).write_text(log(seed, fault))
+    data = {"files": [{"path": name, **given_constants} for name in ("a.csv", "b.csv")], "columns": columns, **options}
+    (tmp_path / "spool").mkdir(exist_ok=True)
+    with pytest.MonkeyPatch.context() as patch:
+        at_once = outcome(tmp_path, data)
+        patch.setattr(arrays, "ROWS", rows)
+        patch.setattr(lines, "BLOCK", characters)
+        patch.setattr(spool, "LONG", 0)
+        with spool.spooling_in(tmp_path / "spool"):
+            block_by_block = outcome(tmp_path, data)
+    assert block_by_block == at_once
+
+
+@pytest.mark.parametrize("huge", [10, 10_000])
+def test_the_file_has_the_same_bytes(tmp_path: Path, spooled: Path, monkeypatch: pytest.MonkeyPatch, huge: int) -> None:
+    """Whether its columns are packed or not; and what is read of it, mapped or not, is what was written."""
+    for name, seed in (("a.csv", 1), ("b.csv", 2)):
+        (tmp_path / name).write_text(log(seed, "gap"))
+    split = {"validate": {"last": 0.2}}
+    part = slice_of(
+        spec_of({"files": ["*.csv"], "gaps": {"longer_than": 1.0, "action": "split"}, "levels": {"of": "pressure"}, "split": split})
+    )
+    monkeypatch.setattr(codecs, "LONG", 5)
+    monkeypatch.setattr(codecs, "HUGE", huge)
+    write_dataset(tmp_path / "at_once.h5", build_dataset(part, tmp_path))
+    monkeypatch.setattr(arrays, "ROWS", 7)
+    monkeypatch.setattr(spool, "LONG", 0)
+    write_dataset(tmp_path / "arrays.h5", build_dataset(part, tmp_path))
+    assert (tmp_path / "arrays.h5").read_bytes() == (tmp_path / "at_once.h5").read_bytes()
+    write_dataset(tmp_path / "again.h5", read_dataset(tmp_path / "arrays.h5"))
+    assert (tmp_path / "again.h5").read_bytes() == (tmp_path / "at_once.h5").read_bytes()
+    assert not list(spooled.iterdir())
+
+
+def test_a_long_log_takes_the_memory_of_its_blocks(tmp_path: Path, spooled: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    n, rows = 80_000, 2000
+    text = "".join(f"{i / 100:.2f},{80 + 70 * (i // 1000 % 2)},{i % 1000 / 5000:.4f},{i % 77}.25\n" for i in range(n))
+    (tmp_path / "a.csv").write_text("t,P,eps,F\n" + text)
+    data = {
+        "files": ["a.csv"],
+        "columns": {**COLUMNS, "force": {"column": "F", "unit": "kN"}},
+        "keep": [{"quantity": "strain", "above": 0.001}],
+        "derive": {"half": "force/2"},
+        "levels": {"of": "pressure", "at": [80, 150]},
+        "split": {"validate": {"strain": {"between": [[0.1, 0.12]]}}},
+    }
+    part = slice_of(spec_of(data))
+    monkeypatch.setattr(arrays, "ROWS", rows)
+    monkeypatch.setattr(spool, "LONG", 8 * rows)
+    monkeypatch.setattr(codecs, "HUGE", rows)
+    monkeypatch.setattr(lines, "BLOCK", 4 * rows)
+    monkeypatch.setattr("mapmore_cli.storage.readers.csv.CHUNK", rows // 4)
+    monkeypatch.setattr("mapmore_cli.modelling.signals.sampling.PART", rows // 8)
+    write_dataset(tmp_path / "ingest.h5", build_dataset(part, tmp_path))  # what is imported, and kept for the next time
+    tracemalloc.start()
+    try:
+        write_dataset(tmp_path / "ingest.h5", build_dataset(part, tmp_path))
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert read_dataset(tmp_path / "ingest.h5").recordings[0].rows_kept > 0.9 * n
+    one_column = 8 * n
+    assert peak < 2 * one_column, "there are five columns, twice, besides row numbers, places and masks"
+
+
+SCRIPT = """
+import resource, sys
+from pathlib import Path
+import numpy as np
+from mapmore_cli.domain.errors import WriteError
+from mapmore_cli.storage.spool import counted, spooling_in
+
+resource.setrlimit(resource.RLIMIT_FSIZE, (5_000_000, resource.RLIM_INFINITY))
+try:
+    with spooling_in(Path(sys.argv[1])):
+        counted(lambda rows: rows / 2, 2_000_000)
+except WriteError as error:
+    print(error)
+"""
+
+
+def test_a_disk_without_room_for_a_column_is_told(tmp_path: Path) -> None:
+    pytest.importorskip("resource", reason="the size of files can be limited on POSIX alone")
+    done = subprocess.run([sys.executable, "-c", SCRIPT, tmp_path], capture_output=True, text=True, check=True)
+    assert "cannot be written" in done.stdout
+    assert not done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_more_columns_than_files_may_be_open_stay_in_memory(spooled: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(arrays, "ROWS", 4)
+    monkeypatch.setattr(spool, "LONG", 0)
+    monkeypatch.setattr(spool, "MOST", 2)
+    columns = [spool.counted(lambda rows, k=k: rows + k, 10) for k in range(4)]
+    assert [column.flags.writeable for column in columns] == [False, False, True, True]
+    assert [column.tolist() for column in columns] == [list(range(k, 10 + k)) for k in range(4)]
+    del columns[0]
+    assert not spool.counted(lambda rows: rows, 10).flags.writeable
+
+
+@given(steps=st.lists(st.sampled_from([0.0, 0.1, 0.1, 0.25, 3.0, -2.0]), max_size=30), rows=st.integers(1, 9))
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_what_is_between_blocks_is_seen(steps: list[float], rows: int) -> None:
+    time = np.cumsum([0.0, *steps])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(arrays, "ROWS", rows)
+        found = find_resets(time), find_gaps(time, 1.0), typical_step(time)
+    differences = np.diff(time)
+    assert found[0].tolist() == np.flatnonzero(differences < 0).tolist()
+    assert found[1].after.tolist() == np.flatnonzero(differences > 1.0 + 1e-6).tolist()
+    positive = differences[differences > 0]
+    assert found[2] == (np.median(positive) if len(positive) else 0.0)
+
+
+def test_the_step_of_a_long_record_is_that_of_its_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("mapmore_cli.modelling.signals.sampling.PART", 50)
+    time = np.cumsum(np.random.default_rng(0).uniform(0.9, 1.1, 5000))
+    assert typical_step(time) == pytest.approx(np.median(np.diff(time)), rel=0.02)
+    assert typical_step(np.arange(5000) / 7) == pytest.approx(1 / 7, rel=1e-9)
+
+
+SPEC = """
+schema_version: 1
+name: long
+data: {files: [log.csv], reader: csv, columns: {time: {column: t}, force: {column: F}, strain: {column: eps}}}
+target: {column: force}
+dictionary: [{terms: [strain]}]
+"""
+ROWS = 50_000
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "log.csv").write_text("t,F,eps\n" + "".join(f"{i},{i % 7}.25,0.{i % 9}\n" for i in range(ROWS)))
+    (tmp_path / "long.yaml").write_text(SPEC)
+    return tmp_path
+
+
+def interrupted_after(calls: int, folder: Path) -> None:
+    seen: list[int] = []
+
+    def progress(_what: str, done: int, _total: int) -> None:
+        seen.append(done)
+        if len(seen) > calls:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        bring_up_to_date(load(folder / "long.yaml"), folder / "runs", until="ingest", progress=progress)
+
+
+@pytest.mark.parametrize("calls", [0, 1, 3])
+def test_nothing_is_left_behind(folder: Path, calls: int) -> None:
+    interrupted_after(calls, folder)
+    left = {path.name for path in (folder / "runs" / "long").iterdir()}
+    assert left <= {".lock", "run.json"}  # the folder is ours, and no stage of it is done
+    assert load_records(folder / "runs" / "long", lambda _message: None) == {}
+
+
+def test_the_results_of_before_stay(folder: Path) -> None:
+    run = folder / "runs" / "long"
+    bring_up_to_date(load(folder / "long.yaml"), folder / "runs", until="ingest")
+    before = {path.name: path.read_bytes() for path in run.iterdir()}
+    with (folder / "log.csv").open("a") as log:
+        log.write(f"{ROWS},1,0.5\n")
+    interrupted_after(2, folder)
+    assert {path.name: path.read_bytes() for path in run.iterdir()} == before
+    bring_up_to_date(load(folder / "long.yaml"), folder / "runs", until="ingest")
+    assert read_dataset(run / "ingest.h5").curves[0].size == ROWS + 1

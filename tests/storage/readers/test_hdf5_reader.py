@@ -1,0 +1,104 @@
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+import scipy.io
+from reading import refusal, tables_of
+
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.storage.tables.table import SourceColumn
+
+T = np.arange(6.0)
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as made:
+        made["run/pressure"] = T.astype(">f4")
+        made.create_dataset("run/both", data=np.column_stack([T, -T]), chunks=(2, 1), compression="gzip")
+        made["run/text"] = ["a"] * 6
+        made["run/scalar"] = 3.0
+        table = np.zeros(6, dtype=[("t", "f8"), ("F", "i4")])
+        table["t"], table["F"] = T, 7 * T
+        made["table"] = table
+        for i in (10, 2, 1):
+            made[f"runs/run_{i}/P"] = i + T
+        made["link"] = h5py.SoftLink("/nowhere")
+    return path
+
+
+read = partial(tables_of, "hdf5")
+
+
+@pytest.mark.parametrize(
+    ("column", "request_", "expected"),
+    [
+        ("run/pressure", {}, T),
+        ("run.pressure", {}, T),
+        ("pressure", {"root": "run"}, T),
+        ("/run/both[:,1]", {}, -T),
+        ("run/both[2,:]", {}, [2, -2]),
+        (1, {"root": "run/both"}, -T),
+        ("F", {"root": "table"}, 7 * T),
+        ("table.t", {}, T),
+        ("run/scalar", {}, [3]),
+    ],
+)
+def test_addresses(file: Path, column: SourceColumn, request_: dict[str, Any], expected: Any) -> None:
+    (table,) = read(file, column, **request_)
+    np.testing.assert_array_equal(table.columns[column], expected)
+    assert table.columns[column].dtype == np.float64
+
+
+def test_a_file_that_matlab_wrote() -> None:
+    path = Path(scipy.io.__file__).parent / "matlab" / "tests" / "data" / "testhdf5_7.4_GLNX86.mat"
+    if not path.is_file():
+        pytest.skip("this SciPy comes without its test files")
+    (table,) = read(path, "testdouble[0,:]")  # as MATLAB shows it
+    np.testing.assert_allclose(table.columns["testdouble[0,:]"], np.linspace(0, 2 * np.pi, 9))
+
+
+def test_members_of_a_group_come_in_natural_order(file: Path) -> None:
+    assert [table.columns["P"][0] for table in read(file, "P", root="runs[*]")] == [1, 2, 10]
+
+
+@pytest.mark.parametrize(
+    ("columns", "request_", "parts"),
+    [
+        (("run/presure",), {}, ["no 'presure' on the way to 'run/presure'", "Did you mean 'pressure'?"]),
+        (("run",), {}, ["'run' is a group of 4, not an array", "both, pressure"]),
+        (("run/both",), {}, ["an array of 6 x 2", "`run/both[:,0]`"]),
+        (("run/both[:,2]",), {}, ["reaches beyond an array of 6 x 2"]),
+        (("run/text",), {}, ["'run/text' holds", "not real numbers"]),
+        (("table",), {}, ["'table' is a table of 6", "A table of 6 has: t, F"]),
+        (("table.force",), {}, ["no 'force'", "t, F"]),
+        (("run/scalar", "run/pressure"), {}, ["'run/scalar' has 1 samples, 'run/pressure' has 6"]),
+        (("link",), {}, ["the file is damaged"]),
+        (("P",), {"root": "runs"}, ["no 'P' on the way", "A group of 3 has: run_1, run_10, run_2"]),
+        (("x",), {"root": "run/pressure[*]"}, ["every element of an array of 6", "`root: run/pressure`"]),
+    ],
+)
+def test_addresses_that_lead_nowhere(file: Path, columns: tuple[SourceColumn, ...], request_: dict[str, Any], parts: list[str]) -> None:
+    refusal(parts, "hdf5", file, *columns, **request_)
+
+
+def test_cut_files_are_noticed(file: Path, tmp_path: Path) -> None:
+    whole = file.read_bytes()
+    for end in range(0, len(whole), max(1, len(whole) // 40)):
+        (tmp_path / "cut.h5").write_bytes(whole[:end])
+        with pytest.raises(DataError, match=r"a\.h5: the file is damaged, or is no HDF5 file"):
+            read(tmp_path / "cut.h5", "run/pressure")
+
+
+def test_one_column_is_read_without_the_others(tmp_path: Path) -> None:
+    path = tmp_path / "wide.h5"
+    with h5py.File(path, "w") as made:
+        made.create_dataset("wide", shape=(6, 10**10), chunks=(6, 1000), dtype="f8", fillvalue=3.0)  # 480 GB, never written
+    (table,) = read(path, "wide[:,5]")
+    np.testing.assert_array_equal(table.columns["wide[:,5]"], [3] * 6)

@@ -1,0 +1,241 @@
+"""MAT files: those that MATLAB wrote come with SciPy; the others are SciPy's, and HDF5 laid out as MATLAB 7.3 does."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+import scipy.io
+from reading import opaque_mat, refusal, tables_of
+from scipy import sparse
+
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.storage.tables.table import SourceColumn
+
+BY_MATLAB = Path(scipy.io.__file__).parent / "matlab" / "tests" / "data"
+T = np.arange(5.0)
+
+
+read = partial(tables_of, "mat")
+
+
+def values(path: Path, column: SourceColumn, **request: Any) -> list[float]:
+    (table,) = read(path, column, **request)
+    return list(table.columns[column])
+
+
+def write_v5(path: Path) -> Path:
+    """Everything that the tests address, as SciPy writes it."""
+    train = np.empty(3, dtype=object)
+    train[:] = [{"y": np.column_stack([T + i, 10 * T]), "t": T[: 5 - i]} for i in range(3)]
+    runs = np.zeros(2, dtype=[("P", object), ("inner", object)])
+    for i in range(2):
+        runs[i] = (100 * i + T, {"eps": T / 10})
+    content = {
+        "run": {"P": T, "sensor": {"F": -T[:, None]}, "note": "hello"},
+        "y": np.column_stack([T, 2 * T, 3 * T]).astype(np.int16),
+        "train": train,
+        "runs": runs,
+        "z": T + 1j,
+        "flags": T > 2,
+        "nothing": np.zeros((0, 0)),
+        "cube": np.arange(30.0).reshape(5, 2, 3),
+    }
+    scipy.io.savemat(path, content)
+    return path
+
+
+def write_v73(path: Path) -> Path:
+    """The same as MATLAB 7.3 lays it out: axes in the opposite order, cells and elements of struct arrays as references."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        kinds = {"b": b"logical", "i": b"int16", "f": b"double", "V": b"double"}
+
+        def put(group: h5py.Group, name: str, array: Any, kind: bytes | None = None) -> h5py.Dataset:
+            array = np.atleast_2d(np.asarray(array))
+            stored = group.create_dataset(name, data=(array.astype(np.uint8) if array.dtype == bool else array).T)
+            stored.attrs["MATLAB_class"] = kind or kinds[array.dtype.kind]
+            return stored
+
+        def struct(name: str) -> h5py.Group:
+            group = file.create_group(name)
+            group.attrs["MATLAB_class"] = b"struct"
+            return group
+
+        put(struct("run"), "P", T[:, None])
+        put(struct("run/sensor"), "F", -T[:, None])
+        put(file["run"], "note", [[ord(letter) for letter in "hello"]], b"char")
+        put(file, "y", np.column_stack([T, 2 * T, 3 * T]).astype(np.int16))
+        put(file, "flags", T > 2)
+        put(file, "cube", np.arange(30.0).reshape(5, 2, 3))
+        file["z"] = np.array([(1.0, 1.0)] * 5, dtype=[("real", "f8"), ("imag", "f8")])
+        file["z"].attrs["MATLAB_class"] = b"double"
+        empty = put(file, "nothing", np.zeros((1, 2)))
+        empty.attrs["MATLAB_empty"] = np.uint8(1)
+        for i in range(3):
+            put(struct(f"#refs#/train{i}"), "y", np.column_stack([T + i, 10 * T]))
+            put(file[f"#refs#/train{i}"], "t", T[None, : 5 - i])
+        cells = file.create_dataset("train", data=np.array([[file[f"#refs#/train{i}"].ref] for i in range(3)], dtype=h5py.ref_dtype))
+        cells.attrs["MATLAB_class"] = b"cell"
+        runs = struct("runs")
+        for i in range(2):
+            put(file["#refs#"], f"P{i}", 100 * i + T)
+            put(struct(f"#refs#/inner{i}"), "eps", T / 10)
+        for name in ("P", "inner"):
+            runs.create_dataset(name, data=np.array([[file[f"#refs#/{name}{i}"].ref] for i in range(2)], dtype=h5py.ref_dtype))
+    head = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM"
+    with path.open("r+b") as file_:
+        file_.write(head)
+    return path
+
+
+Writer = Callable[[Path], Path]
+VERSIONS = pytest.mark.parametrize("write", [write_v5, write_v73], ids=["v5", "v7.3"])
+
+
+@VERSIONS
+@pytest.mark.parametrize(
+    ("column", "expected"),
+    [
+        ("run.P", T),
+        ("run.sensor.F", -T),
+        ("run/sensor/F", -T),
+        ("y[:,1]", 2 * T),
+        ("y[3,:]", [3, 6, 9]),
+        ("y[3]", [3, 6, 9]),
+        ("cube[:,1,2]", np.arange(30.0).reshape(5, 2, 3)[:, 1, 2]),
+        ("flags", [0, 0, 0, 1, 1]),
+        ("train[1].y[:,0]", T + 1),
+        ("train[2].t", T[:3]),
+        ("runs[1].P", 100 + T),
+        ("runs[1].inner.eps", T / 10),
+    ],
+)
+def test_addresses(tmp_path: Path, write: Writer, column: str, expected: Any) -> None:
+    np.testing.assert_allclose(values(write(tmp_path / "a.mat"), column), expected)
+
+
+@VERSIONS
+def test_every_element_is_a_recording(tmp_path: Path, write: Writer) -> None:
+    path = write(tmp_path / "a.mat")
+    tables = read(path, "y[:,0]", "y[:,1]", root="train[*]")
+    assert [(table.element, table.at(4)) for table in tables] == [(i, f"a.mat:train[{i}]:index 4") for i in range(3)]
+    for i, table in enumerate(tables):
+        np.testing.assert_array_equal(table.columns["y[:,0]"], T + i)
+        np.testing.assert_array_equal(table.columns["y[:,1]"], 10 * T)
+    assert [table.columns["P"][0] for table in read(path, "P", root="runs[*]")] == [0, 100]
+    assert [table.element for table in read(path, "P", root="run[*]")] == [0]
+
+
+@VERSIONS
+def test_columns_by_index_of_the_array_at_the_root(tmp_path: Path, write: Writer) -> None:
+    path = write(tmp_path / "a.mat")
+    (table,) = read(path, 0, 2, root="y")
+    np.testing.assert_array_equal([table.columns[0], table.columns[2]], [T, 3 * T])
+    assert values(path, "P", root="runs[1]") == list(100 + T)
+
+
+WRONG: list[tuple[tuple[SourceColumn, ...], dict[str, Any], list[str]]] = [
+    (("run.p",), {}, ["a.mat: there is no 'p' on the way to 'run.p'", "Did you mean 'P'?", "A struct has: P, "]),
+    (("runn.P",), {}, ["no 'runn' on the way", "Did you mean 'run'?", "The file has"]),
+    (("run.P.x",), {}, ["no 'x' on the way", "It is an array of"]),
+    (("run",), {}, ["'run' is a struct, not an array", "has: P, "]),
+    (("runs.P",), {}, ["no 'P' on the way to 'runs.P'", "a struct array of 2", "[*]"]),
+    (("train",), {}, ["'train' is a cell array of", "[*]"]),
+    (("train[3].t",), {}, ["no element 3 on the way", "0 to 2"]),
+    (("y",), {}, ["'y' is an array of 5 x 3", "`y[:,0]`"]),
+    (("y[:,3]",), {}, ["'y[:,3]' reaches beyond an array of 5 x 3"]),
+    ((3,), {"root": "y"}, ["reaches beyond an array of 5 x 3"]),
+    (("y[:,0,0]",), {}, ["reaches beyond"]),
+    (("y[-1]",), {}, ["'[-1]' is no index", "0-based"]),
+    (("y[:,0",), {}, ["'y[:,0' is no address"]),
+    (("run..P",), {}, ["'run..P' is no address"]),
+    (("",), {}, ["empty address"]),
+    (("z",), {}, ["'z'", "complex"]),
+    (("run.note",), {}, ["'run.note' holds text, not real numbers"]),
+    (("nothing",), {}, ["'nothing' holds no samples"]),
+    (("run.P", "y[3,:]"), {}, ["different length: 'y[3,:]' has 3 samples, 'run.P' has 5", "join"]),
+    (("y[:,0]", "t"), {"root": "train[*]"}, ["a.mat:train[1]: columns of different length: 't' has 4 samples, 'y[:,0]' has 5"]),
+    (("P",), {"root": "y[*]"}, ["`root: y[*]` asks for every element of an array of 5 x 3", "`root: y`"]),
+    (("P",), {"root": "trains[*]"}, ["Did you mean 'train'?"]),
+]
+
+
+@VERSIONS
+@pytest.mark.parametrize(("columns", "request_", "parts"), WRONG, ids=lambda value: str(value)[:30])
+def test_addresses_that_lead_nowhere(
+    tmp_path: Path, write: Writer, columns: tuple[SourceColumn, ...], request_: dict[str, Any], parts: list[str]
+) -> None:
+    assert refusal(parts, "mat", write(tmp_path / "a.mat"), *columns, **request_).startswith(("a.mat", "'"))
+
+
+@VERSIONS
+def test_ragged_recordings_end_with_the_shortest_column_where_the_spec_drops_what_is_missing(tmp_path: Path, write: Writer) -> None:
+    tables = read(write(tmp_path / "a.mat"), "y[:,0]", "t", root="train[*]", incomplete=True)
+    assert [len(table.rows) for table in tables] == [5, 4, 3]
+
+
+@pytest.mark.parametrize(
+    ("name", "column", "expected"),
+    [
+        ("testdouble_4.2c_SOL2.mat", "testdouble", np.linspace(0, 2 * math.pi, 9)),
+        ("testdouble_6.1_SOL2.mat", "testdouble", np.linspace(0, 2 * math.pi, 9)),
+        ("testdouble_7.4_GLNX86.mat", "testdouble", np.linspace(0, 2 * math.pi, 9)),
+        ("testhdf5_7.4_GLNX86.mat", "testdouble", np.linspace(0, 2 * math.pi, 9)),
+        ("testmatrix_7.1_GLNX86.mat", "testmatrix[:,2]", [3, 0, 0]),
+        ("testcell_7.4_GLNX86.mat", "testcell[3]", [1, 2, 3]),
+        ("teststruct_7.4_GLNX86.mat", "teststruct.doublefield", [math.sqrt(2), math.e, math.pi]),
+        ("teststructnest_6.5.1_GLNX86.mat", "teststructnest.one", [1]),
+        ("test3dmatrix_7.4_GLNX86.mat", "test3dmatrix[1,:,3]", [20, 22, 24]),
+        ("testsparse_7.4_GLNX86.mat", "testsparse[:,0]", [1, 2, 3]),
+        ("big_endian.mat", "floats[:,0]", None),
+    ],
+)
+def test_files_that_matlab_wrote(name: str, column: str, expected: Any) -> None:
+    if not (BY_MATLAB / name).is_file():
+        pytest.skip("this SciPy comes without its test files")
+    if expected is None:
+        expected = scipy.io.loadmat(BY_MATLAB / name)["floats"][:, 0]
+    np.testing.assert_allclose(values(BY_MATLAB / name, column), expected)
+
+
+def test_sparse_columns(tmp_path: Path) -> None:
+    scipy.io.savemat(tmp_path / "a.mat", {"s": sparse.csc_array(np.diag(T))})
+    assert values(tmp_path / "a.mat", "s[:,3]") == [0, 0, 0, 3, 0]
+
+
+@VERSIONS
+def test_cut_files_give_what_they_hold_or_an_error(tmp_path: Path, write: Writer) -> None:
+    whole = write(tmp_path / "a.mat").read_bytes()
+    cut = tmp_path / "cut.mat"
+    noticed = 0
+    for end in range(0, len(whole) - 1, max(1, len(whole) // 150)):
+        cut.write_bytes(whole[:end])
+        try:
+            (table,) = read(cut, "run.P", "y[:,0]")
+        except DataError:
+            noticed += 1
+        else:  # what was asked for stands before the cut
+            np.testing.assert_array_equal(table.columns["y[:,0]"], T)
+    assert noticed > 20
+
+
+def test_objects_of_matlab_are_told_with_the_way_to_save_arrays(tmp_path: Path) -> None:
+    tables = opaque_mat(tmp_path / "a.mat", "log", "timetable", T)
+    assert values(tables, "x") == list(T)
+    with h5py.File(tmp_path / "b.mat", "w") as file:
+        log = file.create_dataset("log", data=np.array([[0xDD000000, 2, 1, 1, 1, 1]], dtype=np.uint32))
+        log.attrs["MATLAB_class"], log.attrs["MATLAB_object_decode"] = b"timetable", np.int32(3)
+    for path, column, name in [
+        (tables, "log", "'log' is an object of MATLAB (timetable)"),
+        (tables, "log.P", "'log' is an object of MATLAB (timetable)"),
+        (tmp_path / "b.mat", "log", "'log' is an object of MATLAB (timetable)"),
+        (BY_MATLAB / "testobject_7.4_GLNX86.mat", "testobject", "'testobject' is an object of MATLAB (inline)"),
+        (BY_MATLAB / "testfunc_7.4_GLNX86.mat", "testfunc", "'testfunc' is an object of MATLAB (a function)"),
+    ]:
+        assert refusal(["table2struct"], "mat", path, column).startswith(f"a.mat: {name}")

@@ -1,0 +1,117 @@
+from __future__ import annotations
+
+import zipfile
+from datetime import datetime, time, timedelta
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from reading import refusal, table_of
+
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.storage.tables.table import SourceColumn
+
+openpyxl = pytest.importorskip("openpyxl")
+
+TABLE: list[list[Any]] = [["t", "F", "note"], [0, 1.5, "a"], [0.5, -2, None], [], [1.0, None, "b"]]
+
+
+@pytest.fixture
+def book(tmp_path: Path) -> Path:
+    """A workbook with sheets `About` and `Run1`."""
+    made = openpyxl.Workbook()
+    made.active.title = "About"
+    made.active.append(["Rig", "7"])
+    sheet = made.create_sheet("Run1")
+    for row in TABLE:
+        sheet.append(row)
+    path = tmp_path / "book.xlsx"
+    made.save(path)
+    return path
+
+
+def of_rows(path: Path, *rows: list[Any]) -> Path:
+    made = openpyxl.Workbook()
+    for row in rows:
+        made.active.append(row)
+    made.save(path)
+    return path
+
+
+read = partial(table_of, "xlsx")
+
+
+def test_named_sheet_with_rows_as_the_sheet_counts_them(book: Path) -> None:
+    table = read(book, "F", "t", sheet="Run1")
+    np.testing.assert_array_equal(table.columns["t"], [0, 0.5, 1])
+    np.testing.assert_array_equal(table.columns["F"], [1.5, -2, np.nan])
+    np.testing.assert_array_equal(table.rows, [2, 3, 5])
+    assert table.at(2) == "a.xlsx:Run1:row 5"
+
+
+def test_without_header_after_skipped_rows(book: Path) -> None:
+    np.testing.assert_array_equal(read(book, 1, sheet="Run1", header=0, skip_rows=1).columns[1], [1.5, -2, np.nan])
+    units = of_rows(book.with_name("b.xlsx"), ["made by hand"], ["t", "F"], ["s", "N"], [1, 2])
+    np.testing.assert_array_equal(read(units, "F", skip_rows=1, header=2).columns["F"], [2])
+
+
+def test_dates_count_as_seconds(tmp_path: Path) -> None:
+    path = of_rows(tmp_path / "a.xlsx", [datetime(1970, 1, 2, 0, 0, 1), time(0, 1, 0, 500_000), timedelta(hours=1), True, " 2.5 ", "#N/A"])
+    table = read(path, *range(6), header=0)
+    np.testing.assert_allclose([table.columns[i][0] for i in range(6)], [86_401, 60.5, 3600, 1, 2.5, np.nan], atol=1e-3)
+
+
+def test_wrong_dimensions_of_other_software_do_not_cut_the_sheet(book: Path, tmp_path: Path) -> None:
+    patched = tmp_path / "patched.xlsx"
+    with zipfile.ZipFile(book) as old, zipfile.ZipFile(patched, "w") as new:
+        for member in old.infolist():
+            content = old.read(member)
+            new.writestr(member, content.replace(b'<dimension ref="A1:C5"', b'<dimension ref="A1:A1"'))
+            assert member.filename != "xl/worksheets/sheet2.xml" or b'ref="A1:C5"' in content
+    np.testing.assert_array_equal(read(patched, "t", sheet="Run1").columns["t"], [0, 0.5, 1])
+
+
+@pytest.mark.parametrize(
+    ("columns", "request_", "parts"),
+    [
+        (("t",), {"sheet": "Run 1"}, ["a.xlsx: there is no sheet 'Run 1'", "Did you mean 'Run1'?", "About, Run1"]),
+        (("force",), {"sheet": "Run1"}, ["no column 'force'", "t, F, note"]),
+        ((3,), {"sheet": "Run1"}, ["no column 3", "0 to 2"]),
+        (("note",), {"sheet": "Run1"}, ["a.xlsx:Run1:row 2, column note: 'a' is not a number"]),
+        ((0,), {"sheet": "Run1", "header": 0}, ["a.xlsx:Run1:row 1, column 0: 't' is not a number"]),
+        (("t",), {"sheet": "Run1", "skip_rows": 9}, ["a.xlsx:Run1: the sheet is empty"]),
+        (("Rig",), {}, ["a.xlsx:About: the sheet has a header but no data"]),
+    ],
+)
+def test_what_a_workbook_lacks(book: Path, columns: tuple[SourceColumn, ...], request_: dict[str, Any], parts: list[str]) -> None:
+    refusal(parts, "xlsx", book, *columns, **request_)
+
+
+def test_every_cut_of_a_workbook_is_noticed(book: Path, tmp_path: Path) -> None:
+    whole = book.read_bytes()
+    cut = tmp_path / "cut.xlsx"
+    for end in range(0, len(whole), 211):
+        cut.write_bytes(whole[:end])
+        with pytest.raises(DataError, match=r"a\.xlsx: the file is damaged, or is no workbook"):
+            read(cut, "t", sheet="Run1")
+
+
+def test_sheet_with_broken_bytes_inside_is_noticed(book: Path, tmp_path: Path) -> None:
+    whole = bytearray(book.read_bytes())
+    place = whole.find(b"xl/worksheets/sheet2.xml") + 30
+    whole[place : place + 40] = bytes(40)
+    broken = tmp_path / "broken.xlsx"
+    broken.write_bytes(whole)
+    with pytest.raises(DataError, match=r"a\.xlsx: the file is damaged"):
+        read(broken, "t", sheet="Run1")
+
+
+def test_bombs_are_not_unpacked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("mapmore_cli.storage.readers.xlsx.BOMB_SIZE", 1_000_000)
+    bomb = tmp_path / "bomb.xlsx"
+    with zipfile.ZipFile(bomb, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("xl/sharedStrings.xml", b" " * 5_000_000)
+    with pytest.raises(DataError, match=r"sharedStrings\.xml unpacks from 0\.0\d+ MB to 5 MB"):
+        read(bomb, 0)
