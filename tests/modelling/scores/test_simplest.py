@@ -39,6 +39,11 @@ def test_the_order_of_folds_is_of_no_consequence(table: tuple[list[int], np.ndar
     assert (a.best, a.chosen) == (b.best, b.chosen)
 
 
+def test_what_lies_at_the_bound_is_within_in_any_order_of_folds() -> None:
+    errors = np.array([[3.0, 6, 6, 6, 6], [6.0, 6, 6, 6, 6], [6.0, 0, 0, 6, 6]])  # mean and standard error of the excess are both 1.8
+    assert {simplest_of([1, 1, 2], errors[:, order]).chosen for order in ([0, 1, 2, 3, 4], [4, 3, 2, 1, 0], [1, 2, 0, 4, 3])} == {0}
+
+
 def test_what_is_hard_for_all_models_decides_nothing() -> None:
     errors = np.array([[10.0, 1.2, 5.1], [9.9, 1.0, 5.0]])  # the larger model is better on every fold
     assert simplest_of([1, 2], errors).chosen == 1
