@@ -25,7 +25,8 @@ from mapmore_cli.domain.models import LeftOut, Model
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
 from mapmore_cli.fitting.left_out import refitted, residuals
-from mapmore_cli.modelling.kinds import forecast, outside_range
+from mapmore_cli.modelling.forecast import forecast
+from mapmore_cli.modelling.kinds import outside_range
 from mapmore_cli.modelling.validation.intervals import FEW, NORMAL, few_levels, half_widths, half_widths_of, refusal
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.reporting.table import Cell, Column, Table

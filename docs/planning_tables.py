@@ -16,10 +16,10 @@ from pages import CONFIGS, DOCS, write_tables
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Dataset
-from mapmore_cli.fitting.kinds import refitted
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
 from mapmore_cli.fitting.left_out import residuals
-from mapmore_cli.modelling.kinds import forecast
+from mapmore_cli.fitting.refitting import refitted
+from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.modelling.planning import levels as of_levels
 from mapmore_cli.modelling.planning.points import Committee, Measured

@@ -13,7 +13,8 @@ from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.foreign import tex_comment, tex_text
 from mapmore_cli.domain.models import Model
 from mapmore_cli.exporting.dialect import identifier, names_of_inputs
-from mapmore_cli.modelling.kinds import equations, outside_range, predict, program_of, runs_over_time
+from mapmore_cli.modelling.kinds import equations, outside_range, predict, runs_over_time
+from mapmore_cli.modelling.program.model import program_of
 
 POINTS = 41
 """Places along every input, where no grid is given."""

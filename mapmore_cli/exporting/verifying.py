@@ -23,7 +23,8 @@ from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling.expressions import Name
-from mapmore_cli.modelling.kinds import fed_back, outside_range, program_of, simulate
+from mapmore_cli.modelling.kinds import fed_back, outside_range, simulate
+from mapmore_cli.modelling.program.model import program_of
 from mapmore_cli.modelling.program.values import INPUT
 
 COMPILERS = ("cc", "gcc", "clang")

@@ -20,7 +20,8 @@ from mapmore_cli.domain.results import Forecast
 from mapmore_cli.domain.scores import BASELINES, OWN, SIMPLE
 from mapmore_cli.fitting.kinds.sum import summands_of
 from mapmore_cli.modelling import literature, simple
-from mapmore_cli.modelling.kinds import forecast, runs_over_time
+from mapmore_cli.modelling.forecast import forecast
+from mapmore_cli.modelling.kinds import runs_over_time
 from mapmore_cli.modelling.literature.backbone import fit_formula, pooled, pooled_training
 from mapmore_cli.modelling.literature.hysteresis_loss import HysteresisLoss
 from mapmore_cli.modelling.signals.plateau import damping_component

@@ -15,11 +15,11 @@ from mapmore_cli.domain.models import LeftOut, LeftOutKind, Model
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.results import Forecast
 from mapmore_cli.domain.scores import OWN
-from mapmore_cli.fitting import kinds
+from mapmore_cli.fitting import refitting
 from mapmore_cli.fitting.competitors import Contest, Forecasts
 from mapmore_cli.fitting.kinds import maker_of
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
-from mapmore_cli.modelling.kinds import forecast
+from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS, block, in_curve
 from mapmore_cli.modelling.validation.intervals import Training, summary
 from mapmore_cli.spec.loader import load
@@ -86,7 +86,7 @@ def refitted(choices: ModelChoices, dataset: Dataset) -> Model:
     """Return a model of the training samples of a dataset, made in one go."""
     if maker_of(choices).refit is None or choices.over_time:
         raise SpecError("split.leave_one_level_out: a model over time cannot be fitted without a level", "hold out recordings instead")
-    return kinds.refitted(choices, dataset)
+    return refitting.refitted(choices, dataset)
 
 
 def residuals(choices: ModelChoices, dataset: Dataset, needed: Mapping[str, Path], progress: Progress, model: Model) -> LeftOut:
@@ -196,9 +196,25 @@ def made_anew(choices: ModelChoices, dataset: Dataset, needed: Mapping[str, Path
     """Return a model of any kind, made of the training samples of a dataset; `needed` are the folders of the runs that a sum adds up."""
     maker = maker_of(choices)
     if maker.refit is not None:
-        return kinds.refitted(choices, dataset)
+        return refitting.refitted(choices, dataset)
     assert maker.refit_parts is not None
-    return maker.refit_parts(choices, dataset, needed)
+    return maker.refit_parts(choices, dataset, lambda path: _without(needed[path], dataset))
+
+
+def _without(run_dir: Path, dataset: Dataset) -> Model:
+    """Return the model of a run, fitted anew to its data without the curves that a dataset holds out as a whole: by level, else by name."""
+    choices = model_choices(load(run_dir / "experiment.yaml").spec)
+    if choices.summands:
+        found = f"{choices.name} adds runs up itself, and cannot be fitted anew without a part of the data"
+        raise SpecError(f"validate.intervals: {found}", "leave it out, or add up all runs in one spec")
+    own = RunFiles(run_dir).dataset()
+    out = {_key(curve) for curve in dataset.curves if not curve.training.any()}
+    curves = tuple(replace(c, held_out=np.ones(c.size, dtype=np.bool_)) if _key(c) in out else c for c in own.curves)
+    return made_anew(choices, replace(own, curves=curves), {})
+
+
+def _key(curve: Curve) -> float | str:
+    return curve.id if curve.level is None else curve.level
 
 
 def refit_run(run_dir: Path, dataset: Dataset) -> Model:

@@ -22,7 +22,8 @@ from mapmore_cli.fitting.kinds import maker_of
 from mapmore_cli.fitting.kinds.choices import ModelChoices
 from mapmore_cli.fitting.search_bench import Bench, Masks, Slice, holds_ends_out, holds_parts_out, searchable, shortened, thinning_of
 from mapmore_cli.fitting.yardstick import black_boxes, note_of, strongest
-from mapmore_cli.modelling.kinds import fed_back, forecast, parameters
+from mapmore_cli.modelling.forecast import forecast
+from mapmore_cli.modelling.kinds import fed_back, parameters
 from mapmore_cli.modelling.memory.records import records_of, time_step
 from mapmore_cli.modelling.pieces.recipe import Segmented
 from mapmore_cli.modelling.search.candidate import Candidate, Family

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Dataset
-from mapmore_cli.fitting.kinds import refitted
 from mapmore_cli.fitting.kinds.choices import ModelChoices, level_of
-from mapmore_cli.modelling.kinds import forecast
+from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.validation.metrics import divisor
 
 FEWEST_INNER = 3
@@ -20,6 +20,9 @@ FEWEST_INNER = 3
 
 BLOCKS = 5
 """Contiguous blocks of every recording or curve."""
+
+Refit = Callable[[ModelChoices, Dataset], Model]
+"""Makes a model of the training samples of a dataset in one go."""
 
 Folds = Sequence[tuple[BoolArray, ...]]
 """For every fold and curve the samples that are left out."""
@@ -100,15 +103,15 @@ def _blocks(curve: Curve, along: str | None) -> list[BoolArray]:
     return masks
 
 
-def errors_of(choices: ModelChoices, bench: Bench) -> list[float]:
-    """NRMSE on each fold, of models that were made without it; infinite where nothing finite was predicted. Raises as the fits do."""
-    return [_error(choices, bench, fold) for fold in bench.folds]
+def errors_of(choices: ModelChoices, bench: Bench, refit: Refit) -> list[float]:
+    """NRMSE on each fold, of models that `refit` makes without it; infinite where nothing finite was predicted. Raises as the fits do."""
+    return [_error(choices, bench, fold, refit) for fold in bench.folds]
 
 
-def _error(choices: ModelChoices, bench: Bench, fold: tuple[BoolArray, ...]) -> float:
+def _error(choices: ModelChoices, bench: Bench, fold: tuple[BoolArray, ...], refit: Refit) -> float:
     """NRMSE on the samples of a fold."""
     curves = tuple(replace(curve, held_out=out) for curve, out in zip(bench.dataset.curves, fold, strict=True))
-    model = refitted(choices, replace(bench.dataset, curves=curves))
+    model = refit(choices, replace(bench.dataset, curves=curves))
     squares: list[Array] = []
     for curve in curves:
         if curve.held_out.any():

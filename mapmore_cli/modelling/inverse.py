@@ -16,7 +16,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.models import Model
-from mapmore_cli.modelling.kinds import program_of
+from mapmore_cli.modelling.program.model import program_of
 from mapmore_cli.modelling.program.slopes import with_slopes
 from mapmore_cli.modelling.program.values import evaluator
 

@@ -1,4 +1,4 @@
-"""What every kind of model can do, and where it was trained.
+"""What every kind of model can do.
 
 A kind is a folder of `modelling/` with a file `kind.py`, which says its name, and a file `model.py`, which holds its verbs. Nothing else
 lists it. The verbs are imported when a model of the kind is there: a table needs nothing of motion.
@@ -7,72 +7,25 @@ lists it. The verbs are imported when a model of the kind is there: a table need
 from __future__ import annotations
 
 import pkgutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mapmore_cli import modelling
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.models import CurveRange, Equation, Model, Sum
-from mapmore_cli.domain.recording import Curve
-from mapmore_cli.domain.results import Forecast, Run
-from mapmore_cli.modelling.expressions import Expression, ExpressionError, Name
-from mapmore_cli.modelling.memory.records import UNEVEN, AtSample
+from mapmore_cli.domain.models import Equation, Model, Sum
+from mapmore_cli.domain.results import Run
+from mapmore_cli.modelling.expressions import Expression, ExpressionError
+from mapmore_cli.modelling.ranges import outside
 
 if TYPE_CHECKING:
-    from mapmore_cli.modelling.program.statements import Program
     from mapmore_cli.modelling.program.writing import Inputs, Writer
-
-OUTSIDE_TOLERANCE = 1e-9
-"""Inputs within this fraction of a range beyond its end still count as inside: the end itself must not be flagged by rounding."""
-
-
-class InputRange(NamedTuple):
-    """Training range of one input: `low` to `high`, (L,) each; linear between `levels`, (L,), of the input `at` where that is not None."""
-
-    name: str
-    at: str | None
-    levels: Array
-    low: Array
-    high: Array
-
-
-def limits(ranges: Sequence[CurveRange], level: str | None) -> Iterator[InputRange]:
-    """Yield the training range of every input, the level first: its own is that of its levels, (1,) each.
-
-    That of any other input is interpolated linearly between the curves, since each curve has its own (free strain grows with pressure).
-    """
-    if not ranges:
-        return
-    levels = np.array([one.level for one in ranges], dtype=np.float64) if level is not None else np.empty(0)
-    if level is not None:
-        yield InputRange(level, None, levels, levels[:1], levels[-1:])
-    for name in ranges[0].limits:
-        if name != level:
-            low, high = np.array([one.limits[name] for one in ranges]).T
-            yield InputRange(name, level, levels, low, high)
-
-
-def outside(ranges: Sequence[CurveRange], level: str | None, columns: Columns) -> BoolArray:
-    """Return True where an input lies beyond its training range, (n,)."""
-    found = np.zeros(len(next(iter(columns.values()))), dtype=np.bool_)
-    for name, at, levels, low, high in limits(ranges, level):
-        if name in columns:
-            ends = (low[:1], high[:1]) if at is None else (np.interp(columns[at], levels, end) for end in (low, high))
-            found |= _beyond(columns[name], *ends)
-    return found
-
-
-def _beyond(x: Array, low: Array, high: Array) -> BoolArray:
-    margin = OUTSIDE_TOLERANCE * np.maximum(high - low, np.maximum(np.abs(low), np.abs(high)))
-    return np.asarray((x < low - margin) | (x > high + margin))
-
 
 MODEL_UNITS: Mapping[str, float] = {}
 """Quantities in the units of the model."""
@@ -150,12 +103,22 @@ def _outside(model: Model, columns: Columns) -> BoolArray:
     return outside(model.body.ranges, model.level, columns)  # type: ignore[attr-defined]  # sums alone have no ranges of their own
 
 
+@contextmanager
+def numbers_in_reach(model: Model) -> Iterator[None]:
+    """Name the model whose scaling and coefficients multiply to what is no number, as in a file that somebody changed."""
+    try:
+        with np.errstate(over="ignore"):  # infinity is no number
+            yield
+    except ExpressionError as fault:
+        raise DataError(f"the model {model.name} cannot be written out: {fault.message}", "make it anew by its spec") from fault
+
+
 def equations(model: Model, units: Mapping[str, float] = MODEL_UNITS) -> tuple[Equation, ...]:
     """Return the model as equations, in its units or in others: of a sum, those of each summand.
 
     Raises DataError where a coefficient is too large to be a number.
     """
-    with _numbers_in_reach(model):
+    with numbers_in_reach(model):
         found: tuple[Equation, ...] = kind_of(model).verb("equations")(model, units)
     return found
 
@@ -186,78 +149,7 @@ def fed_back(model: Model) -> tuple[str, ...]:
     return found
 
 
-def program_of(model: Model) -> Program:
-    """Return the model as a program of one sample's numbers, from which other languages and derivatives follow.
-
-    Raises DataError where parts have different times between samples or go on from different outputs, or one is no closed expression, and
-    where a coefficient is too large to be a number.
-    """
-    from mapmore_cli.modelling.program.values import INPUT
-    from mapmore_cli.modelling.program.writing import Writer
-
-    m = Writer()
-    names = {quantity.name: Name(f"{INPUT}{quantity.name}") for quantity in model.inputs}
-    with _numbers_in_reach(model):
-        value = write(m, model, names)
-    steps = m.kept.steps
-    if steps and max(steps) > min(steps) * (1 + UNEVEN):
-        raise DataError(
-            f"the parts of {model.name} count samples of {min(steps):g} s and of {max(steps):g} s", "train them at the same time steps"
-        )
-    if len(m.kept.fed_back) > 1:
-        raise DataError(f"the parts of {model.name} go on from {', '.join(m.kept.fed_back)}", "export the parts one by one")
-    with _numbers_in_reach(model):
-        return m.program(tuple(names), value)
-
-
 def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
     """Write a model of any kind; return its output."""
     value: Expression = kind_of(model).verb("write")(m, model, inputs)
     return value
-
-
-@contextmanager
-def _numbers_in_reach(model: Model) -> Iterator[None]:
-    """Name the model whose scaling and coefficients multiply to what is no number, as in a file that somebody changed."""
-    try:
-        with np.errstate(over="ignore"):  # infinity is no number
-            yield
-    except ExpressionError as fault:
-        raise DataError(f"the model {model.name} cannot be written out: {fault.message}", "make it anew by its spec") from fault
-
-
-def slopes(model: Model, columns: Columns) -> dict[str, Array]:
-    """Return derivative of the output for every input by its name, (n,) each; NaN where an input is not finite.
-
-    At a boundary it is that of the piece that holds there.
-
-    Raises DataError for a model with memory, and where a part of the model is no closed expression.
-    """
-    from mapmore_cli.modelling.program.slopes import with_slopes
-    from mapmore_cli.modelling.program.values import evaluator
-
-    _, *found = evaluator(with_slopes(program_of(model)))(columns)
-    return {quantity.name: slope for quantity, slope in zip(model.inputs, found, strict=True)}
-
-
-def forecast(model: Model, curve: Curve, target: str | None = None) -> Forecast:
-    """Predict every sample of a curve, recording by recording; raises as `kinds.predict`, naming the recording.
-
-    Where the `target` is not what the model predicts but one of its inputs, the model is inverted for it (`inverse.solve_for_input`).
-    """
-    if target is not None and target != model.output.name:
-        from mapmore_cli.modelling.inverse import solve_for_input
-
-        return Forecast.of(solve_for_input(model, curve.columns, target).values)
-    if not runs_over_time(model):
-        return Forecast.of(predict(model, curve.columns))
-    values, one_step, ready = np.empty(curve.size), np.empty(curve.size), np.empty(curve.size, dtype=np.bool_)
-    for log, rows in enumerate(curve.logs):
-        columns = {name: column[rows] for name, column in curve.columns.items()}
-        try:
-            one_step[rows] = one_step_ahead(model, columns)
-            values[rows] = simulate(model, columns).values
-        except AtSample as error:
-            raise DataError(f"{model.name} on {curve.recordings[log]}: {error.message}", error.remedy) from error
-    ready = np.isfinite(one_step)
-    return Forecast(values, ready, one_step)

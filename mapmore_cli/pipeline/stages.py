@@ -13,7 +13,6 @@ from mapmore_cli.fitting.kinds.choices import (
     SegmentSection,
     lengths_of,
     model_choices,
-    size_of,
     summands,
     with_definitions,
     with_terms,
@@ -126,6 +125,7 @@ def fit_choices(spec: ExperimentSpec) -> FitChoices:
 
 def fit(part: FitChoices, workspace: Workspace) -> None:
     """Fit what the kind of model asks for: every segment, one model with memory, a formula, or nothing where models are added up."""
+    from mapmore_cli.fitting.refitting import size_of
     from mapmore_cli.storage.artefacts import units_of, write_fit
 
     dataset = workspace.files.dataset()

@@ -73,7 +73,7 @@ def run(part: Slice, workspace: Workspace) -> None:
     """Fit the competitors to the same training data, predict every sample, and score."""
     from mapmore_cli.domain.results import Validation
     from mapmore_cli.fitting.competitors import Contest
-    from mapmore_cli.modelling.kinds import forecast
+    from mapmore_cli.modelling.forecast import forecast
     from mapmore_cli.modelling.validation.metrics import divisor
     from mapmore_cli.modelling.validation.residuals import alarms
     from mapmore_cli.reporting.model_tables import rival_minima

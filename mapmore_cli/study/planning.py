@@ -12,9 +12,10 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError, FitError, SpecError, UsageError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Candidate, Picture, Plan
-from mapmore_cli.fitting.kinds import maker_of, refitted
+from mapmore_cli.fitting.kinds import maker_of
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
 from mapmore_cli.fitting.left_out import residuals
+from mapmore_cli.fitting.refitting import refitted
 from mapmore_cli.fitting.stage import Warn
 from mapmore_cli.fitting.trials import training_only
 from mapmore_cli.modelling import literature

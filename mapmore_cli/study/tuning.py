@@ -14,8 +14,9 @@ import numpy as np
 from mapmore_cli.domain.errors import FitError, MapmoreError, SpecError, UsageError
 from mapmore_cli.domain.processors import shared_out
 from mapmore_cli.domain.scores import Trial, Tuning
-from mapmore_cli.fitting.kinds import maker_of, refitted
+from mapmore_cli.fitting.kinds import maker_of
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
+from mapmore_cli.fitting.refitting import refitted
 from mapmore_cli.fitting.stage import Progress, Warn
 from mapmore_cli.fitting.trials import Bench, bench_of, errors_of, training_only
 from mapmore_cli.ingestion.files import slice_of
@@ -79,7 +80,7 @@ def _tried(settings: Mapping[str, Any], choices: ModelChoices, bench: Bench) -> 
     """Return the errors on the folds, of models that were made without them; where a fit fails, why."""
     try:
         size = parameters(refitted(choices, bench.dataset))
-        errors = errors_of(choices, bench)
+        errors = errors_of(choices, bench, refitted)
     except MapmoreError as fault:
         return Trial(settings, failure=fault.message)
     lost = sum(not np.isfinite(error) for error in errors)

@@ -20,8 +20,9 @@ from mapmore_cli.domain.models import CurveFunction, CurveRange, Formula, Memory
 from mapmore_cli.exporting.c_inverse import STATUS, c_source
 from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.modelling.inverse import NEAREST
-from mapmore_cli.modelling.kinds import fed_back, outside_range, program_of, runs_over_time, simulate
+from mapmore_cli.modelling.kinds import fed_back, outside_range, runs_over_time, simulate
 from mapmore_cli.modelling.pieces.definition import zones
+from mapmore_cli.modelling.program.model import program_of
 
 FLAGS = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic"]
 POINTS = 100_000

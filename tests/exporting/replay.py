@@ -23,7 +23,8 @@ from scipy.io import loadmat
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.exporting.dialect import names_of_inputs
-from mapmore_cli.modelling.kinds import fed_back, outside_range, program_of, runs_over_time, simulate
+from mapmore_cli.modelling.kinds import fed_back, outside_range, runs_over_time, simulate
+from mapmore_cli.modelling.program.model import program_of
 from mapmore_cli.storage.artefacts import read_dataset, read_model
 from mapmore_cli.study.exports import exported
 

@@ -19,7 +19,8 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.memory import MemoryModel, StateSet
 from mapmore_cli.domain.models import CurveRange, Memory, Model, StateSpace
 from mapmore_cli.domain.recording import Quantity, Signal
-from mapmore_cli.modelling.kinds import equations, outside_range, parameters, predict, program_of, runs_over_time
+from mapmore_cli.modelling.kinds import equations, outside_range, parameters, predict, runs_over_time
+from mapmore_cli.modelling.program.model import program_of
 from mapmore_cli.modelling.sums.joint import actuator
 from mapmore_cli.storage.artefacts import read_model, write_model
 from mapmore_cli.study.exports import exported

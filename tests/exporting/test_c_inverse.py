@@ -15,7 +15,8 @@ from inverse_agreement import inversion
 
 from mapmore_cli.exporting.c_inverse import c_source
 from mapmore_cli.modelling.inverse import LOWEST, NEAREST, invert
-from mapmore_cli.modelling.kinds import predict, slopes
+from mapmore_cli.modelling.kinds import predict
+from mapmore_cli.modelling.program.model import slopes
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no C compiler here")
 

@@ -9,8 +9,9 @@ from export_samples import FORMULAS, STATIC, WITH_MEMORY
 
 from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.modelling.inverse import invert, knots
-from mapmore_cli.modelling.kinds import predict, slopes
+from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces.definition import zones
+from mapmore_cli.modelling.program.model import slopes
 
 INVERTED = [("smooth levels", "pressure"), ("smooth levels", "strain"), ("backbone, shrunken", "pressure")]
 

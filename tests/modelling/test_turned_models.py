@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from surfaces import QUANTITIES, curves, recipe
 
 from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.inverse import solve_for_input
-from mapmore_cli.modelling.kinds import forecast, predict
+from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import Cuts
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from mapmore_cli.domain.results import FitResult, PiecesFit
 from mapmore_cli.fitting.kinds.choices import FitChoices, ModelChoices, SegmentSection, level_of
 from mapmore_cli.fitting.kinds.dictionary import terms_of
+from mapmore_cli.fitting.kinds.formula import fitted
 from mapmore_cli.modelling.pieces.recipe import Cut, Fuse, Recipe
 from mapmore_cli.modelling.pieces.segmentation import trained_at
 from mapmore_cli.modelling.selection import AUTO, Fit
@@ -66,8 +67,6 @@ def _backbone(
     part: FitChoices, dataset: Dataset, curves: Sequence[Curve], recipe: Recipe, progress: Callable[[int, int], None]
 ) -> tuple[FormulaFit | None, tuple[str, ...]]:
     """Return the formula that the spec names, or the one that left-out levels choose, fitted; and on what grounds it was chosen."""
-    from mapmore_cli.fitting.kinds.formula import fitted
-
     name = part.model.backbone
     notes: tuple[str, ...] = ()
     if name == AUTO:

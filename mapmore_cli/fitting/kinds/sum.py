@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
-from pathlib import Path
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from mapmore_cli.domain.errors import FitError, SpecError
+from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import CurveRange, Formula, Model, Part
-from mapmore_cli.domain.recording import Curve, Dataset, Quantity
+from mapmore_cli.domain.recording import Dataset, Quantity
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.fitting.kinds.choices import FitChoices, ModelChoices
 from mapmore_cli.fitting.stage import Workspace
@@ -46,11 +44,11 @@ def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:
     return _built(part, dataset, joint, lambda path: RunFiles(workspace.needed[path]).model())
 
 
-def refit_parts(part: ModelChoices, dataset: Dataset, needed: Mapping[str, Path]) -> Model:
-    """Return the same where the runs that are added up are fitted anew without the levels and recordings that the dataset holds out."""
+def refit_parts(part: ModelChoices, dataset: Dataset, model_of: Callable[[str], Model]) -> Model:
+    """Return the same for another dataset: formulas are fitted anew, and `model_of` gives the models of runs, by the path of their spec."""
     formulas = summands_of(part.model.sum or [])
     joint = _fitted(formulas, dataset) if formulas else None
-    return _built(part, dataset, joint, lambda path: _without(needed[path], dataset))
+    return _built(part, dataset, joint, model_of)
 
 
 def _built(part: ModelChoices, dataset: Dataset, joint: FormulaFit | None, model_of: Callable[[str], Model]) -> Model:
@@ -63,26 +61,6 @@ def _built(part: ModelChoices, dataset: Dataset, joint: FormulaFit | None, model
     parts = [Part(model_of(str(one.model)), float(one.sign), dict(one.inputs)) for one in part.model.sum]
     refuse_shared_names([(one.model.name, [q.name for q in one.model.inputs], one.inputs) for one in parts])
     return sum_of(part.name, parts, output, quantities)
-
-
-def _without(run_dir: Path, dataset: Dataset) -> Model:
-    """Return the model of a run, fitted anew to its data without the curves that a dataset holds out as a whole: by level, else by name."""
-    from mapmore_cli.fitting.kinds.choices import model_choices
-    from mapmore_cli.fitting.left_out import made_anew
-    from mapmore_cli.spec.loader import load
-
-    choices = model_choices(load(run_dir / "experiment.yaml").spec)
-    if choices.summands:
-        found = f"{choices.name} adds runs up itself, and cannot be fitted anew without a part of the data"
-        raise SpecError(f"validate.intervals: {found}", "leave it out, or add up all runs in one spec")
-    own = RunFiles(run_dir).dataset()
-    out = {_key(curve) for curve in dataset.curves if not curve.training.any()}
-    curves = tuple(replace(c, held_out=np.ones(c.size, dtype=np.bool_)) if _key(c) in out else c for c in own.curves)
-    return made_anew(choices, replace(own, curves=curves), {})
-
-
-def _key(curve: Curve) -> float | str:
-    return curve.id if curve.level is None else curve.level
 
 
 def summands_of(parts: Sequence[sections.Summand]) -> list[Summand]:

@@ -11,8 +11,8 @@ import numpy as np
 from mapmore_cli.domain.models import CurveRange
 from mapmore_cli.modelling.expressions import Expression, Name, Number, call, substitute
 from mapmore_cli.modelling.expressions.syntax import ZERO, Condition, Operand, Product, Sum, expression
-from mapmore_cli.modelling.kinds import limits
 from mapmore_cli.modelling.program.statements import Block, Choose, Function, Keep, Kept, Let, Limit, Program, Queue, Recall, Statement, Use
+from mapmore_cli.modelling.ranges import limits
 
 Side = Operand | Callable[[], Operand]
 """A value, or a function that writes the statements of one; its statements run only where this side is taken."""

@@ -16,10 +16,10 @@ from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Search
 from mapmore_cli.domain.scores import OWN, Score, deciding
 from mapmore_cli.fitting.competitors import Contest
-from mapmore_cli.fitting.kinds import refitted
 from mapmore_cli.fitting.kinds.choices import model_choices
+from mapmore_cli.fitting.refitting import refitted
 from mapmore_cli.fitting.searching import search
-from mapmore_cli.modelling.kinds import forecast
+from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.modelling.validation.metrics import divisor, on_common_rows, score_rows
 from mapmore_cli.pipeline.search import reads

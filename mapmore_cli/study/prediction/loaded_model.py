@@ -16,7 +16,8 @@ from mapmore_cli.domain.models import Equation, Model
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.inverse import LOWEST, Inverse, invert
 from mapmore_cli.modelling.kinds import equations as model_equations
-from mapmore_cli.modelling.kinds import outside_range, predict, slopes
+from mapmore_cli.modelling.kinds import outside_range, predict
+from mapmore_cli.modelling.program.model import slopes
 from mapmore_cli.modelling.signals.rates import with_signals
 from mapmore_cli.modelling.validation.intervals import interval
 from mapmore_cli.study.prediction.records import reading_of

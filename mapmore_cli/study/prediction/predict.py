@@ -14,10 +14,11 @@ from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.domain.models import Formula, Model
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.inverse import solve_for_input
-from mapmore_cli.modelling.kinds import outside_range, runs_over_time, simulate, slopes
+from mapmore_cli.modelling.kinds import outside_range, runs_over_time, simulate
 from mapmore_cli.modelling.literature.family import adapted, family_of
 from mapmore_cli.modelling.literature.own import is_family
 from mapmore_cli.modelling.memory.records import AtSample, numbered
+from mapmore_cli.modelling.program.model import slopes
 from mapmore_cli.modelling.signals.rates import with_signals
 from mapmore_cli.modelling.validation.intervals import checked, ends, half_widths_of, refusal
 from mapmore_cli.storage.tables.table import TableRequest, locate_columns

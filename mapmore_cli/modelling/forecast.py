@@ -1,0 +1,34 @@
+"""What a model says of every sample of a curve."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.recording import Curve
+from mapmore_cli.domain.results import Forecast
+from mapmore_cli.modelling.inverse import solve_for_input
+from mapmore_cli.modelling.kinds import one_step_ahead, predict, runs_over_time, simulate
+from mapmore_cli.modelling.memory.records import AtSample
+
+
+def forecast(model: Model, curve: Curve, target: str | None = None) -> Forecast:
+    """Predict every sample of a curve, recording by recording; raises as `predict`, naming the recording.
+
+    Where the `target` is not what the model predicts but one of its inputs, the model is inverted for it (`inverse.solve_for_input`).
+    """
+    if target is not None and target != model.output.name:
+        return Forecast.of(solve_for_input(model, curve.columns, target).values)
+    if not runs_over_time(model):
+        return Forecast.of(predict(model, curve.columns))
+    values, one_step, ready = np.empty(curve.size), np.empty(curve.size), np.empty(curve.size, dtype=np.bool_)
+    for log, rows in enumerate(curve.logs):
+        columns = {name: column[rows] for name, column in curve.columns.items()}
+        try:
+            one_step[rows] = one_step_ahead(model, columns)
+            values[rows] = simulate(model, columns).values
+        except AtSample as error:
+            raise DataError(f"{model.name} on {curve.recordings[log]}: {error.message}", error.remedy) from error
+    ready = np.isfinite(one_step)
+    return Forecast(values, ready, one_step)

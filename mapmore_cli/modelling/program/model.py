@@ -1,0 +1,46 @@
+"""A model of any kind as a program, and the derivatives that follow from it."""
+
+from __future__ import annotations
+
+from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.models import Model
+from mapmore_cli.modelling.expressions import Name
+from mapmore_cli.modelling.kinds import numbers_in_reach, write
+from mapmore_cli.modelling.memory.records import UNEVEN
+from mapmore_cli.modelling.program.slopes import with_slopes
+from mapmore_cli.modelling.program.statements import Program
+from mapmore_cli.modelling.program.values import INPUT, evaluator
+from mapmore_cli.modelling.program.writing import Writer
+
+
+def program_of(model: Model) -> Program:
+    """Return the model as a program of one sample's numbers, from which other languages and derivatives follow.
+
+    Raises DataError where parts have different times between samples or go on from different outputs, or one is no closed expression, and
+    where a coefficient is too large to be a number.
+    """
+    m = Writer()
+    names = {quantity.name: Name(f"{INPUT}{quantity.name}") for quantity in model.inputs}
+    with numbers_in_reach(model):
+        value = write(m, model, names)
+    steps = m.kept.steps
+    if steps and max(steps) > min(steps) * (1 + UNEVEN):
+        raise DataError(
+            f"the parts of {model.name} count samples of {min(steps):g} s and of {max(steps):g} s", "train them at the same time steps"
+        )
+    if len(m.kept.fed_back) > 1:
+        raise DataError(f"the parts of {model.name} go on from {', '.join(m.kept.fed_back)}", "export the parts one by one")
+    with numbers_in_reach(model):
+        return m.program(tuple(names), value)
+
+
+def slopes(model: Model, columns: Columns) -> dict[str, Array]:
+    """Return derivative of the output for every input by its name, (n,) each; NaN where an input is not finite.
+
+    At a boundary it is that of the piece that holds there.
+
+    Raises DataError for a model with memory, and where a part of the model is no closed expression.
+    """
+    _, *found = evaluator(with_slopes(program_of(model)))(columns)
+    return {quantity.name: slope for quantity, slope in zip(model.inputs, found, strict=True)}
