@@ -23,8 +23,8 @@ from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.reporting.table import Column, Table
 from mapmore_cli.spec.loader import LoadedSpec, load
 from mapmore_cli.storage.run_folder import RunFiles
+from mapmore_cli.study.drafting.answers import Answers, read_columns
 from mapmore_cli.study.drafting.draft import Draft
-from mapmore_cli.study.drafting.questions import Answers, read_columns
 from mapmore_cli.study.drafting.start import start
 from mapmore_cli.study.inspection.lint import inspect
 

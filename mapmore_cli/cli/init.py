@@ -52,8 +52,8 @@ def init(
     data. A folder with recordings of several studies gives a spec for each; with -o, one for the largest.
     """
     from mapmore_cli.cli.progress import Reporter
+    from mapmore_cli.study.drafting.answers import Answers, read_columns
     from mapmore_cli.study.drafting.proof import proven
-    from mapmore_cli.study.drafting.questions import Answers, read_columns
     from mapmore_cli.study.drafting.start import start
 
     if name is not None:

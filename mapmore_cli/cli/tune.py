@@ -69,9 +69,9 @@ def _search(
     """Search the structure, and print what was tried."""
     from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.cli.views.compared import of_search
-    from mapmore_cli.pipeline.search import searched
     from mapmore_cli.reporting.score_tables import search_table
     from mapmore_cli.spec.loader import load
+    from mapmore_cli.study.tuning import searched
 
     if wrong := next((path for path in output if path.suffix.removeprefix(".") not in TABLES), None):
         raise UsageError(f"{wrong}: a search has no figure", f"choose .{' or .'.join(TABLES)}")

@@ -21,11 +21,11 @@ from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Equation, Model, Sum
 from mapmore_cli.domain.results import Run
-from mapmore_cli.modelling.expressions import Expression, ExpressionError
+from mapmore_cli.modelling.expressions import ExpressionError
 from mapmore_cli.modelling.ranges import outside
 
 if TYPE_CHECKING:
-    from mapmore_cli.modelling.program.writing import Inputs, Writer
+    pass
 
 MODEL_UNITS: Mapping[str, float] = {}
 """Quantities in the units of the model."""
@@ -147,9 +147,3 @@ def fed_back(model: Model) -> tuple[str, ...]:
     """Return the measured outputs that a run begins from, each once."""
     found: tuple[str, ...] = kind_of(model).verb("fed_back", lambda _model: ())(model)
     return found
-
-
-def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
-    """Write a model of any kind; return its output."""
-    value: Expression = kind_of(model).verb("write")(m, model, inputs)
-    return value

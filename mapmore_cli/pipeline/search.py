@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,13 +15,11 @@ from mapmore_cli.fitting.search_bench import Slice
 from mapmore_cli.fitting.searching import formula_beside, search, settings_of
 from mapmore_cli.fitting.stage import Stage, Workspace
 from mapmore_cli.modelling.expressions import parse
-from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.data import Direction, Rate
 from mapmore_cli.storage.atomic import write_text
 
 if TYPE_CHECKING:
-    from mapmore_cli.fitting.stage import Progress, Warn
     from mapmore_cli.spec.loader import LoadedSpec
 
 
@@ -109,36 +107,3 @@ def as_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
     rival = formula_beside(found)
     beside = {"validate.against": [rival]} if rival and not loaded.spec.validation.against else {}
     return load(loaded.path, (*loaded.overrides, *as_overrides({**settings_of(found), **beside})))
-
-
-def searched(
-    loaded: LoadedSpec,
-    runs: Path,
-    budget: str | None = None,
-    *,
-    progress: Progress = lambda _what, _done, _total: None,
-    warn: Warn = lambda _message: None,
-    on_stage: Callable[[str, str | None], None] = lambda _stage, _reason: None,
-) -> tuple[Search, Path]:
-    """Search the structure of a study, whatever its spec says of it; what was tried, and the spec that was found.
-
-    Raises
-    ------
-    SpecError, DataError, FitError
-        Where the data cannot be read, or no structure can be fitted.
-    """
-    from mapmore_cli.pipeline.runner import FOUND, SEARCH_STAGE, bring_up_to_date, search_stages
-    from mapmore_cli.spec.layers import as_overrides
-    from mapmore_cli.spec.loader import load
-
-    given: dict[str, Any] = (
-        {"model.type": AUTO}
-        if loaded.spec.model.type == AUTO
-        else {"dictionary": None, "segment": None, "fit": None, "model": {"type": AUTO}}
-    )
-    asked = {} if budget is None else {"model.budget": budget}
-    loaded = load(loaded.path, (*loaded.overrides, *as_overrides({**given, **asked})))
-    outcome = bring_up_to_date(loaded, runs, SEARCH_STAGE, progress=progress, warn=warn, on_stage=on_stage, stages=search_stages())
-    path = outcome.run_dir / FOUND
-    write_text(path, as_found(loaded, outcome.run_dir).resolved_in(outcome.run_dir, given_only=True))
-    return read_search(outcome.run_dir / SEARCH), path

@@ -8,8 +8,6 @@ from dataclasses import dataclass, field
 from statistics import median
 
 from mapmore_cli.domain.scores import OWN, REPEATABILITY, Published, Score, deciding
-from mapmore_cli.reporting.figures.catalogue import RenderedFigure
-from mapmore_cli.reporting.report import SCREEN_SCALE, environment
 from mapmore_cli.reporting.table import Cell, Column, Table
 
 Pooled = Mapping[str, Score]
@@ -249,11 +247,3 @@ def order_table(scores: CampaignScores) -> Table:
             rows.append((name, " < ".join(theirs), " < ".join(mine), "agrees" if theirs == mine else "differs"))
     columns = (Column("run"), Column("as published"), Column("here"), Column("order"))
     return Table("order", "Order of the models by their error, as published and here", columns, tuple(rows))
-
-
-def render_campaign(
-    title: str, tables: Sequence[Table], figures: Sequence[RenderedFigure], pages: Mapping[str, str], failed: Mapping[str, str]
-) -> str:
-    """Return the page: `pages` are links by run, `failed` the messages of runs that did not end."""
-    template = environment().get_template("campaign.html")
-    return template.render(title=title, tables=tables, figures=figures, scale=SCREEN_SCALE, pages=pages, failed=failed)

@@ -8,29 +8,22 @@ import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from typing import Any
-
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
 
 from mapmore_cli.domain.page import FIGURES
 from mapmore_cli.reporting.figures.catalogue import RenderedFigure, drawings, rendered, rendered_by_section
 from mapmore_cli.reporting.figures.drawing import Drawing, Panel, Values, alone
 from mapmore_cli.reporting.figures.saving import SVG_PROLOGUE, WRITERS
 from mapmore_cli.reporting.figures.style import figure_style
+from mapmore_cli.reporting.html import SCREEN_SCALE, environment
 from mapmore_cli.reporting.inputs import FigureStyle, ReportInputs
 from mapmore_cli.reporting.score_tables import verdict
-from mapmore_cli.reporting.table import Table, number_text, to_csv, to_html, to_latex
+from mapmore_cli.reporting.table import Table, number_text, to_csv, to_latex
 from mapmore_cli.reporting.tables import all_tables
-from mapmore_cli.reporting.titles import title_of
 
 LONG_TABLE = 40
 """Rows from which a table starts folded on the screen; it is always printed."""
-
-SCREEN_SCALE = 1.35
-"""Figures are made for paper; a screen is read from further away."""
 
 
 def render_page(inputs: ReportInputs, tables: Sequence[Table], figures: Mapping[str, Sequence[RenderedFigure]]) -> str:
@@ -50,15 +43,12 @@ def render_page(inputs: ReportInputs, tables: Sequence[Table], figures: Mapping[
     )
 
 
-@cache
-def environment() -> Environment:
-    """Return the templates of the package, with tables and figures as filters."""
-    templates = Environment(
-        loader=PackageLoader("mapmore_cli.reporting"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    templates.filters["table"] = lambda table: Markup(to_html(table, title_of))
-    templates.filters["svg"] = lambda figure: Markup(figure.svg)
-    return templates
+def render_campaign(
+    title: str, tables: Sequence[Table], figures: Sequence[RenderedFigure], pages: Mapping[str, str], failed: Mapping[str, str]
+) -> str:
+    """Return the page: `pages` are links by run, `failed` the messages of runs that did not end."""
+    template = environment().get_template("campaign.html")
+    return template.render(title=title, tables=tables, figures=figures, scale=SCREEN_SCALE, pages=pages, failed=failed)
 
 
 TABLE_FILES: Mapping[str, Callable[[Table], str]] = {"csv": to_csv, "tex": to_latex}

@@ -9,10 +9,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from mapmore_cli.domain.declared import Contradiction
-from mapmore_cli.spec.fields import Name, Section, SettingsOf, SpecPath
+from mapmore_cli.spec.fields import Name, Section, SettingsOfSpec, SpecPath
 from mapmore_cli.spec.layers import as_overrides
 from mapmore_cli.spec.loader import load_as
-from mapmore_cli.spec.sections.results import experiment
 from mapmore_cli.spec.yaml_loader import LARGEST
 
 
@@ -25,7 +24,7 @@ class Variant(Section):
     base: SpecPath | None = None
     name: Name | None = None
     group: str | None = None
-    set: Annotated[dict[str, Any], SettingsOf(experiment)] = {}  # noqa: RUF012 (pydantic copies it)
+    set: Annotated[dict[str, Any], SettingsOfSpec()] = {}  # noqa: RUF012 (pydantic copies it)
 
     @model_validator(mode="after")
     def _named(self) -> Variant:

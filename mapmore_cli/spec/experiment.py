@@ -17,7 +17,7 @@ from pydantic import Field, PrivateAttr, TypeAdapter, ValidationError, Validatio
 from mapmore_cli.domain.declared import Contradiction, Either, Settings
 from mapmore_cli.modelling.pieces.recipe import CutByDirection, Fuse, Segmented
 from mapmore_cli.modelling.selection import Fit
-from mapmore_cli.spec.fields import PARTIAL, Metres, Name, Quantity, Section, SpecPath
+from mapmore_cli.spec.fields import PARTIAL, Metres, Name, Quantity, SpecPath, WholeSpec
 from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry, remembers
 from mapmore_cli.spec.sections.model import ModelChoice, Needs, OwnFormula
@@ -65,7 +65,7 @@ def _given_memory(dictionary: Any) -> bool:
         return False
 
 
-class ExperimentSpec(Section):
+class ExperimentSpec(WholeSpec):
     """One experiment: what was measured, how to cut it up, which terms may appear, how to join, what to compare with."""
 
     schema_version: Literal[1] = 1

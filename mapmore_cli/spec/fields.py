@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
@@ -23,6 +23,17 @@ class Section(BaseModel):
     """Base of every part of a spec: strict, closed and immutable."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True, populate_by_name=True)
+
+
+class WholeSpec(Section):
+    """Base of the model of a whole spec, of which some settings within it are keys: it can be named before it is there."""
+
+    root: ClassVar[type[BaseModel]]
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: Any) -> None:
+        """Remember the model."""
+        WholeSpec.root = cls
 
 
 PARTIAL = {"partial": True}
@@ -62,10 +73,8 @@ LONGEST_NAME, LONGEST_PATH = 255, 4000
 
 
 @dataclass(frozen=True)
-class SettingsOf:
-    """Marks a mapping with keys of a whole spec, as `data.files`; the spec's model is looked up late, since it holds the mapping."""
-
-    model: Callable[[], type[BaseModel]]
+class SettingsOfSpec:
+    """Marks a mapping with keys of a whole spec, as `data.files`."""
 
 
 def _column_unit(around: Surroundings) -> str | None:
@@ -198,14 +207,14 @@ def _under(kinds: Sequence[Kind], step: str | int) -> list[Kind]:
     settings = _settings(kinds)
     if settings is None:
         return [found for kind in kinds for found in below(kind, step)]
-    here = [Kind(settings.model())]
+    here = [Kind(WholeSpec.root)]
     for name in str(step).split("."):
         here = _under(here, int(name) if name.isdecimal() else name)
     return here
 
 
-def _settings(kinds: Sequence[Kind]) -> SettingsOf | None:
-    return next((mark for kind in kinds for mark in kind.marks if isinstance(mark, SettingsOf)), None)
+def _settings(kinds: Sequence[Kind]) -> SettingsOfSpec | None:
+    return next((mark for kind in kinds for mark in kind.marks if isinstance(mark, SettingsOfSpec)), None)
 
 
 def _marks_of_path(kinds: Sequence[Kind]) -> list[Any]:

@@ -13,6 +13,7 @@ import numpy as np
 
 from mapmore_cli.domain.errors import FitError, MapmoreError, SpecError, UsageError
 from mapmore_cli.domain.processors import shared_out
+from mapmore_cli.domain.results import Search
 from mapmore_cli.domain.scores import Trial, Tuning
 from mapmore_cli.fitting.kinds import maker_of
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
@@ -21,10 +22,13 @@ from mapmore_cli.fitting.stage import Progress, Warn
 from mapmore_cli.fitting.trials import Bench, bench_of, errors_of, training_only
 from mapmore_cli.ingestion.files import slice_of
 from mapmore_cli.modelling.kinds import parameters
+from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.modelling.validation.significance import simplest_of
-from mapmore_cli.pipeline.runner import OnStage, bring_up_to_date
+from mapmore_cli.pipeline.runner import FOUND, SEARCH_STAGE, OnStage, bring_up_to_date, search_stages
+from mapmore_cli.pipeline.search import SEARCH, as_found, read_search
 from mapmore_cli.spec.layers import as_overrides
 from mapmore_cli.spec.loader import LoadedSpec, load
+from mapmore_cli.storage.atomic import write_text
 from mapmore_cli.storage.run_folder import RunFiles
 
 if TYPE_CHECKING:
@@ -102,3 +106,32 @@ def ranked(name: str, bench: Bench, trials: Sequence[Trial]) -> Tuning:
     for place, number in enumerate(usable):
         told[number] = replace(trials[number], excess=float(rank.excess[place]), spread=float(rank.spread[place]))
     return Tuning(name, bench.left_out, bench.full_scale, tuple(told), told[usable[rank.best]], told[usable[rank.chosen]])
+
+
+def searched(
+    loaded: LoadedSpec,
+    runs: Path,
+    budget: str | None = None,
+    *,
+    progress: Progress = lambda _what, _done, _total: None,
+    warn: Warn = lambda _message: None,
+    on_stage: OnStage = lambda _stage, _reason: None,
+) -> tuple[Search, Path]:
+    """Search the structure of a study, whatever its spec says of it; return what was tried, and the spec that was found.
+
+    Raises
+    ------
+    SpecError, DataError, FitError
+        Where the data cannot be read, or no structure can be fitted.
+    """
+    given: dict[str, Any] = (
+        {"model.type": AUTO}
+        if loaded.spec.model.type == AUTO
+        else {"dictionary": None, "segment": None, "fit": None, "model": {"type": AUTO}}
+    )
+    asked = {} if budget is None else {"model.budget": budget}
+    loaded = load(loaded.path, (*loaded.overrides, *as_overrides({**given, **asked})))
+    outcome = bring_up_to_date(loaded, runs, SEARCH_STAGE, progress=progress, warn=warn, on_stage=on_stage, stages=search_stages())
+    path = outcome.run_dir / FOUND
+    write_text(path, as_found(loaded, outcome.run_dir).resolved_in(outcome.run_dir, given_only=True))
+    return read_search(outcome.run_dir / SEARCH), path

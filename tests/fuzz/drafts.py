@@ -15,7 +15,7 @@ from specs import is_yaml
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.spec.loader import load
 from mapmore_cli.spec.units import convert
-from mapmore_cli.study.drafting.questions import Answers
+from mapmore_cli.study.drafting.answers import Answers
 from mapmore_cli.study.drafting.start import start
 
 TITLES = (

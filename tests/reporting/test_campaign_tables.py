@@ -20,11 +20,11 @@ from mapmore_cli.reporting.campaign import (
     nrmse_table,
     order_table,
     published_table,
-    render_campaign,
 )
 from mapmore_cli.reporting.figures.campaign import campaign_figures
 from mapmore_cli.reporting.figures.catalogue import rendered
 from mapmore_cli.reporting.figures.drawing import compose
+from mapmore_cli.reporting.report import render_campaign
 
 
 def test_a_failed_run_is_told_by_its_name() -> None:

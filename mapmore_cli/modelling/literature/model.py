@@ -13,7 +13,7 @@ from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.expressions import Expression, Name, Number, multiply, substitute, to_latex, to_text
-from mapmore_cli.modelling.program.formula import formula_value
+from mapmore_cli.modelling.literature.statements import formula_value
 from mapmore_cli.modelling.program.writing import Inputs, Writer, limit
 
 BLOCK = 2**18

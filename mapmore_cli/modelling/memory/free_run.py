@@ -11,10 +11,11 @@ from mapmore_cli.domain.memory import MemoryModel
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.expressions import Expression, dictionary_matrix, parse
 from mapmore_cli.modelling.memory.feedback import Feedback, feedback_of
-from mapmore_cli.modelling.memory.records import UNEVEN, AtSample, numbered, uninterrupted
+from mapmore_cli.modelling.memory.records import AtSample, numbered, uninterrupted
 from mapmore_cli.modelling.memory.simulation import bounds_of, piece_of, refuse_unknown_beginning
 from mapmore_cli.modelling.memory.starts import begun
 from mapmore_cli.modelling.memory.states import evaluate_states, memory_inputs
+from mapmore_cli.modelling.signals.sampling import UNEVEN
 
 FEW = 2
 """Samples up to which a longer step is taken for a gap."""

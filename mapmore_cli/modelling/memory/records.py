@@ -11,10 +11,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
-from mapmore_cli.modelling.signals.sampling import find_resets, pieces
-
-UNEVEN = 1e-3
-"""Of a time step: more than this apart from an even grid, samples are not evenly spaced. Stamps are often rounded so far."""
+from mapmore_cli.modelling.signals.sampling import UNEVEN, find_resets, pieces
 
 
 class AtSample(DataError):

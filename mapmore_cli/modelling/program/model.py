@@ -5,13 +5,13 @@ from __future__ import annotations
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Model
-from mapmore_cli.modelling.expressions import Name
-from mapmore_cli.modelling.kinds import numbers_in_reach, write
-from mapmore_cli.modelling.memory.records import UNEVEN
+from mapmore_cli.modelling.expressions import Expression, Name
+from mapmore_cli.modelling.kinds import kind_of, numbers_in_reach
 from mapmore_cli.modelling.program.slopes import with_slopes
 from mapmore_cli.modelling.program.statements import Program
 from mapmore_cli.modelling.program.values import INPUT, evaluator
-from mapmore_cli.modelling.program.writing import Writer
+from mapmore_cli.modelling.program.writing import Inputs, Writer
+from mapmore_cli.modelling.signals.sampling import UNEVEN
 
 
 def program_of(model: Model) -> Program:
@@ -33,6 +33,12 @@ def program_of(model: Model) -> Program:
         raise DataError(f"the parts of {model.name} go on from {', '.join(m.kept.fed_back)}", "export the parts one by one")
     with numbers_in_reach(model):
         return m.program(tuple(names), value)
+
+
+def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
+    """Write a model of any kind; return its output."""
+    value: Expression = kind_of(model).verb("write")(m, model, inputs)
+    return value
 
 
 def slopes(model: Model, columns: Columns) -> dict[str, Array]:

@@ -9,8 +9,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.recording import Curve, Dataset
-from mapmore_cli.modelling.memory.records import UNEVEN
-from mapmore_cli.modelling.signals.sampling import correlation
+from mapmore_cli.modelling.signals.sampling import UNEVEN, correlation
 
 NOT_INPUTS = ("time", "hysteresis")
 """Quantities that are no inputs: the clock, and what `cycles` makes of the target."""

@@ -43,6 +43,9 @@ def spread_repeated(time: Array) -> Array:
     return spread
 
 
+UNEVEN = 1e-3
+"""Of a time step: more than this apart from an even grid, samples are not evenly spaced. Stamps are often rounded so far."""
+
 ROUNDING = 1e-9  # relative: a step of exactly the limit is no gap, however it was rounded
 
 

@@ -14,6 +14,7 @@ from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling import kinds
 from mapmore_cli.modelling.expressions import Expression, Name, Number, evaluate, parse, substitute, to_latex, to_text
 from mapmore_cli.modelling.expressions.syntax import Condition
+from mapmore_cli.modelling.program.model import write as write_any
 from mapmore_cli.modelling.program.statements import NOTHING
 from mapmore_cli.modelling.program.writing import Inputs, Writer, times, total
 
@@ -107,8 +108,8 @@ def _value(m: Writer, part: Part, inputs: Inputs) -> Expression:
         waits += [fed] * (len(m.kept.queues) > queues)
     waited = m.let("fed", total(waits)) if waits else None
     limits, knots, m.limits, m.knots = m.limits, m.knots, [], {}
-    write: Callable[[], Expression] = partial(kinds.write, m, part.model, {**inputs, **renamed})
-    value = write() if waited is None else m.where(Condition(waited, "==", waited), write, NOTHING)
+    written: Callable[[], Expression] = partial(write_any, m, part.model, {**inputs, **renamed})
+    value = written() if waited is None else m.where(Condition(waited, "==", waited), written, NOTHING)
     m.limits = [*limits, *(replace(limit, inputs=_own(part, limit.inputs) & inputs.keys()) for limit in m.limits)]
     own, m.knots = m.knots, knots
     for name in own.keys() - renamed.keys():  # a renamed input is another expression of the sum's inputs

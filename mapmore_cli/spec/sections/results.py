@@ -7,20 +7,13 @@ from __future__ import annotations
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import BaseModel, Field, model_validator
+from pydantic import Field, model_validator
 
 from mapmore_cli.domain.declared import Contradiction, Either
 from mapmore_cli.domain.page import FIGURES
 from mapmore_cli.domain.scores import Published
-from mapmore_cli.spec.fields import Metres, Metric, Name, OfTarget, Quantity, RelativePath, Section, SettingsOf, Share, SpecPath
+from mapmore_cli.spec.fields import Metres, Metric, Name, OfTarget, Quantity, RelativePath, Section, SettingsOfSpec, Share, SpecPath
 from mapmore_cli.spec.sections.model import Summands, refuse_mixed
-
-
-def experiment() -> type[BaseModel]:
-    """Return the model of a whole spec, which holds these sections."""
-    from mapmore_cli.spec.experiment import ExperimentSpec
-
-    return ExperimentSpec
 
 
 class Competitor(Section):
@@ -37,7 +30,7 @@ class Competitor(Section):
 
     model: Annotated[str, RelativePath(bare=True)] | None = None
     run: SpecPath | None = None
-    set: Annotated[dict[str, Any], SettingsOf(experiment)] | None = None
+    set: Annotated[dict[str, Any], SettingsOfSpec()] | None = None
     static: str | None = None
     damping: str | None = None
     method: Literal["variable_projection", "levenberg_marquardt", "simplex"] | None = None

@@ -29,8 +29,8 @@ from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import FitResult, Validation
-from mapmore_cli.storage.artefacts.field import Label
 from mapmore_cli.storage.artefacts.integrity import CHECKSUM, Digest, Invalid, look_over, stored_at
+from mapmore_cli.storage.artefacts.label import Label
 from mapmore_cli.storage.artefacts.layout import SegmentationFile
 from mapmore_cli.storage.artefacts.schema import check_lengths, schema_of
 from mapmore_cli.storage.atomic import replacing

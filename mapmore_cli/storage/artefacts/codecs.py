@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from mapmore_cli.domain.arrays import give_back, row_blocks
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.foreign import is_one_line
-from mapmore_cli.storage.artefacts.field import Label
 from mapmore_cli.storage.artefacts.integrity import MOST_KEYS, Digest, Invalid, is_unicode, stored_at, texts_of, valid_text
+from mapmore_cli.storage.artefacts.label import Label
 
 LONG, HUGE = 4096, 1 << 20
 """Elements from which on an array is compressed, and from which on it is so no more. Shorter ones stay contiguous, so that any reader finds

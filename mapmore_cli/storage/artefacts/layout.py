@@ -20,8 +20,9 @@ from mapmore_cli.domain.scores import Score
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import kinds
 from mapmore_cli.storage.artefacts.codecs import adapted, named, optional
-from mapmore_cli.storage.artefacts.field import NO_UNIT, Field
+from mapmore_cli.storage.artefacts.field import Field
 from mapmore_cli.storage.artefacts.integrity import Invalid
+from mapmore_cli.storage.artefacts.label import NO_UNIT
 from mapmore_cli.storage.artefacts.schema import LAYOUTS, REALS, TEXT, TEXTS, Layout, Schema, rows, schema_of, variant
 
 

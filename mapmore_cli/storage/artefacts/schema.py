@@ -33,8 +33,9 @@ from mapmore_cli.storage.artefacts.codecs import (
     text,
     texts,
 )
-from mapmore_cli.storage.artefacts.field import NO_UNIT, Field, Label, Sizes, dimensions
+from mapmore_cli.storage.artefacts.field import Field, Sizes, dimensions
 from mapmore_cli.storage.artefacts.integrity import Digest, Invalid, stored_at
+from mapmore_cli.storage.artefacts.label import NO_UNIT, Label
 
 
 @dataclass(frozen=True)

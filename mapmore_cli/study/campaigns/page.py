@@ -111,9 +111,10 @@ class CampaignPage:
 
 def write_page(campaign: Campaign, results: Mapping[str, Finished | BaseException], runs: Path) -> CampaignPage:
     """Write `RUNS/CAMPAIGN/index.html` with its figures and tables; `results` are those of its runs by name, in their order."""
-    from mapmore_cli.reporting.campaign import campaign_tables, render_campaign
+    from mapmore_cli.reporting.campaign import campaign_tables
     from mapmore_cli.reporting.figures.campaign import campaign_figures
     from mapmore_cli.reporting.figures.catalogue import rendered
+    from mapmore_cli.reporting.report import render_campaign
 
     scores = scores_of(campaign, results)
     tables = campaign_tables(scores)

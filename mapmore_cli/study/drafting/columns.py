@@ -10,7 +10,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.spec.units import convert, is_canonical
-from mapmore_cli.study.drafting.questions import Answers
+from mapmore_cli.study.drafting.answers import Answers
 from mapmore_cli.study.inspection.evidence import ColumnTitle, leads, read_label, same_signals, unit_in
 
 STATES = 6  # different values, up to which a column is a state and not a measurement

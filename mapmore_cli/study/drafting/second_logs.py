@@ -10,11 +10,11 @@ import numpy as np
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.spec.units import convert
+from mapmore_cli.study.drafting.answers import Answers
 from mapmore_cli.study.drafting.columns import Guess, guess_columns, range_of, told_guesses
 from mapmore_cli.study.drafting.draft import Draft
 from mapmore_cli.study.drafting.groups import Group, patterns, words_of
 from mapmore_cli.study.drafting.moving import names_of
-from mapmore_cli.study.drafting.questions import Answers
 from mapmore_cli.study.drafting.recordings import raw_columns, read_draft, with_columns
 from mapmore_cli.study.inspection.evidence import read_label, two_digits
 

@@ -14,6 +14,7 @@ from mapmore_cli.domain.recording import Recording
 from mapmore_cli.ingestion.samples import unwrapped
 from mapmore_cli.spec.units import parse_quantity
 from mapmore_cli.storage.tables.table import remembered
+from mapmore_cli.study.drafting.answers import NOTHING_SAID, Answers
 from mapmore_cli.study.drafting.columns import Guess, Raw, guess_columns, told_guesses, turn_of, twins_of, with_turns
 from mapmore_cli.study.drafting.draft import Draft
 from mapmore_cli.study.drafting.experiment import find_held, with_experiment
@@ -21,7 +22,7 @@ from mapmore_cli.study.drafting.groups import Group, find_groups
 from mapmore_cli.study.drafting.model import hysteresis_beside, with_comparison
 from mapmore_cli.study.drafting.moving import guess_others, moves, pressures_of, remembers, with_counted_samples, with_memory
 from mapmore_cli.study.drafting.proof import proven
-from mapmore_cli.study.drafting.questions import NOTHING_SAID, Answers, Ask, asked_columns, asked_length, asked_rest
+from mapmore_cli.study.drafting.questions import Ask, asked_columns, asked_length, asked_rest
 from mapmore_cli.study.drafting.recordings import (
     cleaned,
     constants_of,

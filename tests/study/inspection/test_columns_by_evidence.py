@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from lint_studies import inspected, only
 
 from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.study.drafting.answers import Answers, ToldColumn, read_columns
 from mapmore_cli.study.drafting.columns import guess_columns
 from mapmore_cli.study.drafting.groups import number_in
 from mapmore_cli.study.drafting.moving import guess_others
-from mapmore_cli.study.drafting.questions import Answers, ToldColumn, read_columns
 from mapmore_cli.study.inspection.evidence import leads, same_signals, untold
 
 LEVELS = (1.0, 2.0, 3.0, 4.0)  # bar

@@ -13,8 +13,8 @@ from mapmore_cli.pipeline.search import reads
 from mapmore_cli.spec.loader import load
 from mapmore_cli.storage.globs import expand
 from mapmore_cli.study.drafting import start as drafting
+from mapmore_cli.study.drafting.answers import Answers
 from mapmore_cli.study.drafting.draft import Draft
-from mapmore_cli.study.drafting.questions import Answers
 from mapmore_cli.study.inspection.lint import inspect
 
 

@@ -14,11 +14,11 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.spec.experiment import TargetColumn
 from mapmore_cli.spec.loader import LoadedSpec, load
+from mapmore_cli.study.drafting.answers import Answers
 from mapmore_cli.study.drafting.draft import Draft, Note, to_yaml
 from mapmore_cli.study.drafting.groups import patterns
 from mapmore_cli.study.drafting.preview import preview
 from mapmore_cli.study.drafting.proof import proven
-from mapmore_cli.study.drafting.questions import Answers
 from mapmore_cli.study.drafting.start import start
 from mapmore_cli.study.inspection.lint import inspect
 

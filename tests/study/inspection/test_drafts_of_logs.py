@@ -14,10 +14,10 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.scores import Score
 from mapmore_cli.study.drafting import start as drafting
+from mapmore_cli.study.drafting.answers import Answers
 from mapmore_cli.study.drafting.columns import guess_columns
 from mapmore_cli.study.drafting.draft import Draft
 from mapmore_cli.study.drafting.proof import Trial, proven
-from mapmore_cli.study.drafting.questions import Answers
 from mapmore_cli.study.inspection.evidence import remembered
 
 K = np.arange(600)

@@ -18,7 +18,7 @@ from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.loader import load
-from mapmore_cli.study.drafting.questions import Answers
+from mapmore_cli.study.drafting.answers import Answers
 from mapmore_cli.study.drafting.start import start
 from mapmore_cli.study.inspection.lint import inspect
 
