@@ -9,6 +9,7 @@ from mapmore_cli.domain.models import CurveRange, Formula, Model, Pieces
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.validation.intervals import half_widths_of
 from mapmore_cli.reporting.figures.style import level_colours
+from mapmore_cli.reporting.inputs import FigureStyle
 
 POINTS = 201
 
@@ -24,7 +25,6 @@ def draw_model(ax: Axes, model: Model, level: float | None = None) -> None:
         raise TypeError(f"{model.name} has no curves to draw; call it with a recording, and draw what it says")
     ranges = model.body.ranges
     along = _varying(model, ranges)
-    unit = {quantity.name: quantity.unit for quantity in model.inputs}
     for colour, one in zip(level_colours(len(ranges)), ranges, strict=True):
         x = np.linspace(*one.limits[along], POINTS)
         held = {name: np.full(POINTS, sum(ends) / 2) for name, ends in one.limits.items()}
@@ -35,8 +35,9 @@ def draw_model(ax: Axes, model: Model, level: float | None = None) -> None:
         if level is not None:
             half = half_widths_of(model, {**held, along: x}, level)
             ax.fill_between(x, said - half, said + half, color=colour, alpha=0.2, linewidth=0)
-    ax.set_xlabel(f"{along} [{unit[along]}]")
-    ax.set_ylabel(f"{model.output.name} [{model.output.unit}]")
+    style = FigureStyle()
+    ax.set_xlabel(style.axis_label(next(quantity for quantity in model.inputs if quantity.name == along)))
+    ax.set_ylabel(style.axis_label(model.output))
     ax.legend()
 
 
