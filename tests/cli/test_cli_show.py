@@ -173,5 +173,5 @@ def test_a_model_draws_its_training_curves(model: LoadedModel) -> None:
     assert [line.get_label() for line in ax.lines] == ["pressure=80", "pressure=150", "pressure=350"]
     line = ax.lines[1]
     np.testing.assert_allclose(line.get_ydata(), model(pressure=150.0, strain=line.get_xdata()))
-    assert ax.get_xlabel() == "strain [1]"
+    assert ax.get_xlabel() == "Strain (–)"
     mpl.pyplot.close(ax.figure)
