@@ -5,18 +5,23 @@ The measured recordings must be there (docs/data.md).
 
 from __future__ import annotations
 
+import json
 import math
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from statistics import median
 
 from pages import CONFIGS, DOCS, campaign, finished, write_tables
 
 from mapmore_cli.domain.scores import Score
+from mapmore_cli.modelling.validation.error_parts import PARTS, error_parts
 from mapmore_cli.reporting.campaign import CampaignScores, nrmse_table
-from mapmore_cli.reporting.table import Column, Table
-from mapmore_cli.spec.campaign import Entry, load_campaign
+from mapmore_cli.reporting.table import Cell, Column, Table
+from mapmore_cli.spec.campaign import Entry, Variant, load_campaign
+from mapmore_cli.spec.loader import load
 from mapmore_cli.storage.artefacts import read_fit
+from mapmore_cli.storage.run_folder import RunFiles
 from mapmore_cli.study.campaigns.batch import Finished
 
 REVERSALS = ("dmsp-20-88-inner-reversals", "peano-inner-reversals")
@@ -53,6 +58,63 @@ def uncut(runs: Path) -> Table:
         rows.append((variant.name, f"{quantity} {condition} {said}", *errors))
     columns = (Column("run"), Column("kept"), Column("cut", "%", ".3g"), Column("uncut", "%", ".3g"))
     return Table("uncut", "NRMSE of mapmore with and without what was not measured soundly", columns, tuple(rows))
+
+
+EXTRA: Mapping[str, Sequence[object]] = {
+    "shipped": (),
+    "drift": (
+        {
+            "products": {
+                "of": ["pressure", {"slow": {"of": ["pressure"], "tau": ["10 s", "30 s", "100 s"]}}],
+                "order": 2,
+                "with": ["pressure"],
+                "constant": False,
+            }
+        },
+    ),
+    "creep": ({"creep": {"of": ["pressure"]}},),
+    "free run": ({"slow": {"of": ["pressure"]}},),
+}
+"""What is added to the dictionary of the coiled muscles: states slower than the cycles, logarithmic creep, and a slow state whose time
+constant, like the numbers of the creep, is found together with all coefficients in free run."""
+
+
+def coiled(runs: Path, group: str = "", kind: str = "shipped") -> Iterator[tuple[Variant, Finished]]:
+    """The records of coiled muscles, by themselves, with a dictionary of that kind."""
+    spec, entries = load_campaign(CONFIGS / "campaigns" / "coiled.yaml")
+    for variant, entry in zip(spec.runs, entries, strict=True):
+        shipped = load(entry.config).spec.model_dump(mode="json", by_alias=True, exclude_unset=True)["dictionary"]
+        added = (f"dictionary={json.dumps([*shipped, *EXTRA[kind]])}",) if EXTRA[kind] else ()
+        name = f"name={variant.name}-{kind.replace(' ', '-')}"
+        if str(variant.group).startswith(group):
+            yield variant, finished(Entry(entry.config, (*entry.overrides, "validate.against=[]", *added, name)), runs)
+
+
+def coiled_models(runs: Path) -> Table:
+    """Held-out errors of all records, with states that drift and creep."""
+    errors = {kind: {str(one.name): 100 * own(run).nrmse for one, run in coiled(runs, kind=kind)} for kind in EXTRA}
+    groups = {str(one.name): str(one.group) for one, _ in coiled(runs)}
+    rows: list[tuple[Cell, ...]] = [(name, *(errors[kind][name] for kind in EXTRA)) for name in groups]
+    for group in dict.fromkeys(groups.values()):
+        for word, pooled in (("median", median), ("worst", max)):
+            rows.append((f"{group}: {word}", *(pooled([of[name] for name in groups if groups[name] == group]) for of in errors.values())))
+    columns = (Column("run"), *(Column(kind, "%", ".3g") for kind in EXTRA))
+    return Table("coiled_models", "NRMSE of coiled muscles with slower states, each record by itself", columns, tuple(rows))
+
+
+def coiled_parts(runs: Path) -> Table:
+    """What the held-out errors of the shipped setting consist of, in per cent of the range."""
+    rows: list[tuple[Cell, ...]] = []
+    for one, run in coiled(runs):
+        files, score = RunFiles(run.run_dir), own(run)
+        dataset, said = files.dataset(), files.validation().predictions["mapmore"]
+        *_, held = error_parts(dataset.curves, said, dataset.target, "pressure", dataset.logs)
+        parts = {part: 100 * size * score.nrmse / score.rmse for part, size in held.rms.items()}
+        rows.append((str(one.name), len(held.offsets), math.hypot(*parts.values()), *parts.values(), held.limit))
+    columns = (Column("run"), Column("cycles"), *(Column(name, "%", ".3g") for name in ("NRMSE", *PARTS)), Column("limited by"))
+    most = sum(row[-1] in ("drift", "change") for row in rows)
+    told = f"Drift or change is the largest part in {most} of {len(rows)} records."
+    return Table("coiled_parts", "What the held-out errors of coiled muscles consist of", columns, tuple(rows), (told,))
 
 
 def reversals(runs: Path) -> Table:
@@ -164,6 +226,8 @@ def tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
     """Every table of the page, by its name there."""
     return {
         "coiled": lambda: nrmse_table(campaign("coiled", runs)),
+        "coiled_models": lambda: coiled_models(runs),
+        "coiled_parts": lambda: coiled_parts(runs),
         "uncut": lambda: uncut(runs),
         "coiled_loads": lambda: nrmse_table(campaign("coiled_loads", runs)),
         "reversals": lambda: reversals(runs),

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Callable
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import pytest
 from page_tables import MEMORY, numbers, page_table
 from test_shipped_studies import CONFIGS, NRMSE
 
+from mapmore_cli.modelling.validation.error_parts import PARTS
 from mapmore_cli.spec.campaign import Campaign, Entry, load_campaign
 from mapmore_cli.spec.loader import load
 from mapmore_cli.storage.artefacts import read_fit, read_model
@@ -62,6 +65,27 @@ def test_one_setting_keeps_the_limits_on_both_sets(group: str) -> None:
     assert typical["mapmore"] <= 4
     assert worst["mapmore"] <= 10
     assert all(typical["mapmore"] < told for model, told in typical.items() if model not in ("mapmore", "repeatability"))
+
+
+def test_the_parts_of_held_out_errors_add_up_and_drift_or_change_limits_most() -> None:
+    rows = page_table("coiled_parts", MEMORY)
+    shipped = {name: numbers(row)["shipped"] for name, row in page_table("coiled_models", MEMORY).items() if ":" not in name}
+    limits = [row["limited by"] for row in rows.values()]
+    for name, row in rows.items():
+        parts = {part: numbers(row)[part] for part in PARTS}
+        assert math.hypot(*parts.values()) == pytest.approx(numbers(row)["NRMSE"], rel=DIGITS)
+        assert (row["limited by"], shipped[name]) == (max(parts, key=parts.__getitem__), pytest.approx(numbers(row)["NRMSE"], rel=0.05))
+    most = sum(limit in ("drift", "change") for limit in limits)
+    assert f"the largest part in {most} of {len(rows)} records" in MEMORY.read_text(encoding="utf-8")
+
+
+def test_what_is_said_of_slower_states_stands_in_the_table() -> None:
+    rows = {name: numbers(row) for name, row in page_table("coiled_models", MEMORY).items()}
+    for group in ("steps", "loops"):
+        of = [row["creep"] for name, row in rows.items() if name.startswith(f"{group}-")]
+        assert (rows[f"{group}: median"]["creep"], rows[f"{group}: worst"]["creep"]) == (pytest.approx(median(of), rel=DIGITS), max(of))
+    steps, loops, worst = (rows[name]["creep"] for name in ("steps: median", "loops: median", "steps: worst"))
+    assert f"to {steps} (steps) and {loops} % (loops), with {worst} % at worst" in MEMORY.read_text(encoding="utf-8")
 
 
 def test_what_is_said_of_jumps_stands_in_the_table() -> None:

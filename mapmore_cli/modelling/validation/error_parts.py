@@ -3,7 +3,7 @@
 Errors are parted by projections, so that squares add up. The mean of each cycle is `drift`. Of what is left, the mean over cycles at the
 same place of the same stroke is an error that every cycle of the split repeats: as far as it is the one that training left, it is the
 model's `shape`; what differs from that is `change`, loops that are no longer those of the training cycles. The `rest` is repeated by no
-other cycle: noise, and drift within a cycle.
+other cycle: noise, and drift within a cycle. Of a single held-out cycle, all that its places have and training did not leave is `change`.
 """
 
 from __future__ import annotations
@@ -50,7 +50,8 @@ class ErrorParts:
 def error_parts(
     curves: Sequence[Curve], predicted: Sequence[Array], target: str, driven: str, logs: Mapping[str, str]
 ) -> tuple[ErrorParts, ...]:
-    """Return the parts of the errors on training and on held-out samples; nothing where no log has two cycles of `driven` in a split.
+    """Return the parts of the errors on training and on held-out samples; nothing of training where no log has
+    two cycles of `driven`, nor of held-out samples where there is not one beside these.
 
     - `curves`, `predicted`: pieces of recordings, and (n,) predictions of each.
     - `target`, `driven`: the predicted quantity, and the input that goes up and down.
@@ -70,8 +71,12 @@ def error_parts(
         count += int(number.max(initial=-1)) + 1
     columns = [np.concatenate(parts) for parts in (error, held_out, cycle, place)]
     trained = _means(*_left(~columns[1], *columns)[:2])
-    splits = (("train", ~columns[1]), ("validate", columns[1]))
-    return tuple(found for split, rows in splits if (found := _of_split(split, trained, *_left(rows, *columns))) is not None)
+    found: list[ErrorParts] = []
+    for split, rows in (("train", ~columns[1]), ("validate", columns[1])):
+        left = _left(rows, *columns)
+        if len(left[-1]) > (0 if found else 1):
+            found.append(_of_split(split, trained, *left))
+    return tuple(found)
 
 
 def _places(x: Array) -> IntArray:
@@ -92,9 +97,7 @@ def _left(rows: BoolArray, error: Array, _held_out: BoolArray, cycle: IntArray, 
     return error[rows] - offsets[of_cycle], place[rows], offsets[of_cycle], offsets
 
 
-def _of_split(split: str, trained: Array, left: Array, place: IntArray, drift: Array, offsets: Array) -> ErrorParts | None:
-    if len(offsets) < 2:
-        return None
+def _of_split(split: str, trained: Array, left: Array, place: IntArray, drift: Array, offsets: Array) -> ErrorParts:
     repeated, known = _means(left, place)[place], trained[place]
     power = float(known @ known)
     again = float(np.clip(repeated @ known / power, 0.0, 1.0)) if power > 0 else 0.0

@@ -99,8 +99,22 @@ def test_squares_add_up_over_gaps_and_empty_predictions(seed, pieces):
         assert one.samples <= len(known)
 
 
-def test_one_cycle_tells_nothing_of_another():
-    assert [one.split for one in of(np.ones(len(X)), held=CYCLE >= CYCLES - 1)] == ["train"]
+PLACE = np.linspace(0, 2 * np.pi * CYCLES, len(X), endpoint=False)
+
+
+@pytest.mark.parametrize(
+    ("name", "error"),
+    [("drift", 0.3 * (CYCLE == CYCLES - 1)), ("shape", np.sin(PLACE)), ("change", np.where(CYCLE == CYCLES - 1, np.cos(3 * PLACE), 1e-3))],
+)
+def test_one_held_out_cycle_is_parted_beside_those_of_training(name, error):
+    _, one = of(error, held=CYCLE >= CYCLES - 1)
+    assert (one.split, len(one.offsets), one.limit) == ("validate", 1, name)
+    assert sum(value**2 for value in one.rms.values()) == pytest.approx(np.mean(error[-one.samples :] ** 2), rel=0.01)
+
+
+def test_without_two_training_cycles_one_tells_nothing():
+    assert [one.split for one in of(np.ones(len(X)), held=CYCLE != 0)] == ["validate"]
+    assert of(np.where(CYCLE > 1, np.nan, 1.0), held=CYCLE > 0) == ()
 
 
 def dataset(measured: np.ndarray, held_out: np.ndarray) -> Dataset:
