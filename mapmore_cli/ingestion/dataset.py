@@ -22,6 +22,7 @@ from mapmore_cli.ingestion.curves import (
     with_scatter,
 )
 from mapmore_cli.ingestion.files import IngestSlice, Meter, Source, find_sources
+from mapmore_cli.ingestion.offsets import offsets_of
 from mapmore_cli.ingestion.recording import ReadLog, read_recordings
 from mapmore_cli.ingestion.split import held_out, meant_levels
 from mapmore_cli.spec.sections.data import Data
@@ -75,16 +76,22 @@ def build_dataset(
         units["hysteresis"] = units[slice_.measured]
         target = "hysteresis" if slice_.component == "hysteresis" else target
     masks = held_out(parts, data.split.hold_out, levels, spec_dir)
+    curves = joined_curves(parts, masks, levels)
+    offsets: tuple[str, ...] = ()
+    if data.groups is not None and data.groups.offset:
+        known = offsets_of(curves, data.groups.of, target)
+        curves, offsets = tuple(known.taken_off(curve, target) for curve in curves), (known.describe(target, units[target]),)
     return Dataset(
         target=target,
         level=levels.of if levels else None,
         quantities={name: Quantity(name, unit) for name, unit in units.items()},
         recordings=tuple(recordings),
-        curves=joined_curves(parts, masks, levels),
+        curves=curves,
         notes=(
             *(note for reading in readings for note in reading.notes),
             *([levels.describe()] if levels else []),
             *meant_levels(data.split.hold_out, levels),
+            *offsets,
         ),
     )
 

@@ -33,11 +33,12 @@ class IngestSlice:
 def slice_of(spec: ExperimentSpec) -> IngestSlice:
     """Return the part of the spec that ingest reads; cross-validation is no business of its."""
     split = spec.data.split.model_copy(update={"leave_one_level_out": False, "leave_one_group_out": False})
+    groups = spec.data.groups if spec.data.groups is not None and spec.data.groups.offset else None
     component: Literal["static", "hysteresis", "damping"] = "static"
     if spec.target in ("hysteresis", "damping"):
         component = "hysteresis" if spec.target == "hysteresis" else "damping"
     return IngestSlice(
-        data=spec.data.model_copy(update={"split": split, "groups": None, "derive": derivations_of(spec)}),
+        data=spec.data.model_copy(update={"split": split, "groups": groups, "derive": derivations_of(spec)}),
         measured=spec.target_quantity,
         component=component,
         units=units_of(spec),

@@ -55,11 +55,22 @@ def groups(spec: ExperimentSpec) -> Iterator[Finding]:
     if of is not None and of.of not in spec.data.quantities:
         remedy = f"add it to `columns`, or `set: {{{of.of}: 1}}` beside the files"
         yield Finding(("data", "groups", "of"), f"no recording has the quantity `{of.of}`", remedy)
+    if of is not None and of.offset:
+        yield from _offsets(spec)
     if split.leave_one_group_out and of is None:
         yield Finding(LEFT_OUT_GROUP, "there are no groups to leave out", "add `groups: {of: specimen}` to `data`", on_key=True)
     elif split.leave_one_group_out and (spec.has_memory or spec.model.type == "sum"):
         remedy = "hold one out, as `validate: {specimen: [2]}`"
         yield Finding(LEFT_OUT_GROUP, "neither a model with memory nor a sum can be fitted without one of the groups", remedy, on_key=True)
+
+
+def _offsets(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Yield why offsets of groups cannot be taken off: of groups that are left out, or of a difference."""
+    where = ("data", "groups", "offset")
+    if spec.data.split.leave_one_group_out:
+        yield Finding(where, "the offset of a group that is left out is not known", "remove `offset` or `leave_one_group_out`", on_key=True)
+    if spec.target in ("hysteresis", "damping"):
+        yield Finding(where, f"the {spec.target} force is a difference, which no offset changes", "remove `offset`", on_key=True)
 
 
 def after_cycles(spec: ExperimentSpec) -> Iterator[Finding]:

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.recording import Curve
+from mapmore_cli.ingestion.offsets import offsets_of
+from mapmore_cli.storage.run_folder import RunFiles
 
 SPEC = """\
 name: specimens
@@ -71,3 +77,75 @@ def test_contradictions_are_refused(split: str, told: str, campaign: Path, mapmo
     spec.write_text(SPEC.replace("SPLIT", "").replace("groups: {of: specimen}", "groups: {of: session}"))
     refused = mapmore("check", spec)
     assert (refused.exit_code, "no recording has the quantity `session`" in refused.stderr) == (3, True)
+
+
+@pytest.fixture
+def sessions(tmp_path: Path) -> Path:
+    """Two sessions whose load cells were zeroed apart: 8 N; each measured other strains, which overlap."""
+    rng = np.random.default_rng(1)
+    for name, offset, (low, high) in (("a", 5.0, (0.0, 0.15)), ("b", -3.0, (0.05, 0.2))):
+        for level in (100, 200, 300):
+            strain = np.linspace(low, high, 40)
+            force = level * (2 - 8 * strain) + offset + rng.normal(0, 0.2, 40)
+            rows = [f"{level},{e:.6f},{f:.5f}" for e, f in zip(strain, force, strict=True)]
+            (tmp_path / f"{name}_{level}.csv").write_text("\n".join(["P,eps,F", *rows]) + "\n")
+    return tmp_path
+
+
+def of_sessions(folder: Path, split: str, groups: str) -> Path:
+    spec = folder / "sessions.yaml"
+    files = '[{path: "a_*.csv", set: {specimen: 1}}, {path: "b_*.csv", set: {specimen: 2}}]'
+    lines = SPEC.replace("SPLIT", split).replace("groups: {of: specimen}", groups).splitlines()
+    spec.write_text("\n".join([lines[0], lines[1], f"  files: {files}", *lines[3:]]) + "\n")
+    return spec
+
+
+def test_offsets_of_sessions_are_taken_off_and_told(sessions: Path, mapmore: Callable[..., Any]) -> None:
+    errors = {}
+    for groups in ("groups: {of: specimen}", "groups: {of: specimen, offset: true}"):
+        spec = of_sessions(sessions, "  split: {validate: {pressure: [200]}}", groups)
+        result = mapmore("validate", spec, "--runs", sessions / "runs", "--json", "-q")
+        assert result.exit_code == 0, result.stderr
+        found = json.loads(result.stdout)["scores"]
+        errors[groups] = next(row["rmse"] for row in found if (row["model"], row["split"], row["curve"]) == ("mapmore", "validate", "all"))
+    assert max(errors.values()) > 2 > 0.5 > min(errors.values())
+    (note,) = (note for note in RunFiles(sessions / "runs" / "specimens").dataset().notes if note.startswith("offsets"))
+    told = [float(text) for text in re.findall(r": ([+-][\d.]+)", note)]
+    assert told == pytest.approx([4.0, -4.0], abs=0.2)
+    assert "[N] taken off force" in note
+
+
+@pytest.mark.parametrize(
+    ("split", "told"),
+    [
+        ("  split: {leave_one_group_out: true}", "left out is not known"),
+        ("  split: {validate: {specimen: [2]}}", None),
+    ],
+)
+def test_a_group_without_training_samples_has_no_offset(split: str, told: str | None, sessions: Path, mapmore: Callable[..., Any]) -> None:
+    spec = of_sessions(sessions, split, "groups: {of: specimen, offset: true}")
+    result = mapmore("validate", spec, "--runs", sessions / "runs", "-q")
+    assert (result.exit_code, told is None or told in result.stderr) == (0 if told is None else 3, True)
+    if told is None:
+        assert any("none is known of 2" in note for note in RunFiles(sessions / "runs" / "specimens").dataset().notes)
+
+
+def test_offsets_do_not_depend_on_held_out_outputs_and_move_with_the_target() -> None:
+    rng = np.random.default_rng(2)
+    x, group, out = rng.uniform(-1, 1, 300), np.repeat([1.0, 2.0, 5.0], 100), rng.random(300) < 0.3
+    y = np.exp(x) + np.select([group == 1, group == 2], [1.0, -2.0], 0.0)
+
+    def found(target: np.ndarray) -> dict[float, float]:
+        return offsets_of([Curve("all", None, {"x": x, "g": group, "y": target}, out, ("a",))], "g", "y").by_group
+
+    of = found(y)
+    assert [of[1.0] - of[5.0], of[2.0] - of[5.0], sum(of.values())] == pytest.approx([1.0, -2.0, 0.0], abs=0.02)
+    assert found(np.where(out, rng.normal(size=300), y)) == of
+    assert found(3 * y + 7) == pytest.approx({value: 3 * offset for value, offset in of.items()})
+
+
+def test_what_goes_with_the_group_is_no_offset() -> None:
+    group = np.repeat([1.0, 2.0], 50)
+    x = np.where(group == 1, 0.0, 1.0) + np.tile(np.linspace(0, 1e-9, 50), 2)  # varies within a group, and tells nothing
+    with pytest.raises(DataError, match="cannot be told"):
+        offsets_of([Curve("all", None, {"x": x, "g": group, "y": x}, np.zeros(100, dtype=bool), ("a",))], "g", "y")

@@ -162,10 +162,12 @@ class Split(Section):
 class Groups(Section):
     """What tells specimens or sessions apart: the quantity `of`, one value for each, from a column or `set` beside the files.
 
-    Each group is scored by itself, and `split: {leave_one_group_out: true}` leaves each out in turn.
+    Each group is scored by itself, and `split: {leave_one_group_out: true}` leaves each out in turn. With `offset`, what each group adds to
+    the target at equal inputs is estimated on training samples and taken off; the mean of all offsets is zero.
     """
 
     of: Quantity
+    offset: bool = False
 
 
 class GapRule(Section):
