@@ -39,7 +39,7 @@ def row(study: str, runs: Path) -> tuple[float | int, ...]:
 
 
 def baselines(runs: Path) -> Table:
-    """A row for every study."""
+    """Return a row for every study."""
     heads = (Column("study"), Column("data"), Column("held out"), Column("training samples"))
     columns = (*heads, *(Column(model, "%", ".3g") for model in ("mapmore", *RIVALS)))
     rows = tuple((study.rpartition("/")[2], kind, held, *row(study, runs)) for study, kind, held in STUDIES)
@@ -68,7 +68,7 @@ def beside(study: str, runs: Path) -> dict[str, float]:
 
 
 def polynomials(runs: Path) -> Table:
-    """A row for every study of a paper."""
+    """Return a row for every study of a paper."""
     rows: list[tuple[Cell, ...]] = []
     ahead = 0
     for study in studies_of_papers():

@@ -59,7 +59,7 @@ def benchmarks(runs: Path) -> Table:
 
 
 def friction(runs: Path) -> Table:
-    """What friction terms bring on held-out parts."""
+    """Return what friction terms bring on held-out parts."""
     rows: list[tuple[Cell, ...]] = []
     for name in FRICTION:
         folder = finished(Entry(CONFIGS / "identification" / f"{name}.yaml", ()), runs).run_dir

@@ -48,7 +48,7 @@ RECIPE = Recipe(  # M2 section 5.1
 
 @cache
 def rig() -> SimulationSpec:
-    """The rig of the load cycles of the simulated McKibben muscle."""
+    """Return the rig of the load cycles of the simulated McKibben muscle."""
     return load_as(ROOT / "datasets" / "mckibben" / "load_cycles.yaml", SimulationSpec).spec
 
 
@@ -62,7 +62,7 @@ def cycle(seed: int, pressure: float) -> tuple[dict[str, np.ndarray], np.random.
 
 
 def simulated(name: str, seed: int, pressures: Sequence[float], factor: float) -> Model:
-    """A model of a campaign of load cycles, in which the muscle pulls `factor` times as strongly."""
+    """Return a model of a campaign of load cycles, in which the muscle pulls `factor` times as strongly."""
     sensors = {key: Sensor(one.noise, one.resolution) for key in ("strain", "force") if (one := getattr(rig().sensors, key)) is not None}
     curves = []
     for pressure in pressures:
@@ -109,14 +109,14 @@ def detection() -> Table:
 
 
 def first_pairs() -> Table:
-    """The first pairs one by one, which a test repeats."""
+    """Return the first pairs one by one, which a test repeats."""
     rows = tuple((number + 1, one.ratio, *one.interval) for number, one in enumerate(pairs(4, 1.03, 3)))
     columns = (Column("pair"), Column("ratio", "", ".5f"), Column("from", "", ".5f"), Column("to", "", ".5f"))
     return Table("first", "The first pairs of four curves, force x 1.03", columns, rows)
 
 
 def festo(length: int, repeats: str, runs: Path) -> Model:
-    """A model of the Festo muscle of so many cm, trained on some of its repeats (`89`: 8 and 9)."""
+    """Return a model of the Festo muscle of so many cm, trained on some of its repeats (`89`: 8 and 9)."""
     numbers = {"8": ["8"], "9": ["9"], "10": ["10"], "89": ["8", "9"]}[repeats]
     others = [f"*_Test{number}.csv.gz" for number in ("8", "9", "10") if number not in numbers]
     name = f"festo_10mm_{length}cm_test{repeats}"

@@ -44,13 +44,13 @@ def course(seconds: float) -> Array:
 
 
 def model_of(settings: tuple[str, ...], runs: Path) -> Model:
-    """The static model of the study, with other settings."""
+    """Return the static model of the study, with other settings."""
     loaded = load(CONFIGS / f"{STUDY}.yaml", (*settings, "validate.against=[]"))
     return read_model(bring_up_to_date(loaded, runs, "fuse").run_dir / "model.h5")
 
 
 def followed(feed: str, runs: Path, seconds: float, loop: Loop = LOOP) -> Columns:
-    """What the loop does with a pressure fed forward by the inverse of a model, or with that of the first sample alone."""
+    """Return what the loop does with a pressure fed forward by the inverse of a model, or with that of the first sample alone."""
     given = yaml.safe_load((DOCS.parent / "datasets" / "mckibben" / "load_cycles.yaml").read_text(encoding="utf-8"))
     spec = SimulationSpec.model_validate(given)
     reference, settings = course(seconds), FEEDS[feed]
@@ -104,7 +104,7 @@ def figure(runs: Path, path: Path) -> None:
 
 
 def tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
-    """The table of the page."""
+    """Return the table of the page."""
     return {"tracking": lambda: tracking(runs)}
 
 

@@ -63,7 +63,7 @@ SAID: Mapping[str, tuple[str, Answers]] = {
 
 
 def rows_of(folder: Path) -> list[Row]:
-    """A row for each spec that `init` proposes for a folder, without a word and with the answers, or one that says why there is none."""
+    """Return a row for each spec that `init` proposes for a folder, without a word and with answers, or one that says why there is none."""
     found = _rows(folder, Answers(), "nothing")
     if folder.name in SAID:
         words, answers = SAID[folder.name]
@@ -91,7 +91,7 @@ def proposed(draft: Draft) -> Row:
 
 
 def tried(draft: Draft, place: Path) -> Row:
-    """What `check` finds in a draft, the error of the model that `run` makes of it, and those of plainer models on the same split."""
+    """Return what `check` finds in a draft, the error of the model that `run` makes of it, and those of plainer models."""
     path = place / f"{draft.name}.yaml"
     path.write_text(draft.text(), encoding="utf-8")
     loaded = load(path)

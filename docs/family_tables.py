@@ -41,20 +41,20 @@ POINTS: Mapping[str, tuple[int, ...]] = {
 
 @cache
 def measured(runs: Path) -> tuple[str, Dataset]:
-    """The definition of the family, and all recordings as training data."""
+    """Return the definition of the family, and all recordings as training data."""
     loaded = load(CONFIGS / f"{STUDY}.yaml", ("name=festo_10mm_lengths_all", "data.split={}"))
     folder = bring_up_to_date(loaded, runs, "ingest").run_dir
     return str(model_choices(loaded.spec).model.name), read_dataset(folder / "ingest.h5")
 
 
 def lengths(runs: Path) -> list[float]:
-    """The rest lengths, m."""
+    """Return the rest lengths, m."""
     return sorted({float(curve.columns[OF][0]) for curve in measured(runs)[1].curves})
 
 
 @cache
 def fitted(name: str, length: float, runs: Path, own: bool = False) -> FormulaFit:
-    """A formula fitted to the muscles of the other lengths, or to the one of this length alone."""
+    """Return a formula fitted to the muscles of the other lengths, or to the one of this length alone."""
     dataset = measured(runs)[1]
     held = [replace(c, held_out=np.full(c.size, (float(c.columns[OF][0]) == length) != own)) for c in dataset.curves]
     return fit_formula(name, [curve for curve in held if curve.training.any()], dataset.target, advice=False)
@@ -89,7 +89,7 @@ def lengths_table(runs: Path) -> Table:
 
 
 def adapt_table(runs: Path) -> Table:
-    """A new length adapted by its first levels, scored at its other levels."""
+    """Return a new length adapted by its first levels, scored at its other levels."""
     family = measured(runs)[0]
     rows: list[tuple[Cell, ...]] = []
     for words, numbers in POINTS.items():

@@ -19,7 +19,7 @@ PEERS = ("sysidentpy", "fastcan", "pysindy")
 
 
 def cell(terms: int, share: float) -> str:
-    """Number of terms, and the share in % with ten digits."""
+    """Return number of terms, and the share in % with ten digits."""
     return f"{terms}: {100 * share:.8f}"
 
 

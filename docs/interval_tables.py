@@ -78,7 +78,7 @@ class Coverage:
 
 
 def coverage(model: Model, dataset: Dataset, level: float = LEVEL) -> Coverage:
-    """What becomes of the held-out samples of a dataset."""
+    """Return what becomes of the held-out samples of a dataset."""
     found = [_errors(model, curve, dataset.target, level) for curve in dataset.curves]
     errors, half = (np.concatenate([each[i] for each in found]) for i in range(2))
     given = np.isfinite(half)
@@ -107,7 +107,7 @@ def pooled(found: Sequence[Coverage]) -> tuple[float, float, float, float]:
 
 
 def specimen(kind: str, curves: int, seed: int) -> Dataset:
-    """Static curves of one specimen at `curves` pressures that train and `NEW` random ones between them that are held out."""
+    """Return static curves of one specimen at `curves` pressures that train and `NEW` random ones between them that are held out."""
     muscle, rng = MUSCLES[kind], np.random.default_rng([seed, curves])
     given: dict[str, Any] = yaml.safe_load((DOCS.parent / "datasets" / kind / "load_cycles.yaml").read_text(encoding="utf-8"))
     for name in muscle.differs:
@@ -130,7 +130,7 @@ def specimen(kind: str, curves: int, seed: int) -> Dataset:
 
 
 def made(choices: ModelChoices, dataset: Dataset) -> Model:
-    """A model of the training curves, with what intervals are made of."""
+    """Return a model of the training curves, with what intervals are made of."""
     fitted = refitted(choices, dataset)
     return replace(fitted, left_out=residuals(choices, dataset, {}, lambda _what, _done, _total: None, fitted))
 
@@ -225,7 +225,7 @@ class Case:
 
 
 def case(name: str, model: Model, dataset: Dataset) -> Case:
-    """The held-out curves of a dataset as a case."""
+    """Return the held-out curves of a dataset as a case."""
     assert model.left_out is not None
     assert dataset.level is not None
     first, errors, at = name.split()[0].rstrip(","), [], []
@@ -266,7 +266,7 @@ def measured_levels(name: str, runs: Path) -> Dataset:
 
 
 def subsets(every: Sequence[float], count: int) -> list[tuple[float, ...]]:
-    """Some choices of so many levels, the outer ones among them, that leave a level out."""
+    """Return some choices of so many levels, the outer ones among them, that leave a level out."""
     equal = WIDEST * (every[-1] - every[0]) / (count - 1) * (1 + 1e-9)
     inner = combinations(every[1:-1], count - 2) if len(every) > count else ()
     found = [at for at in ((every[0], *one, every[-1]) for one in inner) if max(np.diff(at)) <= equal]

@@ -27,7 +27,7 @@ from mapmore_cli.storage.artefacts import read_dataset, read_fit, read_model
 
 
 def auto(scores: CampaignScores, runs: Path) -> Table:
-    """The backbone that `auto` chooses from the training data of each run, and what it comes to on the held-out data."""
+    """Return the backbone that `auto` chooses from the training data of each run, and what it comes to on the held-out data."""
     entries = load_campaign(CONFIGS / "campaigns" / "measured_static.yaml")[1]
     rows: list[tuple[Cell, ...]] = []
     to_sarosi: list[float] = []
@@ -66,7 +66,7 @@ def _of_strain(runs: Path, name: str, validate: str) -> tuple[Score, ...]:
 
 
 def _by_pressure(scores: Sequence[Score], called: str | None = None) -> Iterator[tuple[Cell, ...]]:
-    """A row for every model: NRMSE in per cent at the inner pressures, their mean, and at the outermost ones."""
+    """Yield a row for every model: NRMSE in per cent at the inner pressures, their mean, and at the outermost ones."""
     held_out = [score for score in scores if score.split == "validate"]
     for model in dict.fromkeys(score.model for score in held_out):
         errors = {score.curve: 100 * score.nrmse for score in held_out if score.model == model}
@@ -96,7 +96,7 @@ SHAPES = {
 
 
 def maps(runs: Path) -> Table:
-    """The maker's map with `backbone: auto`: a function for each pressure, or one surface; beside the best formula in hindsight."""
+    """Return the maker's map with `backbone: auto`: a function for each pressure, or one surface; beside the best formula in hindsight."""
     rows: list[tuple[Cell, ...]] = []
     for held_out, split in MAPS.items():
         errors: dict[str, float] = {}
@@ -152,7 +152,7 @@ def terms(scores: CampaignScores) -> Table:
 
 
 def held_out(config: str, runs: Path) -> Table:
-    """The scores of a shipped study on held-out data."""
+    """Return the scores of a shipped study on held-out data."""
     table = finished(Entry(CONFIGS / f"{config}.yaml", ()), runs).table
     return replace(score_table([score for score in table.scores if score.split == "validate"], table.units), notes=())
 

@@ -33,17 +33,17 @@ PUBLISHED = {"motor_generator_published": 177.66}
 
 
 def study(folder: str, name: str, runs: Path) -> Finished:
-    """A shipped study, brought up to date."""
+    """Return a shipped study, brought up to date."""
     return finished(Entry(CONFIGS / folder / f"{name}.yaml", ()), runs)
 
 
 def own(run: Finished, split: str = "validate") -> Score:
-    """The pooled scores of the run's own model."""
+    """Return the pooled scores of the run's own model."""
     return next(score for score in run.table.scores if (score.model, score.split, score.curve) == ("mapmore", split, "all"))
 
 
 def uncut(runs: Path) -> Table:
-    """The records of which a part is left out, beside the same with all of it."""
+    """Return the records of which a part is left out, beside the same with all of it."""
     spec, entries = load_campaign(CONFIGS / "campaigns" / "coiled.yaml")
     rows = []
     for variant, entry in zip(spec.runs, entries, strict=True):
@@ -80,7 +80,7 @@ constant, like the numbers of the creep, is found together with all coefficients
 
 
 def coiled(runs: Path, group: str = "", kind: str = "shipped") -> Iterator[tuple[Variant, Finished]]:
-    """The records of coiled muscles, by themselves, with a dictionary of that kind."""
+    """Yield the records of coiled muscles, by themselves, with a dictionary of that kind."""
     spec, entries = load_campaign(CONFIGS / "campaigns" / "coiled.yaml")
     for variant, entry in zip(spec.runs, entries, strict=True):
         shipped = load(entry.config).spec.model_dump(mode="json", by_alias=True, exclude_unset=True)["dictionary"]
@@ -103,7 +103,7 @@ def coiled_models(runs: Path) -> Table:
 
 
 def coiled_parts(runs: Path) -> Table:
-    """What the held-out errors of the shipped setting consist of, in per cent of the range."""
+    """Return what the held-out errors of the shipped setting consist of, in per cent of the range."""
     rows: list[tuple[Cell, ...]] = []
     for one, run in coiled(runs):
         files, score = RunFiles(run.run_dir), own(run)
@@ -124,7 +124,7 @@ def reversals(runs: Path) -> Table:
 
 
 def identification(runs: Path) -> Table:
-    """The published identification records: free run, one step ahead, and what others found."""
+    """Return the published identification records: free run, one step ahead, and what others found."""
     rows = []
     for name in IDENTIFICATION:
         run = study("identification", name, runs)
@@ -166,7 +166,7 @@ TANKS = {
 
 
 def tanks(runs: Path) -> Table:
-    """The cascaded tanks: what the free run as criterion is worth, on the last quarter of the record, which it was not fitted to."""
+    """Return the cascaded tanks: what the free run as criterion is worth, on the last quarter of the record, which it was not fitted to."""
     rows = []
     for number, (name, changes) in enumerate(TANKS.items()):
         named = () if not changes else (f"name=cascaded_tanks_{number}",)
@@ -185,7 +185,7 @@ def tanks(runs: Path) -> Table:
 
 
 def tanks_terms(runs: Path) -> Table:
-    """The model of the cascaded tanks."""
+    """Return the model of the cascaded tanks."""
     memory = read_fit(study("identification", "cascaded_tanks", runs).run_dir / "fit.h5").memory
     assert memory is not None
     rows = tuple(zip(memory.model.terms, memory.model.theta.tolist(), memory.model.theta_error.tolist(), strict=True))
@@ -198,7 +198,7 @@ SHORT = ("data.split.validate={last: 0.95}", "name=bouc_wen_short")
 
 
 def bouc_wen(runs: Path) -> Table:
-    """The hysteretic oscillator with and without stops of the output that is fed back; trained on much, and on little."""
+    """Return the hysteretic oscillator with and without stops of the output that is fed back; trained on much, and on little."""
     config = CONFIGS / "identification" / "bouc_wen.yaml"
     scores = {False: finished(Entry(config, ()), runs).table.scores, True: finished(Entry(config, SHORT), runs).table.scores}
     held = {short: {one.model: one for one in found if (one.split, one.curve) == ("validate", "all")} for short, found in scores.items()}

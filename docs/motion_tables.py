@@ -48,7 +48,7 @@ TRIALS: Mapping[str, dict[str, object]] = {
 
 
 def recipe(**settings: Any) -> MotionRecipe:
-    """The settings of a fit, of the simulated muscle."""
+    """Return the settings of a fit, of the simulated muscle."""
     return MotionRecipe(input="input", output="displacement", step=STEP, **settings)
 
 
@@ -135,7 +135,7 @@ EVERY = 5
 
 
 def log(path: Path) -> Record:
-    """A recording of the simulated muscle: input (V) and displacement (cm)."""
+    """Return a recording of the simulated muscle: input (V) and displacement (cm)."""
     rows = np.loadtxt(path, delimiter=",", skiprows=1)[::EVERY]
     return Record({"input": rows[:, 1], "displacement": rows[:, 3] / 10}, np.ones(len(rows), dtype=np.bool_))
 
@@ -288,7 +288,7 @@ def loads(runs: Path) -> Table:
 
 
 def fit_seconds(run: Path) -> float:
-    """What the fit took on the machine that made this page."""
+    """Return what the fit took on the machine that made this page."""
     return float(json.loads((run / "run.json").read_text(encoding="utf-8"))["stages"]["fit"]["seconds"])
 
 

@@ -123,7 +123,7 @@ LABELS = {
 
 
 def figure(lines: Sequence[Line]) -> Any:
-    """The panels below each other, in one column of a journal page."""
+    """Return the panels below each other, in one column of a journal page."""
     from matplotlib.figure import Figure
 
     from mapmore_cli.reporting.figures.style import BLACK, OWN_STYLE, level_colours
@@ -157,7 +157,7 @@ def figure(lines: Sequence[Line]) -> Any:
 
 
 def drawn(runs: Path, names: Sequence[str] = tuple(LINES)) -> dict[str, str]:
-    """The figures as `<svg>` elements."""
+    """Return the figures as `<svg>` elements."""
     from mapmore_cli.reporting.figures.saving import to_svg
     from mapmore_cli.reporting.figures.style import figure_style
 

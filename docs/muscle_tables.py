@@ -134,7 +134,7 @@ def size_of_eq_3() -> float:
 
 
 def score_rows(folder: Path, split: str, title: str, name: str) -> Table:
-    """A run's scores with the correlation about zero."""
+    """Return a run's scores with the correlation about zero."""
     rows = tuple((m, s.n, s.r_uncentred, s.r2, s.rmse, 100 * s.nrmse, s.max_abs_error) for m, s in scores(folder, split).items())
     columns = (
         Column("model"),
@@ -194,7 +194,7 @@ def wrist_tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
 
 
 def measured_wrist_tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
-    """The table of docs/wrist.md that needs measured data."""
+    """Return the table of docs/wrist.md that needs measured data."""
     loaded = load(CONFIGS / "pgm" / "pgm_force.yaml")
     return {"both-ways-pgm": lambda: both_ways("pgm", bring_up_to_date(loaded, runs, "ingest").run_dir)}
 
@@ -203,7 +203,7 @@ def measured_wrist_tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
 
 
 def table_1(runs: Path) -> Table:
-    """Printed parameters beside those of the simulated muscles."""
+    """Return printed parameters beside those of the simulated muscles."""
     rows: list[tuple[Cell, ...]] = []
     for said in printed("h_table_1.csv"):
         length = said["muscle"].removesuffix(" cm")
@@ -226,7 +226,7 @@ SPLITS = {
 
 
 def splits_table(runs: Path) -> Table:
-    """The same models under H's split and under two that do not leak."""
+    """Return the same models under H's split and under two that do not leak."""
     config, rows = "muscle-like/muscle-like-16cm", list[tuple[Cell, ...]]()
     models = ("mapmore", "muscle_like", "polynomial_3")
     for label, overrides in SPLITS.items():

@@ -105,7 +105,7 @@ def muscle_like(study: str, runs: Path) -> Predict:
 
 
 def held_out(study: str, runs: Path, predicted: Predict, shortest: float = -np.inf) -> tuple[int, float, float]:
-    """Samples, RMSE (N) and R² of predictions of a study's records, where they are held out and not shorter than `shortest`."""
+    """Return samples, RMSE (N) and R² of predictions of a study's records, where they are held out and not shorter than `shortest`."""
     curves = read_dataset(run(f"muscle-like/{study}", runs) / "ingest.h5").curves
     rows = [curve.held_out & (curve.columns["length"] >= shortest) for curve in curves]
     found = np.concatenate([predicted(curve.columns)[own] for curve, own in zip(curves, rows, strict=True)])
@@ -265,7 +265,7 @@ def lag() -> float:
 
 
 def _loop(name: str | None, runs: Path, gains: float) -> tuple[Wrist, Force | None, Array, Array]:
-    """The loop, a model's force, the course, and what the model feeds forward."""
+    """Return the loop, a model's force, the course, and what the model feeds forward."""
     wrist, reference = replace(WRIST, kp=gains * WRIST.kp, ki=gains * WRIST.ki), course(SECONDS)
     force = None if name is None else force_of(name, runs)
     return wrist, force, reference, np.zeros(len(reference)) if force is None else wrist.feed(force, reference)

@@ -28,29 +28,29 @@ PUBLISHED = DOCS.parent / "datasets" / "published"
 
 
 def finished(entry: Entry, runs: Path) -> Finished:
-    """A run, brought up to date with its report."""
+    """Return a run, brought up to date with its report."""
     return run_one(Job(entry.config, runs, entry.overrides))
 
 
 def campaign(name: str, runs: Path) -> CampaignScores:
-    """The scores of a shipped campaign."""
+    """Return the scores of a shipped campaign."""
     spec, entries = load_campaign(CONFIGS / "campaigns" / f"{name}.yaml")
     return scores_of(spec, {run.name: run for run in (finished(entry, runs) for entry in entries)})
 
 
 def run(config: str, runs: Path, *overrides: str) -> Path:
-    """The folder of a shipped study's run, brought up to date but for its report; `config` as `wrist/wrist-static`."""
+    """Return the folder of a shipped study's run, brought up to date but for its report; `config` as `wrist/wrist-static`."""
     return bring_up_to_date(load(CONFIGS / f"{config}.yaml", overrides), runs, "validate").run_dir
 
 
 def scores(folder: Path, split: str) -> dict[str, Score]:
-    """The pooled rows of a run, by model."""
+    """Return the pooled rows of a run, by model."""
     rows = read_validation(folder / "validate.h5").scores
     return {row.model: row for row in rows if (row.split, row.curve) == (split, "all")}
 
 
 def printed(name: str) -> list[dict[str, str]]:
-    """The rows of a published table."""
+    """Return the rows of a published table."""
     with (PUBLISHED / name).open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
 

@@ -70,14 +70,14 @@ START = 3
 
 @cache
 def study(name: str, runs: Path) -> tuple[ModelChoices, Dataset]:
-    """A study whose samples all train."""
+    """Return a study whose samples all train."""
     config, overrides = LEVELS[name]
     loaded = load(CONFIGS / f"{config}.yaml", (f"name=plan-{name.split(',')[0].replace(' ', '-')}", "data.split={}", *overrides))
     return model_choices(loaded.spec), read_dataset(bring_up_to_date(loaded, runs, "ingest").run_dir / "ingest.h5")
 
 
 def trained_on(dataset: Dataset, at: Sequence[float]) -> Dataset:
-    """The dataset with only these levels for training."""
+    """Return the dataset with only these levels for training."""
     return replace(dataset, curves=tuple(replace(c, held_out=np.full(c.size, c.level not in at)) for c in dataset.curves))
 
 
@@ -105,12 +105,12 @@ def campaign(choices: ModelChoices, dataset: Dataset, choose: Callable[[list[flo
 
 
 def nearest(values: Sequence[float], to: float) -> float:
-    """The value nearest to another."""
+    """Return the value nearest to another."""
     return min(values, key=lambda value: abs(value - to))
 
 
 def in_gap(known: Sequence[float], rest: Sequence[float], worth: Array) -> float:
-    """The level that is nearest the middle of the gap of greatest worth that has one."""
+    """Return the level that is nearest the middle of the gap of greatest worth that has one."""
     for gap in np.argsort(-worth, kind="stable"):
         within = [value for value in rest if known[gap] < value < known[gap + 1]]
         if within:
@@ -123,7 +123,7 @@ def quiet(_what: str, _done: int, _of: int) -> None:
 
 
 def by_plan(choices: ModelChoices, dataset: Dataset, known: Sequence[float], rest: Sequence[float]) -> float:
-    """The level that `plan` names."""
+    """Return the level that `plan` names."""
     data = trained_on(dataset, known)
     left_out = residuals(choices, data, {}, quiet, refitted(choices, data))
     return in_gap(known, rest, of_levels.gap_errors(np.array(known), of_levels.level_errors(left_out)))
@@ -131,7 +131,7 @@ def by_plan(choices: ModelChoices, dataset: Dataset, known: Sequence[float], res
 
 @cache
 def of_levels_by(name: str, runs: Path) -> Mapping[str, Campaign]:
-    """The campaigns of one study, by the way in which levels are chosen; of random ones the medians."""
+    """Return the campaigns of one study, by the way in which levels are chosen; of random ones the medians."""
     choices, dataset = study(name, runs)
 
     def best(known: list[float], rest: list[float]) -> float:
@@ -208,7 +208,7 @@ POOL, SIZES, STARTS, KNOWN = 60, (8, 10, 12, 18), 6, 12
 
 @cache
 def pool_of(name: str, runs: Path) -> Measured:
-    """Some points of a study, spread over it."""
+    """Return some points of a study, spread over it."""
     from mapmore_cli.modelling.planning.points import thinned
 
     choices, dataset = study(name, runs)
@@ -219,7 +219,7 @@ def pool_of(name: str, runs: Path) -> Measured:
 
 
 def committee_of(name: str, runs: Path, taken: Sequence[int]) -> Committee:
-    """The committee of some points of a map."""
+    """Return the committee of some points of a map."""
     pool, dataset = pool_of(name, runs), study(name, runs)[1]
     own = Measured(pool.names, pool.x[list(taken)], pool.y[list(taken)])
     curve = replace(

@@ -113,7 +113,7 @@ def _sums(parts: Iterator[float]) -> list[float]:
 
 
 def recorded() -> list[Load]:
-    """The runs that were recorded, in the order of their names."""
+    """Return the runs that were recorded, in the order of their names."""
     costs = {row["what"]: float(row["seconds"]) for row in _rows(COSTS)}
     client = costs["spec"] + costs["task"]
     return [
@@ -133,7 +133,7 @@ def _rows(path: Path) -> list[dict[str, str]]:
 
 
 def limits() -> Table:
-    """What limits so many runs on so many workers."""
+    """Return what limits so many runs on so many workers."""
     runs = recorded()
     rows = []
     for count in RUNS:

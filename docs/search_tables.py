@@ -61,7 +61,7 @@ WORSE = 1.5
 
 
 def row(study: str, runs: Path) -> tuple[Cell, ...]:
-    """The found structure, its error on the held-out data in per cent, and those of the expert's, the black boxes and the formulas."""
+    """Return the found structure, its held-out error in per cent, and those of the expert's, the black boxes and the formulas."""
     name, own, rivals = study.rpartition("/")[2], OF_DATA.get(study, ()), STUDIES[study]
     folder = run(study, runs, f"name={name}.found", *own, *BARE, f"validate.against=[{', '.join(rivals)}]")
     shipped = None if study.startswith("..") else _error(run(study, runs, f"name={name}.shipped", *own, "validate.against=[]"))
@@ -86,12 +86,12 @@ def says_so(folder: Path, search: Search) -> bool:
 
 
 def _error(folder: Path) -> float:
-    """The error of a run on its held-out data, %."""
+    """Return the error of a run on its held-out data, %."""
     return 100 * scores(folder, "validate")["mapmore"].nrmse
 
 
 def found_structures(runs: Path, study: str) -> Table:
-    """The table with the row of a study made anew."""
+    """Return the table with the row of a study made anew."""
     heads = (Column("study"), Column("structure found"), *(Column(word, "%", ".3g") for word in ("found", "shipped")))
     boxes = (Column("found / shipped", "", ".2f"), Column("best black box", "%", ".3g"), Column("which"))
     rest = (Column("best formula", "%", ".3g"), Column("work", "s"), Column("told on its page"))
@@ -102,7 +102,7 @@ def found_structures(runs: Path, study: str) -> Table:
 
 
 def _number(cell: str) -> Cell:
-    """What a cell of the table holds: a number, nothing, or words."""
+    """Return what a cell of the table holds: a number, nothing, or words."""
     try:
         return None if cell == "–" else float(cell)
     except ValueError:
@@ -110,7 +110,7 @@ def _number(cell: str) -> Cell:
 
 
 def summary(rows: list[tuple[Cell, ...]]) -> str:
-    """The mean ratio, how often a black box errs more, and how many results that are much worse than the best are told."""
+    """Return the mean ratio, how often a black box errs more, and how many results that are much worse than the best are told."""
     ratios = [one[4] for one in rows if one[4] is not None]
     below = sum(one[2] < one[5] for one in rows)  # type: ignore[operator]
     far = [one[9] for one in rows if one[9]]

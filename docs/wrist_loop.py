@@ -70,7 +70,7 @@ class RigMuscles:
         self.states = [muscle.at_rest(wrist.pressure * KPA) for _ in SIGNS]
 
     def pulls(self, strains: Array, rates: Array, asked: Array, step: float) -> Array:
-        """Pulls, N, `(2,)`, now; then the states go on by a step."""
+        """Return the pulls, N, `(2,)`, of now; then the states go on by a step."""
         found = [self.muscle.pull(own, float(e)) for own, e in zip(self.states, strains, strict=True)]
         for i, own in enumerate(self.states):
             self.states[i] = own + step * self.muscle.rates(own, float(strains[i]), float(rates[i]), self.regulator, float(asked[i]) * KPA)
@@ -89,7 +89,7 @@ class ModelMuscles:
         self.force, self.lag, self.pressures = force, lag, np.full(2, wrist.pressure)
 
     def pulls(self, strains: Array, _rates: Array, asked: Array, step: float) -> Array:
-        """Pulls, N, `(2,)`, now; then the pressures go on by a step."""
+        """Return the pulls, N, `(2,)`, of now; then the pressures go on by a step."""
         found = np.maximum(self.force(self.pressures, strains), 0.0)
         self.pressures = self.pressures + step / self.lag * (asked - self.pressures)
         return found

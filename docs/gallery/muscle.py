@@ -14,7 +14,7 @@ def force(pressure: np.ndarray, strain: np.ndarray) -> np.ndarray:
 
 
 def recording(levels: list[float], noise: float = 2.0, count: int = 60, seed: int = 1) -> dict[str, np.ndarray]:
-    """A table of strain sweeps at some pressures."""
+    """Return a table of strain sweeps at some pressures."""
     pressure, strain = (grid.ravel() for grid in np.meshgrid(levels, np.linspace(0, 0.22, count), indexing="ij"))
     measured = force(pressure, strain) + noise * np.random.default_rng(seed).normal(size=len(strain))
     return {"pressure": pressure, "strain": strain, "force": measured}

@@ -71,7 +71,7 @@ class Bench:
 
     @classmethod
     def of(cls, training: Dataset, situation: Situation, part: Slice, behind: bool = False, parts_asked: bool = False) -> Bench:
-        """The folds of training samples; `behind` asks for the ends of recordings, `parts_asked` says that the study holds parts out."""
+        """Return the folds of training samples; the study holds the ends of recordings out (`behind`), or whole parts (`parts_asked`)."""
         whole = training
         values = np.concatenate([curve.columns[training.target][curve.training] for curve in training.curves])
         thinning = thinning_of(whole)
@@ -103,7 +103,7 @@ Masks = tuple[BoolArray, ...]
 
 
 def searchable(dataset: Dataset) -> Dataset:
-    """The training samples; in recordings, with the inputs between them, which states follow, but without the held-out outputs.
+    """Return the training samples; in recordings, with the inputs between them, which states follow, but without the held-out outputs.
 
     Without these inputs, whatever follows slowly would begin anew behind every piece that is held out, and look worse than it is.
     """
@@ -133,7 +133,7 @@ def shortened(dataset: Dataset) -> Dataset:
 
 
 def _beginnings(curve: Curve, share: float) -> BoolArray:
-    """The first part of every block of every recording."""
+    """Return the first part of every block of every recording."""
     blocks = [block for log in curve.logs for block in np.array_split(log, BLOCKS)]
     mask = np.zeros(curve.size, dtype=np.bool_)
     mask[np.concatenate([block[: -int(-len(block) * share // 1)] for block in blocks])] = True
@@ -141,7 +141,7 @@ def _beginnings(curve: Curve, share: float) -> BoolArray:
 
 
 def thinning_of(dataset: Dataset) -> list[BoolArray]:
-    """An even share of the samples of every curve."""
+    """Return an even share of the samples of every curve."""
     most = max(MOST_SAMPLES // max(len(dataset.curves), 1), 1)
     return [curve.training & ((np.cumsum(curve.training) - 1) % -(-curve.training.sum() // most) == 0) for curve in dataset.curves]
 
@@ -220,7 +220,7 @@ def holds_parts_out(dataset: Dataset) -> bool:
 
 
 def _ends(dataset: Dataset) -> tuple[Masks, ...]:
-    """The last shares of the training samples of every recording."""
+    """Return the last shares of the training samples of every recording."""
     folds = []
     for share in BEHIND:
         masks = [np.zeros(curve.size, dtype=np.bool_) for curve in dataset.curves]

@@ -95,7 +95,7 @@ def _offered(family: Family, situation: Situation) -> list[Candidate]:
 
 
 def _measured(found: Search, outcomes: Sequence[_Outcome], bench: Bench, situation: Situation) -> Search:
-    """The search beside black boxes on the same blocks, with a word where one errs clearly less."""
+    """Return the search beside black boxes on the same blocks, with a word where one errs clearly less."""
     inputs, own = situation.inputs, found.found
     errors = black_boxes(bench.thinned, inputs, bench.thinned_blocks, situation.timed)
     residual = [np.full(curve.size, np.nan) for curve in bench.thinned.curves]
@@ -119,7 +119,7 @@ class Clock:
 
     @classmethod
     def started(cls, budget: float) -> Clock:
-        """The clock of this process and of its copies, whose own begin at zero."""
+        """Return the clock of this process and of its copies, whose own begin at zero."""
         return cls(budget, os.getpid(), time.process_time())
 
     @property
@@ -237,7 +237,7 @@ def rings(model: Model, dataset: Dataset) -> bool:
 
 
 def refit(choices: ModelChoices, dataset: Dataset) -> Model:
-    """A model of the training samples of a dataset."""
+    """Return a model of the training samples of a dataset."""
     refitted = maker_of(choices).refit
     assert refitted is not None
     return refitted(choices, dataset)
@@ -263,7 +263,7 @@ _MODEL = TypeAdapter(ModelChoice)
 
 
 def choices_of(sections: Mapping[str, Any], part: Slice) -> ModelChoices:
-    """The sections of a candidate as the spec would have them."""
+    """Return the sections of a candidate as the spec would have them."""
     segment = _CUTS.validate_python(sections.get("segment", {}))
     fuse = replace(part.fuse, **{key.partition(".")[2]: value for key, value in sections.items() if key.startswith("fuse.")})
     model = _MODEL.validate_python(sections.get("model", {}))
@@ -277,13 +277,13 @@ def choices_of(sections: Mapping[str, Any], part: Slice) -> ModelChoices:
 
 
 def settings_of(found: Search) -> dict[str, Any]:
-    """The sections that were found, as settings on top of the spec."""
+    """Return the sections that were found, as settings on top of the spec."""
     empty: dict[str, Any] = {"segment": {}, "dictionary": [], "model": {"type": "mapmore"}, "fit": {}}
     return {**empty, **found.found.sections}
 
 
 def formula_beside(found: Search) -> str | None:
-    """The formula of the literature that erred least of those tried; None where none was, or where it is what was found."""
+    """Return the formula of the literature that erred least of those tried; None where none was, or where it is what was found."""
     formulas = [one for one in found.tried if not one.failure and one.sections.get("model", {}).get("type") == "literature"]
     best = min(formulas, key=lambda one: one.excess, default=None)
     return None if best is None or best is found.found else str(best.sections["model"]["name"])

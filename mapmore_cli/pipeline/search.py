@@ -28,7 +28,7 @@ SEARCH = "search.json"
 
 
 def reads(spec: ExperimentSpec) -> Slice:
-    """The stage's slice of the spec; no inputs are rates by which samples are kept, groups, and what the target is made of, or makes."""
+    """Return the slice of the spec. Rates by which samples are kept, groups, and what the target is made of, or makes, are no inputs."""
     rules = spec.data.derive
     rates = {name for name, rule in rules.items() if not isinstance(rule, str)}
     ignored = (*_kin(spec.target_quantity, spec), *(rule.quantity for rule in spec.data.keep if rule.quantity in rates))
@@ -38,7 +38,7 @@ def reads(spec: ExperimentSpec) -> Slice:
 
 
 def _kin(target: str, spec: ExperimentSpec) -> tuple[str, ...]:
-    """The target (of which another may be a component), the one quantity that it is derived from, and what is derived from it."""
+    """Return the target (of which another may be a component), the one quantity that it is derived from, and what is derived from it."""
     sources = {name: _sources(rule) for name, rule in spec.data.derive.items()}
     made = {target}
     while more := {name for name, of in sources.items() if of & made} - made:
@@ -48,7 +48,7 @@ def _kin(target: str, spec: ExperimentSpec) -> tuple[str, ...]:
 
 
 def _sources(rule: str | Rate | Direction) -> set[str]:
-    """The quantities that one is derived from."""
+    """Return the quantities that one is derived from."""
     match rule:
         case Rate():
             return {rule.rate_of}
@@ -80,7 +80,7 @@ def _plain(value: Any) -> Any:
 
 
 def read_search(path: Path) -> Search:
-    """What a search wrote."""
+    """Return what a search wrote."""
     document = json.loads(path.read_text(encoding="utf-8"))
 
     def number(value: Any) -> Any:
@@ -94,7 +94,7 @@ def read_search(path: Path) -> Search:
 
 
 def as_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
-    """The spec with the structure that its search has found; as it is where nothing was found yet.
+    """Return the spec with the structure that its search has found; as it is where nothing was found yet.
 
     Where it names no competitors, the formula that erred least in the search is one: the page says what it reaches on the held-out data.
     """

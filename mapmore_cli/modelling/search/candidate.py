@@ -52,7 +52,7 @@ def memory(words: str, of: Situation, dictionary: Entries, terms: int, **fit: An
 
 
 def pooled(of: Situation) -> dict[str, Any]:
-    """The section that takes all levels together."""
+    """Return the section that takes all levels together."""
     return {} if of.level is None else {of.level: "none"}
 
 

@@ -110,7 +110,7 @@ def _changes(curves: Sequence[Curve], names: Sequence[str]) -> Iterator[tuple[tu
 
 
 def _different(names: Sequence[str], pooled: Mapping[str, Array], level: str | None) -> Iterator[str]:
-    """The names without those that are a straight line of another, of which a level, a canonical and a later one are kept."""
+    """Yield the names without those that are a straight line of another, of which a level, a canonical and a later one are kept."""
     kept: list[str] = []
     for name in sorted(names, key=lambda one: (one != level, -names.index(one))):
         if all(abs(correlation(pooled[name], pooled[other])) < 1 - SAME for other in kept):
@@ -124,7 +124,7 @@ def _within(parts: Sequence[Array], whole: Array) -> float:
 
 
 def _step(curves: Sequence[Curve]) -> tuple[float | None, float]:
-    """The even time step and the longest uninterrupted recording, s; None where the most samples are not in order at even steps."""
+    """Return the even time step and the longest uninterrupted recording, s; None where the most samples are not in order at even steps."""
     steps = [np.diff(curve.columns["time"][log]) for curve in curves for log in curve.logs]
     every = np.concatenate(steps) if steps else np.zeros(0)
     if not len(every) or (usual := float(np.median(every))) <= 0:
@@ -138,6 +138,6 @@ def _step(curves: Sequence[Curve]) -> tuple[float | None, float]:
 
 
 def _longest_run(true: BoolArray) -> int:
-    """The most samples in a row for which something is true."""
+    """Return the most samples in a row for which something is true."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], true.astype(int), [0]])))
     return int((edges[1::2] - edges[::2]).max(initial=0))

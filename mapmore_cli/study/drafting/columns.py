@@ -53,7 +53,7 @@ class Guess:
     rivals: tuple[Guess, ...] = field(default=(), compare=False)
 
     def as_spec(self) -> dict[str, str | int | float]:
-        """The column as the spec describes it."""
+        """Return the column as the spec describes it."""
         changed = {"scale": self.scale} if self.scale != 1 else {}
         changed |= {"offset": self.offset} if self.offset else {}
         changed |= {"unwrap": self.unwrap} if self.unwrap else {}
@@ -95,7 +95,7 @@ FULL, SMALL_STEP = 0.9, 0.25  # of a turn, that its values fill and a jump makes
 
 
 def turn_of(values: Sequence[Array]) -> float | None:
-    """The number at which an encoder begins anew: a usual one that the values fill, and jump by, else None."""
+    """Return the number at which an encoder begins anew: a usual one that the values fill, and jump by, else None."""
     pooled = np.concatenate(values)
     low, high = float(pooled.min()), float(pooled.max())
     turn = next((one for one in TURNS if FULL * one <= high - low <= one and (low >= 0 or max(-low, high) <= one / 2)), None)
@@ -106,7 +106,7 @@ def turn_of(values: Sequence[Array]) -> float | None:
 
 
 def with_turns(guesses: Mapping[str, Guess], turns: Mapping[str | int, float]) -> dict[str, Guess]:
-    """The guesses with what is to be unwrapped."""
+    """Return the guesses with what is to be unwrapped."""
     return {
         name: replace(one, unwrap=turns[one.column], why=f"{one.why}; it jumps by {turns[one.column]:g}: an encoder that wraps", sure=False)
         if one.column in turns
@@ -116,7 +116,7 @@ def with_turns(guesses: Mapping[str, Guess], turns: Mapping[str | int, float]) -
 
 
 def told_guesses(answers: Answers, titles: Mapping[str | int, str], raw: Raw) -> dict[str, Guess]:
-    """The columns that a person has named, all of them sure; DataError for one that holds no numbers.
+    """Return the columns that a person has named, all of them sure; DataError for one that holds no numbers.
 
     A unit that was not said is that of the title, else of the size of the values.
     """
@@ -147,7 +147,7 @@ def _by_title(quantity: str, column: str | int, label: ColumnTitle, values: Sequ
 
 
 def _possible(quantity: str, values: Sequence[Array], unit: str) -> bool:
-    """False for what `check` refuses: a pressure above 5 MPa, a strain above 1.5."""
+    """Return False for what `check` refuses: a pressure above 5 MPa, a strain above 1.5."""
     largest = max(float(np.abs(one).max()) for one in values)
     match quantity:
         case "pressure":
@@ -159,7 +159,7 @@ def _possible(quantity: str, values: Sequence[Array], unit: str) -> bool:
 
 
 def _unit_by_size(quantity: str, values: Sequence[Array]) -> tuple[str, str, bool]:
-    """The unit that values of this size have, why, and whether that is beyond doubt."""
+    """Return the unit that values of this size have, why, and whether that is beyond doubt."""
     largest = max(float(np.abs(one).max()) for one in values)
     match quantity:
         case "time":
@@ -245,7 +245,7 @@ def _guessed(quantity: str, column: str | int, why: str, values: Sequence[Array]
 
 
 def _without_commands(ranked: Sequence[str | int], raw: Raw) -> list[str | int]:
-    """The ranked columns, that of the same size which the first one leads before it: it was measured, and the first is its command."""
+    """Return the ranked columns. One as large that follows the first stands before it: it was measured, the first is its command."""
     for other in ranked[1:] if at_rest_like_air(raw[ranked[0]]) is None else []:  # two chambers may follow each other
         if 1 / ALIKE < _largest(raw[other]) / _largest(raw[ranked[0]]) < ALIKE and leads(
             np.concatenate(raw[ranked[0]]), np.concatenate(raw[other])
@@ -260,7 +260,7 @@ def _twins_told(column: str | int, twins: Mapping[str | int, str | int]) -> str:
 
 
 def twins_of(raw: Raw, taken: str | int | None = None) -> dict[str | int, str | int]:
-    """The columns that are another one times a constant, with that other one.
+    """Return the columns that are another one times a constant, with that other one.
 
     The one that stands for all is what is `taken` already, else what leaves the range of a converter's volts, else the last.
     """
@@ -302,31 +302,31 @@ def pressure_evidence(values: Sequence[Array], told: Sequence[float] = ()) -> tu
 
 
 def _off_names(medians: Array, told: Sequence[float]) -> float:
-    """The largest distance from the pressures in the names, relative to these, where none of them is zero."""
+    """Return the largest distance from the pressures in the names, relative to these, where none of them is zero."""
     return float(np.max(np.abs(medians - told) / np.maximum(np.abs(told), NEAR_NAME)))
 
 
 def at_rest_like_air(values: Sequence[Array]) -> str | None:
-    """The unit in which a column begins at the pressure of the air and never falls far below; None for none."""
+    """Return the unit in which a column begins at the pressure of the air and never falls far below; None for none."""
     first, low = float(np.median([one[0] for one in values])), min(float(one.min()) for one in values)
     return next((unit for unit, air in AIR.items() if abs(first / air - 1) < NEAR_AIR and low > LEAST_AIR * air), None)
 
 
 def _lowest(values: Sequence[Array]) -> float:
-    """The least value relative to the largest, at most 0: a pressure over atmosphere is never negative, a force has an offset."""
+    """Return the least value relative to the largest, at most 0: a pressure over atmosphere is never negative, a force has an offset."""
     pooled = np.concatenate(values)
     least = float(pooled.min())
     return least / float(np.abs(pooled).max()) if least < 0 else 0.0
 
 
 def is_clock(values: Array) -> bool:
-    """True for what hardly ever decreases, and for dates, in whatever unit they count."""
+    """Return True for what hardly ever decreases, and for dates, in whatever unit they count."""
     steps = np.diff(values)
     return bool(np.ptp(values) > 0 and np.mean(steps < 0) <= JUMPS) or float(np.abs(values).max()) > DATE
 
 
 def is_state(values: Sequence[Array]) -> bool:
-    """True for a column with a handful of values in many samples, as a valve's state."""
+    """Return True for a column with a handful of values in many samples, as a valve's state."""
     return sum(map(len, values)) > 20 * STATES and len(np.unique(np.concatenate(values))) < STATES and _whole(values)
 
 

@@ -47,30 +47,30 @@ class Draft:
         return section
 
     def with_data(self, key: str, value: Any, why: str | None = None, sure: bool = True) -> Draft:
-        """The draft with a key of `data` added or replaced."""
+        """Return the draft with a key of `data` added or replaced."""
         return replace(self, spec={**self.spec, "data": {**self.data, key: value}}).noted(("data", key), why, sure)
 
     def without(self, *sections: str) -> Draft:
-        """The draft without some sections and what was said about them."""
+        """Return the draft without some sections and what was said about them."""
         spec = {key: value for key, value in self.spec.items() if key not in sections}
         return replace(self, spec=spec, notes={loc: note for loc, note in self.notes.items() if loc[0] not in sections})
 
     def without_data(self, *keys: str) -> Draft:
-        """The draft without some keys of `data` and what was said about them."""
+        """Return the draft without some keys of `data` and what was said about them."""
         data = {key: value for key, value in self.data.items() if key not in keys}
         notes = {loc: note for loc, note in self.notes.items() if loc[:1] != ("data",) or len(loc) < 2 or loc[1] not in keys}
         return replace(self, spec={**self.spec, "data": data}, notes=notes)
 
     def with_section(self, key: str, value: Any, why: str | None = None, sure: bool = True) -> Draft:
-        """The draft with a section added or replaced."""
+        """Return the draft with a section added or replaced."""
         return replace(self, spec={**self.spec, key: value}).noted((key,), why, sure)
 
     def noted(self, loc: Loc, why: str | None, sure: bool = True) -> Draft:
-        """The draft with a note about one of its places; none for None."""
+        """Return the draft with a note about one of its places; none for None."""
         return self if why is None else replace(self, notes={**self.notes, loc: Note(why, sure)})
 
     def text(self) -> str:
-        """The draft as YAML."""
+        """Return the draft as YAML."""
         return to_yaml(self.spec, self.notes, HEAD)
 
 
@@ -103,7 +103,7 @@ class Note:
 
 
 def to_yaml(spec: Mapping[str, Any], notes: Mapping[Loc, Note], head: tuple[str, ...]) -> str:
-    """The spec with its notes, under comment lines of its own."""
+    """Return the spec with its notes, under comment lines of its own."""
     return "\n".join([*(f"# {line}" for line in head), *_mapping(spec, (), notes), TAIL, ""])
 
 
@@ -130,7 +130,7 @@ def _list(items: list[Any], loc: Loc, notes: Mapping[Loc, Note]) -> Iterator[str
 
 
 def _noted(line: str, note: Note | None) -> Iterator[str]:
-    """The line with its note behind it, or above it where both do not fit."""
+    """Yield the line with its note behind it, or above it where both do not fit."""
     if note is None:
         yield line
     elif len(line) + len(str(note)) + 2 <= WIDEST:

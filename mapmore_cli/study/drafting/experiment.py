@@ -54,7 +54,7 @@ def find_held(recordings: Sequence[Recording], names: tuple[str, str], hold: str
 
 
 def _one_each(recordings: Sequence[Recording], name: str) -> Array | None:
-    """The level of each recording, ascending, where each has a range of its own: one level that drifts, as while a muscle is pulled.
+    """Return the level of each recording, ascending, where each has a range of its own: one level that drifts, as while a muscle is pulled.
 
     It is the median, unless this is so far off the middle that the samples of a recording come nearer to the level of another: they would
     be a cycle there.
@@ -86,7 +86,7 @@ def _travel(recordings: Sequence[Recording], name: str) -> float:
 
 
 def _neat(values: Array, levels: Array) -> Array:
-    """The levels with as few digits as the spread of their samples allows: 249.9 +- 0.7 was meant to be 250."""
+    """Return the levels with as few digits as the spread of their samples allows: 249.9 +- 0.7 was meant to be 250."""
     off = values - levels[match_levels(values, levels, np.inf)]
     near = np.abs(off) < 2 * TIGHT * default_within(levels)
     nearest = match_levels(values, levels, np.inf)
@@ -96,7 +96,7 @@ def _neat(values: Array, levels: Array) -> Array:
 
 
 def _shortest(value: float, tolerance: float) -> float:
-    """The number with the fewest digits within the tolerance."""
+    """Return the number with the fewest digits within the tolerance."""
     return next((round(value, d) + 0.0 for d in range(-6, 7) if abs(round(value, d) - value) <= tolerance), value)
 
 
@@ -110,7 +110,7 @@ def _within(values: Array, levels: Array) -> float | None:
 
 
 def goes_in_cycles(recordings: Sequence[Recording], held: Held, samples: int) -> bool:
-    """True where the swept quantity goes there and back at every level of every recording."""
+    """Return True where the swept quantity goes there and back at every level of every recording."""
     for recording in recordings:
         place = match_levels(recording.columns[held.of], held.at, held.within or default_within(held.at))
         for level in np.unique(place[place >= 0]):
@@ -135,7 +135,7 @@ FEW_LEVELS, MANY_LEVELS = 3, 6  # from which an inner one, and every third, can 
 
 
 def with_experiment(draft: Draft, recordings: Sequence[Recording], held: Held | None) -> Draft:
-    """The draft with cycles or settled samples, levels and split, given what was `held`."""
+    """Return the draft with cycles or settled samples, levels and split, given what was `held`."""
     if held is not None:
         draft = _with_levels(_with_static_samples(draft, recordings, held), recordings, held)
     return _with_split(draft, recordings, held)
@@ -151,7 +151,7 @@ def inner_levels(levels: Sequence[float]) -> list[float]:
 
 
 def _with_static_samples(draft: Draft, recordings: Sequence[Recording], held: Held) -> Draft:
-    """Steps of the pressure are kept where they have settled, loops are split into branches."""
+    """Return the draft with the samples at which steps of the pressure have settled, or with loops split into branches."""
     settled = staircase(recordings) if held.swept == "pressure" and "time" in recordings[0].columns else None
     if settled is not None:
         rule = {"rate_of": "pressure", "window": settled.window, "order": 2}

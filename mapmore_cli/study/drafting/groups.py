@@ -37,7 +37,7 @@ class NameParts:
 
 
 def words_of(name: str) -> list[str]:
-    """The words of a file's name, without its suffixes."""
+    """Return the words of a file's name, without its suffixes."""
     stem = name[:-3] if name.casefold().endswith(".gz") else name
     stem = stem[: len(stem) - len(suffix_of(Path(name)))]
     return [word for word in re.split(r"[_\s]+", stem) if word]
@@ -68,7 +68,7 @@ def read_names(names: Sequence[str]) -> list[NameParts]:
 
 
 def number_in(word: str) -> tuple[float, str | None] | None:
-    """The number of a word with its unit of pressure or length, or `%`: (25, None) of `kinked25`, (19, "mm") of `kinked19mm2`."""
+    """Return the number of a word with its unit of pressure or length, or `%`: (25, None) of `kinked25`, (19, "mm") of `kinked19mm2`."""
     found = _NUMBER.search(word)
     if found is None:
         return None
@@ -85,7 +85,7 @@ def _kind(column: Sequence[str], before: Sequence[str]) -> str:
 
 
 def _numbers_specimens(column: Sequence[str], before: Sequence[str]) -> bool:
-    """True for `S1` and `S2`, and for `1` and `2` behind `Sample`."""
+    """Return True for `S1` and `S2`, and for `1` and `2` behind `Sample`."""
     behind = bool(before) and _SPECIMEN.fullmatch(before[-1].rstrip("-#.")) is not None
     return all(_NUMBERED.fullmatch(word) for word in column) or (behind and all(re.fullmatch(r"\d{1,3}|[A-Za-z]", word) for word in column))
 
@@ -123,7 +123,7 @@ class Group:
 
 
 def find_groups(path: Path, pooled: str | None = None) -> tuple[list[Group], list[str]]:
-    """The groups of files under a path, the largest first, and for every other file why it is left out.
+    """Return the groups of files under a path, the largest first, and for every other file why it is left out.
 
     What names tell apart is a group of its own, unless `pooled` names the quantity that numbers it, or is `none`.
 
@@ -167,7 +167,7 @@ def _pairs(columns: Mapping[Path, Preview]) -> list[Group]:
 
 
 def _lines(file: Path) -> int | None:
-    """The number of lines; None of a damaged file."""
+    """Return the number of lines; None of a damaged file."""
     try:
         return sum(1 for _ in lines_of(file))
     except DataError:
@@ -175,7 +175,7 @@ def _lines(file: Path) -> int | None:
 
 
 def _is_recording(file: Path, folder: Path) -> bool:
-    """True for a file of a known format that is neither hidden nor the result of a run."""
+    """Return True for a file of a known format that is neither hidden nor the result of a run."""
     inside = file.relative_to(folder)
     ours = any((folder / parent / "run.json").is_file() for parent in inside.parents)
     return file.is_file() and reader_of(file) is not None and not ours and not any(p.startswith(".") for p in inside.parts)

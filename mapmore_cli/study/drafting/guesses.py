@@ -59,7 +59,7 @@ def _row(draft: Draft, column: str | int, name: str | None) -> dict[str, Any]:
 
 
 def _tried(found: Search) -> list[dict[str, Any]]:
-    """What was tried, the one that is taken first, then by its error; what could not be fitted last."""
+    """Return what was tried, the one that is taken first, then by its error; what could not be fitted last."""
     order = sorted(found.tried, key=lambda one: (one is not found.found, bool(one.failure), one.excess))
     return [
         {

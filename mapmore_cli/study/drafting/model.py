@@ -23,7 +23,7 @@ COVERED = 0.5  # of the places that all curves reach, that each does
 
 
 def hysteresis_beside(draft: Draft, folder: Path) -> Draft | None:
-    """The study of the hysteresis that the load cycles of a static one show; None where there are none, or their branches are one."""
+    """Return the study of the hysteresis that the load cycles of a static one show; None where there are none, or branches are one."""
     if draft.spec["target"] != "static" or "cycles" not in draft.data:
         return None
     curves = dataset_of(draft.data, folder, "force").curves
@@ -61,7 +61,7 @@ def _in_segments(draft: Draft, curves: Sequence[Curve]) -> Draft:
 
 
 def _alike(curves: Sequence[Curve], over: str) -> bool:
-    """True where every curve reaches over most of what all of them do."""
+    """Return True where every curve reaches over most of what all of them do."""
     spans = [float(np.ptp(curve.columns[over])) for curve in curves]
     return min(spans) >= COVERED * float(np.ptp(np.concatenate([curve.columns[over] for curve in curves])))
 
@@ -70,7 +70,7 @@ COMPETITORS = ("sarosi", "polynomial_2", "polynomial_5", "muscle_like", "polynom
 
 
 def with_comparison(draft: Draft, dataset: Dataset) -> Draft:
-    """The draft with the formulas beside which its model is scored, and as a force where that was set."""
+    """Return the draft with the formulas beside which its model is scored, and as a force where that was set."""
     turned = dataset.target != "force" and "force" in dataset.curves[0].columns
     if dataset.target != "force" and not turned:
         return draft
@@ -83,6 +83,6 @@ def with_comparison(draft: Draft, dataset: Dataset) -> Draft:
 
 
 def _can_be_fitted(name: str, dataset: Dataset, samples: int) -> bool:
-    """True where a formula finds its inputs, and more samples than it has parameters."""
+    """Return True where a formula finds its inputs, and more samples than it has parameters."""
     formula = literature.get(name)
     return {*formula.inputs} <= {*dataset.quantities} and len(formula.parameters) < samples

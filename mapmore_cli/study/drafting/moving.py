@@ -22,7 +22,7 @@ UNSETTLED = 0.2  # of the samples, in which the pressure changes: hardly static
 
 
 def moves(recordings: Sequence[Recording], target: str) -> bool:
-    """True where a static model has nothing to hold on to: a position under pressure, or a force whose pressure never rests."""
+    """Return True where a static model has nothing to hold on to: a position under pressure, or a force whose pressure never rests."""
     if sum(one.rows_kept for one in recordings) < FEWEST or "time" not in recordings[0].columns:
         return False
     if target != "force" or "pressure" not in recordings[0].columns:
@@ -36,7 +36,7 @@ WORTH = 0.02  # of the spread of the response: an error below leaves nothing to 
 
 
 def remembers(recordings: Sequence[Recording], drive: str, response: str) -> Remembered | None:
-    """The errors that tell of memory: earlier samples of what drives explain what the one of now does not. None where there is none."""
+    """Return the errors that tell of memory: earlier samples of what drives explain what that of now does not. None where there is none."""
     if min(one.rows_kept for one in recordings) < FEWEST:
         return None
     found = remembered([(one.columns[drive], one.columns[response]) for one in recordings])
@@ -44,14 +44,14 @@ def remembers(recordings: Sequence[Recording], drive: str, response: str) -> Rem
 
 
 def with_counted_samples(draft: Draft, found: Remembered) -> Draft:
-    """The draft with a sample time, where no column is a clock and the response remembers."""
+    """Return the draft with a sample time, where no column is a clock and the response remembers."""
     told = f"error {found.now:.0%} of its spread by the input of now, {found.before:.0%} by earlier ones as well"
     why = f"s: no column is a clock, and the response remembers ({told}): say how long a sample takes"
     return draft.with_data("sample_time", 1.0, why, False)
 
 
 def with_memory(draft: Draft, recordings: Sequence[Recording], inputs: Sequence[str], target: str) -> Draft:
-    """The draft with even steps, and the second half held out."""
+    """Return the draft with even steps, and the second half held out."""
     times = [one.columns["time"] for one in recordings if one.rows_kept > 1]
     usual = float(np.median(np.concatenate([np.diff(time) for time in times])))
     total = sum(float(np.ptp(time)) for time in times)
@@ -74,7 +74,7 @@ MOVED = 0.25  # of the range of the target, that it goes through in what is held
 
 
 def _with_split(draft: Draft, recordings: Sequence[Recording], names: Sequence[str]) -> Draft:
-    """The draft with a hold-out that lies within what trains: the second half, else a stretch of the time."""
+    """Return the draft with a hold-out that lies within what trains: the second half, else a stretch of the time."""
     times = [one.columns["time"] for one in recordings]
     outside = _outside(recordings, names, [np.arange(len(time)) >= LAST * len(time) for time in times])
     beyond = f"{outside:.0%} of the second half lies beyond the first one" if outside < 1 else "the second half rests, or is all new"
@@ -91,7 +91,7 @@ def _with_split(draft: Draft, recordings: Sequence[Recording], names: Sequence[s
 
 
 def _outside(recordings: Sequence[Recording], names: Sequence[str], held: Sequence[BoolArray]) -> float:
-    """The largest share, over quantities, of held-out samples beyond the range of the others; 1 where nothing or most is held out.
+    """Return the largest share, over quantities, of held-out samples beyond the range of the others; 1 where nothing or most is held out.
 
     And where the target, the last of the names, hardly moves there: a rest tests nothing.
     """

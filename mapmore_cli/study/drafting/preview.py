@@ -86,7 +86,7 @@ def preview(path: Path, least: int = 2) -> Preview:
 
 
 def _of_all_sheets(found: _Table, tables: Sequence[_Table], sheets: Sequence[str]) -> Preview:
-    """The layout of the sheet with the most rows, for it and all that are like it."""
+    """Return the layout of the sheet with the most rows, for it and all that are like it."""
 
     def shape(layout: Preview) -> tuple[Any, ...]:
         return layout.titles, layout.width, {key: value for key, value in layout.settings.items() if key != "sheet"}
@@ -104,7 +104,7 @@ def _of_all_sheets(found: _Table, tables: Sequence[_Table], sheets: Sequence[str
 
 
 def _table(first_rows: Top, reader: str, least: int) -> _Table | None:
-    """The table that the last rows belong to; None where they are no numbers in enough columns.
+    """Return the table that the last rows belong to; None where they are no numbers in enough columns.
 
     Cells may be empty, a word may stand for a missing number, and whole columns may hold words. Rows right before it with as many cells
     are the header, what stands before these is skipped. The very last row may be cut off, or be a remark.
@@ -141,12 +141,12 @@ def _table(first_rows: Top, reader: str, least: int) -> _Table | None:
 
 
 def _may_be_titles(row: Row, width: int, least: int) -> bool:
-    """True for a row of as many cells as the table, or of as many filled ones as it needs at `least`."""
+    """Return True for a row of as many cells as the table, or of as many filled ones as it needs at `least`."""
     return len(row) == width or (len(row) < width and len(row) >= least and len(_filled(row)) == len(row))
 
 
 def _body(rows: Sequence[Row]) -> tuple[Sequence[Row], int]:
-    """The rows without the last one and without closing remarks, and the number of cells that most of the later ones have."""
+    """Return the rows without the last one and without closing remarks, and the number of cells that most of the later ones have."""
     whole = rows[:-1] if len(rows) > 1 else rows
     widths = Counter(len(row) for row in whole[len(whole) // 2 :] if _filled(row))
     width = widths.most_common(1)[0][0] if widths else 0
@@ -155,7 +155,7 @@ def _body(rows: Sequence[Row]) -> tuple[Sequence[Row], int]:
 
 
 def _numeric_columns(rows: Sequence[Row], is_number: Callable[[Any], bool]) -> list[int]:
-    """The columns of which most cells that are filled are numbers."""
+    """Return the columns of which most cells that are filled are numbers."""
     found = []
     for place in range(len(rows[0]) if rows else 0):
         cells = _filled([row[place] for row in rows])
@@ -165,7 +165,7 @@ def _numeric_columns(rows: Sequence[Row], is_number: Callable[[Any], bool]) -> l
 
 
 def shared_start(names: Sequence[str]) -> str:
-    """The characters that all names begin with."""
+    """Return the characters that all names begin with."""
     return "".join(letters[0] for letters in takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False)))
 
 

@@ -69,7 +69,7 @@ class Trial:
 
 
 def _per_cent(score: Score) -> str:
-    """The error in per cent, two digits of it."""
+    """Return the error in per cent, two digits of it."""
     return f"{two_digits(100 * score.nrmse):g} %" if score.nrmse else "0 %"
 
 
@@ -91,7 +91,7 @@ def scored(loaded: LoadedSpec, dataset: Dataset) -> Trial:
 
 
 def proven(draft: Draft, folder: Path, budget: float | None = None, progress: Progress = lambda *_: None) -> Draft:
-    """The draft with the structure that a search finds, or the first of its simpler forms for which it finds one, and what it scored.
+    """Return the draft with the structure that a search finds, or the first of its simpler forms for which it does, and what it scored.
 
     The search takes `budget` seconds of computing time, by default `BUDGET`.
     Raises DataError where there is none.
@@ -108,7 +108,7 @@ def proven(draft: Draft, folder: Path, budget: float | None = None, progress: Pr
 
 
 def _told(draft: Draft, trial: Trial) -> Draft:
-    """The draft with what its model scored; marked where the mean or a plainer model is better."""
+    """Return the draft with what its model scored; marked where the mean or a plainer model is better."""
     before = draft.notes.get(("target",))
     told = f"tried: {trial}"
     return draft.noted(("target",), told if before is None else f"{before.why}; {told}", not trial.bad and (before is None or before.sure))
@@ -121,7 +121,7 @@ def _why(draft: Draft, fault: str) -> str:
 
 
 def _simpler(draft: Draft) -> Iterator[Draft]:
-    """The draft, then without one thing after the other that data may be too few or too odd for, at last as a straight line."""
+    """Yield the draft, then without one thing after the other that data may be too few or too odd for, at last as a straight line."""
     yield draft
     steps: tuple[Callable[[Draft], Draft], ...] = (
         lambda one: one.without("validate"),
@@ -143,7 +143,7 @@ def _simpler(draft: Draft) -> Iterator[Draft]:
 
 
 def _tried(draft: Draft, folder: Path, budget: float, progress: Progress) -> tuple[Draft, Trial]:
-    """The draft with a model, and its scores; MapmoreError for what `check`, `run` or the search have against it."""
+    """Return the draft with a model, and its scores; MapmoreError for what `check`, `run` or the search have against it."""
     with TemporaryDirectory() as place:
         path = Path(place) / "draft.yaml"
 
@@ -162,7 +162,7 @@ def _tried(draft: Draft, folder: Path, budget: float, progress: Progress) -> tup
 
 
 def with_structure(draft: Draft, found: Search) -> Draft:
-    """The draft with the sections that a search has found, and how."""
+    """Return the draft with the sections that a search has found, and how."""
     sections: dict[str, Any] = {}
     for key, value in found.found.sections.items():
         section, _, inner = key.partition(".")
@@ -176,7 +176,7 @@ def with_structure(draft: Draft, found: Search) -> Draft:
 
 
 def _absolute(spec: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """The spec with paths that mean the same from anywhere."""
+    """Return the spec with paths that mean the same from anywhere."""
     start = glob.escape(str(folder.resolve()))
 
     def moved(log: dict[str, Any]) -> dict[str, Any]:

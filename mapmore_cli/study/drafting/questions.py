@@ -43,7 +43,7 @@ class Question:
 
 
 def course(values: Sequence[Array]) -> str:
-    """A column over its samples, 40 characters wide, of all recordings one after the other."""
+    """Return a column over its samples, 40 characters wide, of all recordings one after the other."""
     pooled = np.concatenate(values)
     places = np.linspace(0, len(pooled) - 1, min(WIDTH, len(pooled))).astype(int)
     low, span = float(pooled.min()), float(np.ptp(pooled)) or 1.0
@@ -121,7 +121,7 @@ def _shown(name: str, told: ToldColumn) -> str:
 
 
 def _read(reply: str, name: str, options: Sequence[tuple[ToldColumn, str]], draft: Draft) -> tuple[str, ToldColumn] | None:
-    """The name and the column that an answer says; None for `-`. Raises UsageError for no such column, or a unit that cannot be."""
+    """Return the name and the column that an answer says; None for `-`. Raises UsageError for no such column, or a unit that cannot be."""
     reply = reply.strip()
     if not reply:
         return name, options[0][0]

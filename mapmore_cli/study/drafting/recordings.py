@@ -33,7 +33,7 @@ T = TypeVar("T")
 
 
 def dataset_of(data: Mapping[str, Any], folder: Path, measured: str, units: Mapping[str, str] | None = None) -> Dataset:
-    """The dataset that a `data` section describes; DataError where it cannot be made."""
+    """Return the dataset that a `data` section describes; DataError where it cannot be made."""
     model = Data.model_validate(data)
     known = {name: "kPa/s" if name == "pressure_rate" else default_unit(name) for name in model.quantities}
     try:
@@ -43,7 +43,7 @@ def dataset_of(data: Mapping[str, Any], folder: Path, measured: str, units: Mapp
 
 
 def read_draft(draft: Draft, folder: Path, measured: str) -> Dataset:
-    """The dataset of a draft, in the units that it says; DataError where it cannot be made."""
+    """Return the dataset of a draft, in the units that it says; DataError where it cannot be made."""
     return dataset_of(draft.data, folder, measured, draft.spec.get("units"))
 
 
@@ -70,7 +70,7 @@ def raw_columns(group: Group, folder: Path) -> dict[str | int, list[Array]]:
 
 
 def tolerant(read: Callable[[tuple[str, ...]], Dataset]) -> tuple[Dataset, tuple[str, ...]]:
-    """A dataset whose samples are mostly whole, with the few words in its cells that then stand for missing numbers, as `---`.
+    """Return a dataset whose samples are mostly whole, with the few words in its cells that then stand for missing numbers, as `---`.
 
     `read` makes it, given such words. Raises DataError where the cells hold more words, or hardly a number.
     """
@@ -89,7 +89,7 @@ def tolerant(read: Callable[[tuple[str, ...]], Dataset]) -> tuple[Dataset, tuple
 
 
 def _read(group: Group, folder: Path, columns: Sequence[str | int]) -> tuple[dict[str | int, list[Array]], int]:
-    """The columns, and how many samples are lost because one of them has none."""
+    """Return the columns, and how many samples are lost because one of them has none."""
     names = {f"column_{place}": column for place, column in enumerate(columns)}
     data = {
         "files": [{"path": relative_name(file, folder), "id": str(place)} for place, file in enumerate(_some(group.files))],
@@ -107,12 +107,12 @@ def _read(group: Group, folder: Path, columns: Sequence[str | int]) -> tuple[dic
 
 
 def missing(words: Sequence[str]) -> str | dict[str, Any]:
-    """What the spec says of samples without a number: they are left out, also where one of these words stands for it."""
+    """Return what the spec says of samples without a number: they are left out, also where one of these words stands for it."""
     return {"tokens": list(words)} if words else "drop"
 
 
 def _some(files: Sequence[T]) -> Sequence[T]:
-    """A few files from all over the list: columns are the same in all, and files can be many and large."""
+    """Return a few files from all over the list: columns are the same in all, and files can be many and large."""
     return files[:: -(-len(files) // MOST_FILES)]
 
 
@@ -128,7 +128,7 @@ class Told:
 
 
 def constants_of(group: Group, quantity: str, length: float | None = None, *, strict: bool = False) -> tuple[str, list[Told]] | None:
-    """The held quantity by the names of the files, and its values; None where they say nothing.
+    """Return the held quantity by the names of the files, and its values; None where they say nothing.
 
     Strains above 1.5 are per cent, whether of the length or of the largest strain, and those of 100 are none; a name without a number
     stands for zero. Millimetres are a contraction: a strain of the muscle's `length` in m, and a `displacement` where that is not known.
@@ -156,7 +156,7 @@ def constants_of(group: Group, quantity: str, length: float | None = None, *, st
 def _shortened(
     words: Sequence[str | None], numbers: Sequence[tuple[float, str | None] | None], length: float | None
 ) -> tuple[str, list[Told]]:
-    """The contraction that names tell in mm: a strain where the length of the muscle is known, else a displacement in m."""
+    """Return the contraction that names tell in mm: a strain where the length of the muscle is known, else a displacement in m."""
     told = []
     for word, number in zip(words, numbers, strict=True):
         by = 0.0 if number is None else convert(number[0], number[1] if number[1] in LENGTHS else "mm", "m")
@@ -172,12 +172,12 @@ LENGTHS = ("mm", "cm")
 
 
 def _kind_of(unit: str) -> str:
-    """What a unit in a name is of."""
+    """Return what a unit in a name is of."""
     return "strain" if unit in ("%", *LENGTHS) else "pressure"
 
 
 def pressures_told(group: Group) -> list[float]:
-    """The pressures in bar that the names of the files which `raw_columns` reads tell with a unit; empty where not all of them do."""
+    """Return the pressures in bar that names of files which `raw_columns` reads tell with a unit; empty where not all of them do."""
     numbers = [number_in(part.condition or "") for part in _some(group.names)]
     told = [(value, unit) for value, unit in (number for number in numbers if number is not None) if unit not in (None, "%", *LENGTHS)]
     return [convert(value, str(unit), "bar") for value, unit in told] if len(told) == len(numbers) else []
@@ -188,7 +188,7 @@ GRAVITY = 9.80665  # m/s^2
 
 
 def loads_told(group: Group) -> list[Told] | None:
-    """The dead loads that the names of the files tell, as `Sample 1 Final 200 grams`; None where not all of them do."""
+    """Return the dead loads that the names of the files tell, as `Sample 1 Final 200 grams`; None where not all of them do."""
     found = [_LOAD.search(path.name) for path in group.files]
     told = []
     for one in found:
@@ -209,7 +209,7 @@ def _told(word: str | None, number: tuple[float, str | None] | None, quantity: s
 
 
 def started(group: Group, name: str, folder: Path, quantity: str, constants: Sequence[Told] | None) -> Draft:
-    """A draft with the name and the files; those for which the same constant is set share an entry."""
+    """Return a draft with the name and the files; those for which the same constant is set share an entry."""
     data: dict[str, Any] = {"files": [], "reader": group.layout.reader, **group.layout.settings}
     draft = Draft({"schema_version": 1, "name": name, "muscle": {"name": name}, "data": data})
     draft = draft.noted(("muscle",), "kind, length and diameter help `check`, as {kind: mckibben, length: 88 mm, diameter: 20 mm}")
@@ -252,7 +252,7 @@ def _of_sheets(layout: Preview) -> str:
 
 
 def _of_each_sheet(entries: Sequence[Any], layout: Preview) -> list[Any]:
-    """The entries of `files`, once for every sheet where sheets have to be named one by one."""
+    """Return the entries of `files`, once for every sheet where sheets have to be named one by one."""
     if not layout.sheets:
         return list(entries)
     plain = [entry if isinstance(entry, dict) else {"path": entry} for entry in entries]
@@ -260,7 +260,7 @@ def _of_each_sheet(entries: Sequence[Any], layout: Preview) -> list[Any]:
 
 
 def with_columns(draft: Draft, guesses: Mapping[str, Guess], titles: Mapping[str | int, str]) -> Draft:
-    """The draft with its columns, their units where the names are no canonical quantities, and a word on those that are not used."""
+    """Return the draft with its columns, their units where the names are no canonical quantities, and a word on those that are not used."""
     used = {guess.column for guess in guesses.values()}
     left = ", ".join(title for column, title in titles.items() if title and column not in used)
     draft = draft.with_data("columns", {one: guess.as_spec() for one, guess in guesses.items()}, f"left out: {left}" if left else None)
@@ -275,7 +275,7 @@ def with_columns(draft: Draft, guesses: Mapping[str, Guess], titles: Mapping[str
 
 
 def model_unit(unit: str) -> str:
-    """The model's unit of a quantity of no canonical name: kPa of all pressures, else what it was measured in."""
+    """Return the model's unit of a quantity of no canonical name: kPa of all pressures, else what it was measured in."""
     try:
         convert(1.0, unit, "kPa")
     except SpecError:
@@ -284,7 +284,7 @@ def model_unit(unit: str) -> str:
 
 
 def cleaned(draft: Draft, folder: Path, target: str) -> tuple[Draft, Dataset]:
-    """The draft with what its recordings need to be read, and these; a clock that runs backwards is left out.
+    """Return the draft with what its recordings need to be read, and these; a clock that runs backwards is left out.
 
     Raises DataError where they cannot be read, or where another log is joined by such a clock.
     """
@@ -312,7 +312,7 @@ FEW_RESETS = 3  # pieces of a file, beyond which its clock is no clock
 
 
 def _split_at_resets(draft: Draft, folder: Path, target: str) -> tuple[Dataset, tuple[str, ...]] | None:
-    """The recordings, split where the clock is set back, and words for missing numbers; None where it is no clock at all."""
+    """Return the recordings, split where the clock is set back, and words for missing numbers; None where it is no clock at all."""
     try:
         dataset, words = tolerant(
             lambda words: read_draft(draft.with_data("missing", missing(words)).with_data("gaps", GAPS), folder, target)
@@ -328,7 +328,7 @@ LONG_ENOUGH = 100  # samples of a piece
 
 
 def _told_losses(draft: Draft, dataset: Dataset, target: str, words: Sequence[str], folder: Path) -> Draft:
-    """The draft with what is done about empty cells, stamps that repeat, and a force that pushes."""
+    """Return the draft with what is done about empty cells, stamps that repeat, and a force that pushes."""
     lost = {reason: sum(one.dropped.get(reason, 0) for one in dataset.recordings) for reason in ("missing value", "repeated time")}
     glitches = sum(one.dropped.get("glitch of the clock", 0) for one in dataset.recordings)
     told = {
@@ -359,7 +359,7 @@ def _told_losses(draft: Draft, dataset: Dataset, target: str, words: Sequence[st
 
 
 def with_strain(draft: Draft, dataset: Dataset, length: float, position: str | None) -> tuple[Draft, str | None]:
-    """The draft with the strain that a length or a displacement makes of the muscle's own length in m, where no column holds it.
+    """Return the draft with the strain that a length or a displacement makes of the muscle's own length in m, where no column holds it.
 
     A displacement counts as contraction in the direction in which it mostly goes.
     """

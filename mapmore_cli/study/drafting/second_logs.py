@@ -24,7 +24,7 @@ OVERLAP = 0.5  # of the shorter log, in which both clocks run, where they are on
 
 
 def second_of(group: Group, groups: Sequence[Group]) -> Group | None:
-    """The log with the pressure of the same tests: the one group in the same folder whose titles have it, and that has as many files.
+    """Return the log with the pressure of the same tests: the one group in the folder whose titles have it, and that has as many files.
 
     None where the group has a pressure of its own, lacks force, position or time, or more than one other comes into question.
     """
@@ -41,7 +41,7 @@ def second_of(group: Group, groups: Sequence[Group]) -> Group | None:
 
 
 def _named(group: Group) -> set[str]:
-    """The quantities that the titles of a group name."""
+    """Return the quantities that the titles of a group name."""
     labels = (read_label(title) for title in group.layout.titles or ())
     return {label.quantity for label in labels if label is not None}
 
@@ -49,7 +49,7 @@ def _named(group: Group) -> set[str]:
 def with_second_log(
     draft: Draft, second: Group, folder: Path, clock: Guess, starts: tuple[float, float], answers: Answers | None = None
 ) -> Draft:
-    """The draft with the pressure of a second log; `clock` is the time column of the first, which runs from and to `starts` there."""
+    """Return the draft with the pressure of a second log; `clock` is the time column of the first, which runs from and to `starts`."""
     titles = dict(zip(second.layout.columns, second.layout.titles or (), strict=False))
     below = dict(zip(second.layout.columns, second.layout.below, strict=False))
     raw = raw_columns(second, folder)
@@ -82,7 +82,7 @@ def with_second_log(
 
 
 def with_found_shift(draft: Draft, folder: Path, target: str) -> Draft:
-    """The draft with the shift that the changes of the target and of the pressure tell, where they do; else as it is."""
+    """Return the draft with the shift that the changes of the target and of the pressure tell, where they do; else as it is."""
     (log,) = draft.data["join"]
     found = {key: value for key, value in log.items() if key != "shift"} | {
         "shift": "auto",
@@ -99,7 +99,7 @@ def with_found_shift(draft: Draft, folder: Path, target: str) -> Draft:
 
 
 def with_column_beside(draft: Draft, first: Group, other: Group, folder: Path) -> tuple[Draft, list[str], str]:
-    """The draft of two files of one column each, joined row by row, with the input and the target; the file that comes first drives."""
+    """Return the draft of two files of one column each, joined row by row, with input and target; the file that comes first drives."""
     drive, response = names_of([0, 1], {0: "_".join(words_of(first.files[0].name)), 1: "_".join(words_of(other.files[0].name))})
     ((column, values),) = raw_columns(first, folder).items()
     why = f"taken as what drives, as its file comes first; without a unit; {range_of(values, '1')}"

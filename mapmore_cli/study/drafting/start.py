@@ -48,7 +48,7 @@ POSITIONS = ("strain", "displacement", "length")
 def propose(
     group: Group, name: str, folder: Path, answers: Answers = NOTHING_SAID, second: tuple[Group, Answers | None] | None = None
 ) -> Draft:
-    """The spec of a group of recordings, with paths from `folder`; `answers` are what a person has said of them.
+    """Return the spec of a group of recordings, with paths from `folder`; `answers` are what a person has said of them.
 
     `second` are the logs of the pressure, where these are files of their own, and what was said of them. What cannot be told from the data
     is marked `CHECK`. Its model is still to be found (`proven`).
@@ -109,7 +109,7 @@ def propose(
 
 
 def _without_twins(raw: Raw, guesses: Mapping[str, Guess]) -> Raw:
-    """The columns without those that are one of the others in another unit."""
+    """Return the columns without those that are one of the others in another unit."""
     twins = twins_of(raw, guesses["pressure"].column if "pressure" in guesses else None)
     return {column: values for column, values in raw.items() if column not in twins}
 
@@ -117,7 +117,7 @@ def _without_twins(raw: Raw, guesses: Mapping[str, Guess]) -> Raw:
 def _of_told(
     group: Group, name: str, folder: Path, titles: Mapping[str | int, str], guesses: Mapping[str, Guess], target: str | None
 ) -> Draft:
-    """The draft of columns that a person has named: the target follows all others but the time."""
+    """Return the draft of columns that a person has named: the target follows all others but the time."""
     names = [one for one in guesses if one != "time"]
     target = target or names[-1]
     if target not in names or len(names) < 2:
@@ -130,7 +130,7 @@ def _of_told(
 def _of_experiment(
     draft: Draft, recordings: Sequence[Recording], folder: Path, target: str, position: str | None, hold: str | None = None
 ) -> Draft:
-    """The draft with the experiment: static where something was held or nothing tells the time, else with memory.
+    """Return the draft with the experiment: static where something was held or nothing tells the time, else with memory.
 
     `hold` is what a person says was held.
     """
@@ -147,7 +147,7 @@ def _of_experiment(
 
 
 def _turned_round(draft: Draft, recordings: Sequence[Recording], folder: Path, position: str, step: float) -> Draft:
-    """The draft of a muscle whose force was set: the position is what was measured, and the target."""
+    """Return the draft of a muscle whose force was set: the position is what was measured, and the target."""
     draft = with_experiment(draft, recordings, find_held(recordings, ("pressure", "force")))
     why = f"the force was set in steps of {step:.4g} N, and {position} measured: the noise lies there"
     draft = draft.with_section("target", {"column": position}, why)
@@ -163,7 +163,7 @@ def _of_unknown(
     known: Mapping[str, Guess],
     turns: Mapping[str | int, float],
 ) -> Draft:
-    """The draft of columns of which no one knows what they are: one drives, one follows."""
+    """Return the draft of columns of which no one knows what they are: one drives, one follows."""
     found = guess_others(titles, raw, known)
     if found is None:
         told = ", ".join(group.layout.titles or ()) or f"{group.layout.width} columns without titles"
@@ -173,7 +173,7 @@ def _of_unknown(
 
 
 def _followed(draft: Draft, inputs: Sequence[str], target: str, folder: Path) -> Draft:
-    """The draft with a model of what follows on what drives: with memory where something tells of it."""
+    """Return the draft with a model of what follows on what drives: with memory where something tells of it."""
     draft, dataset = cleaned(draft, folder, target)
     memory = remembers(dataset.recordings, inputs[0], target)
     if memory is not None and "time" not in dataset.recordings[0].columns:
@@ -250,7 +250,7 @@ def _start(path: Path, folder: Path, name: str | None, single: bool, answers: An
 
 
 def _interviewed(draft: Draft, said: Answers, ask: Ask, again: Callable[[Answers], Draft]) -> Draft:
-    """The draft with what a person answers: it is made `again` of the answers about columns and length."""
+    """Return the draft with what a person answers: it is made `again` of the answers about columns and length."""
     told = asked_columns(draft, said, ask)
     length = asked_length(draft, ask)
     if length:
@@ -263,12 +263,12 @@ def _count(group: Group) -> str:
 
 
 def _name(label: str) -> str:
-    """A run's name made of a label."""
+    """Return a run's name made of a label."""
     return re.sub(r"[^A-Za-z0-9._-]+", "-", label).strip("._-")[:80] or "study"
 
 
 def _unique(labels: Sequence[str], folders: Sequence[str]) -> list[str]:
-    """The labels, those that repeat with their folder before them, and with a number where this does not help."""
+    """Return the labels, those that repeat with their folder before them, and with a number where this does not help."""
     names = [label if labels.count(label) == 1 else f"{folder}-{label}" for label, folder in zip(labels, folders, strict=True)]
     return [name if names.count(name) == 1 else f"{name}-{names[: place + 1].count(name)}" for place, name in enumerate(names)]
 

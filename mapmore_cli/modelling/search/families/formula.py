@@ -14,7 +14,7 @@ FORCE = "force"
 
 
 def fitting(of: Situation, names: Sequence[str]) -> Iterator[str]:
-    """The formulas that find their quantities among the inputs, need no dimensions, and have fewer parameters than there are samples."""
+    """Yield formulas whose quantities are among the inputs, with no dimensions and fewer parameters than there are samples."""
     for name in names:
         formula = literature.get(name)
         known = formula.inputs and {*formula.inputs} <= {*of.inputs}

@@ -16,7 +16,7 @@ MOST_CHOSEN = 1_000
 
 
 def candidates(of: Situation) -> Iterator[Candidate]:
-    """The number of terms by free runs, and each term."""
+    """Yield the number of terms by free runs, and each term."""
     free: dict[str, Any] = {"ridge": TINY, "margin": 0.0, "criterion": "free_run", "stop": "free_run"}
     yield memory("two delays of the output, order 2, sized in free run", of, [squares(of)], 8, **free)
     if of.samples <= MOST_CHOSEN:

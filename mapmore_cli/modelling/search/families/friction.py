@@ -24,7 +24,7 @@ MOST_INPUTS = 5
 
 
 def candidates(of: Situation) -> Iterator[Candidate]:
-    """Stops alone, then signs of velocities and of differences, with products and lags."""
+    """Yield stops alone, then signs of velocities and of differences, with products and lags."""
     moving, inputs = [*of.moving], [*of.inputs]
     stops = {"stop": {"of": moving, "widths": WIDTHS}}
     with_stops = products([*inputs, stops], partners=inputs)
@@ -49,7 +49,7 @@ def candidates(of: Situation) -> Iterator[Candidate]:
 
 
 def velocities(of: Situation) -> Iterator[tuple[str, float]]:
-    """Inputs that pass through zero, and what follows them closely, with their root mean square."""
+    """Yield inputs that pass through zero, and what follows them closely, with their root mean square."""
     assert of.step is not None
     for name in (one for one in of.moving if one in of.around_zero):
         yield name, of.around_zero[name]

@@ -47,7 +47,7 @@ def candidates(of: Situation) -> Iterator[Candidate]:
 
 
 def velocities(of: Situation) -> list[str]:
-    """Inputs that take both signs, and the rates of the others where there are at most two."""
+    """Return inputs that take both signs, and the rates of the others where there are at most two."""
     rates = [f"rate({name})" for name in of.moving]
     return [*(name for name in of.moving if name in of.around_zero), *(rates if len(rates) <= MOST_RATES else [])]
 

@@ -18,7 +18,7 @@ SHORTEST = 8
 
 
 def candidates(of: Situation) -> Iterator[Candidate]:
-    """A cubic without memory, for reference, and lags of several lengths."""
+    """Yield a cubic without memory, for reference, and lags of several lengths."""
     yield memory("cubic without memory", of, [monomials(of.inputs, 3)], 12)
     assert of.step is not None
     for steps in STEPS:

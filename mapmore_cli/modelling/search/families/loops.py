@@ -38,7 +38,7 @@ def candidates(of: Situation) -> Iterator[Candidate]:
 
 
 def switch(name: str, width: float, place: float, slope: float) -> str:
-    """A smooth step of a play."""
+    """Return a smooth step of a play."""
     return f"tanh((play({name}, {width}) - {place})/{slope})"
 
 

@@ -13,7 +13,7 @@ BACKBONES = ("sarosi_hinged", "sarosi", "polynomial_2", "muscle_like")
 
 
 def candidates(of: Situation) -> Iterator[Candidate]:
-    """A surface of order 3 on each formula whose quantities are there."""
+    """Yield a surface of order 3 on each formula whose quantities are there."""
     for name in fitting(of, BACKBONES):
         yield surface(f"surface of order 3 on {name}", of, polynomial(of, 3), 8, backbone=name)
 

@@ -44,7 +44,7 @@ def candidates(of: Situation) -> Iterator[Candidate]:
 
 
 def with_plays(of: Situation, followed: dict[str, Any], behind: dict[str, Any]) -> list[Any]:
-    """The inputs, what follows them, their plays, and what follows two of the plays."""
+    """Return the inputs, what follows them, their plays, and what follows two of the plays."""
     moving = [*of.moving]
     plays = [f"play({name}, {width})" for name in moving for width in DELAYED]
     states = [{"slow": {"of": moving, **followed}}, {"play": {"of": moving, "widths": WIDTHS}}, {"slow": {"of": plays, **behind}}]

@@ -14,7 +14,7 @@ MOST_INPUTS = 4
 
 
 def candidates(of: Situation) -> Iterator[Candidate]:
-    """A cubic times the direction of each input that moves."""
+    """Yield a cubic times the direction of each input that moves."""
     for moving in of.moving[:2]:
         for width in WIDTHS:
             direction = f"stop({moving}, {width})"

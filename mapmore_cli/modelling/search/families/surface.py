@@ -30,7 +30,7 @@ def candidates(of: Situation) -> Iterator[Candidate]:
 
 
 def polynomial(of: Situation, order: int) -> list[dict[str, Any]]:
-    """A dictionary of every monomial of the inputs."""
+    """Return a dictionary of every monomial of the inputs."""
     return [{"polynomial": {"of": [*of.inputs], "order": order}}]
 
 
