@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mapmore_cli.cli.console import NO_OVERRIDES, AsJson, Overrides, Quiet, exit_code, message, print_view
+from mapmore_cli.cli.console import NO_OVERRIDES, RUNS, AsJson, Overrides, Quiet, Runs, exit_code, message, print_view
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.storage.atomic import write_text
 
@@ -23,6 +23,7 @@ def check(
     config: Annotated[Path, typer.Argument(metavar="CONFIG", help="Experiment spec or campaign (YAML).", show_default=False)],
     overrides: Overrides = NO_OVERRIDES,
     confirm: Annotated[bool, typer.Option("--confirm", help="Take the guesses marked CHECK as right: remove the mark.")] = False,
+    runs: Runs = RUNS,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
@@ -36,7 +37,7 @@ def check(
     campaigns, entries = expanded([config], overrides)
     with Reporter(quiet) as reporter:
         if not campaigns:
-            spec, inspection = _inspected(entries[0], reporter)
+            spec, inspection = _inspected(entries[0], runs, reporter)
             print_view(measured.of_inspection(inspection, spec.unconfirmed).under({"name": spec.name}), as_json)
             if inspection.verdict is not None:  # its issues stand in the document
                 print(message(inspection.verdict), file=sys.stderr)
@@ -46,7 +47,7 @@ def check(
         for number, (run, entry) in enumerate(zip(campaigns[0].names, entries, strict=True)):
             reporter.progress("runs", number, len(entries))
             try:
-                results[run] = _inspected(entry, reporter)[1]
+                results[run] = _inspected(entry, runs, reporter)[1]
             except MapmoreError as fault:
                 results[run] = fault
     print_view(measured.of_campaign(results).under({"campaign": campaigns[0].campaign.campaign}), as_json)
@@ -63,9 +64,9 @@ def _confirm(config: Path) -> None:
         write_text(config, confirmed(config.read_text(encoding="utf-8")))
 
 
-def _inspected(entry: Entry, reporter: Reporter) -> tuple[ExperimentSpec, Inspection]:
+def _inspected(entry: Entry, runs: Path, reporter: Reporter) -> tuple[ExperimentSpec, Inspection]:
     from mapmore_cli.spec.loader import load
     from mapmore_cli.study.inspection.lint import inspect
 
     loaded = load(entry.config, entry.overrides)
-    return loaded.spec, inspect(loaded, progress=reporter.progress, warn=reporter.warn)
+    return loaded.spec, inspect(loaded, runs / loaded.spec.name, progress=reporter.progress, warn=reporter.warn)

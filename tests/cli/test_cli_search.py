@@ -77,6 +77,8 @@ def test_first_lines_tell_of_better_models(tmp_path: Path, mapmore: Callable[...
     formulas = [one for one in json.loads((run / "search.json").read_text())["tried"] if one["family"] == "formula" and not one["failure"]]
     first, _, _ = (run / "report/index.html").read_text().partition("<nav")
     assert "a Gaussian process errs 9 times less" in first
+    issues = json.loads(mapmore("check", tmp_path / "bare.yaml", "--runs", tmp_path / "runs", "--json", "-q").stdout)["issues"]
+    assert ("structure", "a Gaussian process errs 9 times less") in {(one["id"], one["message"]) for one in issues}
     assert "mapmore is worse" in first
     assert formulas[0]["words"] == f"formula {load(run / 'found.yaml').spec.validation.against[0]}"
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from mapmore_cli.domain.errors import DataError, MapmoreError, SpecError
@@ -11,7 +12,9 @@ from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.fitting.stage import Progress
 from mapmore_cli.ingestion.dataset import build_dataset
 from mapmore_cli.ingestion.files import slice_of
+from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.pipeline.runner import pipeline
+from mapmore_cli.pipeline.search import SEARCH, read_search
 from mapmore_cli.pipeline.staleness import needed_runs
 from mapmore_cli.spec.loader import LoadedSpec
 from mapmore_cli.spec.sections.data import Split
@@ -36,10 +39,13 @@ class Inspection:
         return kind(f"{len(errors)} error{'s' if len(errors) > 1 else ''}: {', '.join(dict.fromkeys(issue.id for issue in errors))}")
 
 
-def inspect(loaded: LoadedSpec, progress: Progress = lambda *_: None, warn: Callable[[str], None] = lambda _: None) -> Inspection:
+def inspect(
+    loaded: LoadedSpec, run_dir: Path | None = None, progress: Progress = lambda *_: None, warn: Callable[[str], None] = lambda _: None
+) -> Inspection:
     """Apply every rule; writes nothing.
 
-    Where the curves cannot be made, the recordings alone are looked at: strain in per cent is why no sample was at its level.
+    Where the curves cannot be made, the recordings alone are looked at: strain in per cent is why no sample was at its level. What the
+    search in `run_dir` noted is told again, as that a black box errs less.
 
     Raises
     ------
@@ -58,7 +64,14 @@ def inspect(loaded: LoadedSpec, progress: Progress = lambda *_: None, warn: Call
     issues = _issues(loaded, dataset)
     same = {key: dataset if slice_of(other.spec) == part else None for key, other in needed.items()}
     others = [issue for key, other in needed.items() for issue in _of_another(key, other, same[key])]
-    return Inspection(dataset, _sorted((*issues, *others)))
+    return Inspection(dataset, _sorted((*issues, *others, *_of_search(loaded, run_dir))))
+
+
+def _of_search(loaded: LoadedSpec, run_dir: Path | None) -> Iterator[Issue]:
+    """Yield what the search of a run noted, where the spec leaves the structure to it."""
+    if run_dir is not None and loaded.spec.model.type == AUTO and (run_dir / SEARCH).is_file():
+        for note in read_search(run_dir / SEARCH).notes:
+            yield Issue("hint", "structure", loaded.where("model"), note, "its table of what was tried is on the page of the run")
 
 
 def _issues(loaded: LoadedSpec, dataset: Dataset) -> tuple[Issue, ...]:
