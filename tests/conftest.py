@@ -49,6 +49,15 @@ def no_copies() -> Iterator[None]:
         yield
 
 
+@pytest.fixture
+def fewer_families(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A search without the families that take long; their candidates are made in `test_search_families`."""
+    from mapmore_cli.fitting import searching
+
+    few = {name: family for name, family in searching.FAMILIES.items() if name in ("surface", "formula", "levels", "lags", "arx")}
+    monkeypatch.setattr(searching, "FAMILIES", few)
+
+
 @pytest.fixture(scope="session")
 def measured_data() -> Path:
     """Folder of the measured recordings, which are not part of the project; see docs/data.md for where to get them."""

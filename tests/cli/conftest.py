@@ -71,15 +71,6 @@ def batch_here(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def fewer_families(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A search without the families that take long; their candidates are made in `test_search_families`."""
-    from mapmore_cli.fitting import searching
-
-    few = {name: family for name, family in searching.FAMILIES.items() if name in ("surface", "formula", "levels")}
-    monkeypatch.setattr(searching, "FAMILIES", few)
-
-
-@pytest.fixture
 def study(tmp_path: Path) -> Path:
     """A study that has not run yet."""
     return write_study(tmp_path)

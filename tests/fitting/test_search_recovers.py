@@ -65,7 +65,7 @@ CASES = (
     (surface, ("surface", "steep"), "surface of order 2", 6),  # four terms, in coordinates that are not shifted
     (hinge, ("surface", "steep"), "surface of order 2 with hinges", 7),
     (autoregression, ("surface", "steep", "autoregression"), "two delays of the output, order 2", 6),
-    (slow_and_play, ("slow_and_play",), "a lag that training finds, and play", 5),  # two to four terms, and a time constant
+    (slow_and_play, ("slow_and_play", "found_lag"), "a lag that training finds, and play", 5),  # two to four terms, and a time constant
 )
 
 

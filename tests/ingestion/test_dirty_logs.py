@@ -14,6 +14,8 @@ from mapmore_cli.modelling.signals.sampling import longest_ascent
 from mapmore_cli.study.drafting.recordings import dataset_of
 from mapmore_cli.study.drafting.start import start
 
+pytestmark = pytest.mark.usefixtures("fewer_families")
+
 COLUMNS = {"time": {"column": "t", "unit": "s"}, "force": {"column": "F", "unit": "N"}}
 
 

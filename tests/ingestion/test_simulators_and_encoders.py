@@ -19,6 +19,8 @@ from mapmore_cli.study.drafting import start as drafting
 from mapmore_cli.study.drafting.draft import Draft
 from mapmore_cli.study.inspection.lint import inspect
 
+pytestmark = pytest.mark.usefixtures("fewer_families")
+
 T = 0.02 * np.arange(700)
 PRESSURE = 200 + 100 * np.sin(T) + 50 * np.sin(2.3 * T)
 POSITION = 0.05 * np.convolve(PRESSURE, np.exp(-np.arange(200) / 30) / 30)[: T.size]

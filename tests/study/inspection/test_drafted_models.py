@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 import yaml
 
 from mapmore_cli.spec.loader import load
@@ -13,6 +14,8 @@ from mapmore_cli.study.drafting import start as drafting
 from mapmore_cli.study.drafting.draft import Draft
 from mapmore_cli.study.drafting.guesses import guesses_page
 from mapmore_cli.study.drafting.proof import proven
+
+pytestmark = pytest.mark.usefixtures("fewer_families")
 
 
 def table(folder: Path, levels: int, samples: int, force: Any, header: str = "P [kPa],eps,F [N]") -> None:

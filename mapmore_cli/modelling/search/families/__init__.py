@@ -23,6 +23,7 @@ ORDER = (
     "formula",
     "levels",
     "sections",
+    "found_lag",
     "free_run",
 )
 """Names of the files in the order in which they are tried: where time is short, the last ones are left out."""

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mapmore_cli.modelling.search.candidate import Candidate, Entries, Family, memory, products
+from mapmore_cli.modelling.search.candidate import Candidate, Family, memory, products
 from mapmore_cli.modelling.search.situation import Situation
 
 FINE, MANY = 1e-5, 6
 """The ridge, and how many time constants, where neighbours among slow states differ little and their differences count: creep and drift."""
-
-MOST_MOVING, MOST_FOUND = 2, 5_000
-"""Inputs that move, and training samples, up to which a time constant is found by training: each fold searches it."""
 
 MOST_INPUTS = 5
 
@@ -27,9 +24,6 @@ def candidates(of: Situation) -> Iterator[Candidate]:
     slow = products([*of.inputs, {"slow": {"of": moving, "count": 4}}], 3 if len(of.inputs) == 1 else 2)
     for terms in (8, 16):
         yield memory(f"slow with all products, {terms} terms", of, [slow], terms)
-    if len(moving) <= MOST_MOVING and of.samples <= MOST_FOUND:
-        lag: Entries = [{"terms": ["1", *of.inputs]}, {"slow": {"of": moving}}, {"play": {"of": moving, "count": 3}}]
-        yield memory("a lag that training finds, and play, linear", of, lag, 8, ridge=0.0, stop="bic")
     finely = products([*of.inputs, {"slow": {"of": moving, "count": MANY}}])
     for terms in (12, 24):
         yield memory(f"slow by {MANY} time constants with all products, {terms} terms", of, [finely], terms, ridge=FINE)
