@@ -33,6 +33,16 @@ def test_the_note_of_the_table_follows_from_its_rows() -> None:
     assert f"times the best of all: {sum(far)}, of which" in table
 
 
+def test_the_note_of_other_splits_follows_from_its_rows() -> None:
+    table = PAGE.read_text(encoding="utf-8").partition("<!-- table others 0 -->")[2].partition("<!-- end -->")[0]
+    headings, *lines = read_rows(PAGE, "others")
+    found, box = ([float(dict(zip(headings, line, strict=True))[f"{name} [%]"]) for line in lines] for name in ("found", "best black box"))
+    mean = math.exp(math.fsum(math.log(one / other) for one, other in zip(found, box, strict=True)) / len(lines))
+    below = sum(one < other for one, other in zip(found, box, strict=True))
+    assert f"Below the best black box in {below} of {len(lines)}; " in table
+    assert float(table.partition("found / best black box: ")[2].partition(".\n")[0]) == pytest.approx(mean, abs=0.01)
+
+
 @pytest.mark.parametrize("path", sorted((PAGE.parent / "search").glob("*.yaml")), ids=lambda path: path.stem)
 def test_a_minimal_spec_of_the_page_says_nothing_of_a_structure(path: Path) -> None:
     spec = load(path).spec

@@ -92,8 +92,13 @@ def test_simplicity_has_a_price() -> None:
     assert chosen_of([3, 7], blocks, np.zeros((2, 0))).chosen == 0
 
 
+def test_two_per_cent_on_which_all_folds_agree_are_no_difference() -> None:
+    blocks = np.array([[1.015, 1.015, 1.015], [1.0, 1.0, 1.0], [1.06, 1.06, 1.06]])
+    assert chosen_of([4, 9, 1], blocks, np.zeros((3, 0))).chosen == 0
+
+
 def test_where_a_study_holds_levels_out_they_decide() -> None:
-    blocks, parts = np.array([[1.0, 1.1], [1.5, 1.6]]), np.array([[4.0, 5.0], [2.0, 2.2]])  # 1.5 times less, and 2.1 times more
+    blocks, parts = np.array([[1.0, 1.1], [2.2, 2.4]]), np.array([[4.0, 5.0], [2.0, 2.2]])  # 2.2 times less, and 2.1 times more
     assert chosen_of([8, 8], blocks, parts, tables=True, asked=False).chosen == 0
     assert chosen_of([8, 8], blocks, parts, tables=True, asked=True).chosen == 1
 
