@@ -136,7 +136,7 @@ def found_structures(runs: Path, study: str) -> Table:
     """Return the table with the row of a study made anew."""
     heads = (Column("study"), Column("structure found"), *(Column(word, "%", ".3g") for word in ("found", "shipped")))
     boxes = (Column("found / shipped", "", ".2f"), Column("best black box", "%", ".3g"), Column("which"))
-    rest = (Column("best formula", "%", ".3g"), Column("work", "s"), Column("told on its page"))
+    rest = (Column("best formula", "%", ".3g"), Column("work", "s", ".0f"), Column("told on its page"))
     kept = {cells[0]: tuple(map(_number, cells)) for cells in read_rows(PAGE, "search")[1:]}
     every = {**kept, study.rpartition("/")[2]: row(study, runs)}
     rows = [every[name] for one in STUDIES if (name := one.rpartition("/")[2]) in every]
