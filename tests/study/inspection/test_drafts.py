@@ -22,8 +22,6 @@ from mapmore_cli.study.drafting.proof import proven
 from mapmore_cli.study.drafting.start import start
 from mapmore_cli.study.inspection.lint import inspect
 
-pytestmark = pytest.mark.usefixtures("fewer_families")
-
 PLAIN = "1,10\n2,20\n3,30\n4,40\n"
 
 

@@ -8,6 +8,8 @@ import drafted_tables
 import pytest
 from pages import read_rows
 
+from mapmore_cli.fitting import searching
+from mapmore_cli.modelling.search.families import FAMILIES
 from mapmore_cli.storage.readers import reader_of
 from mapmore_cli.study.drafting import proof
 from mapmore_cli.study.drafting.groups import find_groups
@@ -18,6 +20,7 @@ ROWS = [tuple(row) for row in read_rows(drafted_tables.PAGE, "drafts")[1:]]
 
 @pytest.mark.parametrize("name", ["festo_datasheet", "pgm_mckibben", "festo_fmax_by_length"])
 def test_the_page_says_what_is_proposed(measured_data: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(searching, "FAMILIES", FAMILIES)
     monkeypatch.setattr(proof, "BUDGET", 60.0)  # no structure is cut off on a busy machine
     rows = drafted_tables.rows_of(measured_data / name)
     assert rows

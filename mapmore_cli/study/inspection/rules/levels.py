@@ -82,13 +82,14 @@ def beyond_training(subject: Subject) -> Iterator[Issue]:
 
 
 def _inputs(subject: Subject) -> list[str]:
-    """Return the measured quantities that the model is a function of, but the time."""
+    """Return the measured quantities that the model is a function of, but the time; the target has its own past in a free run."""
     spec = subject.spec
     texts = [text for loc, _, family in entries_of(spec.dictionary) for _, text, _ in texts_in(loc, family)]
     formula = formula_called(spec, spec.model.backbone or spec.model.name)
     used = {*spec.segment, *(formula.inputs if formula is not None else ())}
     used |= {name for text in texts for name in re.findall(r"[A-Za-z_]\w*", text)}
-    return [name for name in _dataset(subject).quantities if name in used and name in spec.data.measured and name != "time"]
+    measured = {*spec.data.measured} - {"time", spec.target_quantity}
+    return [name for name in _dataset(subject).quantities if name in used & measured]
 
 
 def _values(dataset: Dataset, name: str, held_out: bool) -> Array:
