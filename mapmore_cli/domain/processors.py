@@ -8,11 +8,15 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from array import array
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from itertools import chain
+from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
+    from io import FileIO
     from multiprocessing.connection import Connection
 
 T = TypeVar("T")
@@ -33,26 +37,33 @@ def shared_out(
     progress: Callable[[int, int], None] = lambda _done, _total: None,
     processes: int | None = None,
 ) -> list[R]:
-    """`[work(item) for item in items]`, with every n-th item done by each of n processes.
+    """`[work(item) for item in items]`, each item done by the process that is free first.
 
     The others are forks: copies that have the items already. What they return must be picklable, and whatever else they change is lost.
     What a copy does not deliver, for whatever reason, is done here, so that an error is raised as without copies.
 
-    - `progress`: is told how many items are done, of how many, as far as this process sees it.
+    - `progress`: is told how many items are in work or done, of how many.
     - `processes`: how many there are with this one; by default as many as this machine has for them (`free_processors`).
     """
     count = max(1, min(len(items), free_processors() if processes is None else processes))
-    shares = [items[start::count] for start in range(count)]
+    with TemporaryFile(buffering=0) as queue:
+        queue.write(array("q", range(count, len(items))))
+        queue.seek(0)
+        shares = [chain([first], _drawn(queue)) for first in range(count)]
+        with _copies(work, items, shares[1:]) as copies:
+            found = {}
+            for number in shares[0] if items else ():
+                found[number] = work(items[number])
+                progress(number + 1, len(items))
+            for copy in copies:
+                found |= _received(copy)
+    return [found[number] if number in found else work(item) for number, item in enumerate(items)]
 
-    def own_share() -> Iterator[R]:
-        for number, item in enumerate(shares[0], start=1):
-            yield work(item)
-            progress(min(number * count, len(items)), len(items))
 
-    with _copies(work, shares[1:]) as copies:
-        own = list(own_share())
-        parts = [own, *(_received(copy) or [work(item) for item in share] for copy, share in zip(copies, shares[1:], strict=True))]
-    return [parts[place % count][place // count] for place in range(len(items))]
+def _drawn(queue: FileIO) -> Iterator[int]:
+    """Yield the next number that no process has drawn: forks share their place in an open file."""
+    while number := queue.read(8):
+        yield int.from_bytes(number, sys.byteorder)
 
 
 def free_processors() -> int:
@@ -77,19 +88,19 @@ def _threads() -> int | None:
 
 
 @contextmanager
-def _copies(work: Callable[[T], R], shares: Sequence[Sequence[T]]) -> Iterator[list[Connection]]:
+def _copies(work: Callable[[T], R], items: Sequence[T], shares: Sequence[Iterable[int]]) -> Iterator[list[Connection]]:
     """Set forks to work, one on each share, and say where they tell what came of it; what is left of them ends with the context."""
     with ExitStack() as stack:
-        yield [stack.enter_context(_copy(work, share)) for share in shares]
+        yield [stack.enter_context(_copy(work, items, share)) for share in shares]
 
 
 @contextmanager
-def _copy(work: Callable[[T], R], share: Sequence[T]) -> Iterator[Connection]:
+def _copy(work: Callable[[T], R], items: Sequence[T], share: Iterable[int]) -> Iterator[Connection]:
     from multiprocessing import get_context
 
     fork = get_context("fork")
     receiver, sender = fork.Pipe(duplex=False)
-    process = fork.Process(target=_deliver, args=(work, share, sender, os.getpid()), daemon=True)
+    process = fork.Process(target=_deliver, args=(work, items, share, sender, os.getpid()), daemon=True)
     with receiver:
         heard = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # Ctrl-C is for the process that waits
         try:
@@ -105,11 +116,11 @@ def _copy(work: Callable[[T], R], share: Sequence[T]) -> Iterator[Connection]:
                 process.join()
 
 
-def _deliver(work: Callable[[T], R], share: Sequence[T], sender: Connection, parent: int) -> None:
+def _deliver(work: Callable[[T], R], items: Sequence[T], share: Iterable[int], sender: Connection, parent: int) -> None:
     """Do the work of a fork. It ends without a word and without what others are to do at the end."""
     with suppress(BaseException):
         killed_with(parent)
-        sender.send([work(item) for item in share])
+        sender.send({number: work(items[number]) for number in share})
     os._exit(0)
 
 
@@ -123,10 +134,10 @@ def killed_with(parent: int) -> None:
             os._exit(1)
 
 
-def _received(copy: Connection) -> list[Any] | None:
-    """Return what a fork delivered; None where it ended before."""
+def _received(copy: Connection) -> dict[int, Any]:
+    """Return what a fork delivered, by the numbers of the items; nothing where it ended before."""
     try:
-        found: list[Any] = copy.recv()
+        found: dict[int, Any] = copy.recv()
     except (EOFError, OSError):
-        return None
+        return {}
     return found

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -67,12 +66,23 @@ def search(
         training, situation = whole, replace(situation_of(whole, part.ignored, part.model.inputs), step=None)
     listed = [(name, one) for name, family in FAMILIES.items() for one in _offered(family, situation)]
     bench = Bench.of(training, situation, part, holds_ends_out(dataset), holds_parts_out(dataset))
-    clock = Clock.started(part.model.budget)
-    outcomes = shared_out(lambda one: _tried(*one, bench, clock), listed, partial(progress, "structures"))
+    clock = Clock(part.model.budget)
+    folds = [*range(len(bench.blocks) + len(bench.parts)), None]
+    jobs: list[Callable[[], Any]] = [partial(_tried, one, bench, fold, clock) for _, one in listed for fold in folds]
+    second = min(1, len(jobs))  # what a copy begins with
+    if beside:
+        jobs.insert(second, partial(black_boxes, bench.thinned, situation.inputs, bench.thinned_blocks, situation.timed))
+    done = shared_out(_called, jobs, lambda done, total: progress("structures", done * len(listed) // total, len(listed)))
+    errors: Mapping[str, float] = done.pop(second) if beside else {}
+    outcomes = [_outcome(*one, done[place * len(folds) :][: len(folds)], len(bench.blocks)) for place, one in enumerate(listed)]
     tried = [outcome for outcome in outcomes if outcome is not None]
     found = _chosen(tried, len(outcomes) - len(tried), bench, part)
     found = replace(found, notes=(*found.notes, *uneven))
-    return _measured(found, tried, bench, situation) if beside else found
+    return _beside(found, errors, tried, bench, situation) if beside else found
+
+
+def _called(job: Callable[[], Any]) -> Any:
+    return job()
 
 
 def _uneven(dataset: Dataset) -> tuple[str, ...]:
@@ -94,10 +104,9 @@ def _offered(family: Family, situation: Situation) -> list[Candidate]:
     return list(family.candidates(situation))[: family.of_few_levels if few else None] if family.applies(situation) else []
 
 
-def _measured(found: Search, outcomes: Sequence[_Outcome], bench: Bench, situation: Situation) -> Search:
-    """Return the search beside black boxes on the same blocks, with a word where one errs clearly less."""
+def _beside(found: Search, errors: Mapping[str, float], outcomes: Sequence[_Outcome], bench: Bench, situation: Situation) -> Search:
+    """Return the search beside the errors of black boxes on the same blocks, with a word where one errs clearly less."""
     inputs, own = situation.inputs, found.found
-    errors = black_boxes(bench.thinned, inputs, bench.thinned_blocks, situation.timed)
     residual = [np.full(curve.size, np.nan) for curve in bench.thinned.curves]
     for fold, (left, ready) in zip(bench.thinned_blocks, outcomes[found.chosen].blocks, strict=True):
         ends = np.cumsum([int(out.sum()) for out in fold])[:-1]
@@ -109,23 +118,17 @@ def _measured(found: Search, outcomes: Sequence[_Outcome], bench: Bench, situati
     return replace(found, black_boxes=boxes or None, notes=(*found.notes, *((told,) if told else ())))
 
 
-@dataclass(frozen=True)
+@dataclass
 class Clock:
-    """The budget of a search: seconds of work of each process, so that a busy machine tries what an idle one does."""
+    """The budget of a search: seconds of work on structures in each process, so that a busy machine tries what an idle one does."""
 
     budget: float
-    process: int
-    began: float
-
-    @classmethod
-    def started(cls, budget: float) -> Clock:
-        """Return the clock of this process and of its copies, whose own begin at zero."""
-        return cls(budget, os.getpid(), time.process_time())
+    worked: float = 0.0
 
     @property
     def over(self) -> bool:
         """Whether this process has worked for longer."""
-        return time.process_time() - (self.began if os.getpid() == self.process else 0.0) > self.budget
+        return self.worked > self.budget
 
 
 def _chosen(outcomes: Sequence[_Outcome], cut: int, bench: Bench, part: Slice) -> Search:
@@ -164,7 +167,7 @@ def _chosen(outcomes: Sequence[_Outcome], cut: int, bench: Bench, part: Slice) -
     )
 
 
-def _on_common_rows(predicted: Sequence[Sequence[tuple[Array, BoolArray]]]) -> Array:
+def _on_common_rows(predicted: Sequence[Sequence[Left]]) -> Array:
     """RMSE of every structure on every fold, on the rows that all structures predict, (s, f); infinite where a run diverged."""
     found = np.empty((len(predicted), len(predicted[0])))
     for fold in range(found.shape[1]):
@@ -176,44 +179,65 @@ def _on_common_rows(predicted: Sequence[Sequence[tuple[Array, BoolArray]]]) -> A
     return found
 
 
+Left = tuple[Array, BoolArray]
+"""Errors of a structure on the samples of a fold, (n,), and which of them it predicts."""
+
+
+@dataclass(frozen=True)
+class _Fold:
+    """What came of a structure in one fold: its left-out errors, or with nothing left out its parameters; or why it failed."""
+
+    seconds: float
+    left: Left | None = None
+    parameters: int = 0
+    failure: str = ""
+
+
 @dataclass(frozen=True)
 class _Outcome:
-    """A structure with its left-out errors in every fold, (n,) each, and which of them it has."""
+    """A structure with its left-out errors in every fold."""
 
     tried: Tried
-    blocks: Sequence[tuple[Array, BoolArray]] = ()
-    parts: Sequence[tuple[Array, BoolArray]] = ()
+    blocks: Sequence[Left] = ()
+    parts: Sequence[Left] = ()
 
 
-def _tried(family: str, candidate: Candidate, bench: Bench, clock: Clock) -> _Outcome | None:
-    """Fit a structure without each fold in turn; None where the time is over."""
-    started = time.process_time()
+def _tried(candidate: Candidate, bench: Bench, fold: int | None, clock: Clock) -> _Fold | None:
+    """Fit a structure without a fold, or to all samples; None where the time is over."""
     if clock.over:
         return None
-    found = Tried(family, candidate.words, candidate.sections)
+    started = time.process_time()
     try:
-        choices = choices_of(candidate.sections, bench.part)
-        slow = choices.over_time
-        dataset, blocks, parts = (
-            (bench.dataset, bench.blocks, bench.parts) if slow else (bench.thinned, bench.thinned_blocks, bench.thinned_parts)
-        )
-        thinning = thinning_of(bench.dataset) if slow else None
-        of_blocks = [_left_out(choices, dataset, fold, thinning) for fold in blocks]
-        ready = np.concatenate([rows for _, rows in of_blocks])
-        if ready.mean() < WHOLE:
-            return _Outcome(replace(found, failure="needs a longer past than most left-out samples have", seconds=_since(started)))
-        of_parts = [_left_out(choices, dataset, fold, thinning) for fold in parts]
-        model = refit(choices, dataset)
-        if slow and rings(model, dataset):
-            return _Outcome(replace(found, failure="goes on by itself: its start still rings late in a recording", seconds=_since(started)))
-        size = parameters(model)
+        found = _fitted(choices_of(candidate.sections, bench.part), bench, fold)
     except MapmoreError as fault:
-        return _Outcome(replace(found, failure=fault.message, seconds=_since(started)))
-    return _Outcome(replace(found, parameters=size, seconds=_since(started)), of_blocks, of_parts)
+        found = _Fold(0.0, failure=fault.message)
+    seconds = time.process_time() - started
+    clock.worked += seconds
+    return replace(found, seconds=seconds)
 
 
-def _since(started: float) -> float:
-    return round(time.process_time() - started, 2)
+def _fitted(choices: ModelChoices, bench: Bench, fold: int | None) -> _Fold:
+    slow = choices.over_time
+    dataset = bench.dataset if slow else bench.thinned
+    if fold is not None:
+        folds = (*bench.blocks, *bench.parts) if slow else (*bench.thinned_blocks, *bench.thinned_parts)
+        return _Fold(0.0, _left_out(choices, dataset, folds[fold], thinning_of(dataset) if slow else None))
+    model = refit(choices, dataset)
+    failure = "goes on by itself: its start still rings late in a recording" if slow and rings(model, dataset) else ""
+    return _Fold(0.0, parameters=parameters(model), failure=failure)
+
+
+def _outcome(family: str, candidate: Candidate, folds: Sequence[_Fold | None], blocks: int) -> _Outcome | None:
+    """Return what came of a structure in all folds, of which the first are blocks; None where the time was over before."""
+    known = [fold for fold in folds if fold is not None]
+    if len(known) < len(folds):
+        return None
+    found = Tried(family, candidate.words, candidate.sections, known[-1].parameters, seconds=round(sum(fold.seconds for fold in known), 2))
+    failure = next((fold.failure for fold in known if fold.failure), "")
+    left = [fold.left for fold in known if fold.left is not None]
+    if not failure and np.concatenate([ready for _, ready in left[:blocks]]).mean() < WHOLE:
+        failure = "needs a longer past than most left-out samples have"
+    return _Outcome(replace(found, parameters=0, failure=failure)) if failure else _Outcome(found, left[:blocks], left[blocks:])
 
 
 SHIFT, SWING = 0.1, 0.1
@@ -243,7 +267,7 @@ def refit(choices: ModelChoices, dataset: Dataset) -> Model:
     return refitted(choices, dataset)
 
 
-def _left_out(choices: ModelChoices, dataset: Dataset, fold: Masks, rows: Sequence[BoolArray] | None) -> tuple[Array, BoolArray]:
+def _left_out(choices: ModelChoices, dataset: Dataset, fold: Masks, rows: Sequence[BoolArray] | None) -> Left:
     """Errors of the model without a fold on the samples of the fold, and which of them it predicts; of an even share of `rows`."""
     curves = tuple(replace(curve, held_out=out | curve.held_out) for curve, out in zip(dataset.curves, fold, strict=True))
     model = refit(choices, replace(dataset, curves=curves))

@@ -113,7 +113,7 @@ def test_a_budget_that_cut_the_list_is_told(tmp_path: Path, mapmore: Callable[..
 
     monkeypatch.setattr(searching.Clock, "over", property(lambda _self: next(times)))
     monkeypatch.setattr(searching, "shared_out", lambda work, items, *_: [work(item) for item in items])
-    times = iter([False] * 3 + [True] * 1000)
+    times = iter([False] * 30 + [True] * 1000)
     result = mapmore("tune", write_bare(tmp_path), "--budget", "5 s", "--runs", tmp_path / "runs")
     assert "the budget of 5 s ended before" in result.stderr
     assert "3 structures" not in result.stdout

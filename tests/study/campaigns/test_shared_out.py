@@ -47,8 +47,23 @@ print(len({{pid for _, pid in found}}))
 
 
 def test_progress_is_told_up_to_the_last_item():
-    said = python("shared_out(str, items, lambda done, total: print(done, total), 4)").splitlines()
-    assert said == ["4 10", "8 10", "10 10"]
+    assert python("shared_out(str, items, lambda done, total: print(done, total), 1)").splitlines() == [f"{n} 10" for n in range(1, 11)]
+    told = [int(line.split()[0]) for line in python("shared_out(str, items, lambda done, total: print(done, total), 4)").splitlines()]
+    assert told == sorted(set(told))
+    assert told[-1] <= 10
+
+
+def test_the_process_that_is_free_first_takes_the_next_item():
+    script = """
+import time
+def work(item):
+    if item == 1:
+        time.sleep(1.0)  # of the copy
+    return os.getpid()
+found = shared_out(work, items, processes=2)
+print([place for place, pid in enumerate(found) if pid != me])
+"""
+    assert python(script) == "[1]"
 
 
 def test_nothing_is_shared_out_of_nothing():
@@ -67,7 +82,7 @@ def test_nothing_is_shared_out_of_nothing():
 def test_what_a_copy_does_not_deliver_is_done_by_the_process_itself(end):
     script = f"""
 def work(item):
-    if item == 4 and os.getpid() != me:
+    if item == 3 and os.getpid() != me:  # what the fourth process begins with
         {end}
     return item + 1
 print(shared_out(work, items, processes=4) == [item + 1 for item in items], len(active_children()))
