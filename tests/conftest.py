@@ -52,11 +52,20 @@ def no_copies() -> Iterator[None]:
 @pytest.fixture
 def fewer_families(monkeypatch: pytest.MonkeyPatch) -> None:
     """A search without the families that take long; their candidates are made in `test_search_families`."""
+    search_only(monkeypatch, "surface", "formula", "levels", "lags", "arx")
+
+
+@pytest.fixture
+def quick_families(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A search of two families, for what does not depend on the structure."""
+    search_only(monkeypatch, "surface", "arx")
+
+
+def search_only(monkeypatch: pytest.MonkeyPatch, *names: str) -> None:
     from mapmore_cli.fitting import searching
     from mapmore_cli.modelling.search.families import FAMILIES
 
-    few = {name: FAMILIES[name] for name in ("surface", "formula", "levels", "lags", "arx")}
-    monkeypatch.setattr(searching, "FAMILIES", few)
+    monkeypatch.setattr(searching, "FAMILIES", {name: FAMILIES[name] for name in names})
 
 
 @pytest.fixture(scope="session")

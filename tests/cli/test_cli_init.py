@@ -9,7 +9,7 @@ import pytest
 from cli_samples import thinned, write_study
 
 PROJECT = Path(__file__).resolve().parents[2]
-pytestmark = pytest.mark.usefixtures("fewer_families")
+pytestmark = pytest.mark.usefixtures("quick_families")
 
 
 @pytest.fixture
@@ -22,7 +22,7 @@ def rig(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("muscle", ["mckibben", pytest.param("peano", marks=pytest.mark.long)])
-def test_a_spec_for_the_shipped_recordings_checks_and_runs(muscle: str, tmp_path: Path, mapmore, rig: Path) -> None:
+def test_a_spec_for_the_shipped_recordings_checks_and_runs(muscle: str, tmp_path: Path, mapmore, rig: Path, fewer_families: None) -> None:
     spec = tmp_path / "spec.yaml"
     started = mapmore("init", rig / muscle, "-o", spec)
     assert (started.exit_code, started.stdout) == (0, f"{spec}\n"), started.stderr

@@ -35,6 +35,7 @@ def test_every_command_has_the_arguments_that_it_is_shown_with(page: str, comman
     found.make_context(name, rest, parent=context)
 
 
+@pytest.mark.usefixtures("fewer_families")
 def test_the_tutorial_from_beginning_to_end(tmp_path: Path, mapmore: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     spec = tmp_path / "muscle.yaml"

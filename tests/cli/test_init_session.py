@@ -11,6 +11,9 @@ import numpy as np
 import pytest
 from init_sessions import SAID, SESSIONS, as_text, session, transcript
 
+SHORT = ("--budget", "1s")
+"""Of a search in a process of its own: what is asked does not depend on what it finds."""
+
 
 def save(path: Path, columns: Sequence[np.ndarray]) -> None:
     rows = "\n".join("\t".join(f"{value:.6g}" for value in row) for row in zip(*columns, strict=True))
@@ -31,7 +34,7 @@ def cylinder(tmp_path: Path) -> Path:
 
 
 def test_enter_takes_the_likeliest_answer_and_nothing_stays_open(tmp_path: Path, cylinder: Path, mapmore) -> None:
-    shown, asked, code = session(tmp_path, cylinder, ())
+    shown, asked, code = session(tmp_path, cylinder, (), *SHORT)
     assert code == 0, shown
     assert 0 < asked <= 10
     assert "Which column is the pressure?" in shown
@@ -45,7 +48,7 @@ def test_enter_takes_the_likeliest_answer_and_nothing_stays_open(tmp_path: Path,
 
 
 def test_an_answer_is_taken_and_one_that_cannot_be_is_asked_again(tmp_path: Path, cylinder: Path) -> None:
-    shown, _, code = session(tmp_path, cylinder, ("", "17:bar", "3:kPa*100", "", "", "no"))
+    shown, _, code = session(tmp_path, cylinder, ("", "17:bar", "3:kPa*100", "", "", "no"), *SHORT)
     assert code == 0, shown
     assert "there is no column 17" in shown
     text = (tmp_path / "asked.yaml").read_text()
@@ -54,6 +57,7 @@ def test_an_answer_is_taken_and_one_that_cannot_be_is_asked_again(tmp_path: Path
     assert "<svg" in (tmp_path / "asked.html").read_text()
 
 
+@pytest.mark.usefixtures("quick_families")
 def test_without_a_terminal_nothing_is_asked_and_guesses_stay_open_until_confirmed(tmp_path: Path, cylinder: Path, mapmore) -> None:
     spec = tmp_path / "piped.yaml"
     assert mapmore("init", cylinder, "-o", spec).exit_code == 0
@@ -72,6 +76,7 @@ def test_without_a_terminal_nothing_is_asked_and_guesses_stay_open_until_confirm
     assert "not confirmed" not in page.read_text()
 
 
+@pytest.mark.usefixtures("fewer_families")
 def test_one_who_knows_the_columns_needs_one_command(tmp_path: Path, cylinder: Path, mapmore) -> None:
     spec = tmp_path / "told.yaml"
     columns = "time:ms,_,displacement:mm,pressure:bar,force:N"

@@ -49,7 +49,7 @@ def test_the_wrist_page(runs: Path) -> None:
         assert_shown(made, WRIST)
 
 
-@pytest.mark.parametrize("name", ["table-1", "joint", "closed-valves"])
+@pytest.mark.parametrize("name", ["table-1", pytest.param("joint", marks=pytest.mark.long), "closed-valves"])
 def test_the_muscle_like_page(name: str, runs: Path) -> None:
     tables: Mapping[str, Callable[[], Table]] = muscle_tables.muscle_like_tables(runs)
     assert_shown(tables[name](), MUSCLE_LIKE)

@@ -166,7 +166,13 @@ def test_a_measured_study_runs(path: Path, runs: Path, mapmore: Callable[..., An
         assert (rows["mapmore"]["rrse"], rows["mapmore"]["rrse_one_step"]) == pytest.approx(told_of_runs, abs=2e-5)
 
 
-@pytest.mark.parametrize(("study", "competitor"), SHORT.items(), ids=SHORT)
+QUICK = ("festo_10mm_10cm_pressure", "bellows_strain", "coiled_steps_motion")
+"""Of the short ones those that `make test` runs: a pressure, a strain and a record in time that is left out."""
+
+
+@pytest.mark.parametrize(
+    ("study", "competitor"), [pytest.param(*one, marks=() if one[0] in QUICK else pytest.mark.long, id=one[0]) for one in SHORT.items()]
+)
 def test_a_long_measured_study_runs_almost_alone(
     study: str, competitor: str, tmp_path: Path, mapmore: Callable[..., Any], measured_data: Path
 ) -> None:

@@ -14,7 +14,7 @@ from mapmore_cli.modelling.signals.sampling import longest_ascent
 from mapmore_cli.study.drafting.recordings import dataset_of
 from mapmore_cli.study.drafting.start import start
 
-pytestmark = pytest.mark.usefixtures("fewer_families")
+pytestmark = pytest.mark.usefixtures("quick_families")
 
 COLUMNS = {"time": {"column": "t", "unit": "s"}, "force": {"column": "F", "unit": "N"}}
 

@@ -19,7 +19,7 @@ from mapmore_cli.study.drafting import start as drafting
 from mapmore_cli.study.drafting.draft import Draft
 from mapmore_cli.study.inspection.lint import inspect
 
-pytestmark = pytest.mark.usefixtures("fewer_families")
+pytestmark = pytest.mark.usefixtures("quick_families")
 
 T = 0.02 * np.arange(700)
 PRESSURE = 200 + 100 * np.sin(T) + 50 * np.sin(2.3 * T)

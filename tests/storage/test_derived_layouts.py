@@ -57,7 +57,7 @@ def test_every_form_comes_back(tmp_path):
 
 @pytest.mark.parametrize("schema", stored_types(), ids=lambda s: s.type.__name__)
 def test_every_stored_type_comes_back(schema, tmp_path):
-    @settings(max_examples=10, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
+    @settings(max_examples=4, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
     @given(records(schema.type))
     def comes_back(record):
         assert same(stored(tmp_path, record), record)

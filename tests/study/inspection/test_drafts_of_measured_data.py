@@ -18,7 +18,7 @@ from mapmore_cli.study.drafting.second_logs import second_of
 ROWS = [tuple(row) for row in read_rows(drafted_tables.PAGE, "drafts")[1:]]
 
 
-@pytest.mark.parametrize("name", ["festo_datasheet", "pgm_mckibben", "festo_fmax_by_length"])
+@pytest.mark.parametrize("name", [pytest.param("festo_datasheet", marks=pytest.mark.long), "pgm_mckibben", "festo_fmax_by_length"])
 def test_the_page_says_what_is_proposed(measured_data: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(searching, "FAMILIES", FAMILIES)
     monkeypatch.setattr(proof, "BUDGET", 60.0)  # no structure is cut off on a busy machine
