@@ -10,7 +10,6 @@ from itertools import combinations_with_replacement
 from math import comb
 
 import numpy as np
-from scipy.signal import lfilter
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Curve, Dataset
@@ -113,6 +112,8 @@ def _one_step_fit(dataset: Dataset, names: Sequence[str], order: int) -> Array |
 
 def _run(curve: Curve, target: str, names: Sequence[str], order: int, theta: Array) -> Array:
     """Return the free run along every recording of a curve, (n,); NaN from where it diverges."""
+    from scipy.signal import lfilter  # a fifth of the seconds of a run without any
+
     y, found = curve.columns[target], np.full(curve.size, np.nan)
     a, b = theta[1 : order + 1], theta[order + 1 :]
     for rows in curve.logs:
