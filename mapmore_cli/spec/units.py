@@ -31,7 +31,7 @@ _NAMED_DIMENSIONS = {
     "kg": "a mass", "1/s": "a rate", "kPa/s": "a pressure rate", "m/s": "a speed", "K": "a temperature", "A": "a current",
 }  # fmt: skip
 _COMMON = [
-    *("Pa", "hPa", "kPa", "MPa", "mbar", "bar", "psi", "mmHg", "um", "mm", "cm", "m", "in", "s", "ms", "us", "min", "h"),
+    *("Pa", "hPa", "kPa", "MPa", "mbar", "bar", "psi", "mmHg", "um", "mm", "cm", "m", "in", "s", "ms", "us", "ns", "min", "h"),
     *("mN", "N", "kN", "lbf", "kgf", "N*m", "mV", "V", "g", "kg", "%", "1", "degC", "K", "kPa/ms"),
     *(f"{unit}/s" for unit in ("1", "%", "mm", "m", "N", "V", "Pa", "kPa", "bar", "psi")),
 ]
@@ -42,7 +42,7 @@ _EVERYDAY: Mapping[str, tuple[str, Fraction]] = MappingProxyType(
         for dimension, factors in {
             "pressure": {"Pa": "1", "hPa": "100", "kPa": "1000", "MPa": "1e6", "mbar": "100", "bar": "1e5"},
             "length": {"m": "1", "cm": "0.01", "mm": "0.001", "um": "1e-6"},
-            "time": {"s": "1", "ms": "0.001", "us": "1e-6", "min": "60", "h": "3600"},
+            "time": {"s": "1", "ms": "0.001", "us": "1e-6", "ns": "1e-9", "min": "60", "h": "3600"},
             "force": {"N": "1", "mN": "0.001", "kN": "1000"},
             "voltage": {"V": "1", "mV": "0.001"},
             "mass": {"kg": "1", "g": "0.001"},

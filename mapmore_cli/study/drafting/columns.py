@@ -14,7 +14,9 @@ from mapmore_cli.study.drafting.answers import Answers
 from mapmore_cli.study.inspection.evidence import ColumnTitle, leads, read_label, same_signals, unit_in
 
 STATES = 6  # different values, up to which a column is a state and not a measurement
-SINCE_1970 = (1e8, 1e11)  # s, of any date within a lifetime
+SINCE_1970 = (3e8, 3e10)  # s, of any date since 1980
+FRACTIONS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # of a second, that clocks count
+LONGEST = 5.0  # s between samples, where a clock counts fractions of a second
 LOGGED = 1000  # samples of a record that a logger took
 SLOWEST = 0.2  # s between samples of a logger
 LARGEST_FRACTION = 1.5
@@ -163,11 +165,13 @@ def _unit_by_size(quantity: str, values: Sequence[Array]) -> tuple[str, str, boo
     largest = max(float(np.abs(one).max()) for one in values)
     match quantity:
         case "time":
-            if SINCE_1970[0] < largest < SINCE_1970[1]:
-                return "s", "its stamps are dates, read as seconds since 1970", True
+            since = next((unit for unit, part in {"s": 1.0, **FRACTIONS}.items() if SINCE_1970[0] < largest * part < SINCE_1970[1]), None)
+            if since is not None:
+                return since, f"its stamps are dates, read as {since} since 1970", True
             step = float(np.median(np.diff(values[0]))) if len(values[0]) > 1 else 0.0
             if len(values[0]) >= LOGGED and step > SLOWEST:
-                return "ms", f"a step of {step:g} s would be slow for a logger", False
+                unit = next((unit for unit, part in FRACTIONS.items() if step * part <= LONGEST), "ms")
+                return unit, f"a step of {step:g} s would be slow for a logger", False
             return "s", f"its step is {step:.3g}", True
         case "pressure":
             resting = at_rest_like_air(values)
@@ -214,6 +218,12 @@ def _by_values(raw: Raw, told: Sequence[float], loaded: bool) -> dict[str, Guess
         take("time", [(column, "it never decreases") for column in ranked])
         left = {column: values for column, values in left.items() if column not in clocks}  # dates, and counters of samples
     left = {column: values for column, values in left.items() if column not in twins}
+    if len(set(told)) > 1 and not named and len(left) > 1:  # the names tell the pressure, and no column does
+        alike = sorted(left, key=lambda column: _strays(left[column]))
+        position = "strain" if _largest(left[alike[0]]) <= LARGEST_FRACTION else "displacement"
+        take(position, [(column, "it goes the same way in all files, and the pressure is in their names") for column in alike])
+        take("force", [(column, "it changes with the pressure in the names of the files") for column in alike[:0:-1]])
+        return guesses
     likely = sorted((one for one in left if one in moving and scores[one][0] > 0), key=lambda one: -scores[one][0])
     small = [column for column in left if _largest(left[column]) <= LARGEST_FRACTION and not (named and column == likely[0])]
     if len(left) > MOST_UNNAMED and not named:  # too many for a guess of what each is: what drives, and what follows
@@ -237,6 +247,12 @@ def _by_values(raw: Raw, told: Sequence[float], loaded: bool) -> dict[str, Guess
             why = "it is what is left: a force, or a position (`displacement`)? Values do not tell"
             take("force", [(column, why + (words if _whole(raw[column]) else "")) for column in swings])
     return guesses
+
+
+def _strays(values: Sequence[Array]) -> float:
+    """Return how far files differ in where they begin, end, and lie in between, of the range of all."""
+    marks = np.array([np.quantile(one, (0.0, 0.5, 1.0)) for one in values])
+    return float(np.max(np.ptp(marks, axis=0)) / (np.ptp(np.concatenate(values)) or 1.0))
 
 
 def _guessed(quantity: str, column: str | int, why: str, values: Sequence[Array]) -> Guess:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import glob
+import os
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -20,7 +21,8 @@ _REPEAT_WORD = re.compile(r"test|run|rep|repeat|trial|take|try|no|nr", re.IGNORE
 _SPECIMEN = re.compile(r"(?:specimens?|samples?|muscles?|actuators?|prototypes?|devices?|units?|dut|pam|s)", re.IGNORECASE)
 _NUMBERED = re.compile(rf"{_SPECIMEN.pattern}[-#.]?(?:\d{{1,3}}|[a-z])", re.IGNORECASE)
 _SIZE = re.compile(r"\d+(?:[.,]\d+)?(?:mm|cm|m|in)", re.IGNORECASE)
-_NUMBER = re.compile(r"(\d+(?:[.,]\d+)?)\s*(?:(kpa|pa|mpa|bar|mbar|psi|pct|percent|%|mm|cm)(?![a-z])|(?![a-z0-9]))", re.IGNORECASE)
+_UNIT = r"(kpa|pa|mpa|bar|mbar|psi|pct|percent|%|mm|cm)(?![a-z])"
+_NUMBER = re.compile(rf"(\d+(?:[.,]\d+)?)\s*(?:{_UNIT}|(?![a-z0-9]))", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -37,17 +39,18 @@ class NameParts:
 
 
 def words_of(name: str) -> list[str]:
-    """Return the words of a file's name, without its suffixes."""
+    """Return the words of a file's name, without its suffixes, after those of the folder before it; `10 psi` is one word."""
     stem = name[:-3] if name.casefold().endswith(".gz") else name
     stem = stem[: len(stem) - len(suffix_of(Path(name)))]
-    return [word for word in re.split(r"[_\s]+", stem) if word]
+    stem = re.sub(rf"(?<=\d)\s+(?={_UNIT})", "", stem, flags=re.IGNORECASE)
+    return [word for word in re.split(r"[_\s/]+", stem) if word]
 
 
 def read_names(names: Sequence[str]) -> list[NameParts]:
     """Compare names word by word; where they have different numbers of words they say nothing.
 
     Among the words that vary, specimens (`S1`, `muscleA`, `Sample 2`), sizes (`10cm`) and words without numbers tell groups apart, `Test8`
-    is a repeat, and the last one of the others that some of the names have a number in is the condition.
+    is a repeat, and the last one of the others that some of the names have a number in is the condition; one with a unit comes first.
     """
     split = [words_of(name) for name in names]
     if len({len(words) for words in split}) != 1:
@@ -56,7 +59,8 @@ def read_names(names: Sequence[str]) -> list[NameParts]:
         "constant" if len(set(column)) == 1 else _kind(column, split[0][:place]) for place, column in enumerate(zip(*split, strict=True))
     ]
     numbered = [place for place, kind in enumerate(kinds) if kind == "condition"]
-    held = numbered[-1] if numbered else None
+    united = [place for place in numbered if all((number_in(words[place]) or (0.0, None))[1] for words in split)]
+    held = (united or numbered)[-1] if numbered else None
     return [
         NameParts(
             tuple(word for word, kind in zip(words, kinds, strict=True) if kind == "group"),
@@ -110,6 +114,11 @@ class Group:
     of: str | None = None
 
     @property
+    def folder(self) -> Path:
+        """The folder that all files are in."""
+        return Path(os.path.commonpath([file.parent for file in self.files]))
+
+    @property
     def specimens(self) -> list[tuple[int, str]]:
         """The number of the specimen of every file, and the words of its name that tell it from others."""
         words = [" ".join(part.group) for part in self.names]
@@ -118,8 +127,9 @@ class Group:
     @property
     def label(self) -> str:
         """A name for the study: that of the folder where it has no other, else the words that all its files share."""
-        common = [column[0] for column in zip(*(words_of(path.name) for path in self.files), strict=True) if len(set(column)) == 1]
-        return self.files[0].parent.name if (self.alone and len(self.files) > 1) or not common else "_".join(common)
+        names = [words_of(path.relative_to(self.folder).as_posix()) for path in self.files]
+        common = [column[0] for column in zip(*names, strict=True) if len(set(column)) == 1]
+        return self.folder.name if (self.alone and len(self.files) > 1) or not common else "_".join(common)
 
 
 def find_groups(path: Path, pooled: str | None = None) -> tuple[list[Group], list[str]]:
@@ -132,6 +142,7 @@ def find_groups(path: Path, pooled: str | None = None) -> tuple[list[Group], lis
     if not path.exists():
         raise DataError(f"{path}: no such file or folder", "give a recording, or a folder of recordings")
     files = [path] if path.is_file() else sorted(file for file in path.rglob("*") if _is_recording(file, path))
+    homes = _homes(files)
     left_out = []
     columns: dict[Path, Preview] = {}
     layouts: dict[tuple[Path, str], tuple[Preview, list[Path]]] = {}
@@ -144,15 +155,23 @@ def find_groups(path: Path, pooled: str | None = None) -> tuple[list[Group], lis
             except DataError:
                 left_out.append(fault.message)
             continue
-        layouts.setdefault((file.parent, repr(layout)), (layout, []))[1].append(file)
-    groups = [group for layout, members in layouts.values() for group in _by_names(members, layout, pooled)]
+        layouts.setdefault((homes[file.parent], repr(layout)), (layout, []))[1].append(file)
+    groups = [group for (home, _), (layout, members) in layouts.items() for group in _by_names(members, home, layout, pooled)]
     pairs = _pairs(columns)
     paired = {file for group in pairs for file in (*group.files, *(group.beside.files if group.beside else ()))}
     left_out += [f"{file.name}: a single column, and no other of as many rows beside it" for file in columns if file not in paired]
     groups += pairs
-    folders = Counter(group.files[0].parent for group in groups)
-    groups = [replace(group, alone=folders[group.files[0].parent] == 1) for group in groups]
+    folders = Counter(group.folder for group in groups)
+    groups = [replace(group, alone=folders[group.folder] == 1) for group in groups]
     return sorted(groups, key=lambda group: (-len(group.files), group.files[0])), left_out
+
+
+def _homes(files: Sequence[Path]) -> dict[Path, Path]:
+    """Every folder with itself; with the one above it where folders side by side tell what was held, as `10 psi` and `20 psi`."""
+    folders = {file.parent for file in files}
+    told = {one: number for one in folders if (number := number_in(one.name)) is not None and number[1] is not None}
+    levels = Counter(one.parent for one in told)
+    return {one: one.parent if one in told and levels[one.parent] > 1 else one for one in folders}
 
 
 def _pairs(columns: Mapping[Path, Preview]) -> list[Group]:
@@ -181,12 +200,13 @@ def _is_recording(file: Path, folder: Path) -> bool:
     return file.is_file() and reader_of(file) is not None and not ours and not any(p.startswith(".") for p in inside.parts)
 
 
-def _by_names(files: Sequence[Path], layout: Preview, pooled: str | None) -> list[Group]:
-    """Files whose names have equally many words, and the same words where these tell groups apart and are not `pooled`."""
+def _by_names(files: Sequence[Path], home: Path, layout: Preview, pooled: str | None) -> list[Group]:
+    """Files whose names in a folder have equally many words, and the same words where these tell groups apart and are not `pooled`."""
     members: dict[tuple[int, tuple[str, ...]], list[tuple[Path, NameParts]]] = {}
-    for count in dict.fromkeys(len(words_of(file.name)) for file in files):
-        alike = [file for file in files if len(words_of(file.name)) == count]
-        for file, part in zip(alike, read_names([file.name for file in alike]), strict=True):
+    names = {file: file.relative_to(home).as_posix() for file in files}
+    for count in dict.fromkeys(len(words_of(name)) for name in names.values()):
+        alike = [file for file in files if len(words_of(names[file])) == count]
+        for file, part in zip(alike, read_names([names[file] for file in alike]), strict=True):
             members.setdefault((count, () if pooled else part.group), []).append((file, part))
     of = None if pooled == "none" else pooled
     made = [Group(tuple(file for file, _ in group), tuple(part for _, part in group), layout) for group in members.values()]

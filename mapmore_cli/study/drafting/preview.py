@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import glob
+import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -21,8 +22,11 @@ WIDEST = 2000
 LINES = 200
 MOST_HEADER_LINES = 9
 MOST_UNIT_LINES = 2
+REMARKS = ("#", "%", "//", "!")  # what a line begins with that is no data
 WORD = 3  # letters that titles of sheets share, to be a glob
 
+FEW = 5
+_LABELLED = re.compile(r"\s*[A-Za-z_]\w*\s*[:=]\s*[-+]?[.\d]\S*")  # as microcontrollers plot: `t:12,p:3.4`
 Row = Sequence[Any]
 
 
@@ -32,7 +36,7 @@ class Preview:
 
     `below` are the texts under the titles, as units, where the header has more lines. `sheets` are those of a workbook that are laid
     out alike, where there is more than one and no glob names them; `left` are the others. `addresses` lead to the columns of a file
-    that is a tree.
+    that is a tree. `remark` says that the titles stand in a remark before the numbers, which is no header to read.
     """
 
     reader: str
@@ -43,13 +47,14 @@ class Preview:
     sheets: tuple[str, ...] = ()
     left: tuple[str, ...] = ()
     addresses: tuple[str, ...] = ()
+    remark: bool = False
 
     @property
     def columns(self) -> tuple[str | int, ...]:
         """How the spec names the columns: by their addresses, by their titles where each has one of its own, else by their indices."""
         if self.addresses:
             return self.addresses
-        named = self.titles is not None and all(self.titles) and len(set(self.titles)) == self.width
+        named = self.titles is not None and not self.remark and all(self.titles) and len(set(self.titles)) == self.width
         return self.titles if named and self.titles is not None else tuple(range(self.width))
 
 
@@ -79,6 +84,9 @@ def preview(path: Path, least: int = 2) -> Preview:
         raise DataError(f"{path.name}: has {width} columns, more than {WIDEST}", remedy)
     tables = [table for table in (_table(top, reader.name, least) for top in tops) if table is not None]
     if not tables:
+        if any(_LABELLED.fullmatch(str(cell)) for top in tops for row in top.rows[-FEW:] for cell in row):
+            line = f"sed -E 's/[A-Za-z_][A-Za-z_0-9]*[:=] *//g' '{path.name}' > '{path.stem}.csv'"
+            raise DataError(f"{path.name}: its cells are `name:number`", f"take the names off, as by: {line}")
         lines = f" in its first {len(tops[0].rows)} lines" if tops[0].rows else ""
         raise DataError(f"{path.name}: no table of numbers was found{lines}", f"save the table as CSV, or {remedy}")
     found = max(tables, key=lambda table: (-table.doubtful, table.rows))
@@ -128,16 +136,26 @@ def _table(first_rows: Top, reader: str, least: int) -> _Table | None:
     header = first - top
     if first == len(whole) or header > MOST_HEADER_LINES:
         return None
+    top += _before_titles(whole[top:first])
+    header = first - top
     above = [[*row, *(None for _ in range(width - len(row)))] for row in whole[top:first]]
     titles = tuple("" if cell is None else str(cell).strip().strip('"') for cell in above[0]) if header else None
     below = tuple(" ".join(str(row[place]) for row in above[1:] if row[place] is not None) for place in range(width))
     shape = {**({} if header == 1 else {"header": header or False}), **({"skip_rows": top} if top else {})}
     layout = Preview(reader, width, titles, {**first_rows.settings, **shape}, below if header > 1 else ())
+    if not header and first and len(whole[first - 1]) == width + 1 and whole[first - 1][0] in REMARKS:
+        layout = replace(layout, titles=tuple(map(str, whole[first - 1][1:])), remark=True)
     if first_rows.addresses:
         layout = replace(layout, settings={**first_rows.settings}, addresses=first_rows.addresses)
     words = {place: _filled([row[place] for row in whole[first:] if len(row) == width]) for place in range(width) if place not in numeric}
     doubtful = sum(any(mark in str(cell) for mark in "0123456789") for cells in words.values() for cell in cells[:1])
     return _Table(layout, len(whole) - first, doubtful, first_rows.sheet)
+
+
+def _before_titles(header: Sequence[Row]) -> int:
+    """Return how many lines of a header come before its fullest one: names of a rig, a date."""
+    filled = [len(_filled(row)) for row in header]
+    return filled.index(max(filled)) if filled else 0
 
 
 def _may_be_titles(row: Row, width: int, least: int) -> bool:

@@ -20,7 +20,7 @@ from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.spec.units import convert, default_unit, is_canonical
 from mapmore_cli.storage.globs import relative_name
 from mapmore_cli.storage.tables.text import NotANumber
-from mapmore_cli.study.drafting.columns import LARGEST_FRACTION, Guess
+from mapmore_cli.study.drafting.columns import LARGEST_FRACTION, Guess, Raw
 from mapmore_cli.study.drafting.draft import Draft
 from mapmore_cli.study.drafting.groups import Group, number_in, patterns
 from mapmore_cli.study.drafting.preview import Preview
@@ -259,10 +259,15 @@ def _of_each_sheet(entries: Sequence[Any], layout: Preview) -> list[Any]:
     return [{**entry, "sheet": sheet} for entry in plain for sheet in layout.sheets]
 
 
-def with_columns(draft: Draft, guesses: Mapping[str, Guess], titles: Mapping[str | int, str]) -> Draft:
-    """Return the draft with its columns, their units where the names are no canonical quantities, and a word on those that are not used."""
+def with_columns(draft: Draft, guesses: Mapping[str, Guess], titles: Mapping[str | int, str], raw: Raw) -> Draft:
+    """Return the draft with its columns, their units where the names are no canonical quantities, and a word on those that are not used.
+
+    These have a title, or `raw` values that move.
+    """
     used = {guess.column for guess in guesses.values()}
-    left = ", ".join(title for column, title in titles.items() if title and column not in used)
+    moving = [column for column, values in raw.items() if np.ptp(np.concatenate(values))]
+    unused = [column for column in dict.fromkeys([*titles, *moving]) if column not in used]
+    left = ", ".join(titles.get(column) or f"column {column}" for column in unused if titles.get(column) or column in moving)
     draft = draft.with_data("columns", {one: guess.as_spec() for one, guess in guesses.items()}, f"left out: {left}" if left else None)
     own = {one: model_unit(guess.unit) for one, guess in guesses.items() if not is_canonical(one) and guess.unit != "1"}
     if own:

@@ -103,7 +103,7 @@ def with_column_beside(draft: Draft, first: Group, other: Group, folder: Path) -
     drive, response = names_of([0, 1], {0: "_".join(words_of(first.files[0].name)), 1: "_".join(words_of(other.files[0].name))})
     ((column, values),) = raw_columns(first, folder).items()
     why = f"taken as what drives, as its file comes first; without a unit; {range_of(values, '1')}"
-    draft = with_columns(draft, {drive: Guess(column, "1", why, False)}, {})
+    draft = with_columns(draft, {drive: Guess(column, "1", why, False)}, {}, {})
     entry: dict[str, Any] = {
         "files": patterns(other.files, folder),
         "reader": other.layout.reader,

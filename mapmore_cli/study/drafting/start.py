@@ -83,7 +83,7 @@ def propose(
     plain = target is not None and ("pressure" in guesses or bool(constants and untold == "pressure") or second is not None)
     known = {"time", "pressure", target, *POSITIONS, "load"}
     if answers.columns and not (plain and guesses.keys() <= known):
-        return _of_told(group, name, folder, titles, guesses, target)
+        return _of_told(group, name, folder, titles, raw, guesses, target)
     if not plain or (not answers.columns and len(pressures_of(titles, _without_twins(raw, guesses), guesses)) > 1):
         return _of_unknown(group, name, folder, titles, raw, guesses, turns)
     assert target is not None
@@ -91,7 +91,7 @@ def propose(
         untold, constants = "load", loads
     position = position or (untold if constants is not None and untold in POSITIONS else None)
     used = guesses if answers.columns else {one: guesses[one] for one in ("time", "pressure", position, target) if one in guesses}
-    draft = with_columns(started(group, name, folder, untold, constants), used, titles)
+    draft = with_columns(started(group, name, folder, untold, constants), used, titles, raw)
     if second is not None:
         clock = raw[guesses["time"].column][0]
         draft = with_second_log(draft, second[0], folder, guesses["time"], (float(clock.min()), float(clock.max())), second[1])
@@ -115,7 +115,7 @@ def _without_twins(raw: Raw, guesses: Mapping[str, Guess]) -> Raw:
 
 
 def _of_told(
-    group: Group, name: str, folder: Path, titles: Mapping[str | int, str], guesses: Mapping[str, Guess], target: str | None
+    group: Group, name: str, folder: Path, titles: Mapping[str | int, str], raw: Raw, guesses: Mapping[str, Guess], target: str | None
 ) -> Draft:
     """Return the draft of columns that a person has named: the target follows all others but the time."""
     names = [one for one in guesses if one != "time"]
@@ -123,7 +123,7 @@ def _of_told(
     if target not in names or len(names) < 2:
         told = ", ".join(guesses)
         raise DataError(f"{group.files[0].name}: '{target}' is to follow, and the columns that were named are {told}", "name both")
-    draft = with_columns(started(group, name, folder, "", None), guesses, titles)
+    draft = with_columns(started(group, name, folder, "", None), guesses, titles, raw)
     return _followed(draft, [one for one in names if one != target], target, folder)
 
 
@@ -169,7 +169,8 @@ def _of_unknown(
         told = ", ".join(group.layout.titles or ()) or f"{group.layout.width} columns without titles"
         raise DataError(f"{group.files[0].name}: no two columns of numbers move in {told}", "write the spec by hand")
     guesses, inputs, target = found
-    return _followed(with_columns(started(group, name, folder, "", None), with_turns(guesses, turns), titles), inputs, target, folder)
+    draft = with_columns(started(group, name, folder, "", None), with_turns(guesses, turns), titles, raw)
+    return _followed(draft, inputs, target, folder)
 
 
 def _followed(draft: Draft, inputs: Sequence[str], target: str, folder: Path) -> Draft:
@@ -216,7 +217,7 @@ def start(
 
 def _start(path: Path, folder: Path, name: str | None, single: bool, answers: Answers, ask: Ask | None, search: Search) -> Start:
     groups, remarks = find_groups(path, answers.group)
-    names = _unique([_name(group.label) for group in groups], [_name(group.files[0].parent.name) for group in groups])
+    names = _unique([_name(group.label) for group in groups], [_name(group.folder.name) for group in groups])
     about = {group.files: answers.for_columns(group.layout.columns, group.layout.width) for group in groups}
     seconds = {group.files: second_of(group, groups) for group in groups}
     drafts: list[Draft] = []

@@ -28,7 +28,7 @@ _WORDS = {
     "input": ("u", "v", "input", "command", "cmd", "voltage", "setpoint"),
 }
 _UNITS = {
-    "time": {"s": "s", "sec": "s", "secs": "s", "seconds": "s", "ms": "ms", "msec": "ms", "us": "us", "min": "min", "h": "h"},
+    "time": {"s": "s", "sec": "s", "secs": "s", "seconds": "s", "ms": "ms", "msec": "ms", "us": "us", "ns": "ns", "min": "min", "h": "h"},
     "pressure": {"pa": "Pa", "hpa": "hPa", "kpa": "kPa", "mpa": "MPa", "bar": "bar", "mbar": "mbar", "psi": "psi", "mmhg": "mmHg"},
     "strain": {"pct": "%", "percent": "%", "perc": "%", "%": "%", "frac": "1", "fraction": "1", "ratio": "1", "1": "1"},
     "force": {"n": "N", "kn": "kN", "mn": "mN", "lbf": "lbf", "kgf": "kgf"},
@@ -77,8 +77,8 @@ def unit_in(quantity: str, text: str) -> str | None:
 
 
 def _apart(name: str) -> str:
-    """Return the name with its camel-case words apart; units as kPa and MPa stay whole."""
-    return re.sub(r"(?<=[a-z]{3})(?=[A-Z])", " ", name)
+    """Return the name with its camel-case words apart, and `pL` of a pair; units as kPa and MPa stay whole."""
+    return re.sub(r"(?<=[a-z]{3})(?=[A-Z])|(?<=\bp)(?=[LRAB]\b)", " ", name)
 
 
 HINGED = "sarosi_hinged"

@@ -1,0 +1,109 @@
+"""Folders as laboratories keep them: what names of folders, lines before titles, remarks and clocks tell is used."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.study.drafting.draft import Draft
+from mapmore_cli.study.drafting.groups import read_names, words_of
+from mapmore_cli.study.drafting.start import start
+
+STRAIN = np.linspace(0.0, 0.15, 40)
+THERE_AND_BACK = np.concatenate([STRAIN, STRAIN[::-1]])
+
+
+def write(path: Path, columns: Sequence[Array], head: str = "", delimiter: str = ",", decimal: str = ".") -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    rows = [delimiter.join(f"{value:.10g}".replace(".", decimal) for value in row) for row in zip(*columns, strict=True)]
+    path.write_text(head + "\n".join(rows) + "\n")
+
+
+def drafted(folder: Path) -> Draft:
+    draft, *beside = start(folder, folder, search=lambda one, _folder: one).drafts
+    assert all(one.spec["target"] == "hysteresis" for one in beside)
+    return draft
+
+
+def force(bar: float, strain: Array) -> Array:
+    return np.asarray(40 * bar * (1 - 3 * strain) - 100 * strain)
+
+
+@pytest.mark.parametrize("name", ["{:g} psi/Specimen_RawData_{}.csv", "{:g}psi/{}.csv", "psi_{:g}psi_up/run{}.csv"])
+def test_pressures_in_names_of_folders_are_levels_and_numbers_of_files_repeats(tmp_path: Path, name: str) -> None:
+    for psi in (10, 20, 30, 40):
+        for repeat in (1, 2):
+            own = force(psi / 14.5, THERE_AND_BACK) + repeat
+            write(
+                tmp_path / name.format(psi, repeat), (0.1 * np.arange(80), 200 * THERE_AND_BACK, own), "Time (s),Extension (mm),Load (N)\n"
+            )
+    data = drafted(tmp_path).data
+    assert data["levels"]["of"] == "pressure"
+    np.testing.assert_allclose(data["levels"]["at"], [68.9476, 137.895, 206.843, 275.79])
+    assert len(data["files"]) == 4
+
+
+def test_a_pressure_in_the_names_of_files_without_titles_is_no_column(tmp_path: Path) -> None:
+    for bar in (0.5, 1.0, 1.5, 2.0):
+        write(tmp_path / f"P={bar}bar_run1.txt", (150 * STRAIN, force(bar, STRAIN)), delimiter="\t")
+    draft = drafted(tmp_path)
+    assert {name: told["column"] for name, told in draft.data["columns"].items()} == {"displacement": 0, "force": 1}
+    assert draft.data["levels"] == {"of": "pressure", "at": [50, 100, 150, 200]}
+
+
+def test_lines_of_fewer_cells_before_the_titles_are_no_titles(tmp_path: Path) -> None:
+    for number, bar in enumerate((1, 2, 3, 4)):
+        columns = (0.05 * np.arange(80), bar + 0.01 * np.sin(np.arange(80)), 200 * THERE_AND_BACK, force(bar, THERE_AND_BACK))
+        head = "Rig 7;;;\nDatum;12.03.2021;;\nZeit [s];Druck [bar];Weg [mm];Kraft [N]\n"
+        write(tmp_path / f"Messung_{number:02}.csv", columns, head, ";", ",")
+    data = drafted(tmp_path).data
+    assert (data["skip_rows"], data.get("header", 1)) == (2, 1)
+    assert data["columns"]["pressure"] == {"column": "Druck [bar]", "unit": "bar"}
+    assert data["levels"]["at"] == [100, 200, 300, 400]
+
+
+def test_titles_in_a_remark_name_the_columns_by_their_places(tmp_path: Path) -> None:
+    t = 0.02 * np.arange(600)
+    left, right = 3 + 2 * np.sin(t), 3 - 2 * np.sin(t) + np.sin(2.7 * t)
+    write(tmp_path / "pair.dat", (t, left, right, 5 * np.tanh(left - right)), "# a joint\n# time pL pR theta\n", "   ")
+    draft = drafted(tmp_path)
+    told = {name: one["column"] for name, one in draft.data["columns"].items()}
+    assert told == {"time": 0, "pressure": 1, "pressure_2": 2, "theta": 3}
+    assert draft.spec["target"]["column"] == "theta"
+
+
+def test_what_moves_without_a_title_is_named_as_left_out(tmp_path: Path) -> None:
+    t = 0.02 * np.arange(600)
+    left, right = 3 + 2 * np.sin(t), 3 - 2 * np.sin(t) + np.sin(2.7 * t)
+    write(tmp_path / "pair.dat", (t, left, right, 5 * np.tanh(left - right)), delimiter="   ")
+    draft = drafted(tmp_path)
+    used = {one["column"] for one in draft.data["columns"].values()}
+    assert all(f"column {place}" in draft.notes["data", "columns"].why for place in {0, 1, 2, 3} - used)
+
+
+@pytest.mark.parametrize(("unit", "ticks"), [("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
+def test_stamps_since_1970_say_their_unit(tmp_path: Path, unit: str, ticks: float) -> None:
+    t = 0.01 * np.arange(3000)
+    drive = 100 * (1 + np.sin(t))
+    stamps = [f"{1_616_161_616 + now:.2f}" if unit == "s" else f"{round((1_616_161_616 + now) * ticks)}" for now in t]
+    rows = "\n".join(f"{stamp},{p:.4f},{np.tanh(p / 90):.5f}" for stamp, p in zip(stamps, drive, strict=True))
+    (tmp_path / "bag.csv").write_text(f"%time,pressure_kpa,angle\n{rows}\n")
+    draft = drafted(tmp_path)
+    assert draft.data["columns"]["time"] == {"column": "%time", "unit": unit}
+    assert draft.data["resample"] == pytest.approx(0.01)
+
+
+def test_a_unit_stays_with_its_number() -> None:
+    assert words_of("10 psi/Specimen 1.csv") == ["10psi", "Specimen", "1"]
+    assert [part.condition for part in read_names(["2bar_7.csv", "3bar_8.csv"])] == ["2bar", "3bar"]
+
+
+def test_numbers_behind_names_are_refused_with_the_line_that_converts_them(tmp_path: Path) -> None:
+    (tmp_path / "log.txt").write_text("ready\n" + "".join(f"t:{k},p:{3 * k % 50},d:{k / 7:.2f}\n" for k in range(100)))
+    with pytest.raises(DataError, match=r"name:number"):
+        start(tmp_path, tmp_path)
