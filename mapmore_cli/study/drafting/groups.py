@@ -14,14 +14,14 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.globs import expand, relative_name
 from mapmore_cli.storage.readers import READERS, reader_of, suffix_of
 from mapmore_cli.storage.tables.lines import lines_of
-from mapmore_cli.study.drafting.preview import Preview, preview, shared_start
+from mapmore_cli.study.drafting.preview import WITH_UNIT, Preview, preview, shared_start
 
 _REPEAT = re.compile(r"(?:test|run|rep|repeat|trial|take|try|no|nr|cycle)?\d{1,2}", re.IGNORECASE)
 _REPEAT_WORD = re.compile(r"test|run|rep|repeat|trial|take|try|no|nr", re.IGNORECASE)
 _SPECIMEN = re.compile(r"(?:specimens?|samples?|muscles?|actuators?|prototypes?|devices?|units?|dut|pam|s)", re.IGNORECASE)
 _NUMBERED = re.compile(rf"{_SPECIMEN.pattern}[-#.]?(?:\d{{1,3}}|[a-z])", re.IGNORECASE)
 _SIZE = re.compile(r"\d+(?:[.,]\d+)?(?:mm|cm|m|in)", re.IGNORECASE)
-_UNIT = r"(kpa|pa|mpa|bar|mbar|psi|pct|percent|%|mm|cm)(?![a-z])"
+_UNIT = WITH_UNIT.partition(r"\s*")[2]
 _NUMBER = re.compile(rf"(\d+(?:[.,]\d+)?)\s*(?:{_UNIT}|(?![a-z0-9]))", re.IGNORECASE)
 
 
@@ -159,6 +159,7 @@ def find_groups(path: Path, pooled: str | None = None) -> tuple[list[Group], lis
     groups = [group for (home, _), (layout, members) in layouts.items() for group in _by_names(members, home, layout, pooled)]
     pairs = _pairs(columns)
     paired = {file for group in pairs for file in (*group.files, *(group.beside.files if group.beside else ()))}
+    left_out += [f"{file.name}: no reader takes {file.suffix}; save it as CSV, HDF5 or MAT" for file in _of_data(path)]
     left_out += [f"{file.name}: a single column, and no other of as many rows beside it" for file in columns if file not in paired]
     groups += pairs
     folders = Counter(group.folder for group in groups)
@@ -193,11 +194,27 @@ def _lines(file: Path) -> int | None:
         return None
 
 
+UNREAD = (".npz", ".npy", ".json", ".parquet", ".feather", ".pkl", ".pickle", ".xls", ".ods", ".bag", ".db3", ".mcap", ".sqlite")
+"""Suffixes of files that may hold data, which no reader takes."""
+
+
+def _of_data(path: Path) -> list[Path]:
+    """Return the files under a path that may hold data, and that no reader takes."""
+    files = [path] if path.is_file() else sorted(path.rglob("*"))
+    inside = [file for file in files if file.suffix.casefold() in UNREAD and reader_of(file) is None]
+    return [file for file in inside if file == path or _is_own(file, path)]
+
+
 def _is_recording(file: Path, folder: Path) -> bool:
     """Return True for a file of a known format that is neither hidden nor the result of a run."""
+    return file.is_file() and reader_of(file) is not None and _is_own(file, folder)
+
+
+def _is_own(file: Path, folder: Path) -> bool:
+    """Return True for a file that is neither hidden nor the result of a run."""
     inside = file.relative_to(folder)
     ours = any((folder / parent / "run.json").is_file() for parent in inside.parents)
-    return file.is_file() and reader_of(file) is not None and not ours and not any(p.startswith(".") for p in inside.parts)
+    return not ours and not any(part.startswith(".") for part in inside.parts)
 
 
 def _by_names(files: Sequence[Path], home: Path, layout: Preview, pooled: str | None) -> list[Group]:

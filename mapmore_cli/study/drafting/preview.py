@@ -27,6 +27,9 @@ WORD = 3  # letters that titles of sheets share, to be a glob
 
 FEW = 5
 _LABELLED = re.compile(r"\s*[A-Za-z_]\w*\s*[:=]\s*[-+]?[.\d]\S*")  # as microcontrollers plot: `t:12,p:3.4`
+WITH_UNIT = r"\d\s*(kpa|pa|mpa|bar|mbar|psi|pct|percent|%|mm|cm)(?![a-z])"
+"""A number with a unit of pressure, strain or length, as names tell what was held."""
+
 Row = Sequence[Any]
 
 
@@ -86,7 +89,7 @@ def preview(path: Path, least: int = 2) -> Preview:
     if not tables:
         if any(_LABELLED.fullmatch(str(cell)) for top in tops for row in top.rows[-FEW:] for cell in row):
             line = f"sed -E 's/[A-Za-z_][A-Za-z_0-9]*[:=] *//g' '{path.name}' > '{path.stem}.csv'"
-            raise DataError(f"{path.name}: its cells are `name:number`", f"take the names off, as by: {line}")
+            raise DataError(f"{path.name}: its cells are `name:number`; take the names off, as by: {line}")
         lines = f" in its first {len(tops[0].rows)} lines" if tops[0].rows else ""
         raise DataError(f"{path.name}: no table of numbers was found{lines}", f"save the table as CSV, or {remedy}")
     found = max(tables, key=lambda table: (-table.doubtful, table.rows))
@@ -103,6 +106,8 @@ def _of_all_sheets(found: _Table, tables: Sequence[_Table], sheets: Sequence[str
     others = tuple(sheet for sheet in sheets if sheet not in alike)
     if len(alike) == 1:
         return replace(found.layout, left=others)
+    if all(re.search(WITH_UNIT, name, re.IGNORECASE) for name in alike):  # what was held in each
+        return replace(found.layout, settings={**found.layout.settings, "sheet": alike[0]}, sheets=tuple(alike), left=others)
     begin, end = shared_start(alike), shared_start([name[::-1] for name in alike])[::-1]
     globs = ["*", *([f"{glob.escape(begin)}*"] if len(begin) >= WORD else []), *([f"*{glob.escape(end)}"] if len(end) >= WORD else [])]
     exact = next((one for one in globs if {sheet for sheet in sheets if fnmatchcase(sheet, one)} == {*alike}), None)

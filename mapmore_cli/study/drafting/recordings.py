@@ -24,6 +24,7 @@ from mapmore_cli.study.drafting.columns import LARGEST_FRACTION, Guess, Raw
 from mapmore_cli.study.drafting.draft import Draft
 from mapmore_cli.study.drafting.groups import Group, number_in, patterns
 from mapmore_cli.study.drafting.preview import Preview
+from mapmore_cli.study.inspection.evidence import read_label
 
 MOST_FILES = 5
 MOST_WORDS = 3  # that stand for missing numbers in one column; more are a column of words
@@ -127,14 +128,15 @@ class Told:
     why: str
 
 
-def constants_of(group: Group, quantity: str, length: float | None = None, *, strict: bool = False) -> tuple[str, list[Told]] | None:
-    """Return the held quantity by the names of the files, and its values; None where they say nothing.
+def constants_of(
+    words: Sequence[str | None], quantity: str, length: float | None = None, *, strict: bool = False
+) -> tuple[str, list[Told]] | None:
+    """Return the held quantity by the names of the files, or by sheets of a workbook, and its values; None where they say nothing.
 
     Strains above 1.5 are per cent, whether of the length or of the largest strain, and those of 100 are none; a name without a number
     stands for zero. Millimetres are a contraction: a strain of the muscle's `length` in m, and a `displacement` where that is not known.
-    With `strict`, numbers without a unit say nothing.
+    With `strict`, numbers without a unit say nothing. `L=180mm` is a length.
     """
-    words = [part.condition for part in group.names]
     if any(word is None for word in words) or len(set(words)) < 2:
         return None
     numbers = [number_in(word or "") for word in words]
@@ -144,6 +146,9 @@ def constants_of(group: Group, quantity: str, length: float | None = None, *, st
     if not numbered or any(unit is not None and _kind_of(unit) != quantity for _, unit in numbered):
         return None
     if any(unit in LENGTHS for _, unit in numbered):
+        labels = [read_label(word or "") for word in words]
+        if len(numbered) == len(words) and all(label is not None and label.quantity == "length" for label in labels):
+            return "length", [_told(word, number, "length", "mm", "m") for word, number in zip(words, numbers, strict=True)]
         return _shortened(words, numbers, length)
     largest = max(value for value, _ in numbered)
     if quantity == "strain" and largest >= IMPOSSIBLE:
@@ -221,6 +226,12 @@ def started(group: Group, name: str, folder: Path, quantity: str, constants: Seq
         draft = draft.without_data("sheet")
     if group.layout.left:
         draft = draft.noted(("data", "sheet" if "sheet" in draft.data else "reader"), _of_sheets(group.layout), False)
+    if constants is not None and len(constants) == len(group.layout.sheets):
+        (path,) = patterns(group.files, folder)
+        for place, one in enumerate(constants):
+            draft = draft.noted(("data", "files", place), one.why, False)
+        pairs = zip(group.layout.sheets, constants, strict=True)
+        return draft.with_data("files", [{"path": path, "sheet": sheet, "set": {quantity: one.value}} for sheet, one in pairs])
     if constants is None and group.of is None:
         found = patterns(group.files, folder)
         told_count = f"{len(group.files)} files" if len(found) < len(group.files) else None

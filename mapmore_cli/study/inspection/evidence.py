@@ -25,7 +25,7 @@ _WORDS = {
     "displacement": ("d", "x", "disp", "displacement", "position", "pos", "stroke", "extension", "weg"),
     "length": ("l", "len", "length"),
     "load": ("load", "weight", "mass"),
-    "input": ("u", "v", "input", "command", "cmd", "voltage", "setpoint"),
+    "input": ("u", "v", "input", "voltage", "valve", "duty", "pwm", "dac", "regulator", "solenoid", "pump"),
 }
 _UNITS = {
     "time": {"s": "s", "sec": "s", "secs": "s", "seconds": "s", "ms": "ms", "msec": "ms", "us": "us", "ns": "ns", "min": "min", "h": "h"},
@@ -35,8 +35,9 @@ _UNITS = {
     "displacement": {"um": "um", "mm": "mm", "cm": "cm", "m": "m", "in": "in"},
     "length": {"um": "um", "mm": "mm", "cm": "cm", "m": "m", "in": "in"},
     "load": {"n": "N", "kn": "kN", "lbf": "lbf", "kgf": "kgf"},
-    "input": {"v": "V", "mv": "mV", **dict.fromkeys(("pa", "kpa", "bar", "psi"), "")},
+    "input": {"v": "V", "mv": "mV", **dict.fromkeys(("pa", "hpa", "kpa", "mpa", "bar", "mbar", "psi"), "")},
 }
+_COMMANDS = {"cmd", "command", "setpoint", "set", "desired", "demand", "reference", "ref"}
 _OF_WORD = {word: quantity for quantity, words in _WORDS.items() for word in words}
 _ONLY_PRESSURE = {unit for unit in _UNITS["pressure"] if len(unit) > 2}
 
@@ -60,10 +61,12 @@ def read_label(name: str) -> ColumnTitle | None:
     """
     words = [word.casefold() for word in re.findall(r"%|[^\W\d_]+|\d+", _apart(name))]
     place = next((i for i, word in enumerate(words) if word in _OF_WORD), None)
+    if place is None and _COMMANDS & set(words):
+        return ColumnTitle("input", None, plain=len(words) == 1)
     if place is None:
         unit = next((word for word in words if word in _ONLY_PRESSURE), None)
         return ColumnTitle("pressure", _UNITS["pressure"][unit], plain=False) if unit else None
-    quantity = "input" if {"cmd", "command", "setpoint"} & set(words) else _OF_WORD[words[place]]
+    quantity = "input" if _COMMANDS & set(words) else _OF_WORD[words[place]]
     units = _UNITS[quantity]
     found = [i for i in range(place + 1, len(words)) if words[i] in units]
     unit = units[words[found[0]]] if found else None

@@ -107,3 +107,43 @@ def test_numbers_behind_names_are_refused_with_the_line_that_converts_them(tmp_p
     (tmp_path / "log.txt").write_text("ready\n" + "".join(f"t:{k},p:{3 * k % 50},d:{k / 7:.2f}\n" for k in range(100)))
     with pytest.raises(DataError, match=r"name:number"):
         start(tmp_path, tmp_path)
+
+
+def test_pressures_in_the_names_of_sheets_are_levels(tmp_path: Path) -> None:
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.remove(book.active)
+    for bar in (1, 2, 3, 4):
+        sheet = book.create_sheet(f"{bar} bar")
+        sheet.append(["Strain (%)", "Force (N)"])
+        for strain in STRAIN:
+            sheet.append([float(100 * strain), float(force(bar, strain))])
+    book.save(tmp_path / "muscle.xlsx")
+    data = drafted(tmp_path).data
+    assert data["files"][0] == {"path": "muscle.xlsx", "sheet": "1 bar", "set": {"pressure": 100}}
+    assert data["levels"] == {"of": "pressure", "at": [100, 200, 300, 400]}
+
+
+def test_a_length_in_names_is_a_length(tmp_path: Path) -> None:
+    for length in (200, 190, 180, 170):
+        own = force(1, np.array((200 - length) / 200)) * THERE_AND_BACK
+        write(tmp_path / f"L={length}mm.csv", (2000 * THERE_AND_BACK, own), "P_kPa,F_N\n")
+    assert drafted(tmp_path).data["levels"] == {"of": "length", "at": [0.17, 0.18, 0.19, 0.2]}
+
+
+@pytest.mark.parametrize("title", ["set_pressure_kPa", "desired", "Valve", "p_set"])
+def test_what_was_commanded_is_no_target_and_no_second_pressure(tmp_path: Path, title: str) -> None:
+    t = 0.01 * np.arange(3000)
+    command = 200 + 100 * np.sin(t) * np.cos(3.1 * t)
+    pressure = np.concatenate([np.full(9, command[0]), command[:-9]])
+    write(tmp_path / "log.csv", (t, pressure, np.tanh(pressure / 200), command), f"time,pressure_kPa,bend,{title}\n")
+    draft = drafted(tmp_path)
+    assert list(draft.data["columns"]) == ["time", "pressure", "bend"]
+    assert draft.notes["data", "columns"].why == f"left out: {title}"
+
+
+def test_files_that_no_reader_takes_are_named(tmp_path: Path) -> None:
+    write(tmp_path / "run.csv", (STRAIN, force(2, STRAIN)), "strain,force_N\n")
+    (tmp_path / "run.npz").write_bytes(b"PK")
+    remarks = start(tmp_path, tmp_path, search=lambda one, _folder: one).remarks
+    assert [one for one in remarks if "run.npz: no reader takes .npz" in one]
