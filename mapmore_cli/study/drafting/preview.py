@@ -39,7 +39,8 @@ class Preview:
 
     `below` are the texts under the titles, as units, where the header has more lines. `sheets` are those of a workbook that are laid
     out alike, where there is more than one and no glob names them; `left` are the others. `addresses` lead to the columns of a file
-    that is a tree. `remark` says that the titles stand in a remark before the numbers, which is no header to read.
+    that is a tree. `remark` says that the titles stand in a remark before the numbers, which is no header to read;
+    `told` are the sheets that are read, where each tells what was held, as `2 bar`.
     """
 
     reader: str
@@ -51,6 +52,7 @@ class Preview:
     left: tuple[str, ...] = ()
     addresses: tuple[str, ...] = ()
     remark: bool = False
+    told: tuple[str, ...] = ()
 
     @property
     def columns(self) -> tuple[str | int, ...]:
@@ -106,14 +108,13 @@ def _of_all_sheets(found: _Table, tables: Sequence[_Table], sheets: Sequence[str
     others = tuple(sheet for sheet in sheets if sheet not in alike)
     if len(alike) == 1:
         return replace(found.layout, left=others)
-    if all(re.search(WITH_UNIT, name, re.IGNORECASE) for name in alike):  # what was held in each
-        return replace(found.layout, settings={**found.layout.settings, "sheet": alike[0]}, sheets=tuple(alike), left=others)
     begin, end = shared_start(alike), shared_start([name[::-1] for name in alike])[::-1]
     globs = ["*", *([f"{glob.escape(begin)}*"] if len(begin) >= WORD else []), *([f"*{glob.escape(end)}"] if len(end) >= WORD else [])]
+    told = tuple(alike) if all(re.search(WITH_UNIT, name, re.IGNORECASE) for name in alike) else ()
     exact = next((one for one in globs if {sheet for sheet in sheets if fnmatchcase(sheet, one)} == {*alike}), None)
     if exact is not None:
-        return replace(found.layout, settings={**found.layout.settings, "sheet": exact}, left=others)
-    return replace(found.layout, settings={**found.layout.settings, "sheet": alike[0]}, sheets=tuple(alike), left=others)
+        return replace(found.layout, settings={**found.layout.settings, "sheet": exact}, left=others, told=told)
+    return replace(found.layout, settings={**found.layout.settings, "sheet": alike[0]}, sheets=tuple(alike), left=others, told=told)
 
 
 def _table(first_rows: Top, reader: str, least: int) -> _Table | None:

@@ -226,12 +226,14 @@ def started(group: Group, name: str, folder: Path, quantity: str, constants: Seq
         draft = draft.without_data("sheet")
     if group.layout.left:
         draft = draft.noted(("data", "sheet" if "sheet" in draft.data else "reader"), _of_sheets(group.layout), False)
-    if constants is not None and len(constants) == len(group.layout.sheets):
+    if constants is not None and len(constants) == len(group.layout.told):
         (path,) = patterns(group.files, folder)
         for place, one in enumerate(constants):
             draft = draft.noted(("data", "files", place), one.why, False)
-        pairs = zip(group.layout.sheets, constants, strict=True)
-        return draft.with_data("files", [{"path": path, "sheet": sheet, "set": {quantity: one.value}} for sheet, one in pairs])
+        pairs = zip(group.layout.told, constants, strict=True)
+        return draft.without_data("sheet").with_data(
+            "files", [{"path": path, "sheet": sheet, "set": {quantity: one.value}} for sheet, one in pairs]
+        )
     if constants is None and group.of is None:
         found = patterns(group.files, folder)
         told_count = f"{len(group.files)} files" if len(found) < len(group.files) else None

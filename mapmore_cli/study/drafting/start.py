@@ -78,8 +78,7 @@ def propose(
     untold = next((one for one in ("pressure", position or "strain") if one not in guesses), "") if target == "force" else ""
     second = second if {"time", "force"} <= guesses.keys() and position is not None and "pressure" not in guesses else None
     untold = untold if second is None else ""
-    sheets = group.layout.sheets if len(group.files) == 1 else ()
-    words = sheets or [part.condition for part in group.names]
+    words = (len(group.files) == 1 and group.layout.told) or [part.condition for part in group.names]
     found = constants_of(words, untold, answers.length, strict=bool(answers.columns) and answers.hold != untold) if untold else None
     untold, constants = found or (untold, None)
     plain = target is not None and ("pressure" in guesses or bool(constants and untold == "pressure") or second is not None)

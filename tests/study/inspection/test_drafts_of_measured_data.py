@@ -30,8 +30,8 @@ def test_the_page_says_what_is_proposed(measured_data: Path, name: str, monkeypa
 FOLDERS = sorted({folder for folder, said, spec, *_ in ROWS if said == "nothing" and spec != "-"})
 
 
-NOTES = ("ReadMe.txt", "Load Cell Calibration Equations.txt")
-"""Files of text that are no recordings."""
+NOTES = ("ReadMe.txt", "Load Cell Calibration Equations.txt", "peer_sysidentpy.json")
+"""Files that are no recordings."""
 
 
 def test_every_recording_is_in_a_study_of_the_page(measured_data: Path) -> None:
