@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -289,6 +290,23 @@ def with_columns(draft: Draft, guesses: Mapping[str, Guess], titles: Mapping[str
         draft = draft.without_data("sample_time")
     for quantity, guess in guesses.items():
         draft = replace(draft.noted(("data", "columns", quantity), guess.why, guess.sure), rivals={**draft.rivals, quantity: guess.rivals})
+    return draft
+
+
+_VOLTS = re.compile(r"[\[(]\s*m?V\s*[\])]|(?i:\bvolts?\b)")
+
+
+def with_volts(draft: Draft, layout: Preview) -> Draft:
+    """Return the draft with a word on pressures, forces and positions whose titles, or the units below them, say volts."""
+    texts = {
+        column: f"{title} ({below})"
+        for column, title, below in zip_longest(layout.columns, layout.titles or (), layout.below, fillvalue="")
+    }
+    for name, told in draft.data["columns"].items():
+        if _VOLTS.search(texts[told["column"]]) and told.get("unit", "V") not in ("V", "mV"):
+            how = f"its title says volts: give the calibration of its sensor, as {name}:{told['unit']}*2.5-1.25"
+            why = f"{how}; {draft.notes['data', 'columns', name].why}"
+            draft = draft.noted(("data", "columns", name), why, False)
     return draft
 
 

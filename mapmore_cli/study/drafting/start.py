@@ -34,6 +34,7 @@ from mapmore_cli.study.drafting.recordings import (
     started,
     with_columns,
     with_strain,
+    with_volts,
 )
 from mapmore_cli.study.drafting.second_logs import second_of, with_column_beside, with_found_shift, with_second_log
 from mapmore_cli.study.inspection.evidence import set_in_steps
@@ -236,7 +237,9 @@ def _start(path: Path, folder: Path, name: str | None, single: bool, answers: An
             asked = own if name is None else name if single or len(groups) == 1 else f"{name}-{own}"
             second = seconds[group.files]
             beside_it = None if second is None else (second, about[second.files])
-            draft = replace(propose(group, asked, folder, said, beside_it), raw=raw_columns(group, folder), files=len(group.files))
+            draft = propose(group, asked, folder, said, beside_it)
+            draft = draft if said.columns else with_volts(draft, group.layout)
+            draft = replace(draft, raw=raw_columns(group, folder), files=len(group.files))
             if ask is not None:
                 draft = _interviewed(draft, said, ask, lambda told: propose(group, asked, folder, told, beside_it))  # noqa: B023
             draft = search(draft, folder)

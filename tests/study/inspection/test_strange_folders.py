@@ -147,3 +147,13 @@ def test_files_that_no_reader_takes_are_named(tmp_path: Path) -> None:
     (tmp_path / "run.npz").write_bytes(b"PK")
     remarks = start(tmp_path, tmp_path, search=lambda one, _folder: one).remarks
     assert [one for one in remarks if "run.npz: no reader takes .npz" in one]
+
+
+@pytest.mark.parametrize("head", ["time,pressure,bend\n(s),(V),(deg)\n", "time,pressure [V],bend\n", "time,Volts of pressure,bend\n"])
+def test_a_title_that_says_volts_asks_for_a_calibration(tmp_path: Path, head: str) -> None:
+    t = 0.01 * np.arange(3000)
+    volts = 2 + np.sin(t) * np.cos(3.1 * t)
+    write(tmp_path / "log.csv", (t, volts, np.tanh(volts)), head)
+    told = drafted(tmp_path).notes["data", "columns", "pressure"]
+    assert "calibration" in told.why
+    assert not told.sure
