@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -62,6 +63,10 @@ class Guess:
         return {"column": self.column, **({} if self.unit == "1" else {"unit": self.unit}), **changed}
 
 
+_IN_BRACKETS = re.compile(r"[\[(]\s*([^\W\d_][^\])]*|%)\s*[\])]")
+"""What a title says in brackets, as a unit."""
+
+
 def guess_columns(
     titles: Mapping[str | int, str],
     raw: Raw,
@@ -87,6 +92,9 @@ def guess_columns(
         if named:
             best = min(named, key=lambda column: (labels[column].unit is None, not labels[column].plain))
             guess = _by_title(quantity, best, labels[best], raw[best])
+            told_unit = _IN_BRACKETS.search(f"{titles[best]} [{(below or {}).get(best, '')}]")
+            if told_unit is not None and labels[best].unit is None:
+                guess = replace(guess, why=f"{guess.why}; its title says {told_unit[1]}, which is no unit of it", sure=False)
             if _possible(quantity, raw[best], guess.unit):
                 guesses[quantity] = guess
     return guesses if titles else _by_values(raw, told, loaded)

@@ -80,7 +80,21 @@ def number_in(word: str) -> tuple[float, str | None] | None:
     return float(found[1].replace(",", ".")), units.get(found[2].casefold(), found[2].casefold()) if found[2] else None
 
 
+TRAINS = re.compile(r"train|training|estimation|identification", re.IGNORECASE)
+TESTS = re.compile(r"test|testing|val|valid|validation", re.IGNORECASE)
+
+
+def tests_of(files: Sequence[Path]) -> list[Path]:
+    """Return the files whose names say `test` or `validation`, where all others say `train`; else none."""
+    words = {file: words_of(file.name) for file in files}
+    tests = [file for file in files if any(map(TESTS.fullmatch, words[file]))]
+    trains = [file for file in files if any(map(TRAINS.fullmatch, words[file]))]
+    return tests if tests and trains and len(tests) + len(trains) == len(files) and not {*tests} & {*trains} else []
+
+
 def _kind(column: Sequence[str], before: Sequence[str]) -> str:
+    if all(TRAINS.fullmatch(word) or TESTS.fullmatch(word) for word in column):
+        return "repeat"
     if all(_REPEAT.fullmatch(word) and (not word.isdigit() or _follows_repeat_word(before)) for word in column):
         return "repeat"
     if all(_SIZE.fullmatch(word) for word in column) or _numbers_specimens(column, before):

@@ -18,7 +18,7 @@ from mapmore_cli.study.drafting.answers import NOTHING_SAID, Answers
 from mapmore_cli.study.drafting.columns import Guess, Raw, guess_columns, told_guesses, turn_of, twins_of, with_turns
 from mapmore_cli.study.drafting.draft import Draft
 from mapmore_cli.study.drafting.experiment import find_held, with_experiment
-from mapmore_cli.study.drafting.groups import Group, find_groups
+from mapmore_cli.study.drafting.groups import Group, find_groups, number_in, tests_of
 from mapmore_cli.study.drafting.model import hysteresis_beside, with_comparison
 from mapmore_cli.study.drafting.moving import guess_others, moves, pressures_of, remembers, with_counted_samples, with_memory
 from mapmore_cli.study.drafting.proof import proven
@@ -169,6 +169,10 @@ def _of_unknown(
     found = guess_others(titles, raw, known)
     if found is None:
         told = ", ".join(group.layout.titles or ()) or f"{group.layout.width} columns without titles"
+        wide = [title for title in group.layout.titles or () if (number := number_in(title)) is not None and number[1] is not None]
+        if len(wide) > 1:
+            how = "write a row for each value, with its pressure in a column of its own"
+            raise DataError(f"{group.files[0].name}: one column for each of {', '.join(wide)} is a wide table: {how}")
         raise DataError(f"{group.files[0].name}: no two columns of numbers move in {told}", "write the spec by hand")
     guesses, inputs, target = found
     draft = with_columns(started(group, name, folder, "", None), with_turns(guesses, turns), titles, raw)
@@ -239,6 +243,8 @@ def _start(path: Path, folder: Path, name: str | None, single: bool, answers: An
             beside_it = None if second is None else (second, about[second.files])
             draft = propose(group, asked, folder, said, beside_it)
             draft = draft if said.columns else with_volts(draft, group.layout)
+            if tests := tests_of(group.files):
+                draft = draft.with_data("split", {"validate": {"files": [file.name for file in tests]}}, "the names of the files say so")
             draft = replace(draft, raw=raw_columns(group, folder), files=len(group.files))
             if ask is not None:
                 draft = _interviewed(draft, said, ask, lambda told: propose(group, asked, folder, told, beside_it))  # noqa: B023

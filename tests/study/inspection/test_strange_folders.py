@@ -157,3 +157,28 @@ def test_a_title_that_says_volts_asks_for_a_calibration(tmp_path: Path, head: st
     told = drafted(tmp_path).notes["data", "columns", "pressure"]
     assert "calibration" in told.why
     assert not told.sure
+
+
+def test_names_of_files_say_what_tests(tmp_path: Path) -> None:
+    for name, speed in (("train_1", 1.0), ("train_2", 1.3), ("validation_1", 1.15)):
+        t = 0.02 * np.arange(1500)
+        pressure = 200 + 100 * np.sin(speed * t) * np.cos(0.31 * t)
+        write(tmp_path / f"{name}.csv", (t, pressure, np.tanh(pressure / 200)), "time,pressure_kPa,bend\n")
+    assert drafted(tmp_path).data["split"] == {"validate": {"files": ["validation_1.csv"]}}
+
+
+@pytest.mark.parametrize(("title", "unit", "sure"), [("Load (kg)", "kgf", True), ("Force (counts)", "N", False), ("Force (N)", "N", True)])
+def test_a_force_is_in_the_unit_of_its_title(tmp_path: Path, title: str, unit: str, sure: bool) -> None:
+    for kpa in (100, 200, 300, 400):
+        write(tmp_path / f"test_{kpa}kPa.csv", (STRAIN, force(kpa / 100, STRAIN)), f"Contraction ratio,{title}\n")
+    draft = drafted(tmp_path)
+    assert draft.data["columns"]["force"]["unit"] == unit
+    assert draft.notes["data", "columns", "force"].sure == sure
+
+
+def test_a_wide_table_is_refused_with_what_to_do(tmp_path: Path) -> None:
+    columns = (STRAIN, *(force(bar, STRAIN) for bar in (1, 2, 3)))
+    write(tmp_path / "wide.csv", columns, "contraction,100 kPa,200 kPa,300 kPa\n")
+    with pytest.raises(DataError, match="wide table") as told:
+        start(tmp_path, tmp_path)
+    assert "a row for each value" in (told.value.remedy or "")
