@@ -159,9 +159,9 @@ def _table(first_rows: Top, reader: str, least: int) -> _Table | None:
 
 
 def _before_titles(header: Sequence[Row]) -> int:
-    """Return how many lines of a header come before its fullest one: names of a rig, a date."""
+    """Return how many lines of a header come first that fill half of the cells at most: names of a rig, a date."""
     filled = [len(_filled(row)) for row in header]
-    return filled.index(max(filled)) if filled else 0
+    return next((place for place, count in enumerate(filled) if 2 * count > max(filled)), 0)
 
 
 def _may_be_titles(row: Row, width: int, least: int) -> bool:

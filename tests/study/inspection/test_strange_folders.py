@@ -67,6 +67,13 @@ def test_lines_of_fewer_cells_before_the_titles_are_no_titles(tmp_path: Path) ->
     assert data["levels"]["at"] == [100, 200, 300, 400]
 
 
+def test_a_title_that_is_missing_leaves_the_others_above_their_units(tmp_path: Path) -> None:
+    columns = (np.arange(80.0), 100.0 + np.arange(80) % 40, THERE_AND_BACK, force(2, THERE_AND_BACK))
+    write(tmp_path / "run.csv", columns, ",Druck,eps,Kraft\nNo,kPa,1,N\n")
+    told = {name: one["column"] for name, one in drafted(tmp_path).data["columns"].items()}
+    assert told == {"pressure": 1, "strain": 2, "force": 3}
+
+
 def test_titles_in_a_remark_name_the_columns_by_their_places(tmp_path: Path) -> None:
     t = 0.02 * np.arange(600)
     left, right = 3 + 2 * np.sin(t), 3 - 2 * np.sin(t) + np.sin(2.7 * t)
