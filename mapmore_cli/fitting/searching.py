@@ -72,17 +72,13 @@ def search(
     second = min(1, len(jobs))  # what a copy begins with
     if beside:
         jobs.insert(second, partial(black_boxes, bench.thinned, situation.inputs, bench.thinned_blocks, situation.timed))
-    done = shared_out(_called, jobs, lambda done, total: progress("structures", done * len(listed) // total, len(listed)))
+    done = shared_out(lambda job: job(), jobs, lambda done, total: progress("structures", done * len(listed) // total, len(listed)))
     errors: Mapping[str, float] = done.pop(second) if beside else {}
     outcomes = [_outcome(*one, done[place * len(folds) :][: len(folds)], len(bench.blocks)) for place, one in enumerate(listed)]
     tried = [outcome for outcome in outcomes if outcome is not None]
     found = _chosen(tried, len(outcomes) - len(tried), bench, part)
     found = replace(found, notes=(*found.notes, *uneven))
     return _beside(found, errors, tried, bench, situation) if beside else found
-
-
-def _called(job: Callable[[], Any]) -> Any:
-    return job()
 
 
 def _uneven(dataset: Dataset) -> tuple[str, ...]:
@@ -187,7 +183,7 @@ Left = tuple[Array, BoolArray]
 class _Fold:
     """What came of a structure in one fold: its left-out errors, or with nothing left out its parameters; or why it failed."""
 
-    seconds: float
+    seconds: float = 0.0
     left: Left | None = None
     parameters: int = 0
     failure: str = ""
@@ -210,7 +206,7 @@ def _tried(candidate: Candidate, bench: Bench, fold: int | None, clock: Clock) -
     try:
         found = _fitted(choices_of(candidate.sections, bench.part), bench, fold)
     except MapmoreError as fault:
-        found = _Fold(0.0, failure=fault.message)
+        found = _Fold(failure=fault.message)
     seconds = time.process_time() - started
     clock.worked += seconds
     return replace(found, seconds=seconds)
@@ -221,10 +217,10 @@ def _fitted(choices: ModelChoices, bench: Bench, fold: int | None) -> _Fold:
     dataset = bench.dataset if slow else bench.thinned
     if fold is not None:
         folds = (*bench.blocks, *bench.parts) if slow else (*bench.thinned_blocks, *bench.thinned_parts)
-        return _Fold(0.0, _left_out(choices, dataset, folds[fold], thinning_of(dataset) if slow else None))
+        return _Fold(left=_left_out(choices, dataset, folds[fold], thinning_of(dataset) if slow else None))
     model = refit(choices, dataset)
     failure = "goes on by itself: its start still rings late in a recording" if slow and rings(model, dataset) else ""
-    return _Fold(0.0, parameters=parameters(model), failure=failure)
+    return _Fold(parameters=parameters(model), failure=failure)
 
 
 def _outcome(family: str, candidate: Candidate, folds: Sequence[_Fold | None], blocks: int) -> _Outcome | None:

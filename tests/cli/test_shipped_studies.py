@@ -167,7 +167,7 @@ def test_a_measured_study_runs(path: Path, runs: Path, mapmore: Callable[..., An
 
 
 QUICK = ("festo_10mm_10cm_pressure", "bellows_strain", "coiled_steps_motion")
-"""Of the short ones those that `make test` runs: a pressure, a strain and a record in time that is left out."""
+"""Of the short ones those that `make test` runs."""
 
 
 @pytest.mark.parametrize(

@@ -14,15 +14,14 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.globs import expand, relative_name
 from mapmore_cli.storage.readers import READERS, reader_of, suffix_of
 from mapmore_cli.storage.tables.lines import lines_of
-from mapmore_cli.study.drafting.preview import WITH_UNIT, Preview, preview, shared_start
+from mapmore_cli.study.drafting.preview import UNIT, Preview, preview, shared_start
 
 _REPEAT = re.compile(r"(?:test|run|rep|repeat|trial|take|try|no|nr|cycle)?\d{1,2}", re.IGNORECASE)
 _REPEAT_WORD = re.compile(r"test|run|rep|repeat|trial|take|try|no|nr", re.IGNORECASE)
 _SPECIMEN = re.compile(r"(?:specimens?|samples?|muscles?|actuators?|prototypes?|devices?|units?|dut|pam|s)", re.IGNORECASE)
 _NUMBERED = re.compile(rf"{_SPECIMEN.pattern}[-#.]?(?:\d{{1,3}}|[a-z])", re.IGNORECASE)
 _SIZE = re.compile(r"\d+(?:[.,]\d+)?(?:mm|cm|m|in)", re.IGNORECASE)
-_UNIT = WITH_UNIT.partition(r"\s*")[2]
-_NUMBER = re.compile(rf"(\d+(?:[.,]\d+)?)\s*(?:{_UNIT}|(?![a-z0-9]))", re.IGNORECASE)
+_NUMBER = re.compile(rf"(\d+(?:[.,]\d+)?)\s*(?:{UNIT}|(?![a-z0-9]))", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -42,7 +41,7 @@ def words_of(name: str) -> list[str]:
     """Return the words of a file's name, without its suffixes, after those of the folder before it; `10 psi` is one word."""
     stem = name[:-3] if name.casefold().endswith(".gz") else name
     stem = stem[: len(stem) - len(suffix_of(Path(name)))]
-    stem = re.sub(rf"(?<=\d)\s+(?={_UNIT})", "", stem, flags=re.IGNORECASE)
+    stem = re.sub(rf"(?<=\d)\s+(?={UNIT})", "", stem, flags=re.IGNORECASE)
     return [word for word in re.split(r"[_\s/]+", stem) if word]
 
 

@@ -27,8 +27,8 @@ WORD = 3  # letters that titles of sheets share, to be a glob
 
 FEW = 5
 _LABELLED = re.compile(r"\s*[A-Za-z_]\w*\s*[:=]\s*[-+]?[.\d]\S*")  # as microcontrollers plot: `t:12,p:3.4`
-WITH_UNIT = r"\d\s*(kpa|pa|mpa|bar|mbar|psi|pct|percent|%|mm|cm)(?![a-z])"
-"""A number with a unit of pressure, strain or length, as names tell what was held."""
+UNIT = r"(kpa|pa|mpa|bar|mbar|psi|pct|percent|%|mm|cm)(?![a-z])"
+"""A unit of pressure, strain or length, behind a number in names that tell what was held."""
 
 Row = Sequence[Any]
 
@@ -110,7 +110,7 @@ def _of_all_sheets(found: _Table, tables: Sequence[_Table], sheets: Sequence[str
         return replace(found.layout, left=others)
     begin, end = shared_start(alike), shared_start([name[::-1] for name in alike])[::-1]
     globs = ["*", *([f"{glob.escape(begin)}*"] if len(begin) >= WORD else []), *([f"*{glob.escape(end)}"] if len(end) >= WORD else [])]
-    told = tuple(alike) if all(re.search(WITH_UNIT, name, re.IGNORECASE) for name in alike) else ()
+    told = tuple(alike) if all(re.search(rf"\d\s*{UNIT}", name, re.IGNORECASE) for name in alike) else ()
     exact = next((one for one in globs if {sheet for sheet in sheets if fnmatchcase(sheet, one)} == {*alike}), None)
     if exact is not None:
         return replace(found.layout, settings={**found.layout.settings, "sheet": exact}, left=others, told=told)

@@ -241,13 +241,10 @@ def _start(path: Path, folder: Path, name: str | None, single: bool, answers: An
             asked = own if name is None else name if single or len(groups) == 1 else f"{name}-{own}"
             second = seconds[group.files]
             beside_it = None if second is None else (second, about[second.files])
-            draft = propose(group, asked, folder, said, beside_it)
-            draft = draft if said.columns else with_volts(draft, group.layout)
-            if tests := tests_of(group.files):
-                draft = draft.with_data("split", {"validate": {"files": [file.name for file in tests]}}, "the names of the files say so")
+            draft = _drafted(group, asked, folder, said, beside_it)
             draft = replace(draft, raw=raw_columns(group, folder), files=len(group.files))
             if ask is not None:
-                draft = _interviewed(draft, said, ask, lambda told: propose(group, asked, folder, told, beside_it))  # noqa: B023
+                draft = _interviewed(draft, said, ask, lambda told: _drafted(group, asked, folder, told, beside_it))  # noqa: B023
             draft = search(draft, folder)
             drafts.append(draft if ask is None else asked_rest(draft, ask))
             beside = None if single else hysteresis_beside(drafts[-1], folder)
@@ -258,6 +255,15 @@ def _start(path: Path, folder: Path, name: str | None, single: bool, answers: An
     if not drafts:
         raise DataError(f"{path}: no usable recording was found", "\n  ".join(_few(remarks)) or "give a folder of recordings, as CSV files")
     return Start(tuple(drafts), tuple(_few(remarks)))
+
+
+def _drafted(group: Group, name: str, folder: Path, said: Answers, second: tuple[Group, Answers | None] | None) -> Draft:
+    """Return what is proposed, with what titles say of volts, and names of files of the split."""
+    draft = propose(group, name, folder, said, second)
+    if not said.columns:
+        draft = with_volts(draft, group.layout)
+    tests = [file.name for file in tests_of(group.files)]
+    return draft.with_data("split", {"validate": {"files": tests}}, "the names of the files say so") if tests else draft
 
 
 def _interviewed(draft: Draft, said: Answers, ask: Ask, again: Callable[[Answers], Draft]) -> Draft:
