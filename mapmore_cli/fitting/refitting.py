@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mapmore_cli.domain.errors import FitError, MapmoreError, SpecError
+from mapmore_cli.domain.errors import FitError, MapmoreError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset
-from mapmore_cli.fitting.kinds import maker_of
+from mapmore_cli.fitting.kinds import added_up, refit
 from mapmore_cli.fitting.kinds.choices import FitChoices, ModelChoices, with_terms
 from mapmore_cli.fitting.kinds.dictionary import terms_of
 from mapmore_cli.fitting.kinds.pieces import backbone_name
@@ -39,8 +39,6 @@ def size_of(part: FitChoices, dataset: Dataset, progress: Callable[[int, int], N
     if part.fit.max_terms != AUTO or part.kind not in ("pieces", "memory"):
         return Size()
     trial = _trial(part, dataset)
-    refit = maker_of(trial).refit
-    assert refit is not None
     bench = bench_of(training_only(dataset), trial, "max")
     known, failure = dict[int, list[float]](), ""
     sizes = _sizes(part)
@@ -78,12 +76,9 @@ def _sizes(part: FitChoices) -> list[int]:
     return [terms for terms in IN_A_SEGMENT if terms <= candidates] or [1]
 
 
-def refitted(choices: ModelChoices, dataset: Dataset) -> Model:
+def refitted(choices: ModelChoices, dataset: Dataset, model_of: Callable[[str], Model] = added_up) -> Model:
     """Return the model of the training samples of a dataset, made in one go, its number of terms included where left-out data choose it.
 
-    Raises SpecError where the model is a sum of those of other runs.
+    `model_of` gives the models that a sum adds up, by the path of their spec; raises SpecError where it is needed and not given.
     """
-    refit = maker_of(choices).refit
-    if refit is None:
-        raise SpecError("a sum of the models of other runs is not fitted itself", "do this with the specs that it adds up")
-    return refit(with_terms(choices, size_of(choices, dataset).terms), dataset)
+    return refit(with_terms(choices, size_of(choices, dataset).terms), dataset, model_of)

@@ -17,7 +17,7 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.processors import shared_out
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Search, Tried
-from mapmore_cli.fitting.kinds import maker_of
+from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.fitting.kinds.choices import ModelChoices
 from mapmore_cli.fitting.search_bench import Bench, Masks, Slice, holds_ends_out, holds_parts_out, searchable, shortened, thinning_of
 from mapmore_cli.fitting.yardstick import black_boxes, note_of, strongest
@@ -254,13 +254,6 @@ def rings(model: Model, dataset: Dataset) -> bool:
     apart = forecast(model, higher).values - forecast(model, curve).values
     late = apart[curve.size // 2 :]
     return bool(np.nanstd(late) > SWING * np.nanmax(np.abs(apart))) if np.isfinite(late).any() else False
-
-
-def refit(choices: ModelChoices, dataset: Dataset) -> Model:
-    """Return a model of the training samples of a dataset."""
-    refitted = maker_of(choices).refit
-    assert refitted is not None
-    return refitted(choices, dataset)
 
 
 def _left_out(choices: ModelChoices, dataset: Dataset, fold: Masks, rows: Sequence[BoolArray] | None) -> Left:

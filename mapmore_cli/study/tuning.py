@@ -15,7 +15,6 @@ from mapmore_cli.domain.errors import FitError, MapmoreError, SpecError, UsageEr
 from mapmore_cli.domain.processors import shared_out
 from mapmore_cli.domain.results import Search
 from mapmore_cli.domain.scores import Trial, Tuning
-from mapmore_cli.fitting.kinds import maker_of
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
 from mapmore_cli.fitting.refitting import refitted
 from mapmore_cli.fitting.stage import Progress, Warn
@@ -75,7 +74,7 @@ def _variants(loaded: LoadedSpec, over: Mapping[str, Sequence[Any]]) -> Iterator
                 f"--over {named}: changes the data, so that errors could not be compared", "tune how the model is made of them"
             )
         choices = model_choices(spec)
-        if maker_of(choices).refit is None:
+        if choices.kind == "sum":
             raise SpecError(f"{loaded.path}: a sum of other runs has no settings of its own", "tune the specs that it adds up")
         yield settings, choices
 
