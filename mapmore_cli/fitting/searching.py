@@ -17,10 +17,10 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.processors import shared_out
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Search, Tried
+from mapmore_cli.fitting.baselines import black_boxes, note_of, strongest
 from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.fitting.kinds.choices import ModelChoices
 from mapmore_cli.fitting.search_bench import Bench, Masks, Slice, holds_ends_out, holds_parts_out, searchable, shortened, thinning_of
-from mapmore_cli.fitting.yardstick import black_boxes, note_of, strongest
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.kinds import fed_back, parameters
 from mapmore_cli.modelling.memory.records import records_of, time_step

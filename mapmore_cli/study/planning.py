@@ -14,9 +14,8 @@ from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Candidate, Picture, Plan
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
 from mapmore_cli.fitting.left_out import residuals
-from mapmore_cli.fitting.refitting import refitted
+from mapmore_cli.fitting.refitting import refitted, training_only
 from mapmore_cli.fitting.stage import Warn
-from mapmore_cli.fitting.trials import training_only
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature.backbone import fit_formula, pooled_training
 from mapmore_cli.modelling.planning import levels as of_levels
