@@ -29,7 +29,7 @@ BLOCKS = 5
 
 @dataclass(frozen=True)
 class Folds:
-    """What all combinations are tried on: a `dataset` of training samples alone, and the samples of each curve that every fold leaves out."""
+    """What all combinations are tried on: a `dataset` of training samples alone, and what every fold leaves out of each curve."""
 
     dataset: Dataset
     masks: Sequence[tuple[BoolArray, ...]]
