@@ -10,9 +10,8 @@ from pydantic import Field, model_validator
 
 from mapmore_cli.domain.declared import Contradiction
 from mapmore_cli.spec.fields import Name, Section, SettingsOfSpec, SpecPath
-from mapmore_cli.spec.layers import as_overrides
 from mapmore_cli.spec.loader import load_as
-from mapmore_cli.spec.yaml_loader import LARGEST
+from mapmore_cli.spec.yaml_loader import LARGEST, as_overrides
 
 
 class Variant(Section):

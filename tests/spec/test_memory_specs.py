@@ -94,7 +94,7 @@ SLIPS = [
     (MOTION, '"pressure*displacement[k-1]"', '▸"exp(pressure*displacement[k-1])"', ["in one factor", "as a product"]),
     (MOTION, "delays: {of: [displacement]", 'delays: {of: [▸"displacement[k-1]"]', ["no quantity", "name `displacement` itself"]),
     # what memory needs
-    (MOTION, "name: motion", "name: motion\nunits: {▸time: ms}", ["go by the time in s", "remove it"]),
+    (MOTION, "name: motion", "name: motion\nunits: {▸time: ms}", ["goes by the time in s", "remove it"]),
     (MOTION, "last: 0.5", "▸fraction: 0.5", ["drawn at random", "`last: 0.25`"]),
     (MOTION, "  resample", "  ▸cycles: {over: pressure, samples: 100}\n  resample", ["`cycles` puts samples in the order of `pressure`"]),
     (MOTION, "fit:", "segment: {▸pressure: {method: even, count: 2}}\nfit:", ["`pressure` cannot be cut", "`pressure: none`"]),
@@ -124,7 +124,7 @@ def test_one_slip_gives_one_message_with_its_place(tmp_path: Path, base: str, ol
 def test_memory_needs_the_time(tmp_path: Path) -> None:
     text = FORCE.replace("time: {column: 0}, ", "").replace("{polynomial", "{play: {of: [pressure], count: 2}}, {polynomial")
     message = refusal(tmp_path, text)
-    assert message.startswith("spec.yaml:4:14: terms with memory need the time")
+    assert message.startswith("spec.yaml:4:14: a model with memory needs the time")
     assert "`sample_time`" in message
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 from pydantic import Field, create_model, model_validator
 
 from mapmore_cli.domain.declared import Contradiction, Either, InUnit, Seconds
+from mapmore_cli.modelling.expressions import ExpressionError, parse, state
 from mapmore_cli.modelling.expressions.operator import Operator, Parameter
 from mapmore_cli.modelling.expressions.operators import families
 from mapmore_cli.spec.fields import Section
@@ -196,34 +197,25 @@ def texts_in(loc: Loc, family: Family) -> Iterator[tuple[Loc, str, bool]]:
 
 def remembers(dictionary: Sequence[DictionaryEntry]) -> bool:
     """Whether any term needs more of a recording than the sample itself."""
-    plain = {"polynomial", "terms", "products"}
-    for loc, name, family in entries_of(dictionary):
-        if name not in plain or any(_has_memory(text) for _, text, _ in texts_in(loc, family)):
-            return True
-    return False
+    return any(
+        name not in ("polynomial", "terms", "products") or any(not used.isidentifier() for used in _names_of(loc, family))
+        for loc, name, family in entries_of(dictionary)
+    )
 
 
 def feeds_back(dictionary: Sequence[DictionaryEntry], target: str) -> bool:
     """Whether any term is made of the target."""
-    texts = [text for loc, _, family in entries_of(dictionary) for _, text, _ in texts_in(loc, family)]
-    return any(quantity == target for text in texts for quantity in _quantities(text))
+    return any(state(used).quantity == target for loc, _, family in entries_of(dictionary) for used in _names_of(loc, family))
 
 
-def _quantities(text: str) -> list[str]:
-    """Quantities that an expression or a state is made of; text that is neither is reported elsewhere."""
-    from mapmore_cli.modelling.expressions import ExpressionError, parse, state
+def _names_of(loc: Loc, family: Family) -> Iterator[str]:
+    for _, text, _ in texts_in(loc, family):
+        yield from names_in(text)
 
+
+def names_in(text: str) -> frozenset[str]:
+    """Return the quantities and states of an expression, or of the name of a state; none of a malformed text, reported elsewhere."""
     try:
-        return [state(name).quantity for name in parse(text).names]
+        return frozenset(parse(text).names)
     except ExpressionError:
-        return []
-
-
-def _has_memory(text: str) -> bool:
-    """Whether an expression or the name of a state has memory; text that is neither is reported elsewhere."""
-    from mapmore_cli.modelling.expressions import ExpressionError, parse
-
-    try:
-        return any(not name.isidentifier() for name in parse(text).names)
-    except ExpressionError:
-        return False
+        return frozenset()
