@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from mapmore_cli.domain.declared import Contradiction
 from mapmore_cli.spec.fields import Name, Section, SettingsOfSpec, SpecPath
@@ -25,11 +26,9 @@ class Variant(Section):
     group: str | None = None
     set: Annotated[dict[str, Any], SettingsOfSpec()] = {}  # noqa: RUF012 (pydantic copies it)
 
-    @model_validator(mode="after")
-    def _named(self) -> Variant:
+    def _contradictions(self) -> Iterator[ValueError]:
         if self.base is None and self.name is None:
-            raise Contradiction("a variant of the campaign's base needs a `name`", "add it: every run has a folder of its own")
-        return self
+            yield Contradiction("a variant of the campaign's base needs a `name`", "add it: every run has a folder of its own")
 
 
 class Campaign(Section):
@@ -47,11 +46,9 @@ class Campaign(Section):
     relative_to: str | None = None
     best_of: list[str] = []  # noqa: RUF012 (pydantic copies it)
 
-    @model_validator(mode="after")
-    def _has_specs(self) -> Campaign:
+    def _contradictions(self) -> Iterator[ValueError]:
         if self.base is None and any(run.base is None for run in self.runs):
-            raise Contradiction("a run has no spec", "give the campaign a `base`, or each run one", "runs")
-        return self
+            yield Contradiction("a run has no spec", "give the campaign a `base`, or each run one", "runs")
 
 
 @dataclass(frozen=True)

@@ -162,9 +162,7 @@ def _problem(details: ErrorDetails, root: Node, model: type[BaseModel]) -> Mista
     loc, rest = _split(details["loc"], root)
     node = nearest(root, loc)
     name = f"`{_dotted(loc)}`" if loc else "the spec"
-    for depth, key in enumerate(
-        loc
-    ):  # a key that would be a quantity, but whose value says that a near one is meant
+    for depth, key in enumerate(loc):  # a key that would be a quantity, but whose value says that a near one is meant
         known = keys_at(model, loc[:depth])
         if known and isinstance(key, str) and key not in known and get_close_matches(key, known, n=1, cutoff=0.75):
             return Mistake(nearest(root, loc[: depth + 1]).start, *_unknown_key(loc[: depth + 1], known))

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, TypeVar
+from typing import Annotated, Any, ClassVar, Self, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from mapmore_cli.domain.declared import InUnit
 from mapmore_cli.domain.errors import SpecError
@@ -25,6 +25,16 @@ class Section(BaseModel):
     """Base of every part of a spec: strict, closed and immutable."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True, populate_by_name=True)
+
+    def _contradictions(self) -> Iterator[ValueError]:
+        """Yield what does not fit each other within the section; the first is told."""
+        yield from ()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        for contradiction in self._contradictions():
+            raise contradiction
+        return self
 
 
 class WholeSpec(Section):

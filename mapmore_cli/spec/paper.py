@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from annotated_types import Gt
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from mapmore_cli.domain.declared import Contradiction
 from mapmore_cli.domain.page import FIGURES
@@ -37,11 +37,9 @@ class Verdict(Section):
     bound: Literal["at_least", "at_most"] | None = None
     same: Literal[True] | None = None
 
-    @model_validator(mode="after")
-    def _one(self) -> Verdict:
+    def _contradictions(self) -> Iterator[ValueError]:
         if len(self.model_fields_set) != 1:
-            raise Contradiction("a verdict has one rule", "give `within`, `factor`, `order`, `bound` or `same`")
-        return self
+            yield Contradiction("a verdict has one rule", "give `within`, `factor`, `order`, `bound` or `same`")
 
 
 class Ours(Section):
@@ -124,15 +122,13 @@ class Item(Section):
     sentences: list[Sentence] = []  # noqa: RUF012 (pydantic copies it)
     figures: list[Drawn] = []  # noqa: RUF012 (pydantic copies it)
 
-    @model_validator(mode="after")
-    def _kept(self) -> Item:
+    def _contradictions(self) -> Iterator[ValueError]:
         if self.status == "compared" and not self.compare and not self.sentences:
-            raise Contradiction("compared with nothing", "give `compare` or `sentences`", "status")
+            yield Contradiction("compared with nothing", "give `compare` or `sentences`", "status")
         if self.status == "drawn" and not self.figures:
-            raise Contradiction("no figure is drawn", "give `figures`", "status")
+            yield Contradiction("no figure is drawn", "give `figures`", "status")
         if self.status == "absent" and not self.why:
-            raise Contradiction("absent without a reason", "give `why`", "status")
-        return self
+            yield Contradiction("absent without a reason", "give `why`", "status")
 
     @property
     def stands_for(self) -> tuple[tuple[str, int], ...]:

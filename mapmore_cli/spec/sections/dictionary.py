@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from pydantic import Field, create_model, model_validator
+from pydantic import Field, create_model
 
 from mapmore_cli.domain.declared import Contradiction, Either, InUnit, Seconds
 from mapmore_cli.modelling.expressions import ExpressionError, parse, state
@@ -40,18 +40,16 @@ class OperatorFamily(Section):
             return [(number,) for number in given or ()]
         return [tuple(number for key in keys if (number := getattr(self, key)) is not None)]
 
-    @model_validator(mode="after")
-    def _complete(self) -> OperatorFamily:
+    def _contradictions(self) -> Iterator[ValueError]:
         name, parameters = self.operator.name, self.operator.parameters
         given = [getattr(self, key, None) is not None for key in (*(one.key for one in parameters[:1]), "count")]
         if self.operator.spread is not None and all(given):
             key, example = parameters[0].key, parameters[0].example
-            raise Contradiction(f"`{name}` takes either `{key}` or `count`", f"give one of them, as `{key}: [{example}]`", "count", "of")
+            yield Contradiction(f"`{name}` takes either `{key}` or `count`", f"give one of them, as `{key}: [{example}]`", "count", "of")
         missing = [parameter.key for parameter in parameters if getattr(self, parameter.key) is None]
         if len(parameters) > 1 and 0 < len(missing) < len(parameters):
             remedy = f"add `{missing[0]}`, or leave all out: training then finds them"
-            raise Contradiction(f"`{name}` lacks `{missing[0]}`", remedy, *(parameter.key for parameter in parameters))
-        return self
+            yield Contradiction(f"`{name}` lacks `{missing[0]}`", remedy, *(parameter.key for parameter in parameters))
 
 
 def _number(parameter: Parameter) -> Any:
@@ -144,13 +142,11 @@ class Families(Section):
         """Name and settings."""
         return next(iter(self.families.items()))
 
-    @model_validator(mode="after")
-    def _one_family(self) -> Families:
+    def _contradictions(self) -> Iterator[ValueError]:
         if len(self.families) != 1:
             found = "two families" if self.families else "no family"
             remedy = f"give one of {', '.join(f'`{name}`' for name in type(self).model_fields)}; further families are entries of their own"
-            raise Contradiction(f"this entry has {found} of terms", remedy)
-        return self
+            yield Contradiction(f"this entry has {found} of terms", remedy)
 
 
 if TYPE_CHECKING:

@@ -4,10 +4,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from mapmore_cli.domain.declared import Contradiction, Either
 from mapmore_cli.domain.page import FIGURES
@@ -39,32 +40,30 @@ class Competitor(Section):
     sum: Summands | None = None
     as_: Name | None = Field(default=None, alias="as")
 
-    @model_validator(mode="after")
-    def _one_model(self) -> Competitor:
+    def _contradictions(self) -> Iterator[ValueError]:
         kinds = (self.model, self.run, self.set, self.sum, self.static if self.static is not None else self.damping)
         if len([kind for kind in kinds if kind is not None]) != 1:
             remedy = "give one of the five, as `{model: sarosi}`"
             found = "a competitor is a `model`, a `run`, this spec with keys `set`, a `sum`, or `static` with `damping`"
-            raise Contradiction(found, remedy, "model", "run", "set", "sum", "static")
+            yield Contradiction(found, remedy, "model", "run", "set", "sum", "static")
         refuse_mixed(self.sum or ())
         if self.sum is not None and (self.as_ is None or self.sum[0].formula is None):
-            raise Contradiction("a sum as competitor is of formulas, and has a name", "add it, as `as: pair`", "sum")
+            yield Contradiction("a sum as competitor is of formulas, and has a name", "add it, as `as: pair`", "sum")
         if self.set is not None and self.as_ is None:
-            raise Contradiction("changed settings need a name", "add it, as `{set: {fit.max_terms: 1}, as: one_term}`", "set")
+            yield Contradiction("changed settings need a name", "add it, as `{set: {fit.max_terms: 1}, as: one_term}`", "set")
         if (self.static is None) != (self.damping is None):
             remedy = "add the other, as `{static: sarosi, damping: reynolds}`; `damping: none` adds nothing"
-            raise Contradiction("a composite needs `static` and `damping`", remedy, "static", "damping")
+            yield Contradiction("a composite needs `static` and `damping`", remedy, "static", "damping")
         if (self.run is not None or self.set is not None) and self.method is not None:
-            raise Contradiction("another run has a fit of its own", "remove `method`", "method")
+            yield Contradiction("another run has a fit of its own", "remove `method`", "method")
         if self.is_file and (self.as_ is None or self.method is not None):
             remedy = "write `{model: archive/NAME@TAG/model.h5, as: before}`"
-            raise Contradiction("a frozen model needs a name for its scores, and is not fitted", remedy, "as", "method", "model")
+            yield Contradiction("a frozen model needs a name for its scores, and is not fitted", remedy, "as", "method", "model")
         if self.starts is not None and (self.model is None or self.method != "levenberg_marquardt"):
             remedy = "write `{model: sarosi, method: levenberg_marquardt, starts: published}`"
-            raise Contradiction("`starts` goes with a `model` and `method: levenberg_marquardt`", remedy, "starts")
+            yield Contradiction("`starts` goes with a `model` and `method: levenberg_marquardt`", remedy, "starts")
         if self.errors_in is not None and (self.model is None or self.is_file):
-            raise Contradiction("`errors_in` goes with a formula as `model`", "write `{model: sarosi, errors_in: strain}`", "errors_in")
-        return self
+            yield Contradiction("`errors_in` goes with a formula as `model`", "write `{model: sarosi, errors_in: strain}`", "errors_in")
 
     @property
     def is_file(self) -> bool:
