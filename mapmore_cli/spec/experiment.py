@@ -46,12 +46,6 @@ class TargetColumn(Settings):
     column: str
 
 
-_DEFAULTS_OF_TARGET: dict[str, tuple[str, dict[str, str]]] = {
-    "damping": ("fit", {"scaling": "max_abs"}),  # M2's damping terms are pure products, which a shifted origin would not leave so
-    "dynamic": ("model", {"type": "sum"}),
-}
-
-
 @functools.cache
 def _dictionaries() -> TypeAdapter[list[DictionaryEntry]]:
     return TypeAdapter(list[DictionaryEntry])
@@ -92,29 +86,26 @@ class ExperimentSpec(WholeSpec):
 
     @model_validator(mode="before")
     @classmethod
-    def _no_campaign(cls, given: Any) -> Any:
-        if isinstance(given, dict) and "campaign" in given:
-            raise Contradiction("this is a campaign of several runs, not an experiment", "run it with `mapmore batch`", "campaign")
-        return given
-
-    @model_validator(mode="before")
-    @classmethod
     def _by_choice(cls, given: Any) -> Any:
         """Defaults that depend on the target, on the terms, and on the parts of a sum."""
         if not isinstance(given, dict):
             return given
-        model = given.get("model")
-        if isinstance(model, dict) and model.get("sum") is not None:
+        if "campaign" in given:
+            raise Contradiction("this is a campaign of several runs, not an experiment", "run it with `mapmore batch`", "campaign")
+        target, dictionary, model, fit = given.get("target"), given.get("dictionary"), given.get("model"), given.get("fit", {})
+        adds = target == "dynamic" and not dictionary
+        if isinstance(model, dict) and (adds or model.get("sum") is not None):
             given = {**given, "model": {"type": "sum", **model}}
-        if given.get("dictionary") is None and given.get("model") is None and given.get("target") != "dynamic":
-            given = {**given, "model": {"type": "auto"}}
-        section, defaults = _DEFAULTS_OF_TARGET.get(str(given.get("target")), ("", {}))
-        if _given_memory(given.get("dictionary")):
-            section, defaults = "fit", {"scaling": "none"}  # numbers of steps and widths in physical units stay readable
-        said = given.get(section, {})
-        if not isinstance(said, dict) or not defaults or (section == "model" and given.get("dictionary")):
-            return given
-        return {**given, section: {**defaults, **said}}
+        elif model is None and (adds or dictionary is None):
+            given = {**given, "model": {"type": "sum" if adds else "auto"}}
+        if isinstance(fit, dict) and _given_memory(dictionary):
+            given = {**given, "fit": {"scaling": "none", **fit}}  # numbers of steps and widths in physical units stay readable
+        elif isinstance(fit, dict) and target == "damping":
+            given = {
+                **given,
+                "fit": {"scaling": "max_abs", **fit},
+            }  # pure products, which no shifted origin leaves so
+        return given
 
     @property
     def own_formulas(self) -> dict[str, OwnFormula]:
@@ -143,23 +134,15 @@ class ExperimentSpec(WholeSpec):
         return self.has_memory or self.model.type == "state_space"
 
     @model_validator(mode="after")
-    def _searched(self, info: ValidationInfo) -> ExperimentSpec:
-        """Return a search finds these sections itself."""
-        given = [name for name, empty in (("segment", {}), ("fit", Fit())) if getattr(self, name) != empty]
-        given += ["dictionary"] if self.dictionary else []
-        if self.model.type == "auto" and given and info.context is not PARTIAL:
+    def _structured(self, info: ValidationInfo) -> ExperimentSpec:
+        """Require a structure where none is searched, and none where one is."""
+        given = [name for name, empty in (("segment", {}), ("fit", Fit()), ("dictionary", [])) if getattr(self, name) != empty]
+        if info.context is PARTIAL:
+            return self
+        if self.model.type == "auto" and given:
             remedy = "remove it, or say the whole structure, as `dictionary: [{polynomial: {of: [strain], order: 4}}]`"
             raise Contradiction(f"`{given[0]}` is part of the structure that `model: {{type: auto}}` searches", remedy, *given)
-        return self
-
-    @model_validator(mode="after")
-    def _needs_terms(self, info: ValidationInfo) -> ExperimentSpec:
-        if self.model.type == "mapmore" and not self.dictionary and info.context is not PARTIAL:
-            raise Contradiction(
-                "there are no candidate terms",
-                "add a `dictionary`, as `[{polynomial: {of: [strain], order: 4}}]`, or `model: {type: literature, name: sarosi}`",
-                "dictionary",
-                "model",
-                "name",
-            )
+        if self.model.type == "mapmore" and not self.dictionary:
+            example = "`[{polynomial: {of: [strain], order: 4}}]`, or `model: {type: literature, name: sarosi}`"
+            raise Contradiction("there are no candidate terms", f"add a `dictionary`, as {example}", "dictionary", "model", "name")
         return self

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import Field, create_model
 
 from mapmore_cli.domain.declared import Contradiction, Either, InUnit, Seconds
 from mapmore_cli.modelling.expressions import ExpressionError, parse, state
-from mapmore_cli.modelling.expressions.operator import Operator, Parameter
+from mapmore_cli.modelling.expressions.operator import Operator
 from mapmore_cli.modelling.expressions.operators import families
 from mapmore_cli.spec.fields import Section
 from mapmore_cli.spec.tree import Loc
@@ -52,31 +51,24 @@ class OperatorFamily(Section):
             yield Contradiction(f"`{name}` lacks `{missing[0]}`", remedy, *(parameter.key for parameter in parameters))
 
 
-def _number(parameter: Parameter) -> Any:
-    bounds = Field(gt=parameter.above) if parameter.below == float("inf") else Field(gt=parameter.above, lt=parameter.below)
-    return Annotated[float, bounds, InUnit(lambda _, unit=parameter.unit: unit)]  # type: ignore[misc]
-
-
-def _fields(operator: Operator) -> dict[str, Any]:
-    parameters = operator.parameters
-    if len(parameters) != 1:
-        default = None if operator.found else ...
-        return {one.key: (_number(one) | None if default is None else _number(one), default) for one in parameters}
-    many = Annotated[list[_number(parameters[0])], Field(min_length=1)]  # type: ignore[misc, valid-type]
-    if operator.spread is None:
-        return {parameters[0].key: (many | None, None) if operator.found else (many, ...)}
-    return {parameters[0].key: (many | None, None), "count": (Count | None, None)}
-
-
 def _form(key: str, operator: Operator) -> type[OperatorFamily]:
-    form = create_model(key.title(), __base__=OperatorFamily, __doc__=operator.summary, __module__=__name__, **_fields(operator))
+    """Return the section of an operator: a list of numbers for its one parameter, or a number for each of several."""
+    single, fields = len(operator.parameters) == 1, {}
+    is_optional = operator.found or (single and operator.spread is not None)
+    for one in operator.parameters:
+        bounds = Field(gt=one.above) if one.below == float("inf") else Field(gt=one.above, lt=one.below)
+        number: Any = Annotated[float, bounds, InUnit(lambda _, unit=one.unit: unit)]  # type: ignore[misc]
+        number = Annotated[list[number], Field(min_length=1)] if single else number
+        fields[one.key] = (number | None, None) if is_optional else (number, ...)
+    if single and operator.spread is not None:
+        fields["count"] = (Count | None, None)
+    form: Any = create_model(key.title(), __base__=OperatorFamily, __doc__=operator.summary, __module__=__name__, **fields)
     form.operator = operator
     return form
 
 
 FORMS: Mapping[str, type[OperatorFamily]] = {key: _form(key, operators[0]) for key, operators in families().items()}
 """The form of each family by its key."""
-
 
 Order = Annotated[int, Field(ge=1, le=20)]
 Steps = Annotated[int, Field(ge=0, le=1_000_000)]
@@ -131,20 +123,17 @@ class Families(Section):
     delays: Delays | None = None
     products: Products | None = None
 
-    @property
-    def families(self) -> Mapping[str, Family]:
-        """What is given, by name; one in a valid entry."""
-        given = {name: getattr(self, name) for name in type(self).model_fields}
-        return MappingProxyType({name: family for name, family in given.items() if family is not None})
+    def _given(self) -> dict[str, Family]:
+        return {name: family for name in type(self).model_fields if (family := getattr(self, name)) is not None}
 
     @property
     def family(self) -> tuple[str, Family]:
-        """Name and settings."""
-        return next(iter(self.families.items()))
+        """Name and settings of the one that is given."""
+        return next(iter(self._given().items()))
 
     def _contradictions(self) -> Iterator[ValueError]:
-        if len(self.families) != 1:
-            found = "two families" if self.families else "no family"
+        if len(self._given()) != 1:
+            found = "two families" if self._given() else "no family"
             remedy = f"give one of {', '.join(f'`{name}`' for name in type(self).model_fields)}; further families are entries of their own"
             yield Contradiction(f"this entry has {found} of terms", remedy)
 
@@ -164,18 +153,14 @@ else:
     )
 
 
-def entries_of(dictionary: Sequence[DictionaryEntry], loc: Loc = ("dictionary",)) -> Iterator[tuple[Loc, str, Family]]:
-    """Place, name and settings of every family, those inside products included."""
-    for place, entry in enumerate(dictionary):
-        yield from _of_entry(entry, (*loc, place))
-
-
-def _of_entry(entry: DictionaryEntry, loc: Loc) -> Iterator[tuple[Loc, str, Family]]:
-    name, family = entry.family
-    yield (*loc, name), name, family
-    for place, inner in enumerate(family.of if isinstance(family, Products) else ()):
-        if isinstance(inner, DictionaryEntry):
-            yield from _of_entry(inner, (*loc, name, "of", place))
+def entries_of(entries: Sequence[str | DictionaryEntry], loc: Loc = ("dictionary",)) -> Iterator[tuple[Loc, str, Family]]:
+    """Place, name and settings of every family of a dictionary, those inside products included."""
+    for place, entry in enumerate(entries):
+        if isinstance(entry, DictionaryEntry):
+            name, family = entry.family
+            yield (*loc, place, name), name, family
+            if isinstance(family, Products):
+                yield from entries_of(family.of, (*loc, place, name, "of"))
 
 
 def texts_in(loc: Loc, family: Family) -> Iterator[tuple[Loc, str, bool]]:
