@@ -80,31 +80,27 @@ def _in_order(schema: Any, sections: dict[str, Any]) -> list[str]:
     return list(dict.fromkeys([*found, *(one for value in below for one in _in_order(value, sections))]))
 
 
+_METRICS = """\
+### Metrics
+
+What `validate.require` may limit, as `{nrmse: 0.05, r2: 0.9}`: `r2` and `n` from below, all others from above. A limit holds
+for the run's own model on the pooled validation rows, or on the training rows where nothing is held out.
+
+| metric | meaning | in units of |
+|---|---|---|
+"""
+
+
 def _metrics() -> str:
     """Return the numbers of a score row, which `validate.require` may limit."""
-    rows = [f"| `{name}` | {meaning} | {'the target' if name in OF_TARGET else '1'} |" for name, meaning in METRICS.items()]
-    return "\n".join(
-        [
-            "### Metrics",
-            "",
-            "What `validate.require` may limit, as `{nrmse: 0.05, r2: 0.9}`: `r2` and `n` from below, all others from above. A limit holds",
-            "for the run's own model on the pooled validation rows, or on the training rows where nothing is held out.",
-            "",
-            "| metric | meaning | in units of |",
-            "|---|---|---|",
-            *rows,
-            "",
-        ]
-    )
+    rows = (f"| `{name}` | {meaning} | {'the target' if name in OF_TARGET else '1'} |\n" for name, meaning in METRICS.items())
+    return _METRICS + "".join(rows)
 
 
 def _section(title: str, section: dict[str, Any]) -> str:
     required = section.get("required", [])
-    rows = [
-        f"| `{key}` | {_values(value)} | {_default(value, key in required)} |"
-        for key, value in section["properties"].items()
-        if key != "schema_version"
-    ]
+    keys = {key: value for key, value in section["properties"].items() if key != "schema_version"}
+    rows = [f"| `{key}` | {_values(value)} | {_default(value, key in required)} |" for key, value in keys.items()]
     return "\n".join([f"### {title}", "", section.get("description", ""), "", "| key | value | default |", "|---|---|---|", *rows, ""])
 
 
