@@ -9,9 +9,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
-from mapmore_cli.domain.fits import FormulaFit, SegmentFit
-from mapmore_cli.domain.memory import MemoryFit
-from mapmore_cli.domain.motion import MotionFit
+from mapmore_cli.domain.fits import FormulaFit, MemoryFit, SegmentFit
+from mapmore_cli.domain.models import MotionFit
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.scores import Score, ScoreTable
 

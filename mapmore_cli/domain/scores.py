@@ -1,4 +1,4 @@
-"""The numbers that a validation ends with."""
+"""The numbers that a validation ends with, and the page that shows them."""
 
 from __future__ import annotations
 
@@ -154,3 +154,22 @@ class Tuning:
     trials: tuple[Trial, ...]
     best: Trial
     chosen: Trial
+
+
+RUN_PAGE = "report/index.html"
+"""The page of a run, in its folder."""
+
+FIGURES = {
+    "data": "data",
+    "fit": "fit",
+    "error": "fit",
+    "residual_map": "fit",
+    "surface": "fit",
+    "residuals": "fit",
+    "nrmse": "nrmse",
+    "bands": "nrmse",
+    "segments": "segments",
+    "terms": "terms",
+    "convergence": "nrmse",
+}
+"""The figures in their order, with the section of the page that each stands in. A figure `NAME` is drawn by `reporting/figures/NAME.py`."""

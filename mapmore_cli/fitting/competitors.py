@@ -13,8 +13,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.fits import FormulaFit, Optimum
-from mapmore_cli.domain.models import Formula, Model
-from mapmore_cli.domain.motion import MotionFit
+from mapmore_cli.domain.models import Formula, Model, MotionFit
 from mapmore_cli.domain.recording import DAMPING, STATIC_FORCE, Curve, Dataset
 from mapmore_cli.domain.results import Forecast
 from mapmore_cli.domain.scores import BASELINES, OWN, SIMPLE

@@ -17,7 +17,7 @@ import time
 import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import CodeType, FrameType
@@ -77,15 +77,21 @@ def explore(
     target: Target, count: int, seed: int, folder: Path, traced: int | None = None, tell: Callable[[str], None] = lambda _words: None
 ) -> Findings:
     """Try `count` inputs, or fewer where Ctrl-C ends it; `traced` as the target says, if not otherwise; `tell` how far it is."""
-    found, start, traced = Findings(), 0, target.traced if traced is None else traced
+    found, start, traced, last = Findings(), 0, target.traced if traced is None else traced, time.monotonic()
     lines: set[tuple[str, int]] = set()
-    told = _now_and_then(lambda: tell(f"{target.name}: {found.outcomes.total()} of {count} tried, {found.told}"))
+
+    def told() -> None:
+        nonlocal last
+        if time.monotonic() - last > SILENCE:
+            last = time.monotonic()
+            tell(f"{target.name}: {found.outcomes.total()} of {count} tried, {found.told}")
+
     try:
         target.warm(folder)
         while start < count:
             tracing = start < traced
             end = min(count, start + traced) if tracing else count
-            start = _batch(target, start, end, seed, folder, found, lines if tracing else None, told)
+            start = _batch(target, range(start, end), seed, folder, found, lines if tracing else None, told)
     except KeyboardInterrupt:
         found.interrupted = True
     wanted = lines_of(target.parts)
@@ -93,30 +99,11 @@ def explore(
     return found
 
 
-def _now_and_then(tell: Callable[[], None]) -> Callable[[], None]:
-    """The same, but for calls that follow another one too soon."""
-    last = time.monotonic()
-
-    def told() -> None:
-        nonlocal last
-        if time.monotonic() - last > SILENCE:
-            last = time.monotonic()
-            tell()
-
-    return told
+Lines = set[tuple[str, int]]
 
 
-def _batch(
-    target: Target,
-    start: int,
-    end: int,
-    seed: int,
-    folder: Path,
-    found: Findings,
-    lines: set[tuple[str, int]] | None,
-    told: Callable[[], None],
-) -> int:
-    """Try the inputs from `start` in one fork; the number of the first one that it left."""
+def _batch(target: Target, numbers: range, seed: int, folder: Path, found: Findings, lines: Lines | None, told: Callable[[], None]) -> int:
+    """Try inputs in one fork; the number of the first one that it left."""
     read, write = os.pipe()
     gc.freeze()  # what is there before the inputs is not looked through again and again
     child = os.fork()
@@ -124,10 +111,10 @@ def _batch(
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends it without a word
         os.close(read)
         with os.fdopen(write, "w", encoding="utf-8", errors="replace", buffering=1) as report:
-            _inputs(target, range(start, end), seed, folder, report, lines is not None)
+            _inputs(target, numbers, seed, folder, report, lines is not None)
         os._exit(0)
     os.close(write)
-    done = start
+    done = numbers.start
     with _ended(child), os.fdopen(read, encoding="utf-8", errors="replace") as report:
         for line in report:
             told()
@@ -135,22 +122,16 @@ def _batch(
             if kind == "line" and lines is not None:
                 file, _, number = text.rpartition(":")
                 lines.add((file, int(number)))
-            elif kind == "done":
-                found.outcomes[text] += 1
-                done += 1
-            elif kind == "fault":
-                found.outcomes["FAULT"] += 1
-                found.faults.append(f"{target.name} {done}: {text}")
+            elif kind in ("done", "fault"):
+                found.outcomes[text if kind == "done" else "FAULT"] += 1
+                found.faults += [f"{target.name} {done}: {text}"] if kind == "fault" else []
                 done += 1
     status = os.waitpid(child, 0)[1]
     if os.WIFSIGNALED(status):
         hung = os.WTERMSIG(status) == signal.SIGVTALRM
         what = f"longer than {target.longest} s" if hung else f"ended by signal {os.WTERMSIG(status)}"
-        if target.library:
-            found.outcomes[f"{target.library} {'hangs' if hung else 'crashes'}"] += 1
-        else:
-            found.outcomes["FAULT"] += 1
-            found.faults.append(f"{target.name} {done}: {what}")
+        found.outcomes[f"{target.library} {'hangs' if hung else 'crashes'}" if target.library else "FAULT"] += 1
+        found.faults += [] if target.library else [f"{target.name} {done}: {what}"]
         done += 1
     return done
 
@@ -175,12 +156,9 @@ def _inputs(target: Target, numbers: range, seed: int, folder: Path, report: Any
         signal.setitimer(signal.ITIMER_VIRTUAL, target.longest * (20 if tracing else 1))
         chance = random.Random(f"{seed}/{target.name}/{number}")
         try:
-            if tracing:
-                with traced(target.parts) as seen:
-                    outcome = target.attempt(chance, number, folder)
-                report.writelines(f"line {file}:{line}\n" for file, line in sorted(seen))
-            else:
+            with traced(target.parts) if tracing else nullcontext(set[tuple[str, int]]()) as seen:
                 outcome = target.attempt(chance, number, folder)
+            report.writelines(f"line {file}:{line}\n" for file, line in sorted(seen))
             print("done", outcome, file=report)
         except Exception as error:
             last = traceback.extract_tb(error.__traceback__)[-1]

@@ -331,7 +331,7 @@ TARGET = Target("specs", attempt, ("spec",), past=("loaded", "refused (exit 3)")
 RUNS = Target(
     "runs",
     run,
-    ("stages",),
+    ("pipeline",),
     past=tuple(f"{end}{kind}" for kind in ("", WITH) for end in ("done", *(f"refused (exit {code})" for code in (3, 4, 5, 6)))),
     longest=20,  # the number of terms of a model with memory is chosen by some thirty fits
     traced=10,

@@ -7,9 +7,12 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from spec_examples import FORMULA, GOOD, LOGS, MEASURED, STATIC, load_text
+from spec_examples import DAMPING, FORMULA, GOOD, LOGS, MEASURED, MOTION, STATIC, load_text
 
-from mapmore_cli.modelling.pieces.recipe import BelowAbove, Cuts
+from mapmore_cli.fitting.kinds.dictionary import signals_of, units_of
+from mapmore_cli.fitting.kinds.pieces import cuts_of, recipe_of
+from mapmore_cli.modelling.pieces.recipe import BelowAbove, CutByDirection, Cuts
+from mapmore_cli.pipeline.stages import segment_slice
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.fields import Section
 from mapmore_cli.spec.loader import load, load_as, resolved
@@ -131,6 +134,86 @@ def test_every_shipped_study_loads_and_survives_a_round_trip(path: Path, tmp_pat
 def test_variants_of_the_static_study_load(tmp_path: Path, old: str, new: str) -> None:
     assert old in STATIC
     load_text(tmp_path, STATIC.replace(old, new))
+
+
+EVEN = "{method: even, count: 4}"
+FUSE = "fuse: {transition: linear, z_s: 0.25,"
+DYNAMIC = DAMPING.replace("target: damping", "target: dynamic").replace(
+    "needs: {static: dmsp-20-88-static.yaml}", "needs: {static: s.yaml, damping: d.yaml}"
+)
+DYNAMIC = DYNAMIC[: DYNAMIC.index("dictionary")] + DYNAMIC[DYNAMIC.index("validate: {against") :]
+
+
+def test_states_stay_in_physical_units_where_nothing_is_said(tmp_path: Path) -> None:
+    assert load_text(tmp_path, MOTION).spec.fit.scaling == "none"
+
+
+def test_the_damping_example(tmp_path: Path) -> None:
+    loaded = load_text(tmp_path, DAMPING)
+    assert loaded.spec.fit.scaling == "max_abs"
+    assert loaded.spec.segment["direction"] == CutByDirection(of="pressure_rate", dead_band=5.0)
+    assert loaded.spec.validation.against[-1].label == "sarosi+reynolds"  # type: ignore[union-attr]
+    assert units_of(loaded.spec)["step_pressure"] == "kPa"
+    assert [signal.name for signal in signals_of(loaded.spec)] == ["strain_rate", "pressure_rate", "direction"]
+
+
+def test_numbers_of_motion_carry_units(tmp_path: Path) -> None:
+    text = DAMPING.replace("5 kPa/s", "0.05 bar/s").replace("plateau: auto", "plateau: [900 ms, 2 s]").replace("highest", "3.5 bar")
+    spec = load_text(tmp_path, text.replace("[80, 150, 250, 350]", "[0.8 bar, 150, 250, 350]")).spec
+    assert spec.segment["direction"] == CutByDirection(of="pressure_rate", dead_band=5.0)
+    assert spec.data.plateau == (0.9, 2.0)
+    assert spec.fit.train_level == 350
+    assert spec.data.levels is not None
+    assert spec.data.levels.at == [80, 150, 250, 350]
+
+
+def test_a_sum_is_the_default_of_a_dynamic_target_without_a_dictionary(tmp_path: Path) -> None:
+    assert load_text(tmp_path, DYNAMIC).spec.model.type == "sum"
+    direct = DAMPING.replace("target: damping", "target: dynamic")
+    assert load_text(tmp_path, direct).spec.model.type == "mapmore"
+
+
+def test_weights_between_step_pressures_go_by_the_pressure(tmp_path: Path) -> None:
+    spec = load_text(tmp_path, DAMPING.replace("step_pressure: none}", "step_pressure: levels}")).spec
+    assert recipe_of("damping", spec.data.levels, spec.segment, spec.dictionary, spec.fit, spec.fuse).level == "pressure"
+
+
+@pytest.mark.parametrize(
+    ("cuts", "meant"),
+    [
+        ("{method: gradient, count: 3}", Cuts("gradient", 3)),
+        ("{method: gradient, count: 3, window: 2 %, separation: 0.05}", Cuts("gradient", 3, window=0.02, separation=0.05)),
+        ("{method: optimal, count: 2}", Cuts("optimal", 2)),
+        ("{method: optimal, count: 2, grid: 30, min_samples: 4}", Cuts("optimal", 2, grid=30, min_samples=4)),
+    ],
+)
+def test_methods_with_their_settings(cuts: str, meant: object, tmp_path: Path) -> None:
+    assert cuts_of(load_text(tmp_path, STATIC.replace(EVEN, cuts)).spec.segment) == {"strain": meant}
+
+
+def test_a_window_has_the_unit_of_its_variable(tmp_path: Path) -> None:
+    spec = load_text(
+        tmp_path, MEASURED.replace("{method: breakpoints, at: [100 kPa, 2]}", "{method: gradient, count: 2, window: 50 kPa}")
+    ).spec
+    assert cuts_of(spec.segment) == {"pressure": Cuts("gradient", 2, window=0.5)}  # the study's unit is bar
+
+
+def test_the_way_between_levels_reaches_the_recipe(tmp_path: Path) -> None:
+    text = STATIC.replace(
+        FUSE, "model: {backbone: sarosi}\nfuse: {levels: pchip, align: threshold, shrink: 1, transition: linear, z_s: 0.25,"
+    )
+    spec = load_text(tmp_path, text).spec
+    recipe = recipe_of("force", spec.data.levels, spec.segment, spec.dictionary, spec.fit, spec.fuse)
+    assert (recipe.fuse.levels, recipe.fuse.align, recipe.fuse.shrink) == ("pchip", "threshold", 1.0)
+
+
+def test_segments_depend_on_the_fit_only_where_boundaries_try_it(tmp_path: Path) -> None:
+    """A change of `fit` must not cut the curves anew, unless boundaries are optimal for that fit."""
+    more_terms = STATIC.replace("max_terms: 1", "max_terms: 2")
+    optimal = "{method: optimal, count: 4}"
+    assert segment_slice(load_text(tmp_path, STATIC).spec) == segment_slice(load_text(tmp_path, more_terms).spec)
+    tried = (segment_slice(load_text(tmp_path, text.replace(EVEN, optimal)).spec) for text in (STATIC, more_terms))
+    assert next(tried) != next(tried)
 
 
 def test_where_points_at_keys_items_and_the_nearest_section(tmp_path: Path) -> None:

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from mapmore_cli.domain.declared import taken
-from mapmore_cli.domain.models import Model
-from mapmore_cli.domain.motion import MotionFit
+from mapmore_cli.domain.models import Model, MotionFit
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.fitting.kinds.choices import FitChoices, ModelChoices, level_of

@@ -53,7 +53,8 @@ class OperatorFamily(Section):
 
 def _form(key: str, operator: Operator) -> type[OperatorFamily]:
     """Return the section of an operator: a list of numbers for its one parameter, or a number for each of several."""
-    single, fields = len(operator.parameters) == 1, {}
+    fields: dict[str, Any] = {}
+    single = len(operator.parameters) == 1
     is_optional = operator.found or (single and operator.spread is not None)
     for one in operator.parameters:
         bounds = Field(gt=one.above) if one.below == float("inf") else Field(gt=one.above, lt=one.below)
@@ -62,7 +63,7 @@ def _form(key: str, operator: Operator) -> type[OperatorFamily]:
         fields[one.key] = (number | None, None) if is_optional else (number, ...)
     if single and operator.spread is not None:
         fields["count"] = (Count | None, None)
-    form: Any = create_model(key.title(), __base__=OperatorFamily, __doc__=operator.summary, __module__=__name__, **fields)
+    form = create_model(key.title(), __base__=OperatorFamily, __doc__=operator.summary, __module__=__name__, **fields)
     form.operator = operator
     return form
 

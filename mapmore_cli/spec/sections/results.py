@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import Field
 
 from mapmore_cli.domain.declared import Contradiction, Either
-from mapmore_cli.domain.page import FIGURES
-from mapmore_cli.domain.scores import Published
+from mapmore_cli.domain.scores import FIGURES, Published
 from mapmore_cli.spec.fields import Metres, Metric, Name, OfTarget, Quantity, RelativePath, Section, SettingsOfSpec, Share, SpecPath
 from mapmore_cli.spec.sections.model import Summands, refuse_mixed
 
