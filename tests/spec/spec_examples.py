@@ -205,18 +205,3 @@ def refusal(folder: Path, text: str | bytes, overrides: Sequence[str] = ()) -> s
     with pytest.raises(SpecError) as caught:
         load_text(folder, text, overrides)
     return str(caught.value).replace(f"{folder}/", "")
-
-
-def refuse_slip(folder: Path, base: str, old: str, new: str, words: list[str]) -> None:
-    """Put `new` in place of `old`: the message has to hold the words.
-
-    Where `new` has a mark (a triangle, which is left out), the mistake is there, and there is no other message.
-    """
-    assert old in base
-    before, mark, after = base.replace(old, new, 1).partition("▸")
-    message = refusal(folder, before + after)
-    assert all(word in message for word in words), message
-    if mark:
-        place = f"{before.count(chr(10)) + 1}:{len(before) - before.rfind(chr(10))}"
-        assert message.startswith(f"spec.yaml:{place}: "), message
-        assert message.count("spec.yaml:") == 1, message
