@@ -93,19 +93,16 @@ class ExperimentSpec(WholeSpec):
         if "campaign" in given:
             raise Contradiction("this is a campaign of several runs, not an experiment", "run it with `mapmore batch`", "campaign")
         target, dictionary, model, fit = given.get("target"), given.get("dictionary"), given.get("model"), given.get("fit", {})
-        adds = target == "dynamic" and not dictionary
+        adds, chosen = target == "dynamic" and not dictionary, dict(given)
         if isinstance(model, dict) and (adds or model.get("sum") is not None):
-            given = {**given, "model": {"type": "sum", **model}}
+            chosen["model"] = {"type": "sum", **model}
         elif model is None and (adds or dictionary is None):
-            given = {**given, "model": {"type": "sum" if adds else "auto"}}
+            chosen["model"] = {"type": "sum" if adds else "auto"}
         if isinstance(fit, dict) and _given_memory(dictionary):
-            given = {**given, "fit": {"scaling": "none", **fit}}  # numbers of steps and widths in physical units stay readable
+            chosen["fit"] = {"scaling": "none", **fit}  # numbers of steps and widths in physical units stay readable
         elif isinstance(fit, dict) and target == "damping":
-            given = {
-                **given,
-                "fit": {"scaling": "max_abs", **fit},
-            }  # pure products, which no shifted origin leaves so
-        return given
+            chosen["fit"] = {"scaling": "max_abs", **fit}  # pure products, which no shifted origin leaves so
+        return chosen
 
     @property
     def own_formulas(self) -> dict[str, OwnFormula]:

@@ -13,7 +13,7 @@ from mapmore_cli.modelling.pieces.recipe import BelowAbove, CutByDirection, Cuts
 from mapmore_cli.pipeline.stages import segment_slice
 from mapmore_cli.spec.fields import Section
 from mapmore_cli.spec.loader import load, load_as
-from mapmore_cli.spec.sections.data import Between, GapRule, Holdout, Levels, Rate
+from mapmore_cli.spec.sections.data import Between, GapRule, Levels, Rate
 from mapmore_cli.spec.sections.logs import FileEntry, Keep
 from mapmore_cli.spec.sections.results import Competitor
 
@@ -204,12 +204,6 @@ def test_where_points_at_keys_items_and_the_nearest_section(tmp_path: Path) -> N
     assert [place.removeprefix(f"{tmp_path}/") for place in places] == [
         "spec.yaml:11:5", "spec.yaml:13:35", "spec.yaml:22:28", "spec.yaml:1:1", "spec.yaml:1:1",
     ]  # fmt: skip
-
-
-def test_held_out_quantities_in_python() -> None:
-    held_out = Holdout(quantities={"pressure": [250.0]})
-    assert held_out == Holdout.model_validate({"pressure": [250.0]})
-    assert held_out.quantities == {"pressure": [250.0]}
 
 
 class Regulator(Section):

@@ -6,9 +6,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import pairwise
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import AfterValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, ConfigDict, Field
 
 from mapmore_cli.domain.declared import Contradiction, Either, InUnit, OfKey, Seconds, of_sibling
 from mapmore_cli.spec.fields import Quantity, RelativePath, Section, SignedSeconds, possible_path
@@ -115,14 +115,6 @@ class Holdout(Section):
     def quantities(self) -> dict[str, list[float] | Between]:
         """The keys that are quantities."""
         return self.__pydantic_extra__
-
-    @model_validator(mode="before")
-    @classmethod
-    def _quantities_beside(cls, given: Any) -> Any:
-        """In Python, `Holdout(quantities={"pressure": [250]})` says the same as the YAML mapping."""
-        if isinstance(given, dict) and isinstance(given.get("quantities"), dict):
-            return {key: value for key, value in given.items() if key != "quantities"} | given["quantities"]
-        return given
 
     def _contradictions(self) -> Iterator[ValueError]:
         conditions = (self.files, self.recordings, self.last, self.last_cycles, self.fraction)
