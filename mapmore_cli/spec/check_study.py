@@ -254,55 +254,47 @@ def formula_called(spec: ExperimentSpec, name: str | None) -> LiteratureModel | 
 
 
 def _defined(spec: ExperimentSpec, one: OwnFormula) -> LiteratureModel:
-    """Return a formula of the spec's own, in the model's units; raises as `OwnFormula.definition`."""
     units = {name: default_unit(name, spec.units) for name in (*spec.quantities, spec.target_quantity)}
     return formula_of(one.definition(units, units[spec.target_quantity]))
 
 
 def _unknown_formula(spec: ExperimentSpec, name: str | None, loc: Loc, others: Sequence[str] = ()) -> Iterator[Finding]:
-    """Yield that no formula has a name; what is wrong with one of the spec's own is told where it is written."""
-    if name is not None and name not in spec.own_formulas:
+    if name is not None and name not in spec.own_formulas:  # what is wrong with one of its own is told where it is written
         known = (*literature.names(), *spec.own_formulas, *others)
         yield Finding(loc, f"there is no literature model `{name}`", did_you_mean(name, known))
 
 
+def _rivals(spec: ExperimentSpec) -> list[tuple[Loc, Competitor]]:
+    """Return the competitors with their places; a name alone is that of a model."""
+    against = (Competitor.model_construct(model=one) if isinstance(one, str) else one for one in spec.validation.against)
+    return [(("validate", "against", i), one) for i, one in enumerate(against)]
+
+
 def _with_settings(spec: ExperimentSpec) -> list[tuple[str | None, ModelChoice | Competitor, Loc]]:
-    """Return the run's own model and its competitors with settings: what formula each names, the settings, where they stand."""
-    against = [(one.model, one, ("validate", "against", i)) for i, one in enumerate(spec.validation.against) if isinstance(one, Competitor)]
-    return [(spec.model.name, spec.model, ("model",)), *against]
-
-
-def _formula_uses(spec: ExperimentSpec) -> Iterator[tuple[str, Loc]]:
-    """Yield every formula that an experiment names, and where."""
-    if spec.model.backbone not in (None, AUTO):
-        yield str(spec.model.backbone), ("model", "backbone")
-    if spec.model.name is not None:
-        yield spec.model.name, ("model", "name")
-    for i, competitor in enumerate(spec.validation.against):
-        if isinstance(competitor, str):
-            yield competitor, ("validate", "against", i)
-            continue
-        for key in ("model", "static", "damping"):
-            name = getattr(competitor, key)
-            if name is not None and (key, name) != ("static", OWN) and not (key == "model" and competitor.is_file):
-                yield name, ("validate", "against", i, key)
+    """Return the run's own model and its competitors: what formula each names, the settings, where they stand."""
+    return [(spec.model.name, spec.model, ("model",)), *((one.model, one, loc) for loc, one in _rivals(spec))]
 
 
 def formulas(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require that formulas exist and find what they need in the study."""
-    for name, loc in _formula_uses(spec):
-        rival = loc[:2] == ("validate", "against") and loc[-1] not in ("static", "damping")
+    uses: list[tuple[Loc, str | None]] = [(("model", "name"), spec.model.name)]
+    uses += [(("model", "backbone"), spec.model.backbone)] if spec.model.backbone != AUTO else []
+    for loc, rival in _rivals(spec):
+        if rival.model in (*SIMPLE, *BASELINES):
+            yield from _other_rival(spec, rival.model, rival, loc)
+        elif rival.as_ is None or not rival.is_file:
+            uses += [((*loc, "model"), rival.model)]
+        uses += [((*loc, "static"), rival.static)] if rival.static != OWN else []
+        uses += [((*loc, "damping"), rival.damping)]
+    for loc, name in uses:
         formula = formula_called(spec, name)
-        if rival and name in (*SIMPLE, *BASELINES):
-            yield from _other_rival(spec, name, loc)
-        elif formula is None:
-            yield from _unknown_formula(spec, name, loc, (*BASELINES, *SIMPLE) if rival else ())
+        if name is None or formula is None:
+            yield from _unknown_formula(spec, name, loc, (*BASELINES, *SIMPLE) if loc[0] == "validate" and loc[-1] == "model" else ())
         else:
             yield from _needs(spec, name, formula, loc)
 
 
 def _needs(spec: ExperimentSpec, name: str, formula: LiteratureModel, loc: Loc) -> Iterator[Finding]:
-    """Yield what a formula lacks at its place."""
     if loc == ("model", "name") and not formula.inputs:
         yield Finding(loc, f"`{name}` is no function of anything", "name it in `validate.against`")
     for dimension in formula.dimensions:
@@ -326,28 +318,21 @@ def _needs(spec: ExperimentSpec, name: str, formula: LiteratureModel, loc: Loc) 
         yield Finding(loc, f"`{name}` needs the length of the muscle", "add `length: 88 mm` to `muscle`")
 
 
-def _other_rival(spec: ExperimentSpec, name: str, loc: Loc) -> Iterator[Finding]:
-    """Yield what a competitor that is no formula lacks."""
-    competitor = spec.validation.against[int(loc[2])]
+def _other_rival(spec: ExperimentSpec, name: str, rival: Competitor, loc: Loc) -> Iterator[Finding]:
     if name == "backbone" and spec.model.backbone is None:
         yield Finding(loc, "the model has no backbone", "give it one, as `model: {backbone: sarosi}`, or leave this out")
     if name == "arx" and not spec.runs_over_time:
         yield Finding(loc, "`arx` runs along recordings, and the model does not", "leave it out")
     if name in BASELINES and find_spec("sklearn") is None:
         yield Finding(loc, f"`{name}` needs scikit-learn, which is not installed", "install the extra: `pip install 'mapmore[baselines]'`")
-    if name in BASELINES and isinstance(competitor, Competitor) and competitor.method is not None:
-        yield Finding((*loc[:3], "method"), f"`{name}` has no `method`", "remove it", on_key=True)
+    if name in BASELINES and rival.method is not None:
+        yield Finding((*loc, "method"), f"`{name}` has no `method`", "remove it", on_key=True)
 
 
 def competitors(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require that formulas can be fitted in the way that is wanted, and competitors have names of their own and data to be fitted to."""
     for name, settings, loc in _with_settings(spec):
         formula, starts, errors_in = formula_called(spec, name), settings.starts, settings.errors_in
-        if isinstance(settings, Competitor) and settings.static is not None:
-            if spec.target not in MOTION:
-                yield Finding(loc, f"target `{spec.target}` has no static and damping parts", "give one `model`")
-            elif spec.needs.static is None:
-                yield Finding(loc, "a static formula is fitted to the data of the static run", STATIC_RUN)
         if formula is not None and starts is not None:
             yield from refused((*loc, "starts"), formula.starting_from, starts)
         if formula is not None and errors_in is not None:
@@ -356,12 +341,14 @@ def competitors(spec: ExperimentSpec) -> Iterator[Finding]:
             elif errors_in not in formula.inputs:
                 yield Finding((*loc, "errors_in"), f"`{name}` has no input `{errors_in}`", did_you_mean(errors_in, formula.inputs))
     shown = [OWN, REPEATABILITY]
-    for i, competitor in enumerate(spec.validation.against):
-        label = competitor.label if isinstance(competitor, Competitor) else competitor
-        if label in shown:
-            remedy = "give this one a name: `{model: ..., as: NAME}`"
-            yield Finding(("validate", "against", i), f"two models of the scores are named `{label}`", remedy)
-        shown.append(label)
+    for loc, rival in _rivals(spec):
+        if rival.static is not None and spec.target not in MOTION:
+            yield Finding(loc, f"target `{spec.target}` has no static and damping parts", "give one `model`")
+        elif rival.static is not None and spec.needs.static is None:
+            yield Finding(loc, "a static formula is fitted to the data of the static run", STATIC_RUN)
+        if rival.label in shown:
+            yield Finding(loc, f"two models of the scores are named `{rival.label}`", "give this one a name: `{model: ..., as: NAME}`")
+        shown.append(rival.label)
 
 
 def own_formulas(spec: ExperimentSpec) -> Iterator[Finding]:

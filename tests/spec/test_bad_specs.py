@@ -103,6 +103,7 @@ STATIC_SLIPS = [
     ("of: [strain]", "of: [strain, ▸force]", ["`force` is the target", "take it out"]),
     ("against: [sarosi,", "against: [▸sarosy,", ["no literature model `sarosy`", "did you mean `sarosi`?"]),
     ("against: [sarosi,", "against: [{model: ▸sarosy},", ["no literature model `sarosy`"]),
+    ("against: [sarosi,", "against: [▸old.h5,", ["no literature model `old.h5`"]),
     ("against: [sarosi,", "against: [{model: sarosi, ▸starts: published},", ["goes with a `model` and `method: levenberg_marquardt`"]),
     ("against: [sarosi,", "against: [{model: sarosi, method: levenberg_marquardt, starts: ▸mine},", ["called `mine`"]),
     (", diameter: 20 mm}", "}\nmodel: {type: literature, name: ▸tondu_lopez_fixed_area}", ["needs the diameter of the muscle", "10 mm"]),
