@@ -26,7 +26,7 @@ from mapmore_cli.modelling.literature.hysteresis_loss import HysteresisLoss
 from mapmore_cli.modelling.signals.plateau import damping_component
 from mapmore_cli.modelling.sums import joint
 from mapmore_cli.modelling.sums.joint import fit_jointly
-from mapmore_cli.spec.sections.results import Competitor
+from mapmore_cli.spec.experiment import Competitor
 from mapmore_cli.storage.artefacts import read_model
 from mapmore_cli.storage.run_folder import RunFiles
 

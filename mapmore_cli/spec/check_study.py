@@ -19,12 +19,11 @@ from mapmore_cli.modelling.pieces.recipe import CutByDirection, Cuts
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.spec.check_names import OF_NOTHING, changed, expression_findings, unknown_quantity
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean, refused
-from mapmore_cli.spec.experiment import ExperimentSpec, TargetColumn
+from mapmore_cli.spec.experiment import Competitor, ExperimentSpec, TargetColumn
 from mapmore_cli.spec.sections.data import STEP_OF
 from mapmore_cli.spec.sections.dictionary import entries_of, texts_in
 from mapmore_cli.spec.sections.logs import Logs
 from mapmore_cli.spec.sections.model import ModelChoice, OwnFormula, Summand
-from mapmore_cli.spec.sections.results import Competitor
 from mapmore_cli.spec.tree import Loc
 from mapmore_cli.spec.units import CANONICAL, check_unit, convert, default_unit, is_canonical
 

@@ -11,11 +11,11 @@ from mapmore_cli.fitting.kinds.dictionary import signals_of, units_of
 from mapmore_cli.fitting.kinds.pieces import cuts_of, recipe_of
 from mapmore_cli.modelling.pieces.recipe import BelowAbove, CutByDirection, Cuts
 from mapmore_cli.pipeline.stages import segment_slice
+from mapmore_cli.spec.experiment import Competitor
 from mapmore_cli.spec.fields import Section
 from mapmore_cli.spec.loader import load, load_as
 from mapmore_cli.spec.sections.data import Between, GapRule, Levels, Rate
 from mapmore_cli.spec.sections.logs import FileEntry, Keep
-from mapmore_cli.spec.sections.results import Competitor
 
 PROJECT = Path(__file__).resolve().parents[2]
 SHIPPED = sorted(
