@@ -95,7 +95,6 @@ def identifiers(names: Iterable[str], taken: Collection[str] = ()) -> list[str]:
 
 
 def _greek(letter: str) -> str:
-    """Return the command of a Greek letter in a formula, by its name."""
     name = unicodedata.name(letter).rpartition(" ")[2].replace("LAMDA", "LAMBDA")
     return rf"\ensuremath{{\{name.capitalize() if letter.isupper() else name.lower()}}}"
 
@@ -121,7 +120,6 @@ def tex_text(text: str) -> str:
 
 
 def _printed(text: str) -> str:
-    """Return the printable characters on one line."""
     return " ".join("".join(c if c.isprintable() else " " for c in text).split())
 
 

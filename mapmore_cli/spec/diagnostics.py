@@ -98,7 +98,6 @@ def fail(at: Position, message: str, remedy: str | None = None) -> NoReturn:
 
 
 def _block(problem: Mistake) -> str:
-    """Return the place and the message, the source line with a caret, the remedy."""
     at, line = problem.at, _line(problem.at)
     lines = [f"{at}: {problem.message}"]
     if at.source.numbered and line.strip():
@@ -184,7 +183,6 @@ def _problem(details: ErrorDetails, root: Node, model: type[BaseModel]) -> Mista
 
 
 def _of_value(details: ErrorDetails, value: object, name: str) -> Explained:
-    """Explain an error about one value alone."""
     context: dict[str, Any] = details.get("ctx", {})
     kind, shown = details["type"], _shown(value)
     if kind in _EXPECTED or kind == "union_tag_invalid":

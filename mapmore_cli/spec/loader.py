@@ -191,11 +191,7 @@ _NO_FILE = "paths start at the folder of the file that they are written in"
 
 
 def _extended(source: SourceText, path: Path, problems: list[Mistake], heirs: tuple[Path, ...] = ()) -> Node:
-    """Return the tree of a text with everything that it inherits; `path` is where it lies, `heirs` extend it.
-
-    Each value keeps the place in the file that it comes from. Raises SpecError for a file that cannot be read or is no mapping, or files
-    that extend each other in a circle.
-    """
+    """Return the tree of a text with everything that it inherits; `path` is where it lies, `heirs` extend it."""
     root = parse(source, problems)
     if root.value is None:
         raise SpecError(f"{source.name}: the file is empty", "a spec needs at least `name`, `data`, `target` and `dictionary`")
@@ -220,7 +216,6 @@ def _extended(source: SourceText, path: Path, problems: list[Mistake], heirs: tu
 
 
 def _file_at(node: Node, spelt: Callable[[str], str], folder: Path, remedy: str) -> Path:
-    """Return the path that a text names; SpecError for one that no file system can take."""
     try:
         return Path(os.path.normpath(folder / possible_path(spelt(str(node.value)))))
     except ValueError as error:
@@ -228,10 +223,7 @@ def _file_at(node: Node, spelt: Callable[[str], str], folder: Path, remedy: str)
 
 
 def _with_formulas(root: Node, problems: list[Mistake]) -> Node:
-    """Return the tree with the files of `formulas` read, each in the place of its path; a single one may stand without a list.
-
-    Raises SpecError for a file that cannot be read, or is no YAML.
-    """
+    """Return the tree with the files of `formulas` read, each in the place of its path; a single one may stand without a list."""
     listed = root.child("formulas")
     if listed is None:
         return root
@@ -271,14 +263,7 @@ def _with_units(root: Node) -> Node:
 
 
 def _with_overrides(root: Node, overrides: Sequence[str], problems: list[Mistake]) -> Node:
-    """Return the tree with each `key.path=value` set, in this order; a step of the path that is a number counts the items of a list from 0.
-
-    Values are YAML (`[80, 150]`, `250 kPa`); `null` removes the key. One that no section knows is left to validation, as if it stood in
-    the file.
-
-    Raises UsageError for an override without `=` or with an empty step; SpecError for a value that is no YAML, or a path that leads into a
-    list or a scalar where it cannot.
-    """
+    """Return the tree with each `key.path=value` set, in this order; numbers count the items of a list from 0, and `null` removes a key."""
     for override in overrides:
         path, equals, text = override.partition("=")
         steps = path.strip().split(".")
@@ -290,7 +275,7 @@ def _with_overrides(root: Node, overrides: Sequence[str], problems: list[Mistake
 
 
 def _set(node: Node, steps: Sequence[str], value: Node) -> Node:
-    """`value` at the end of `steps`; mappings on the way are made where there are none."""
+    """Return the tree with a value at the end of `steps`; mappings on the way are made where there are none."""
     if not steps:
         return replace(value, key_at=value.at)
     if len(steps) == 1 and value.value is None and isinstance(node.value, dict):

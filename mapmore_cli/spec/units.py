@@ -106,7 +106,6 @@ def convert(values: float | Array, source_unit: str, target_unit: str) -> float 
 
 
 def _everyday_factor(source_unit: str, target_unit: str) -> float | None:
-    """Return the factor between two units of the table, or two rates `unit/time` of them; None where pint has to be asked."""
     source, target = _everyday(source_unit), _everyday(target_unit)
     if source is None or target is None or source[0] != target[0]:
         return None
@@ -114,7 +113,7 @@ def _everyday_factor(source_unit: str, target_unit: str) -> float | None:
 
 
 def _everyday(unit: str) -> tuple[tuple[str, ...], Fraction] | None:
-    """Dimensions and factor of a unit of the table, or of a rate `unit/time`; None for any other."""
+    """Dimensions and factor of a unit of the table, or of a rate `unit/time`; None for any other, which pint has to be asked for."""
     match [_EVERYDAY.get(part) for part in unit.split("/")]:
         case [(dimension, factor)]:
             return (dimension,), factor
@@ -203,7 +202,6 @@ def _parsed(unit: str) -> Any:
 
 
 def _dimension(unit: str) -> str:
-    """Return a unit's dimension in words."""
     here = _parsed(unit).dimensionality
     return next((words for known, words in _NAMED_DIMENSIONS.items() if _parsed(known).dimensionality == here), str(here))
 

@@ -212,8 +212,6 @@ def parse(source: SourceText, problems: list[Mistake]) -> Node:
 
 
 class _Builder:
-    """Turns PyYAML's nodes into ours and counts them."""
-
     def __init__(self, source: SourceText, problems: list[Mistake]) -> None:
         self.source = source
         self.problems = problems
@@ -257,11 +255,7 @@ class _Builder:
 
 
 def _scalar(tag: str, text: str) -> str | int | float | bool | None:
-    """Return the value of a scalar with one of the core tags.
-
-    Raises ValueError for an explicit tag that is none of them, or that the text does not fit (`!!int x`), an integer of thousands of
-    digits, and half of a surrogate pair, which no file can hold.
-    """
+    """Return the value of a scalar; ValueError for a tag that is not of the core, or that the text does not fit (`!!int x`)."""
     kind = tag.removeprefix(_TAG)
     if any("\ud800" <= character <= "\udfff" for character in text):
         raise ValueError(f"{text!r} holds half of a character")
@@ -282,7 +276,6 @@ def _scalar(tag: str, text: str) -> str | int | float | bool | None:
 
 
 def _at(source: SourceText, offset: int) -> Position:
-    """Return the place of a character."""
     before = source.text[:offset]
     return Position(source, before.count("\n") + 1, len(before) - before.rfind("\n"))
 
