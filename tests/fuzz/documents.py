@@ -106,7 +106,6 @@ def attempt(chance: random.Random, number: int, folder: Path) -> str:
 
 
 def warm(folder: Path) -> None:
-    """Run the study."""
     study(folder)
 
 

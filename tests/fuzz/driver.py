@@ -66,7 +66,6 @@ class Findings:
 
     @property
     def ran(self) -> int:
-        """How many of the lines ran."""
         return len(self.seen)
 
 
@@ -160,7 +159,6 @@ def _inputs(target: Target, numbers: range, seed: int, folder: Path, report: Any
 
 
 def refused(error: MapmoreError) -> str:
-    """The outcome of an input that was refused."""
     return f"refused (exit {error.exit_code})"
 
 
@@ -254,7 +252,6 @@ def ways(tree: Any, here: Way = ()) -> Iterator[Way]:
 
 
 def at(tree: Any, way: Way) -> Any:
-    """What stands at a place."""
     for step in way:
         tree = tree[step]
     return tree

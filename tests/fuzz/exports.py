@@ -63,7 +63,6 @@ def renamed(record: Any, names: Mapping[str, str], chance: random.Random, mark: 
 
 @cache
 def bodies() -> tuple[Model, ...]:
-    """Models of every kind."""
     from export_samples import FORMULAS, STATIC, WITH_MEMORY, formula, memory, pieces
 
     small = (
@@ -158,14 +157,11 @@ def _told(model: Model) -> list[bytes]:
 
 
 class Tags(HTMLParser):
-    """The tags and attributes of a page."""
-
     def __init__(self) -> None:
         super().__init__()
         self.found: set[str] = set()
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Note a tag with the names of its attributes."""
         self.found |= {tag, *(name for name, _ in attrs)}
 
 
@@ -213,7 +209,6 @@ def _drawn(title: str, label: str, entry: str, maths: bool) -> Any:
 
 @cache
 def tex_of_figures() -> frozenset[str]:
-    """The commands of a figure with plain texts."""
     from mapmore_cli.reporting.figures.saving import to_pgf
 
     return frozenset(tex_commands(to_pgf(_drawn("a", "b", "c", False))))

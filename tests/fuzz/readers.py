@@ -55,7 +55,6 @@ def text(chance: random.Random) -> bytes:
 
 @cache
 def binary(kind: str) -> bytes:
-    """A whole file of a format."""
     stream = io.BytesIO()
     time, pressure = np.arange(ROWS) * 0.1, np.linspace(0, 300, ROWS)
     if kind == "xlsx":
@@ -82,7 +81,6 @@ def binary(kind: str) -> bytes:
 
 
 def changed_members(whole: bytes, chance: random.Random) -> bytes:
-    """A zip archive with one of its members changed."""
     out = io.BytesIO()
     with zipfile.ZipFile(io.BytesIO(whole)) as old, zipfile.ZipFile(out, "w") as new:
         names = old.namelist()
@@ -150,7 +148,6 @@ def attempt(chance: random.Random, number: int, folder: Path) -> str:
 
 
 def warm(_folder: Path) -> None:
-    """Make the whole files, and import what reads them."""
     for kind in ("xlsx", "mat", "packed.mat", "hdf5", "tdms"):
         binary(kind)
         with suppress(MapmoreError):

@@ -109,7 +109,6 @@ MARKS = "{}[]:,-#&*!|>'\"%@` \n\t?\\0123456789abc<~é\x07"
 
 @cache
 def schema() -> dict[str, Any]:
-    """The checked-in schema of experiments."""
     return json.loads((PROJECT / "configs" / "experiment.schema.json").read_text())  # type: ignore[no-any-return]
 
 
@@ -246,7 +245,6 @@ DONE = "done"  # the folder with the runs of all documents as they are
 
 
 def warm_runs(folder: Path) -> None:
-    """Run every document."""
     write_data(folder)
     for loaded in warm(folder):
         bring_up_to_date(loaded, folder / DONE)

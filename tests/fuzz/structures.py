@@ -53,8 +53,6 @@ Place = tuple[str, str]
 
 @dataclass(frozen=True)
 class Whole:
-    """A file that is changed: its kind, bytes, record, and places."""
-
     kind: str
     content: bytes
     record: Any
@@ -63,7 +61,6 @@ class Whole:
 
 @cache
 def whole_files() -> tuple[Whole, ...]:
-    """The files that are changed."""
     place, made, found = Path(_folder[0]) / "whole.h5", list(examples().items()), list[Whole]()
     for kind, (_, _, strategy) in KINDS.items():
         made += [(kind, record) for record in _drawn(strategy)[-RANDOM_RECORDS:]]
@@ -231,7 +228,6 @@ def _revalued(values: Any, chance: random.Random) -> Any:
 
 
 def _of_type(value: Any, dtype: Any) -> Any:
-    """A number as an integer where the array holds integers."""
     return int(value) if dtype.kind in "iu" and np.isfinite(value) and abs(value) < 2**62 else value
 
 
@@ -273,7 +269,6 @@ def _checked_words(error: DataError, path: Path) -> str:
 
 
 def warm(folder: Path) -> None:
-    """Make the whole files, and use each kind once."""
     _folder[0] = str(folder)
     chance = random.Random(1)
     for whole in whole_files()[:5]:

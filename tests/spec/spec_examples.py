@@ -194,7 +194,6 @@ GOOD = {
 
 
 def load_text(folder: Path, text: str | bytes, overrides: Sequence[str] = ()) -> LoadedSpec:
-    """Load a document, written to `spec.yaml`."""
     path = folder / "spec.yaml"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     return load(path, overrides)

@@ -121,7 +121,6 @@ NOTES = {("Muscle", "name"), ("Muscle", "kind"), ("ExperimentSpec", "schema_vers
 
 
 def sections() -> list[type]:
-    """Every section that a spec can hold."""
     found: list[type] = []
     left: list[type] = [ExperimentSpec]
     while left:
@@ -142,7 +141,6 @@ def _inside(kind: Kind) -> Iterator[type]:
 
 
 def attributes_read(files: list[Path]) -> set[str]:
-    """Names of attributes that are read."""
     trees = [ast.parse(file.read_text(encoding="utf-8")) for file in files]
     nodes = [node for tree in trees for node in ast.walk(tree)]
     return {node.attr for node in nodes if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Load)}

@@ -120,7 +120,6 @@ def no_rights() -> None:
 
 
 def restored(folder: Path) -> None:
-    """Make all folders writable again."""
     for place in (folder, *(path for path in folder.rglob("*") if path.is_dir())):
         place.chmod(0o755)
 
@@ -139,7 +138,6 @@ class Bench:
 
 
 def prepare(root: Path, name: str) -> Bench:
-    """Results of older settings, and those of the command."""
     start, done = root / f"{name} start", root / f"{name} done"
     shutil.copytree(root / "old", start)
     if name in ("freeze", "compare", "export", "batch"):
@@ -207,7 +205,6 @@ def warm_up(folder: Path, names: tuple[str, ...]) -> None:
 
 
 def called(folder: Path, arguments: tuple[str, ...]) -> None:
-    """A command in this process."""
     here, log = Path.cwd(), folder.parent / "log"
     os.chdir(folder)
     try:
