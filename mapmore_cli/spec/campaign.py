@@ -4,6 +4,8 @@ A campaign is one spec run in several variants, or several specs, with one page 
 where each is here, and which numbers of ours stand beside the printed ones.
 """
 
+# ruff: noqa: RUF012 (pydantic copies the default of a field for every instance)
+
 from __future__ import annotations
 
 import re
@@ -24,15 +26,12 @@ from mapmore_cli.spec.yaml_loader import LARGEST, as_overrides
 
 
 class Variant(Section):
-    """One run of a campaign: a spec (the campaign's `base` by default), the run's `name`, and keys to `set` as `--set` does.
-
-    Of the runs of one `group`, the tables give the median and the worst.
-    """
+    """One run of a campaign: a spec (the campaign's `base` by default), the run's `name`, and keys to `set` as `--set` does."""
 
     base: SpecPath | None = None
     name: Name | None = None
-    group: str | None = None
-    set: Annotated[dict[str, Any], SettingsOfSpec()] = {}  # noqa: RUF012 (pydantic copies it)
+    group: str | None = None  # of whose runs the tables give the median and the worst
+    set: Annotated[dict[str, Any], SettingsOfSpec()] = {}
 
     def _contradictions(self) -> Iterator[ValueError]:
         if self.base is None and self.name is None:
@@ -40,19 +39,15 @@ class Variant(Section):
 
 
 class Campaign(Section):
-    """The runs of a campaign, in the order of its tables.
-
-    `relative_to` names the model that ratios are taken to, `best_of` the formulas of which the best in each run, picked afterwards, is
-    compared with.
-    """
+    """The runs of a campaign, in the order of its tables."""
 
     schema_version: Literal[1] = 1
     campaign: Name
     title: str | None = None
     base: SpecPath | None = None
     runs: Annotated[list[Variant], Field(min_length=1)]
-    relative_to: str | None = None
-    best_of: list[str] = []  # noqa: RUF012 (pydantic copies it)
+    relative_to: str | None = None  # the model that ratios are taken to
+    best_of: list[str] = []  # formulas of which the best in each run, picked afterwards, is compared with
 
     def _contradictions(self) -> Iterator[ValueError]:
         if self.base is None and any(run.base is None for run in self.runs):
@@ -98,18 +93,13 @@ _ID = re.compile(r"(equation|table|figure|text) (\d+)(?:([a-z])|(?: to (\d+)))?(
 
 
 class Verdict(Section):
-    """When a number of ours agrees with a printed one: exactly one of the keys.
+    """When a number of ours agrees with a printed one: exactly one of the keys."""
 
-    `within` is the greatest distance in the printed unit, `factor` that of sizes: they have one sign and are within the factor of each
-    other. `order` names the columns whose groups are ordered by the numbers, least first. `bound` says what the printed number is to
-    ours. `same` compares words.
-    """
-
-    within: Annotated[float, Gt(0)] | None = None
-    factor: Annotated[float, Gt(1)] | None = None
-    order: list[str] | None = None
-    bound: Literal["at_least", "at_most"] | None = None
-    same: Literal[True] | None = None
+    within: Annotated[float, Gt(0)] | None = None  # the greatest distance, in the printed unit
+    factor: Annotated[float, Gt(1)] | None = None  # within which sizes are of each other, with one sign
+    order: list[str] | None = None  # the columns whose groups are ordered by the numbers, least first
+    bound: Literal["at_least", "at_most"] | None = None  # what the printed number is to ours
+    same: Literal[True] | None = None  # words
 
     def _contradictions(self) -> Iterator[ValueError]:
         if len(self.model_fields_set) != 1:
@@ -119,27 +109,23 @@ class Verdict(Section):
 class Ours(Section):
     """Rows of a table of a run: its scores, or any table of its page, by its name there.
 
-    `rows` says which: texts by column. Texts in `run` and `rows` may hold `{column}` of the printed row. With `total`, the numbers of
-    these rows are added up; else, printed rows that ask for the same rows take them in turn.
+    Texts in `run` and `rows` may hold `{column}` of the printed row; printed rows that ask for the same rows take them in turn.
     """
 
     run: SpecPath
     table: str = "scores"
-    rows: dict[str, str] = {}  # noqa: RUF012 (pydantic copies it)
-    total: bool = False
+    rows: dict[str, str] = {}  # which: texts by column
+    total: bool = False  # adds up the numbers of these rows
 
 
 class Number(Section):
-    """Two numbers side by side, each a column or an expression of columns; names of columns of ours are written with underscores.
-
-    `rows` adds to those of the comparison.
-    """
+    """Two numbers side by side, each a column or an expression of columns; names of columns of ours are written with underscores."""
 
     name: str
     unit: str = ""
     printed: str
     ours: str
-    rows: dict[str, str] = {}  # noqa: RUF012 (pydantic copies it)
+    rows: dict[str, str] = {}  # beside those of the comparison
     verdict: Verdict | None = None
 
 
@@ -148,11 +134,11 @@ class Comparison(Section):
 
     title: str
     published: str
-    where: dict[str, list[str]] = {}  # noqa: RUF012 (pydantic copies it)
+    where: dict[str, list[str]] = {}
     labels: Annotated[list[str], Field(min_length=1)]
     ours: Ours
     numbers: Annotated[list[Number], Field(min_length=1)]
-    notes: list[str] = []  # noqa: RUF012 (pydantic copies it)
+    notes: list[str] = []
 
 
 class Side(Section):
@@ -183,18 +169,17 @@ class Drawn(Section):
 class Item(Section):
     """An equation, a table, a figure or a passage of the paper, as `figure 3`, `equation 2 to 9` or `text 1, section IV.B`.
 
-    `place` lists files where it is, from the paper's `root`; after a `#` stand words that the file holds. `why` says why it differs,
-    or is not here.
+    `place` lists files where it is, from the paper's `root`; after a `#` stand words that the file holds.
     """
 
     id: Annotated[str, Field(pattern=rf"^{_ID.pattern}$")]
     title: str
     status: Literal[STATUS]  # type: ignore[valid-type]
     place: Annotated[list[str], Field(min_length=1)]
-    why: str = ""
-    compare: list[Comparison] = []  # noqa: RUF012 (pydantic copies it)
-    sentences: list[Sentence] = []  # noqa: RUF012 (pydantic copies it)
-    figures: list[Drawn] = []  # noqa: RUF012 (pydantic copies it)
+    why: str = ""  # it differs, or is not here
+    compare: list[Comparison] = []
+    sentences: list[Sentence] = []
+    figures: list[Drawn] = []
 
     def _contradictions(self) -> Iterator[ValueError]:
         if self.status == "compared" and not self.compare and not self.sentences:
@@ -214,17 +199,14 @@ class Item(Section):
 
 
 class Paper(Section):
-    """A paper. `has` counts what it numbers: each of these must be among the `items`.
-
-    `root` is the folder that places start at, `tables` that of the published tables.
-    """
+    """A paper. `has` counts what it numbers: each of these must be among the `items`."""
 
     schema_version: Literal[1] = 1
     paper: Name
     title: str
     has: dict[Literal[KINDS], Annotated[int, Field(ge=0, le=200)]]  # type: ignore[valid-type]
-    root: SpecPath = "."
-    tables: SpecPath = "."
+    root: SpecPath = "."  # where places start
+    tables: SpecPath = "."  # where the published tables are
     items: Annotated[list[Item], Field(min_length=1)]
 
 
@@ -232,13 +214,7 @@ LoadedPaper = Loaded[Paper]
 
 
 def load_paper(path: Path) -> LoadedPaper:
-    """Read a paper.
-
-    Raises
-    ------
-    SpecError
-        Every mistake at once: also a numbered item that is not listed, and a place that is not there.
-    """
+    """Read a paper; raises SpecError for every mistake at once, also a numbered item that is not listed, and a place that is not there."""
     return load_as(path, Paper, check=lambda paper: _findings(paper, path.parent))
 
 

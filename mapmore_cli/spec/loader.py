@@ -46,17 +46,12 @@ Check = Callable[[M], Iterable[Finding]]
 
 @dataclass(frozen=True)
 class Loaded(Generic[M]):
-    """A valid spec.
+    """A valid spec."""
 
-    - `spec`: what the file says, with defaults; numbers in the model's units.
-    - `path`, `folder`: the file, and the folder that relative paths start at.
-    - `overrides`: what was set on top of the file.
-    """
-
-    spec: M
+    spec: M  # what the file says, with defaults; numbers in the model's units
     path: Path
-    folder: Path
-    overrides: tuple[str, ...]
+    folder: Path  # that relative paths start at
+    overrides: tuple[str, ...]  # what was set on top of the file
     _root: Node = field(repr=False, compare=False)
 
     @cached_property

@@ -192,6 +192,13 @@ GOOD = {
     **{"fed back": FED_BACK, "in free run": IN_FREE_RUN, "force": FORCE, "past force": PAST_FORCE},
 }
 
+PROJECT = Path(__file__).resolve().parents[2]
+SHIPPED = sorted(
+    path
+    for path in (PROJECT / "configs").glob("*/*.yaml")
+    if not path.name.startswith("_") and path.parent.name not in ("campaigns", "papers")
+)
+
 
 def load_text(folder: Path, text: str | bytes, overrides: Sequence[str] = ()) -> LoadedSpec:
     path = folder / "spec.yaml"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from spec_examples import DAMPING, FORMULA, GOOD, LOGS, MEASURED, MOTION, STATIC, load_text
+from spec_examples import DAMPING, FORMULA, GOOD, LOGS, MEASURED, MOTION, SHIPPED, STATIC, load_text
 
 from mapmore_cli.fitting.kinds.dictionary import signals_of, units_of
 from mapmore_cli.fitting.kinds.pieces import cuts_of, recipe_of
@@ -16,13 +16,6 @@ from mapmore_cli.spec.fields import Section
 from mapmore_cli.spec.loader import load, load_as
 from mapmore_cli.spec.sections.data import Between, GapRule, Levels, Rate
 from mapmore_cli.spec.sections.logs import FileEntry, Keep
-
-PROJECT = Path(__file__).resolve().parents[2]
-SHIPPED = sorted(
-    path
-    for path in (PROJECT / "configs").glob("*/*.yaml")
-    if not path.name.startswith("_") and path.parent.name not in ("campaigns", "papers")
-)
 
 
 def test_the_static_study(tmp_path: Path) -> None:

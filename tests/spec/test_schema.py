@@ -12,7 +12,7 @@ from typing import Any, get_type_hints
 import jsonschema
 import pytest
 from pydantic import BaseModel
-from spec_examples import GOOD, STATIC
+from spec_examples import GOOD, PROJECT, SHIPPED, STATIC
 
 from mapmore_cli.domain.scores import METRICS, Score
 from mapmore_cli.spec.experiment import ExperimentSpec
@@ -22,10 +22,7 @@ from mapmore_cli.spec.sections.dictionary import Families, OperatorFamily
 from mapmore_cli.spec.tree import Kind, SourceText, fields_of, kinds, plain
 from mapmore_cli.spec.yaml_loader import parse
 
-CONFIGS = Path(__file__).resolve().parents[2] / "configs"
-SHIPPED = sorted(
-    path for path in CONFIGS.glob("*/*.yaml") if not path.name.startswith("_") and path.parent.name not in ("campaigns", "papers")
-)
+CONFIGS = PROJECT / "configs"
 VALIDATOR = jsonschema.Draft202012Validator(json_schema())
 
 
@@ -115,7 +112,7 @@ def test_questions_are_found_with_their_keys_and_go_when_they_are_confirmed() ->
 
 # Every key does something: what a user writes is read outside of `spec/` ------------------------------------------------------------
 
-PACKAGE = Path(__file__).parents[2] / "mapmore_cli"
+PACKAGE = PROJECT / "mapmore_cli"
 NOTES = {("Muscle", "name"), ("Muscle", "kind"), ("ExperimentSpec", "schema_version")}
 """What is there to be kept, not to be computed with."""
 
