@@ -53,8 +53,7 @@ class Fusion(Joining):
     """How the pieces are joined (M2 eq 9-12).
 
     `hold: samples` holds a segment function beyond its samples by more than `z_s` of their width, as far as transition zones reach there;
-    `none` leaves it as it is (M2 eq 9-11 to the letter). `domain` are the limits of the whole training domain for every input that
-    extrapolation acts on there (M2 eq 12 as printed); an input that it lacks has each curve's own limits.
+    `none` leaves it as it is (M2 eq 9-11 to the letter). An input that `domain` (M2 eq 12 as printed) lacks has each curve's own limits.
 
     `shrink` is the share g of the pieces on a backbone that is carried to the middle between two levels: `g + (1 - g)(1 - 2t)^2` at the
     place t between them.
@@ -205,8 +204,7 @@ class Motion:
     """Sections along an input (P eq 14-17).
 
     With `hard` switching every section runs on the whole input and the active one's output is taken; `bumpless` sections are `carried` ones
-    whose steady outputs meet at their boundaries. Without bumpless switching `dead_band` is 0: the input then falls unless it rises. A run
-    begins at rest in the steady state of its first input, or at an output of zero (P, on each reference).
+    whose steady outputs meet at their boundaries. Without bumpless switching `dead_band` is 0: the input then falls unless it rises.
     """
 
     input: Annotated[str, "the input"]
@@ -258,8 +256,7 @@ class StateSpace(Body):
 class Part:
     """A model in a sum.
 
-    `inputs` says where an input of the part has another name in the sum: an expression of the sum's inputs, as `p1` or `-strain`. An input
-    may also be the output of another model, as the pressure behind a valve: that of a part in `fed`, by its name.
+    An input may be the output of another model, as the pressure behind a valve: that of a part in `fed`, by its name.
     """
 
     model: Annotated[Model, "the model"]

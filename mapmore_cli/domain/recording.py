@@ -136,8 +136,7 @@ class Dataset:
 class Signal:
     """An input that follows from another one over time.
 
-    A rate is `factor` times the derivative by the time in seconds, over a `window` in seconds by polynomials of `order`, where the time
-    comes in units of so many `seconds`; the direction has a `dead_band` in the unit of the rate. Numbers that a kind does not have are 0.
+    A rate is `factor` times the derivative by the time in seconds, where the time comes in units of so many `seconds`.
     """
 
     name: Annotated[str, "name of the input"]
