@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
+from mapmore_cli.domain.arrays import Array, BoolArray, IntArray, Ranges
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class SegmentedCurve:
     level: Annotated[float | None, "value of the level quantity", "[level]"]
     variables: Annotated[tuple[str, ...], "(p) segmented variables"]
     boundaries: Annotated[tuple[Array, ...], "(p) segment locations of each variable, both ends included", "[variables.*]"]
-    limits: Annotated[Mapping[str, tuple[float, float]], "least and greatest training value of each input", "[*]"]
+    limits: Annotated[Ranges, "least and greatest training value of each input", "[*]"]
     segments: Annotated[tuple[Segment, ...], "segments of the curve"]
 
 
@@ -172,14 +172,8 @@ class StateSet:
 
     names: Annotated[tuple[str, ...], "(s) as `pressure`, `force[k-1]`, `slow(play(pressure, 0.16), 0.3)`"]
     step: Annotated[float, "time between samples", "s"]
-    ranges: Annotated[
-        Mapping[str, tuple[float, float]],
-        "training range of each source of `play`, `stop` and `saturate`, by its name",
-        "that of the source",
-    ]
-    resonances: Annotated[
-        Mapping[str, tuple[float, float]], "frequency (Hz) and damping ratio that training found, by the name of their source", "Hz, 1"
-    ]
+    ranges: Annotated[Ranges, "training range of each source of `play`, `stop` and `saturate`, by its name", "that of the source"]
+    resonances: Annotated[Ranges, "frequency (Hz) and damping ratio that training found, by the name of their source", "Hz, 1"]
     low: Annotated[
         Array, "(s or 0) least training value of each state, scaled to 0; empty where states are not scaled", "that of the state"
     ]

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
-from mapmore_cli.domain.arrays import Array, IntArray
+from mapmore_cli.domain.arrays import Array, IntArray, Ranges
 from mapmore_cli.domain.declared import Joining
 from mapmore_cli.domain.fits import FormulaFit, MemoryModel, Scaling
 from mapmore_cli.domain.recording import Quantity, Signal
@@ -31,9 +31,9 @@ class SegmentFunction:
     samples: Annotated[int, "samples fitted to"]
     condition: Annotated[float, "2-norm condition number of the chosen regressors"]
     stop: Annotated[str, "why selection stopped"]
-    limits: Annotated[
-        Mapping[str, tuple[float, float]], "least and greatest training value of each segmented variable in the segment", "[*]"
-    ] = field(default_factory=dict)
+    limits: Annotated[Ranges, "least and greatest training value of each segmented variable in the segment", "[*]"] = field(
+        default_factory=dict
+    )
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class CurveFunction:
     curve: Annotated[str, "identifier of the curve"]
     level: Annotated[float | None, "value of the level quantity", "[level]"]
     boundaries: Annotated[tuple[Array, ...], "(p) segment locations of each segmented variable, both ends included", "[variables.*]"]
-    limits: Annotated[Mapping[str, tuple[float, float]], "least and greatest training value of each input", "[*]"]
+    limits: Annotated[Ranges, "least and greatest training value of each input", "[*]"]
     segments: Annotated[tuple[SegmentFunction, ...], "segment functions"]
     threshold: Annotated[float | None, "threshold along the aligned variable, where there is one", "[aligned]"] = None
 
@@ -64,9 +64,9 @@ class Fusion(Joining):
     ]
     aligned: Annotated[str | None, "variable along which curves are aligned at their thresholds"] = None
     shrink: Annotated[float, "share of the pieces on a backbone that is carried to the middle between two levels"] = 1.0
-    domain: Annotated[
-        Mapping[str, tuple[float, float]], "limits of the whole training domain, for inputs that extrapolation acts on there", "[*]"
-    ] = field(default_factory=dict)
+    domain: Annotated[Ranges, "limits of the whole training domain, for inputs that extrapolation acts on there", "[*]"] = field(
+        default_factory=dict
+    )
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class CurveRange:
 
     curve: Annotated[str, "identifier of the curve"]
     level: Annotated[float | None, "value of the level quantity", "[level]"]
-    limits: Annotated[Mapping[str, tuple[float, float]], "least and greatest training value of each input", "[*]"]
+    limits: Annotated[Ranges, "least and greatest training value of each input", "[*]"]
 
 
 class Body:
