@@ -8,13 +8,12 @@ the unit that the field's mark names.
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import PurePosixPath
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, PrivateAttr, TypeAdapter, ValidationError, ValidationInfo, model_validator
+from pydantic import Field, PrivateAttr, ValidationError, ValidationInfo, model_validator
 
 from mapmore_cli.domain.declared import Contradiction, Either, Settings
 from mapmore_cli.domain.scores import FIGURES, Published
@@ -193,15 +192,10 @@ class Report(Section):
 # The whole -----------------------------------------------------------------------------------------------------------------------------
 
 
-@functools.cache
-def _dictionaries() -> TypeAdapter[list[DictionaryEntry]]:
-    return TypeAdapter(list[DictionaryEntry])
-
-
 def _given_memory(dictionary: Any) -> bool:
     """Whether a dictionary that is not validated yet has terms with memory; False where its form is wrong, which is reported elsewhere."""
     try:
-        return remembers(_dictionaries().validate_python(dictionary))
+        return isinstance(dictionary, list) and remembers([DictionaryEntry.model_validate(entry) for entry in dictionary])
     except ValidationError:
         return False
 
