@@ -24,8 +24,8 @@ from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.modelling.validation.significance import simplest_of
 from mapmore_cli.pipeline.runner import FOUND, SEARCH_STAGE, OnStage, bring_up_to_date, search_stages
 from mapmore_cli.pipeline.search import SEARCH, as_found, read_search
-from mapmore_cli.spec.layers import as_overrides
 from mapmore_cli.spec.loader import LoadedSpec, load
+from mapmore_cli.spec.yaml_loader import as_overrides
 from mapmore_cli.storage.atomic import write_text
 from mapmore_cli.storage.run_folder import RunFiles
 
