@@ -16,8 +16,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.models import Model
-from mapmore_cli.modelling.program.model import program_of
-from mapmore_cli.modelling.program.slopes import with_slopes
+from mapmore_cli.modelling.program.model import program_of, with_slopes
 from mapmore_cli.modelling.program.values import evaluator
 
 LOWEST, NEAREST = "lowest", "nearest"
@@ -32,11 +31,8 @@ SCAN, PARTS = 2, 96
 SPLITS, STEEP = 6, 3.0
 """A part is divided so many times at most, as long as an end is steeper than so many times its secant: it may turn twice there."""
 
-CHUNK = 500
-"""Rows that are scanned at a time."""
-
-BISECTIONS = 50
-"""Halve an interval down to rounding."""
+CHUNK, BISECTIONS = 500, 50
+"""Rows that are scanned at a time; bisections that halve an interval down to rounding."""
 
 SAME = 1e-9
 """Fraction of the span of outputs in a scan below which a difference counts as zero."""
@@ -70,14 +66,8 @@ def invert(model: Model, wanted: Array, given: Columns, name: str, rule: str = L
     """
     if rule not in (LOWEST, NEAREST):
         raise UsageError(f"there is no rule '{rule}'", f"take {LOWEST} or {NEAREST}")
-    evaluated, ends = _evaluated(model, name), knots(model, name)
-    found = []
-    for start, line in _lines(model, evaluated, wanted, given, name):
-        values, rows, flat = line.solutions(line.with_turning_points(ends))
-        found.append((values, rows + start, flat))
+    found = [(values, rows + start, flat) for start, _, _, values, rows, flat in _solutions(model, wanted, given, name)]
     values, rows, flat = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    order = np.lexsort([values, rows])
-    values, rows = values[order], rows[order]
     counts = np.bincount(rows, minlength=len(wanted))
     status = tuple(FLAT if is_flat else (NONE, ONE, SEVERAL)[min(count, 2)] for is_flat, count in zip(flat, counts.tolist(), strict=True))
     return Inverse(values, rows, status, _picked(values, rows, len(wanted), rule))
@@ -86,48 +76,38 @@ def invert(model: Model, wanted: Array, given: Columns, name: str, rule: str = L
 def solve_for_input(model: Model, columns: Columns, name: str) -> SolvedInput:
     """Return the input `name` as a function of the model's output and its other inputs, as the force at a strain of a model of the strain.
 
-    At every row, `(n,)`, it is the lowest solution within the training range, or, where there is none, the place that comes nearest to the
-    output: a strain that no force of the range makes has the force at the end of the range. NaN where a column is.
-
-    - `columns`: the output and all inputs but `name`, by name, each `(n,)`.
-
-    Raises UsageError, DataError as `invert`.
+    At every row of the `columns`, the output and all inputs but `name`, `(n,)` each, it is the lowest solution within the training range,
+    or, where there is none, the place that comes nearest to the output: a strain that no force of the range makes has the force at the end
+    of the range. NaN where a column is. Raises UsageError, DataError as `invert`.
     """
-    evaluated = _evaluated(model, name)
-    needed = [model.output.name, *(quantity.name for quantity in model.inputs if quantity.name != name)]
+    needed = [model.output.name, *(one for one in _inputs(model, name) if one != name)]
     known = np.flatnonzero(np.logical_and.reduce([np.isfinite(columns[one]) for one in needed]))
     given = {one: np.asarray(columns[one], dtype=np.float64)[known] for one in needed}
-    wanted, ends = given.pop(model.output.name), knots(model, name)
-    values, solved = np.full(len(columns[needed[0]]), np.nan), np.zeros(len(columns[needed[0]]), dtype=np.bool_)
-    for start, line in _lines(model, evaluated, wanted, given, name):
-        edges = line.with_turning_points(ends)
-        solutions, rows, _ = line.solutions(edges)
-        order = np.lexsort([solutions, rows])
-        picked = _picked(solutions[order], rows[order], len(edges), LOWEST)
-        solved[known[start : start + len(edges)]] = np.isfinite(picked)
-        values[known[start : start + len(edges)]] = np.where(np.isfinite(picked), picked, line.nearest(edges))
+    values = np.full(len(columns[needed[0]]), np.nan)
+    solved = np.zeros(len(values), dtype=np.bool_)
+    for start, line, edges, solutions, rows, _ in _solutions(model, given.pop(model.output.name), given, name):
+        picked, places = _picked(solutions, rows, len(edges), LOWEST), known[start : start + len(edges)]
+        solved[places] = np.isfinite(picked)
+        values[places] = np.where(np.isfinite(picked), picked, line.nearest(edges))
     return SolvedInput(values, solved)
 
 
-Evaluated = tuple[Callable[[Columns], list[Array]], Callable[[Columns], list[Array]]]
-"""The model ready for many rows: its output alone, and its output with its derivatives."""
+def _solutions(model: Model, wanted: Array, given: Columns, name: str) -> Iterator[tuple[int, _Line, Array, Array, IntArray, BoolArray]]:
+    """Yield for some rows at a time the number of the first, the model along the input, its monotone parts, and `_Line.solutions`."""
+    names, program = _inputs(model, name), program_of(model)
+    slopes, value, ends = evaluator(with_slopes(program)), evaluator(program), knots(model, name)
+    for start in range(0, len(wanted), CHUNK):
+        part = slice(start, start + CHUNK)
+        line = _Line(value, slopes, name, names, wanted[part], {one: np.asarray(x, dtype=np.float64)[part] for one, x in given.items()})
+        edges = line.with_turning_points(ends)
+        yield start, line, edges, *line.solutions(edges)
 
 
-def _evaluated(model: Model, name: str) -> Evaluated:
+def _inputs(model: Model, name: str) -> list[str]:
     names = [quantity.name for quantity in model.inputs]
     if name not in names:
         raise UsageError(f"the model has no input '{name}'", f"it has {', '.join(names)}")
-    program = program_of(model)
-    slopes = evaluator(with_slopes(program))
-    return evaluator(program), slopes
-
-
-def _lines(model: Model, evaluated: Evaluated, wanted: Array, given: Columns, name: str) -> Iterator[tuple[int, _Line]]:
-    """Yield the model along an input at some rows at a time, with the number of the first."""
-    names = [quantity.name for quantity in model.inputs]
-    for start in range(0, len(wanted), CHUNK):
-        part = slice(start, start + CHUNK)
-        yield start, _Line(*evaluated, name, names, wanted[part], {one: np.asarray(x)[part] for one, x in given.items()})
+    return names
 
 
 def knots(model: Model, name: str) -> Array:
@@ -171,7 +151,7 @@ class _Line:
         return value - self.wanted[rows], slopes[self.names.index(self.name)]
 
     def _columns(self, x: Array, rows: IntArray) -> dict[str, Array]:
-        return {name: x if name == self.name else np.asarray(self.given[name], dtype=np.float64)[rows] for name in self.names}
+        return {name: x if name == self.name else self.given[name][rows] for name in self.names}
 
     def with_turning_points(self, knots: Array) -> Array:
         """Return the ends of the monotone parts, (n, e), ascending in every row, with repetitions."""
@@ -210,18 +190,19 @@ class _Line:
         more, own = self._turning_points(*halves, splits - 1)
         return np.concatenate([found, more]), np.concatenate([where, own])
 
+    def _missing_at(self, edges: Array) -> Array:
+        rows = np.repeat(np.arange(len(edges)), edges.shape[1])
+        return self.missing(edges.ravel(), rows).reshape(edges.shape)
+
     def nearest(self, edges: Array) -> Array:
         """Return the edge of each row, of (n, e), whose output is nearest to the wanted one, (n,)."""
-        row = np.broadcast_to(np.arange(len(edges))[:, None], edges.shape)
-        missing = np.abs(self.missing(edges.ravel(), row.ravel()).reshape(edges.shape))
-        found: Array = edges[np.arange(len(edges)), np.argmin(missing, axis=1)]
-        return found
+        return np.asarray(edges[np.arange(len(edges)), np.argmin(np.abs(self._missing_at(edges)), axis=1)])
 
     def solutions(self, edges: Array) -> tuple[Array, IntArray, BoolArray]:
-        """Return solutions and their rows, (m,) each, and a mask of the rows in which they fill a range, (n,)."""
+        """Return solutions and their rows, (m,) each, both ascending, and a mask of the rows in which they fill a range, (n,)."""
         n = len(edges)
         row = np.broadcast_to(np.arange(n)[:, None], edges.shape)
-        missing = self.missing(edges.ravel(), row.ravel()).reshape(edges.shape)
+        missing = self._missing_at(edges)
         near = SAME * np.maximum(np.ptp(missing, axis=1, keepdims=True), np.abs(self.wanted)[:, None])
         hit = np.abs(missing) <= near
         apart = np.diff(edges, axis=1) > 0
@@ -233,7 +214,9 @@ class _Line:
         crossed = _bisected(lambda x, which: self.missing(x, where[which]), edges[:, :-1][crosses], edges[:, 1:][crosses])
         # where the map jumps across the wanted output, there is no solution
         real = np.abs(self.missing(crossed, where)) <= np.maximum(REACHED * np.abs(self.wanted[where]), near[where, 0])
-        return np.concatenate([edges[first], crossed[real]]), np.concatenate([row[first], where[real]]), flat
+        values, rows = np.concatenate([edges[first], crossed[real]]), np.concatenate([row[first], where[real]])
+        order = np.lexsort([values, rows])
+        return values[order], rows[order], flat
 
 
 def may_turn_twice(left: Array, right: Array, slope_left: Array, slope_right: Array, width: Array) -> BoolArray:

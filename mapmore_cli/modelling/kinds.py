@@ -1,4 +1,4 @@
-"""What every kind of model can do.
+"""What every kind of model can do, and where a model was trained.
 
 A kind is a folder of `modelling/` with a file `kind.py`, which says its name, and a file `model.py`, which holds its verbs. Nothing else
 lists it. The verbs are imported when a model of the kind is there: a table needs nothing of motion.
@@ -7,25 +7,21 @@ lists it. The verbs are imported when a model of the kind is there: a table need
 from __future__ import annotations
 
 import pkgutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mapmore_cli import modelling
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.models import Equation, Model, Sum
+from mapmore_cli.domain.models import CurveRange, Equation, Model, Sum
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.expressions import ExpressionError
-from mapmore_cli.modelling.ranges import outside
-
-if TYPE_CHECKING:
-    pass
 
 MODEL_UNITS: Mapping[str, float] = {}
 """Quantities in the units of the model."""
@@ -99,10 +95,6 @@ def outside_range(model: Model, columns: Columns) -> BoolArray:
     return found
 
 
-def _outside(model: Model, columns: Columns) -> BoolArray:
-    return outside(model.body.ranges, model.level, columns)  # type: ignore[attr-defined]  # sums alone have no ranges of their own
-
-
 @contextmanager
 def numbers_in_reach(model: Model) -> Iterator[None]:
     """Name the model whose scaling and coefficients multiply to what is no number, as in a file that somebody changed."""
@@ -131,9 +123,8 @@ def parameters(model: Model) -> int:
 
 def one_step_ahead(model: Model, columns: Columns) -> Array:
     """Prediction of every row from the measured past, (n,); NaN before there is history."""
-    one_step = kind_of(model).verb("one_step")
-    values: Array = predict(model, columns) if one_step is None else one_step(model, columns)
-    return values
+    found: Array = kind_of(model).verb("one_step", predict)(model, columns)
+    return found
 
 
 def runs_over_time(model: Model) -> bool:
@@ -146,4 +137,45 @@ def runs_over_time(model: Model) -> bool:
 def fed_back(model: Model) -> tuple[str, ...]:
     """Return the measured outputs that a run begins from, each once."""
     found: tuple[str, ...] = kind_of(model).verb("fed_back", lambda _model: ())(model)
+    return found
+
+
+OUTSIDE_TOLERANCE = 1e-9
+"""Inputs within this fraction of a range beyond its end still count as inside: the end itself must not be flagged by rounding."""
+
+
+class InputRange(NamedTuple):
+    """Training range of one input: `low` to `high`, (L,) each; linear between `levels`, (L,), of the input `at` where that is not None."""
+
+    name: str
+    at: str | None
+    levels: Array
+    low: Array
+    high: Array
+
+
+def limits(ranges: Sequence[CurveRange], level: str | None) -> Iterator[InputRange]:
+    """Yield the training range of every input, the level first: its own is that of its levels, (1,) each.
+
+    That of any other input is interpolated linearly between the curves, since each curve has its own (free strain grows with pressure).
+    """
+    if not ranges:
+        return
+    levels = np.array([one.level for one in ranges], dtype=np.float64) if level is not None else np.empty(0)
+    if level is not None:
+        yield InputRange(level, None, levels, levels[:1], levels[-1:])
+    for name in ranges[0].limits:
+        if name != level:
+            low, high = np.array([one.limits[name] for one in ranges]).T
+            yield InputRange(name, level, levels, low, high)
+
+
+def _outside(model: Model, columns: Columns) -> BoolArray:
+    found = np.zeros(len(next(iter(columns.values()))), dtype=np.bool_)
+    ranges = model.body.ranges  # type: ignore[attr-defined]  # sums alone have no ranges of their own
+    for name, at, levels, *ends in limits(ranges, model.level):
+        if name in columns:
+            low, high = (end[:1] if at is None else np.interp(columns[at], levels, end) for end in ends)
+            margin = OUTSIDE_TOLERANCE * np.maximum(high - low, np.maximum(np.abs(low), np.abs(high)))
+            found |= (columns[name] < low - margin) | (columns[name] > high + margin)
     return found

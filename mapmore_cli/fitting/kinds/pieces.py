@@ -88,7 +88,7 @@ def backbone_name(part: FitChoices, dataset: Dataset) -> str | None:
 def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:
     """Fuse; on a backbone, keep as much of the residual as left-out training data support, unless the spec says how much."""
     from mapmore_cli.modelling.pieces import build as method
-    from mapmore_cli.modelling.pieces.shrinkage import with_trusted_residual
+    from mapmore_cli.modelling.pieces.cross_validation import with_trusted_residual
 
     curves = trained_at(dataset.curves, part.fit.train_level)
     segmentation = workspace.files.segmentation()
@@ -103,7 +103,7 @@ def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:
 def refit(part: ModelChoices, dataset: Dataset) -> Model:
     """Everything in one go on the training samples of a dataset: cuts, backbone, terms, and the share of the residual that is trusted."""
     from mapmore_cli.modelling.pieces import build as method
-    from mapmore_cli.modelling.pieces.shrinkage import with_trusted_residual
+    from mapmore_cli.modelling.pieces.cross_validation import with_trusted_residual
 
     curves = trained_at(dataset.curves, part.fit.train_level)
     recipe = recipe_of(dataset.target, part.levels, part.segment, part.dictionary, part.fit, part.fuse)

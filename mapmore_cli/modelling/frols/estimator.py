@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import sys
+import warnings
 from math import comb
 from typing import Any, Self
 
@@ -19,36 +20,17 @@ from mapmore_cli.modelling.frols.engine import frols
 
 
 class NotFitted(ValueError, AttributeError):
-    """`fit` was not called yet; where scikit-learn is loaded, its own class is raised."""
+    """`fit` was not called yet."""
 
 
 class FROLS:
     """Few terms of a polynomial in the columns of X, selected by error reduction ratio (`mapmore_cli.modelling.frols`).
 
-    Parameters
-    ----------
-    order
-        Total degree of the candidate monomials.
-    max_terms
-        The most terms; None for no limit.
-    tolerance
-        Stop where the terms leave so much of `y'y`.
-    stop
-        `tolerance`, `bic`, `aicc` or `press`.
-    constant
-        Whether the constant is a candidate.
+    - `order`: total degree of the candidate monomials; `constant`: whether the constant is one.
+    - `max_terms`, `tolerance`, `stop`: as in `frols`.
 
-    Attributes
-    ----------
-    table_
-        A row for each term, in the order of selection: `{"term", "coefficient", "standard_error", "err"}`.
-    equations_
-        The model as text.
-    terms_, coef_, err_
-        The terms, their coefficients and error reduction ratios, (k,).
+    After `fit`, `terms_`, `coef_` and `err_` are the terms, their coefficients and error reduction ratios, (k,).
 
-    Examples
-    --------
     >>> x = np.linspace(0, 1, 50)
     >>> model = FROLS(order=2, max_terms=2).fit(np.column_stack([x, np.cos(9 * x)]), 3 * x**2 - 1)
     >>> model.equations_
@@ -69,10 +51,7 @@ class FROLS:
     def fit(self, X: ArrayLike, y: ArrayLike) -> Self:
         """Select terms for the target `y`, (n,), among monomials of the columns of `X`, (n, m).
 
-        Raises
-        ------
-        ValueError
-            For tables of another form, or values that are not finite.
+        Raises ValueError for tables of another form, or values that are not finite.
         """
         names = _column_names(X)
         values = _table(X)
@@ -116,7 +95,7 @@ class FROLS:
 
     @property
     def table_(self) -> list[dict[str, Any]]:
-        """The terms with their coefficients, standard errors and error reduction ratios."""
+        """A row for each term, in the order of selection: `{"term", "coefficient", "standard_error", "err"}`."""
         self._check_fitted()
         return self.selection_.table()
 
@@ -129,7 +108,7 @@ class FROLS:
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:  # noqa: ARG002 - scikit-learn's protocol
         """Return the parameters by name."""
-        return {name: getattr(self, name) for name in inspect.signature(type(self).__init__).parameters if name != "self"}
+        return {name: getattr(self, name) for name in inspect.signature(type(self)).parameters}
 
     def set_params(self, **given: Any) -> Self:
         """Set parameters; raises `ValueError` for one that there is not."""
@@ -141,12 +120,12 @@ class FROLS:
         return self
 
     def __repr__(self) -> str:
-        default = {name: one.default for name, one in inspect.signature(type(self).__init__).parameters.items()}
-        changed = [f"{name}={value!r}" for name, value in self.get_params().items() if value != default[name]]
+        default = inspect.signature(type(self)).parameters
+        changed = [f"{name}={value!r}" for name, value in self.get_params().items() if value != default[name].default]
         return f"FROLS({', '.join(changed)})"
 
     def __sklearn_tags__(self) -> Any:
-        """Return what scikit-learn asks of an estimator; only it calls this."""
+        """Return what scikit-learn asks of an estimator."""
         from sklearn.utils import InputTags, RegressorTags, Tags, TargetTags
 
         return Tags(
@@ -160,9 +139,7 @@ class FROLS:
 
     def _check_fitted(self) -> None:
         if not hasattr(self, "coef_"):
-            sklearn = sys.modules.get("sklearn.exceptions")
-            kind = NotFitted if sklearn is None else sklearn.NotFittedError
-            raise kind("This FROLS instance is not fitted yet: call `fit` first")
+            raise _of_sklearn("NotFittedError", NotFitted)("This FROLS instance is not fitted yet: call `fit` first")
 
 
 def _column_names(X: Any) -> list[str] | None:
@@ -180,13 +157,8 @@ def _table(X: Any) -> Array:
         hint = "Reshape your data: X.reshape(-1, 1) for one feature, X.reshape(1, -1) for one sample"
         raise ValueError(f"Expected 2D array, got {values.ndim}D array instead. {hint}")
     if 0 in values.shape:
-        rows = len(values)
-        what = (
-            f"0 feature(s) (shape={values.shape}) while a minimum of 1 is required."
-            if rows
-            else "0 sample(s) while a minimum of 1 is required."
-        )
-        raise ValueError(f"Found array with {what}")
+        what = f"0 feature(s) (shape={values.shape})" if len(values) else "0 sample(s)"
+        raise ValueError(f"Found array with {what} while a minimum of 1 is required.")
     return values
 
 
@@ -195,7 +167,8 @@ def _target(y: Any, rows: int) -> Array:
         raise ValueError("requires y to be passed, but the target y is None")
     values = _numbers(y)
     if values.ndim == 2 and values.shape[1] == 1:
-        _warn_column()
+        kind = _of_sklearn("DataConversionWarning", UserWarning)
+        warnings.warn("A column-vector y was passed when a 1d array was expected.", kind, stacklevel=3)
         values = values[:, 0]
     if values.ndim != 1:
         raise ValueError(f"y should be a 1d array, got an array of shape {values.shape} instead.")
@@ -204,13 +177,9 @@ def _target(y: Any, rows: int) -> Array:
     return values
 
 
-def _warn_column() -> None:
-    """Warn of a column as target, by the class that scikit-learn has for it where that is loaded."""
-    import warnings
-
-    sklearn = sys.modules.get("sklearn.exceptions")
-    kind = UserWarning if sklearn is None else sklearn.DataConversionWarning
-    warnings.warn("A column-vector y was passed when a 1d array was expected.", kind, stacklevel=4)
+def _of_sklearn(name: str, otherwise: type) -> Any:
+    """Return a class that scikit-learn has for a fault, where that is loaded."""
+    return getattr(sys.modules.get("sklearn.exceptions"), name, otherwise)
 
 
 def _numbers(values: Any) -> Array:

@@ -68,21 +68,15 @@ def select(data: Regularised, max_terms: int, among: IntArray | None = None) -> 
     y = np.append(solve_triangular(P[:-1], data.products[columns], trans="T"), 0.0)
     y[-1] = np.sqrt(max(0.0, float(data.covariance[-1, -1] - y @ y)))
     found = frols(P, y, max_terms)
-    return _in_samples(found, data, columns) if len(found.chosen) else found
-
-
-def _in_samples(found: Selection, data: Regularised, columns: IntArray) -> Selection:
-    """Return a selection on `Q` as one on the n samples, among all M candidates."""
-    k, M = len(found.chosen), len(data.covariance) - 1
-    chosen = columns[found.chosen]
-    freedom = data.samples - k
-    tables = np.full((2, k, M), np.nan)
+    if not len(found.chosen):
+        return found
+    chosen, freedom, total = columns[found.chosen], data.samples - len(found.chosen), data.samples * float(data.covariance[-1, -1])
+    tables = np.full((2, len(chosen), M), np.nan)
     tables[:, :, columns] = found.g_all, found.err_all
-    total = data.samples * float(data.covariance[-1, -1])
     return replace(
         found,
         chosen=chosen,
-        theta_error=found.theta_error * np.sqrt((len(columns) + 1 - k) / freedom if freedom > 0 else np.nan),
+        theta_error=found.theta_error * np.sqrt((len(y) - len(chosen)) / freedom if freedom > 0 else np.nan),
         g_all=tables[0],
         err_all=tables[1],
         runner_up=np.where(found.runner_up >= 0, columns[found.runner_up], -1),

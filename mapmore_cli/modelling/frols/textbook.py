@@ -16,11 +16,8 @@ def textbook(P: Array, y: Array, max_terms: int, tolerance: float = 0.0) -> tupl
     Every candidate `p` is orthogonalised against the chosen terms (eq 2), which leaves `q`; its coefficient is `g = y'q / q'q` (eq 3),
     its error reduction ratio `ERR = g^2 q'q / y'y` (eq 4); the highest wins (eq 5), until `1 - sum ERR` is within the tolerance (eq 6).
 
-    Returns
-    -------
-    chosen, g, err, theta, table
-        The k chosen columns, their g and ERR, (k,), the coefficients of the original columns, (k,), and the ERR of every candidate in
-        every iteration, (k, M), NaN where chosen or dependent.
+    Returns the k chosen columns, their g and ERR, (k,), the coefficients of the original columns, (k,), and the ERR of every candidate in
+    every iteration, (k, M), NaN where chosen or dependent.
     """
     chosen: list[int] = []
     basis: list[Array] = []

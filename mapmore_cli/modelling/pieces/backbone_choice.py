@@ -11,7 +11,7 @@ formula where data have no slack foot.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,24 +19,16 @@ import numpy as np
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.pieces.cross_validation import (
-    LeftOut,
-    fit_backbones,
-    inner_folds,
-    inner_levels,
-    leave_out,
-    of_fold,
-    outer_folds,
-    together,
-)
+from mapmore_cli.modelling.pieces import cross_validation
+from mapmore_cli.modelling.pieces.cross_validation import LeftOut, Progress, inner_folds, inner_levels, leave_out, outer_folds
 from mapmore_cli.modelling.pieces.recipe import Recipe
-from mapmore_cli.modelling.pieces.shrinkage import shrunken_share
 
-FEW = "sarosi_hinged"
+FEW, FEWEST_FOLDS = "sarosi_hinged", 2
+"""The formula that is taken where there are fewer folds than the fewest that choose."""
+
 MARGIN = 0.02
 """Of the least error, within which the formula with fewer parameters is taken. Wider margins lost on measured muscles."""
 
-FEWEST_FOLDS = 2
 SAMPLES = 300
 """Of every curve that the choice is made on, an even share in the order of the curve."""
 
@@ -76,26 +68,35 @@ class Choice:
 
 
 def choose_backbone(
-    curves: Sequence[Curve],
-    recipe: Recipe,
-    quantities: Mapping[str, Quantity],
-    progress: Callable[[int, int], None] = lambda _done, _total: None,
+    curves: Sequence[Curve], recipe: Recipe, quantities: Mapping[str, Quantity], progress: Progress = lambda _done, _total: None
 ) -> Choice:
     """Choose among `candidates` by left-out inner levels of the training data."""
     names = candidates(curves, recipe.target)
-    pooled = recipe.level is None
-    folds = len(inner_folds(curves, recipe)) if pooled else len(inner_levels(curves, recipe))
+    part = "training block" if recipe.level is None else "training level"
+    folds = len(inner_folds(curves, recipe)) if recipe.level is None else inner_levels(curves, recipe)
     if folds < FEWEST_FOLDS:
         taken = FEW if FEW in names else None
-        why = f"{folds} inner {_part(recipe)}(s) are too few to choose a backbone by; {taken or 'none'} is taken"
+        why = f"{folds} inner {part}(s) are too few to choose a backbone by; {taken or 'none'} is taken"
         return Choice(taken, f"{why}, as wherever they are" if taken else why)
     thinned = [thin(curve, next(iter(recipe.cuts), None)) for curve in curves]
     found = _raced(names, _Folds(thinned, recipe, quantities), progress)
     if not found:
         return Choice(None, "no backbone: no formula could be fitted without a level, nor pieces alone")
-    chosen = simplest([one for one in found if one.tried])
-    outermost = _outermost(chosen, thinned, recipe, quantities)
-    return Choice(chosen.name, _note(chosen, found, folds, _part(recipe), outermost, quantities[recipe.target].unit))
+    chosen, unit = simplest([one for one in found if one.tried]), quantities[recipe.target].unit
+    others = sorted((one for one in found if one is not chosen), key=lambda one: one.rmse)[:TOLD]
+    beside = ", ".join(f"{one.label} {'' if one.tried else 'over '}{one.rmse:.4g}" for one in others)
+    best = min((one for one in found if one.tried), key=lambda one: one.rmse)
+    simpler = "" if chosen is best else f"; it has fewer parameters than {best.label}, and errs within {MARGIN:.0%} of it"
+    try:
+        outermost = leave_out(thinned, recipe, quantities, chosen.name, outer_folds(thinned, recipe)).rmse(chosen.share)
+        beyond = f". With an outermost {part.split()[-1]} left out it errs by {outermost:.4g} {unit}"
+    except MapmoreError:  # it cannot be fitted without
+        beyond = ""
+    note = (
+        f"backbone {chosen.label} is chosen: with each of {folds} inner {part}s left out in turn, the fused model errs by "
+        f"{chosen.rmse:.4g} {unit} ({beside}){simpler}{beyond}"
+    )
+    return Choice(chosen.name, note)
 
 
 def candidates(curves: Sequence[Curve], target: str) -> tuple[str | None, ...]:
@@ -131,29 +132,28 @@ class _Folds:
         self.samples = sum(int(out.sum()) for fold in self.folds for out in fold)
         self.said: dict[str | None, list[LeftOut]] = {}
 
-    def tried(self, name: str | None, count: int) -> Candidate | None:
-        """Return the candidate on the first `count` folds, as if the others added no error; None where it cannot be fitted without one."""
+    def tried(self, name: str | None) -> Candidate | None:
+        """Return the candidate on one more fold, as if those to come added no error; None where it cannot be fitted without one."""
         said = self.said.setdefault(name, [])
         if len(said) == 1:  # it has come through the first: those that do are mostly tried on all
-            fit_backbones(self.curves, self.folds, self.recipe, name)
+            cross_validation.fit_backbones(self.curves, self.folds, self.recipe, name)
         try:
-            for fold in self.folds[len(said) : count]:
-                said.append(of_fold(self.curves, fold, self.recipe, self.quantities, name))
+            said.append(cross_validation.of_fold(self.curves, self.folds[len(said)], self.recipe, self.quantities, name))
         except MapmoreError:
             return None
-        left_out = together(said)
-        share = 1.0 if name is None else shrunken_share(left_out)
+        left_out = cross_validation.together(said)
+        share = 1.0 if name is None else left_out.share
         rmse = left_out.rmse(share) * float(np.sqrt(len(left_out.measured) / self.samples))
         return Candidate(name, rmse, share, len(said) == len(self.folds)) if np.isfinite(rmse) else None
 
 
-def _raced(names: Sequence[str | None], folds: _Folds, progress: Callable[[int, int], None]) -> list[Candidate]:
+def _raced(names: Sequence[str | None], folds: _Folds, progress: Progress) -> list[Candidate]:
     """Return the candidates that can be fitted, each on as many folds as its choice depends on.
 
     A sum of squares only grows from fold to fold, whatever the share. So the candidate that errs least so far is tried on one more fold,
     until all that are left have gone beyond the margin of the best one.
     """
-    found = {name: candidate for name in names if (candidate := folds.tried(name, 1)) is not None}
+    found = {name: candidate for name in names if (candidate := folds.tried(name)) is not None}
     while found:
         best = min((one.rmse for one in found.values() if one.tried), default=np.inf)
         left = [one for one in found.values() if not one.tried and one.rmse <= (1 + MARGIN) * best]
@@ -161,34 +161,9 @@ def _raced(names: Sequence[str | None], folds: _Folds, progress: Callable[[int, 
         if not left:
             break
         name = min(left, key=lambda one: one.rmse).name
-        further = folds.tried(name, len(folds.said[name]) + 1)
+        further = folds.tried(name)
         if further is None:
             del found[name]
         else:
             found[name] = further
     return list(found.values())
-
-
-def _outermost(chosen: Candidate, curves: Sequence[Curve], recipe: Recipe, quantities: Mapping[str, Quantity]) -> float | None:
-    """RMSE of the chosen model on what lies outermost, left out in turn; None where it cannot be fitted without."""
-    try:
-        return leave_out(curves, recipe, quantities, chosen.name, folds=outer_folds(curves, recipe)).rmse(chosen.share)
-    except MapmoreError:
-        return None
-
-
-def _part(recipe: Recipe) -> str:
-    """Return what is left out in turn."""
-    return "training block" if recipe.level is None else "training level"
-
-
-def _note(chosen: Candidate, found: Sequence[Candidate], folds: int, part: str, outermost: float | None, unit: str) -> str:
-    others = sorted((one for one in found if one is not chosen), key=lambda one: one.rmse)[:TOLD]
-    beside = ", ".join(f"{one.label} {'' if one.tried else 'over '}{one.rmse:.4g}" for one in others)
-    best = min((one for one in found if one.tried), key=lambda one: one.rmse)
-    simpler = "" if chosen is best else f"; it has fewer parameters than {best.label}, and errs within {MARGIN:.0%} of it"
-    beyond = "" if outermost is None else f". With an outermost {part.split()[-1]} left out it errs by {outermost:.4g} {unit}"
-    return (
-        f"backbone {chosen.label} is chosen: with each of {folds} inner {part}s left out in turn, the fused model errs by "
-        f"{chosen.rmse:.4g} {unit} ({beside}){simpler}{beyond}"
-    )

@@ -1,4 +1,9 @@
-"""What a model says of training data that were left out of it."""
+"""What models of the rest say of training data that were left out of them, and how much of a residual on a backbone that supports.
+
+The residual is known at the training levels. Between them it is carried with the share `g + (1 - g)(1 - 2t)^2` (`levels.across_levels`),
+so that it counts in full at the levels whatever left-out levels say about the way between. The residual of pooled data, one surface,
+counts everywhere with the share g that left-out blocks support.
+"""
 
 from __future__ import annotations
 
@@ -9,33 +14,49 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.errors import FitError
+from mapmore_cli.domain.models import FoldError, Model, Pieces
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling import literature
+from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.modelling.literature.backbone import fit_ahead, fit_formula, pooled
-from mapmore_cli.modelling.pieces.build import build
-from mapmore_cli.modelling.pieces.fit import dictionary_inputs
+from mapmore_cli.modelling.pieces.build import build, multiplied, names_in
 from mapmore_cli.modelling.pieces.model import simulate
 from mapmore_cli.modelling.pieces.recipe import Cut, Cuts, Recipe
 
 BLOCKS = 5
 """Contiguous blocks of a curve or a surface where there are too few levels to leave one out; the inner ones are left out in turn."""
 
+BACKBONE, RESIDUAL, SHRUNKEN = "backbone", "backbone + residual", "backbone + shrunken residual"
+
 Folds = list[tuple[BoolArray, ...]]
 """For every fold and curve, the training samples that are left out."""
+
+Progress = Callable[[int, int], None]
+"""Told how many folds of how many are done."""
 
 
 @dataclass(frozen=True)
 class LeftOut:
-    """Every training sample that was left out of some fold, (n,) each: as measured, and as the fold's model without it says."""
+    """Every training sample that was left out of some fold, (n,) each: as measured, and as the fold's model without it says.
+
+    The model says `backbone` plus the `residual` of the pieces.
+    """
 
     measured: Array
     backbone: Array
-    residual: Array  # of the pieces, which are added to the backbone
+    residual: Array
     folds: int
 
     def rmse(self, share: float) -> float:
         """Error of the backbone with a share of the residual."""
         return float(np.sqrt(np.mean((self.backbone + share * self.residual - self.measured) ** 2)))
+
+    @property
+    def share(self) -> float:
+        """`g = clip(sum(f r) / sum(f^2), 0, 1)`: least squares of what the backbone left, r, on what the pieces predicted of it, f."""
+        f, r = self.residual, self.measured - self.backbone
+        power = float(f @ f)
+        return float(np.clip(f @ r / power, 0.0, 1.0)) if power > 0 else 0.0
 
 
 def leave_out(
@@ -43,14 +64,13 @@ def leave_out(
     recipe: Recipe,
     quantities: Mapping[str, Quantity],
     backbone: str | None,
-    progress: Callable[[int, int], None] = lambda _done, _total: None,
-    folds: Folds | None = None,
+    folds: Folds,
+    progress: Progress = lambda _done, _total: None,
 ) -> LeftOut:
-    """Predictions of left-out training data by models of the rest, backbone included; of `inner_folds` where none are given.
+    """Predictions of left-out training data by models of the rest, backbone included.
 
     Raises FitError where the backbone cannot be fitted without some of the data.
     """
-    folds = inner_folds(curves, recipe) if folds is None else folds
     fit_backbones(curves, folds, recipe, backbone)
     found = []
     for left_out in folds:
@@ -81,7 +101,6 @@ def fit_backbones(curves: Sequence[Curve], folds: Folds, recipe: Recipe, backbon
 
 
 def _rest(curves: Sequence[Curve], left_out: Sequence[BoolArray]) -> list[Curve]:
-    """Return the curves without the training samples of a fold."""
     return [replace(c, held_out=c.held_out | out) for c, out in zip(curves, left_out, strict=True)]
 
 
@@ -102,16 +121,9 @@ def together(parts: Sequence[LeftOut]) -> LeftOut:
     return LeftOut(measured, alone, residual, sum(part.folds for part in parts))
 
 
-def inner_levels(curves: Sequence[Curve], recipe: Recipe) -> list[int]:
-    """Numbers of the curves whose level lies between two others of the training data."""
-    if recipe.level is None:
-        return []
-    return training_numbers(curves)[1:-1]
-
-
-def training_numbers(curves: Sequence[Curve]) -> list[int]:
-    """Numbers of the curves that train, in the order of their levels."""
-    return [number for number, curve in enumerate(curves) if curve.training.any()]
+def inner_levels(curves: Sequence[Curve], recipe: Recipe) -> int:
+    """How many curves have a level between two others of the training data."""
+    return 0 if recipe.level is None else max(sum(bool(curve.training.any()) for curve in curves) - 2, 0)
 
 
 def inner_folds(curves: Sequence[Curve], recipe: Recipe) -> Folds:
@@ -132,26 +144,19 @@ def outer_folds(curves: Sequence[Curve], recipe: Recipe) -> Folds:
 
 def _along(curves: Sequence[Curve], recipe: Recipe) -> list[Folds]:
     """Return the folds along every quantity that has at least three, in ascending order."""
-    levels = _levels(curves, training_numbers(curves))
+    numbers = [number for number, curve in enumerate(curves) if curve.training.any()]
+    levels = [tuple(curve.training & (number == left) for number, curve in enumerate(curves)) for left in numbers]
     if recipe.level is not None and len(levels) > 2:
         return [levels]
-    inputs = sorted({*dictionary_inputs(recipe.dictionary), *recipe.cuts} - {recipe.level, recipe.pooled})
     if len(levels) == 1:
-        found = [_blocks(curves, name) for name in inputs]
+        inputs = {*names_in(map(parse, recipe.dictionary)), *recipe.cuts} - {recipe.level, recipe.pooled}
+        found = [_blocks(curves, name) for name in sorted(inputs)]
     else:
-        found = [_blocks_of_each(curves, in_curve(curves, tuple(recipe.cuts), recipe.target, recipe.level))]
+        along = in_curve(curves, tuple(recipe.cuts), recipe.target, recipe.level)
+        every = [tuple(block(curve, along, number) for curve in curves) for number in range(BLOCKS)]
+        found = [[fold for fold in every if any(out.any() for out in fold)]]
     found += [levels] if recipe.pooled is not None else []
     return [folds for folds in found if len(folds) > 2]
-
-
-def _levels(curves: Sequence[Curve], numbers: Sequence[int]) -> Folds:
-    return [tuple(curve.training & (number == left) for number, curve in enumerate(curves)) for left in numbers]
-
-
-def _blocks_of_each(curves: Sequence[Curve], along: str) -> Folds:
-    """Five contiguous blocks of every curve: those of one number are left out together."""
-    folds = [tuple(block(curve, along, number) for curve in curves) for number in range(BLOCKS)]
-    return [fold for fold in folds if any(out.any() for out in fold)]
 
 
 def in_curve(curves: Sequence[Curve], segmented: Sequence[str], target: str, level: str | None) -> str:
@@ -172,7 +177,53 @@ def block(curve: Curve, along: str, number: int) -> BoolArray:
 def _blocks(curves: Sequence[Curve], name: str) -> Folds:
     """At most five contiguous blocks along a variable, which part no samples of one value."""
     values = np.unique(np.concatenate([curve.columns[name][curve.training] for curve in curves]))
-    parts = np.array_split(values, min(BLOCKS, len(values)))
-    return [
-        tuple(curve.training & (curve.columns[name] >= part[0]) & (curve.columns[name] <= part[-1]) for curve in curves) for part in parts
-    ]
+    ends = [(part[0], part[-1]) for part in np.array_split(values, min(BLOCKS, len(values)))]
+    return [tuple(c.training & (c.columns[name] >= low) & (c.columns[name] <= high) for c in curves) for low, high in ends]
+
+
+def with_trusted_residual(
+    model: Model,
+    curves: Sequence[Curve],
+    recipe: Recipe,
+    quantities: Mapping[str, Quantity],
+    progress: Progress = lambda _done, _total: None,
+) -> Model:
+    """Return a model on a backbone, with as much of its residual as left-out training data support.
+
+    - With three levels or more, inner levels are left out, and their `share` of the residual is carried between levels.
+    - With fewer, inner blocks of the curves are left out, and the residual is dropped where it does harm there. With two, nothing is known
+      between them: a residual that is kept counts at the levels alone.
+    - Of one surface, inner blocks are left out, and all of the residual is multiplied by their `share`. Where there are no blocks, as along
+      two values of an input, it is left as it is.
+    """
+    body, unit = model.body, model.output.unit
+    assert isinstance(body, Pieces)
+    assert body.backbone is not None
+    name = body.backbone.name
+    folds = inner_folds(curves, recipe)
+    if not folds:
+        return model
+    left_out = leave_out(curves, recipe, quantities, body.backbone.formula, folds, progress)
+    share, without, whole = left_out.share, left_out.rmse(0.0), left_out.rmse(1.0)
+    both = f"{without:.4g} {unit} without it, {whole:.4g} {unit} with all of it"
+    part = f", {left_out.rmse(share):.4g} {unit} with that share"
+    shares, notes = {BACKBONE: 0.0, RESIDUAL: 1.0}, [*model.notes]
+    if inner_levels(curves, recipe):
+        shares[SHRUNKEN] = share
+        body = replace(body, fusion=replace(body.fusion, shrink=share))
+        carried = f"midway between levels, {share:.0%} of the residual on {name} is carried"
+        notes.append(f"{carried}: on {left_out.folds} left-out inner level(s), {both}{part}")
+    elif body.level is None and share > 0:
+        shares[SHRUNKEN] = share
+        body = replace(body, curves=tuple(replace(curve, segments=multiplied(curve.segments, share)) for curve in body.curves))
+        part = "" if share == 1.0 else part
+        notes.append(f"{share:.0%} of the residual on {name} counts: on {left_out.folds} left-out inner blocks, {both}{part}")
+    elif body.level is None or not whole < without:
+        body = replace(body, curves=tuple(replace(curve, segments=()) for curve in body.curves))
+        errors = f"{without:.4g} {unit}, with the residual {whole:.4g} {unit} ({left_out.folds} folds)"
+        notes.append(f"cross-validation keeps {name} alone: {errors}")
+    elif len(body.curves) == 2:
+        body = replace(body, fusion=replace(body.fusion, shrink=0.0))
+        notes.append(f"two levels: midway between them {name} stands alone, since no inner level says how its residual runs there")
+    found = tuple(FoldError(choice, left_out.rmse(share), left_out.folds) for choice, share in shares.items())
+    return replace(model, body=replace(body, cross_validation=found), notes=tuple(notes))

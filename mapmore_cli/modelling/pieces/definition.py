@@ -41,13 +41,13 @@ def pieces_value(m: Writer, body: Pieces, inputs: Inputs) -> Expression:
         return m.use("pieces", functions[0], inputs.values())
     levels, sides = level_values(body).tolist(), body.fusion.extrapolation[body.level]
     m.knot(body.level, *levels)
+    marks = [] if body.fusion.aligned is None else [_marks(curve, body.fusion.aligned) for curve in body.curves]
     level = m.choose("level", _held(inputs[body.level], (levels[0], levels[-1]), sides, words=("saturate",)), inputs[body.level])
 
     def curve_at(left: int, right: int, number: int, t: Expression) -> Expression:
         places = dict(inputs)
         if body.fusion.aligned is not None:
-            marks = [_marks(body.curves[i], body.fusion.aligned) for i in (left, right, number)]
-            places[body.fusion.aligned] = aligned(m, inputs[body.fusion.aligned], t, *marks)
+            places[body.fusion.aligned] = aligned(m, inputs[body.fusion.aligned], t, *(marks[i] for i in (left, right, number)))
         return m.use("value", functions[number], [*(places[name] for name in free), level])
 
     return across_levels(m, level, levels, sides, body.fusion, curve_at)
@@ -156,23 +156,22 @@ def zones(boundaries: Array, z_s: float) -> tuple[Array, Array]:
     return inner - z_s * widths[:-1], inner + z_s * widths[1:]
 
 
+def _ends(x: Expression, limits: tuple[float, float], sides: tuple[Side, Side]) -> tuple[tuple[Condition, Side, float], ...]:
+    """Return for both sides where an input is beyond its limit, what happens there, and the limit."""
+    return ((x < limits[0], sides[0], limits[0]), (x > limits[1], sides[1], limits[1]))
+
+
 def _held(
     x: Expression, limits: tuple[float, float], sides: tuple[Side, Side], words: Sequence[str] = ("saturate", "continue_linear")
 ) -> list[tuple[Condition, Expression]]:
     """Return where the extrapolation function E holds an input: at a limit, or at the value that a side gives (M2 eq 12)."""
-    (low, high), (below, above) = limits, sides
-    ends = ((x < low, below, low), (x > high, above, high))
-    return [
-        (beyond, Number(float(side if isinstance(side, float) else end)))
-        for beyond, side, end in ends
-        if isinstance(side, float) or side in words
-    ]
+    held = [(beyond, side if isinstance(side, float) else end if side in words else None) for beyond, side, end in _ends(x, limits, sides)]
+    return [(beyond, Number(float(place))) for beyond, place in held if place is not None]
 
 
 def _beyond(x: Expression, limits: tuple[float, float], sides: tuple[Side, Side], word: str) -> list[tuple[Condition, Expression]]:
     """Return the sides that have the word: where x is beyond that limit, and how far."""
-    (low, high), (below, above) = limits, sides
-    return [(beyond, x - end) for beyond, side, end in ((x < low, below, low), (x > high, above, high)) if side == word]
+    return [(beyond, x - end) for beyond, side, end in _ends(x, limits, sides) if side == word]
 
 
 def _reached(m: Writer, segment: SegmentFunction, curve: CurveFunction, body: Pieces, x: Inputs) -> dict[str, Expression]:
@@ -196,11 +195,11 @@ def _reached(m: Writer, segment: SegmentFunction, curve: CurveFunction, body: Pi
     return held
 
 
-def _marks(curve: CurveFunction, name: str) -> Array:
-    """Return low end, threshold and high end, (3,)."""
+def _marks(curve: CurveFunction, name: str) -> tuple[float, float, float]:
+    """Return low end, threshold and high end."""
     assert curve.threshold is not None
     low, high = curve.limits[name]
-    return np.array([low, curve.threshold, high])
+    return float(low), float(curve.threshold), float(high)
 
 
 def pieces_program(body: Pieces, names: Sequence[str]) -> Program:

@@ -97,22 +97,20 @@ def _slope(m: Writer, levels: Sequence[float], f: Mapping[int, Expression], numb
 
 
 def _inner_slope(m: Writer) -> str:
-    parameters = before, after, h_before, h_after = [Name(name) for name in ("before", "after", "h_before", "h_after")]
+    names = ["before", "after", "h_before", "h_after"]
+    before, after, h_before, h_after = map(Name, names)
 
     def mean() -> Expression:
         w_before, w_after = m.let("w_before", h_before + 2 * h_after), m.let("w_after", 2 * h_before + h_after)
         return (w_before + w_after) * (before / (w_after * before + w_before * after)) * after
 
-    return m.function(
-        "slope_inside",
-        [one.name for one in parameters],
-        lambda: m.where(_sign(before) * _sign(after) > 0.0, mean, 0.0),
-        "slope at an inner level, which keeps the shape",
-    )
+    value = lambda: m.where(_sign(before) * _sign(after) > 0.0, mean, 0.0)  # noqa: E731 - short
+    return m.function("slope_inside", names, value, "slope at an inner level, which keeps the shape")
 
 
 def _end_slope(m: Writer) -> str:
-    parameters = delta, delta_next, h, h_next = [Name(name) for name in ("delta", "delta_next", "h", "h_next")]
+    names = ["delta", "delta_next", "h", "h_next"]
+    delta, delta_next, h, h_next = map(Name, names)
 
     def held_back() -> Expression:
         three = m.let("three", ((2 * h + h_next) * delta - h * delta_next) / (h + h_next))
@@ -121,28 +119,31 @@ def _end_slope(m: Writer) -> str:
         held = m.where(call("abs", kept) > call("abs", steepest), steepest, kept)
         return m.where(_sign(delta) * _sign(delta_next) > 0.0, kept, held)
 
-    return m.function("slope_at_end", [one.name for one in parameters], held_back, "slope at an outermost level, which keeps the shape")
+    return m.function("slope_at_end", names, held_back, "slope at an outermost level, which keeps the shape")
 
 
 def _sign(x: Expression) -> Expression:
     return call("sign", x)
 
 
-def aligned(m: Writer, x: Expression, t: Expression, left: Array, right: Array, own: Array) -> Expression:
+Marks = tuple[float, float, float]
+"""Low end, threshold and high end of a curve."""
+
+
+def aligned(m: Writer, x: Expression, t: Expression, left: Marks, right: Marks, own: Marks) -> Expression:
     """Write the place on one curve that corresponds to x: low end, threshold and high end answer to those at x, linear between.
 
     So each curve is looked up within its own range as long as x is within the range interpolated for it. `left`, `right` and `own` are
-    those marks of the two curves, at the place t between them, and of the curve itself, (3,) each.
+    those marks of the two curves, at the place t between them, and of the curve itself.
     """
-    between = [m.let("mark", (1 - t) * a + t * b if a != b else a) for a, b in zip(left.tolist(), right.tolist(), strict=True)]
-    low, middle, high = between
+    low, middle, high = (m.let("mark", (1 - t) * a + t * b if a != b else a) for a, b in zip(left, right, strict=True))
     way = m.let("way", x - middle)
 
     def along(width: float, between: Expression) -> Expression:
         wide = m.let("wide", between)
-        return float(own[1]) + way * m.where(wide > 0.0, lambda: width / wide, 1.0)
+        return own[1] + way * m.where(wide > 0.0, lambda: width / wide, 1.0)
 
-    return m.where(x < middle, partial(along, float(own[1] - own[0]), middle - low), partial(along, float(own[2] - own[1]), high - middle))
+    return m.where(x < middle, partial(along, own[1] - own[0], middle - low), partial(along, own[2] - own[1], high - middle))
 
 
 FLAT, LOW = 0.25, 0.2

@@ -74,14 +74,10 @@ def segment_equation(segment: SegmentFunction, units: Mapping[str, float]) -> Ex
     def physical(term: Expression) -> Expression:
         degrees = exponents(term)
         if degrees is None or scaling.intercept.any():
-            return substitute(term, {name: _scaled(name, *offset, units) for name, offset in offsets.items()})
+            return substitute(term, {name: affine(Name(name), m * units.get(name, 1.0), c) for name, (m, c) in offsets.items()})
         return multiply(Number(float(np.prod([(offsets[name][0] * units.get(name, 1.0)) ** e for name, e in degrees.items()]))), term)
 
     return combination(segment, [physical(parse(text)) for text in segment.terms])
-
-
-def _scaled(name: str, slope: float, intercept: float, units: Mapping[str, float]) -> Expression:
-    return affine(Name(name), slope * units.get(name, 1.0), intercept)
 
 
 def _body(model: Model) -> Pieces:
@@ -91,8 +87,7 @@ def _body(model: Model) -> Pieces:
 
 def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
     """Write pieces, on their backbone where they have one."""
-    body = model.body
-    assert isinstance(body, Pieces)
+    body = _body(model)
     limit(m, body.ranges, body.level, inputs)
     base = formula_value(m, body.backbone, inputs)
     if not body.segments:

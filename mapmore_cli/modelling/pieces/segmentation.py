@@ -27,32 +27,26 @@ FEWEST_SAMPLES = 5
 
 
 def gradient_boundaries(x: Array, y: Array, cut: Cuts) -> Array:
-    """Return the `count - 1` inner boundaries at the largest peaks of |change of slope|, ascending.
+    """Return the `count - 1` inner boundaries at the largest peaks of |change of slope| of samples in any order, (n,), ascending.
 
     No boundary lies nearer than the separation to another one or to an end of the range, or leaves a segment with hardly any sample;
     there are fewer where the curve has fewer such peaks.
-
-    - `x`, `y`: samples in any order, (n,).
     """
     low, high = float(x.min()), float(x.max())
     window = min(cut.window or DEFAULT_WINDOW * (high - low), high - low)
     separation = (cut.separation or window) * (1 - ROUNDING)
     at, change = slope_change(x, y, window)
-    inner = (at >= low + separation) & (at <= high - separation)
-    peaks = _peaks(np.where(inner, np.abs(change), 0.0))
+    height = np.where((at >= low + separation) & (at <= high - separation), np.abs(change), 0.0)
+    padded = np.concatenate([[0.0], height, [0.0]])
+    peaks = np.flatnonzero((height > padded[:-2]) & (height >= padded[2:]))  # the first place of a plateau
     chosen: list[float] = []
-    for peak in at[peaks]:
+    for peak in at[peaks[np.argsort(-height[peaks], kind="stable")]].tolist():
         if len(chosen) == cut.segments - 1:
             break
-        if all(abs(peak - other) >= separation for other in chosen) and _filled(x, [*chosen, float(peak)]):
-            chosen.append(float(peak))
+        filled = np.bincount(np.searchsorted(sorted([*chosen, peak]), x), minlength=len(chosen) + 2).min() >= FEWEST_SAMPLES
+        if filled and all(abs(peak - other) >= separation for other in chosen):
+            chosen.append(peak)
     return np.sort(np.array(chosen))
-
-
-def _filled(x: Array, boundaries: list[float]) -> bool:
-    """Return True where every segment holds samples enough."""
-    places = np.searchsorted(np.sort(np.array(boundaries)), x)
-    return int(np.bincount(places, minlength=len(boundaries) + 1).min()) >= FEWEST_SAMPLES
 
 
 def slope_change(x: Array, y: Array, window: float) -> tuple[Array, Array]:
@@ -62,35 +56,21 @@ def slope_change(x: Array, y: Array, window: float) -> tuple[Array, Array]:
     averages of x and y over what is left keep a straight line straight.
     """
     at, smooth = running_median(x, y, window)
-    mean_x, mean_y = _moving_average(at), _moving_average(smooth)
     here = np.arange(len(at))
-    before, after = np.maximum(here - STEPS, 0), np.minimum(here + STEPS, len(at) - 1)
-    left = _slope(mean_x, mean_y, before, here)
-    right = _slope(mean_x, mean_y, here, after)
-    return at, np.nan_to_num(right - left)
+    first, last = np.maximum(here - STEPS // 2, 0), np.minimum(here + STEPS // 2 + 1, len(at))
 
+    def mean(values: Array) -> Array:
+        total = np.concatenate([[0.0], np.cumsum(values)])
+        return np.asarray((total[last] - total[first]) / (last - first))
 
-def _moving_average(values: Array) -> Array:
-    reach = STEPS // 2
-    total = np.concatenate([[0.0], np.cumsum(values)])
-    place = np.arange(len(values))
-    first, last = np.maximum(place - reach, 0), np.minimum(place + reach + 1, len(values))
-    mean: Array = (total[last] - total[first]) / (last - first)
-    return mean
+    mean_x, mean_y = mean(at), mean(smooth)
 
+    def slope(start: IntArray, end: IntArray) -> Array:
+        width = mean_x[end] - mean_x[start]
+        return np.asarray(np.divide(mean_y[end] - mean_y[start], width, out=np.full(len(width), np.nan), where=width > 0))
 
-def _slope(x: Array, y: Array, first: IntArray, last: IntArray) -> Array:
-    """Slope between two places; NaN at an end of the curve, where they are the same."""
-    width = x[last] - x[first]
-    slope: Array = np.divide(y[last] - y[first], width, out=np.full(len(width), np.nan), where=width > 0)
-    return slope
-
-
-def _peaks(height: Array) -> IntArray:
-    """Places of the local maxima, the highest first; the first place of a plateau."""
-    padded = np.concatenate([[0.0], height, [0.0]])
-    places = np.flatnonzero((height > padded[:-2]) & (height >= padded[2:]))
-    return places[np.argsort(-height[places], kind="stable")]
+    left, right = slope(np.maximum(here - STEPS, 0), here), slope(here, np.minimum(here + STEPS, len(at) - 1))
+    return at, np.nan_to_num(right - left)  # at an end of the curve there is no slope to one side
 
 
 TIE_TOLERANCE = 1e-9
@@ -103,7 +83,7 @@ def optimal_partition(cost: Callable[[int, int], float], cells: int, count: int)
     With `best_k(j)` the least cost of the first j cells in k intervals, `best_k(j) = min_i best_{k-1}(i) + cost(i, j)` (Bellman 1961):
     at most `cells (cells + 1) / 2` costs are asked for instead of one for every partition.
 
-    - `cost`: of the interval of cells i..j-1; infinity forbids it.
+    `cost` is of the interval of cells i..j-1; infinity forbids it.
     """
     table = np.full((cells + 1, cells + 1), np.inf)
     for i in range(cells):
@@ -191,20 +171,21 @@ def joined_cells(cells: Mapping[Cell, BoolArray], least: int, across: Sequence[b
     done: list[list[Cell]] = []
 
     def samples(group: list[Cell]) -> BoolArray:
-        found: BoolArray = np.logical_or.reduce([cells[cell] for cell in group])
-        return found
+        return np.asarray(np.logical_or.reduce([cells[cell] for cell in group]))
+
+    def count(group: list[Cell]) -> int:
+        return int(samples(group).sum())
 
     while groups:
-        fewest = min(groups, key=lambda group: int(samples(group).sum()))
-        others = [group for group in (*groups, *done) if group is not fewest and _touch(group, fewest, across)]
-        if int(samples(fewest).sum()) >= least:
+        fewest = min(groups, key=count)
+        if count(fewest) >= least:
             break
         groups.remove(fewest)
-        if not others:
+        others = [group for group in (*groups, *done) if _touch(group, fewest, across)]
+        if others:
+            min(others, key=count).extend(fewest)
+        else:
             done.append(fewest)
-            continue
-        other = min(others, key=lambda group: int(samples(group).sum()))
-        other.extend(fewest)
     of_cell = {cell: samples(group) for group in (*groups, *done) for cell in group}
     return {cell: of_cell[cell] for cell in cells}
 
@@ -270,17 +251,22 @@ def segment_curve(curve: Curve, cuts: Mapping[str, Cut], target: str, cost: Inte
     rows = np.flatnonzero(curve.training)
     values = samples_of(curve, rows)
     boundaries = {name: cut_points(curve, rows, name, target, cut, cost) for name, cut in cuts.items()}
-    inside = {name: _members(values[name], boundaries[name]) for name in cuts}
-    cells: dict[Cell, BoolArray] = {}
-    for cell in product(*(range(1, len(b)) for b in boundaries.values())):
-        cells[cell] = np.ones(len(rows), dtype=np.bool_)
-        for name, place in zip(cuts, cell, strict=True):
-            cells[cell] &= inside[name][place - 1]
-    least = max((cut.least for cut in cuts.values() if isinstance(cut, Cuts) and cut.joins), default=0)
-    across = [not isinstance(cut, CutByDirection) for cut in cuts.values()]
-    masks = joined_cells(cells, least, across) if len(cuts) > 1 else cells
+    inside = [list(enumerate(_members(values[name], boundaries[name]), 1)) for name in cuts]
+    masks: dict[Cell, BoolArray] = {}
+    for places in product(*inside):
+        masks[tuple(place for place, _ in places)] = np.logical_and.reduce(
+            [np.ones(len(rows), dtype=np.bool_), *(own for _, own in places)]
+        )
+    if len(cuts) > 1:
+        least = max((cut.least for cut in cuts.values() if isinstance(cut, Cuts) and cut.joins), default=0)
+        masks = joined_cells(masks, least, [not isinstance(cut, CutByDirection) for cut in cuts.values()])
     segments = [Segment(segment_id(curve.id, tuple(cuts), cell), curve.id, cell, rows[mask]) for cell, mask in masks.items()]
-    _refuse_empty(segments)
+    for segment in segments:
+        if len(segment.rows) == 0:
+            raise DataError(
+                f"segment {segment.id}: no training sample lies in it",
+                "use fewer segments, move the breakpoints, or keep more samples of this curve",
+            )
     return SegmentedCurve(
         curve=curve.id,
         level=curve.level,
@@ -312,12 +298,3 @@ def segment_id(curve: str, variables: Sequence[str], cell: Sequence[int]) -> str
 
 def _members(x: Array, boundaries: Array) -> list[BoolArray]:
     return [(x >= low) & (x <= high) for low, high in pairwise(boundaries)]
-
-
-def _refuse_empty(segments: Sequence[Segment]) -> None:
-    for segment in segments:
-        if len(segment.rows) == 0:
-            raise DataError(
-                f"segment {segment.id}: no training sample lies in it",
-                "use fewer segments, move the breakpoints, or keep more samples of this curve",
-            )

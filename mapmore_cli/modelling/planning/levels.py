@@ -44,15 +44,9 @@ def gap_errors(places: Array, errors: Array) -> Array:
     return np.asarray(np.nanmean([ends[:-1], ends[1:]], axis=0) * np.diff(places) ** POWER)
 
 
-def next_gap(places: Array, errors: Array) -> int:
-    """Return the number of the gap that the next level goes into: the largest expected error, else the widest one."""
-    expected = gap_errors(places, errors)
-    return int(np.argmax(np.diff(places) if np.isnan(expected).all() else expected))
-
-
-def forecast(half: Array, parts: Array | int, left_out: LeftOut) -> Array:
+def _cut(half: Array, parts: Array | float, left_out: LeftOut) -> Array:
     """Return the half widths in gaps that are cut into so many equal `parts`: as parts^-.75, but no less than the scatter at the levels."""
-    return np.asarray(np.minimum(half, np.maximum(half * np.asarray(parts, dtype=float) ** -POWER, NORMAL * left_out.residual)))
+    return np.asarray(np.minimum(half, np.maximum(half * parts**-POWER, NORMAL * left_out.residual)))
 
 
 def candidates(left_out: LeftOut, level: str, cost: float = 1.0) -> tuple[Candidate, ...]:
@@ -63,7 +57,7 @@ def candidates(left_out: LeftOut, level: str, cost: float = 1.0) -> tuple[Candid
     places = np.array(left_out.places)
     middles, expected = (places[:-1] + places[1:]) / 2, gap_errors(places, level_errors(left_out))
     halves = _half(left_out, middles)
-    rows = zip(middles.tolist(), halves.tolist(), forecast(halves, 2, left_out).tolist(), expected.tolist(), strict=True)
+    rows = zip(middles.tolist(), halves.tolist(), _cut(halves, 2.0, left_out).tolist(), expected.tolist(), strict=True)
     gaps = [Candidate({level: middle}, "between", half, after, error, cost) for middle, half, after, error in rows]
     found = [gaps[gap] for gap in np.argsort(-expected, kind="stable")]
     if np.max(expected) > left_out.residual:
@@ -91,7 +85,7 @@ def until(left_out: LeftOut, wanted: float) -> Until:
     widest, least = float(halves.max()), min(float(halves.max()), NORMAL * left_out.residual)
     parts = np.maximum(np.ceil((halves / wanted) ** (1 / POWER) * (1 - 1e-9)), 1)
     more = int((parts - 1).sum()) if wanted >= least else None
-    return Until(wanted, widest, more, least if more is None else float(forecast(halves, parts, left_out).max()))
+    return Until(wanted, widest, more, least if more is None else float(_cut(halves, parts, left_out).max()))
 
 
 def picture(left_out: LeftOut, level: str, first: Candidate) -> Picture:
@@ -102,7 +96,7 @@ def picture(left_out: LeftOut, level: str, first: Candidate) -> Picture:
     before = _half(left_out, x)
     gap = np.searchsorted(places, x) == np.searchsorted(places, first.at[level])
     within = gap if first.kind == "between" else np.zeros(len(x), dtype=np.bool_)
-    return Picture({level: x}, before, np.where(within, forecast(before, 2, left_out), before), {level: places})
+    return Picture({level: x}, before, np.where(within, _cut(before, 2.0, left_out), before), {level: places})
 
 
 def _half(left_out: LeftOut, at: Sequence[float] | Array) -> Array:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,8 +19,9 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.optimize import minimize
 from scipy.spatial import Delaunay, QhullError
 
-from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.results import Candidate, Picture, Until
+from mapmore_cli.modelling.validation.intervals import NORMAL
 
 SHORTEST, LONGEST = 0.1, 5.0
 """Bounds of the lengths, of inputs in the unit square: few points say nothing of shorter ones."""
@@ -38,9 +40,14 @@ class GaussianProcess:
     deviation: float
     noise: float
 
+    @property
+    def covariance(self) -> Array:
+        """That of the values, (n, n)."""
+        return np.asarray(self.deviation**2 * matern(self.x, self.x, self.lengths) + self.noise**2 * np.eye(len(self.y)))
+
     def predict(self, at: Array) -> tuple[Array, Array]:
         """Return mean and standard deviation of the process, without noise, at points (m, d): (m,) each."""
-        factor = np.linalg.cholesky(self._covariance())
+        factor = np.linalg.cholesky(self.covariance)
         across = self.deviation**2 * matern(self.x, at, self.lengths)
         half = solve_triangular(factor, across, lower=True)
         mean = half.T @ solve_triangular(factor, self.y, lower=True)
@@ -49,10 +56,6 @@ class GaussianProcess:
     def joined(self, x: Array, y: float) -> GaussianProcess:
         """Return the process with one more point; nothing is fitted anew."""
         return replace(self, x=np.vstack([self.x, x]), y=np.append(self.y, y))
-
-    def _covariance(self) -> Array:
-        own = self.deviation**2 * matern(self.x, self.x, self.lengths)
-        return np.asarray(own + self.noise**2 * np.eye(len(self.y)))
 
 
 def matern(a: Array, b: Array, lengths: Array) -> Array:
@@ -70,7 +73,7 @@ def fitted(x: Array, y: Array) -> GaussianProcess:
         return GaussianProcess(x, y, np.exp(q[:-2]), scale * math.exp(q[-2]), scale * math.exp(q[-1]))
 
     def cost(q: Array) -> float:
-        factor = cho_factor(made(q)._covariance(), lower=True)
+        factor = cho_factor(made(q).covariance, lower=True)
         return float(0.5 * y @ cho_solve(factor, y) + np.sum(np.log(np.diag(factor[0]))))
 
     d = x.shape[1]
@@ -80,7 +83,6 @@ def fitted(x: Array, y: Array) -> GaussianProcess:
     return made(minimize(cost, start, method="L-BFGS-B", bounds=bounds).x)
 
 
-NORMAL = 1.959964
 SLACK, LITTLE = 0.15, 0.02
 """Weight of points where less than this part of the largest |target| is expected."""
 
@@ -112,17 +114,11 @@ class Measured:
     def grid(self, steps: int) -> Array:
         """Points of a grid within the hull of what was measured, (m, d)."""
         every = np.array(list(itertools.product(np.linspace(0.0, 1.0, steps), repeat=len(self.names))))
+        with suppress(QhullError):  # measured along a line
+            if len(self.names) > 1:
+                every = every[Delaunay(self.scaled(self.x)).find_simplex(every, tol=1e-9) >= 0]
         low, high = self.span
-        return np.asarray(low + every[self._inside(every)] * (high - low))
-
-    def _inside(self, scaled: Array) -> BoolArray:
-        if len(self.names) < 2:
-            return np.ones(len(scaled), dtype=np.bool_)
-        try:
-            hull = Delaunay(self.scaled(self.x))
-        except QhullError:
-            return np.ones(len(scaled), dtype=np.bool_)
-        return np.asarray(hull.find_simplex(scaled, tol=1e-9) >= 0)
+        return np.asarray(low + every * (high - low))
 
 
 def thinned(x: Array, y: Array) -> tuple[Array, Array]:
@@ -195,26 +191,19 @@ def chosen(
 
     Worth is divided by cost. The first time that a quantity takes a value costs its price; at the least, a point costs the lowest price.
     """
-    before, found = committee.half, list[Candidate]()
+    before, places, found = committee.half, committee.places, list[Candidate]()
+    each = np.array([prices.get(name, 1.0) for name in names])
     numbers: list[int] = []
     for _ in range(count):
-        cost = _costs(committee.places, committee.places[numbers], [prices.get(name, 1.0) for name in names]) if prices else 1.0
+        new = np.column_stack([~np.isin(column, taken) for column, taken in zip(places.T, places[numbers].T, strict=True)])
+        cost = np.maximum(new @ each, each.min()) if prices else np.ones(len(places))
         number = int(np.argmax(committee.score / cost))
         numbers.append(number)
         error, half = float(committee.error[number]), float(committee.half[number])
-        price = float(np.broadcast_to(cost, len(committee.places))[number])
         committee.add(number)
-        at = dict(zip(names, committee.places[number].tolist(), strict=True))
-        found.append(Candidate(at, "point", half, float(committee.half[number]), error, price))
+        at = dict(zip(names, places[number].tolist(), strict=True))
+        found.append(Candidate(at, "point", half, float(committee.half[number]), error, float(cost[number])))
     return tuple(found), (before, committee.half)
-
-
-def _costs(places: Array, taken: Array, prices: Sequence[float]) -> Array:
-    """Return the price of every place, (m,), after some were taken, (k, d)."""
-    total = np.zeros(len(places))
-    for column, price in enumerate(prices):
-        total += price * ~np.isin(places[:, column], taken[:, column])
-    return np.maximum(total, min(prices))
 
 
 def until(committee: Committee, wanted: float) -> Until:

@@ -40,6 +40,11 @@ class Choose:
     cases: tuple[tuple[Condition, Block], ...]
     otherwise: Block
 
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """The sides, `otherwise` last."""
+        return (*(block for _, block in self.cases), self.otherwise)
+
 
 @dataclass(frozen=True)
 class Use:

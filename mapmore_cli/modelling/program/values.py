@@ -86,11 +86,15 @@ class _Compiler:
     def _step(self, statement: Statement, known: Known) -> Step:
         match statement:
             case Let(name, value):
-                return _let(name, part_of(value, known))
+                part = part_of(value, known)
+                return lambda values, shared, _n: values.update({name: part(values, shared)})
             case Use(names, function, arguments):
                 return self._use(names, function, [part_of(argument, known) for argument in arguments])
-            case Choose():
-                return self._choose(statement, known)
+            case Choose(names, cases):
+                conditions = [_condition(condition, known) for condition, _ in cases]
+                if any(one.statements or not all(isinstance(result, Name | Number) for result in one.results) for one in statement.blocks):
+                    return self._branches(names, conditions, statement.blocks)
+                return _selection(names, conditions, [[part_of(result, known) for result in one.results] for one in statement.blocks])
         raise TypeError(f"not a statement of a model without memory: {statement!r}")
 
     def _use(self, names: Sequence[str], function: str, arguments: Sequence[Part]) -> Step:
@@ -103,13 +107,6 @@ class _Compiler:
             values.update(zip(names, self.ready[function](given, n), strict=True))
 
         return step
-
-    def _choose(self, choice: Choose, known: Known) -> Step:
-        conditions = [_condition(condition, known) for condition, _ in choice.cases]
-        blocks = [*(block for _, block in choice.cases), choice.otherwise]
-        if all(not block.statements and all(isinstance(result, Name | Number) for result in block.results) for block in blocks):
-            return _selection(choice.names, conditions, [[part_of(result, known) for result in block.results] for block in blocks])
-        return self._branches(choice.names, conditions, blocks)
 
     def _branches(self, names: Sequence[str], conditions: Sequence[Test], blocks: Sequence[Block]) -> Step:
         needed = [names_in(block) for block in blocks]
@@ -136,13 +133,6 @@ class _Compiler:
             values.update(zip(names, found, strict=True))
 
         return step
-
-
-def _let(name: str, part: Part) -> Step:
-    def step(values: Values, shared: Shared, _n: int) -> None:
-        values[name] = part(values, shared)
-
-    return step
 
 
 def _condition(condition: Condition, known: Known) -> Test:

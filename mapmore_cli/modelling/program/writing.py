@@ -11,8 +11,8 @@ import numpy as np
 from mapmore_cli.domain.models import CurveRange
 from mapmore_cli.modelling.expressions import Expression, Name, Number, call, substitute
 from mapmore_cli.modelling.expressions.syntax import ZERO, Condition, Operand, Product, Sum, expression
+from mapmore_cli.modelling.kinds import limits
 from mapmore_cli.modelling.program.statements import Block, Choose, Function, Keep, Kept, Let, Limit, Program, Queue, Recall, Statement, Use
-from mapmore_cli.modelling.ranges import limits
 
 Side = Operand | Callable[[], Operand]
 """A value, or a function that writes the statements of one; its statements run only where this side is taken."""
@@ -171,16 +171,16 @@ def names_of(statement: Statement) -> set[str]:
             return set(value.names)
         case Use(_, _, arguments):
             return _names(arguments)
-        case Choose(_, cases, otherwise):
+        case Choose(_, cases):
             conditions = _names(side for condition, _ in cases for side in (condition.left, condition.right))
-            return conditions.union(*(names_in(block) for _, block in cases), names_in(otherwise))
+            return conditions.union(*map(names_in, statement.blocks))
         case Recall():
             return set()
 
 
 def names_in(block: Block) -> set[str]:
     """Return every name that a block uses."""
-    return _names(block.results).union(*(names_of(statement) for statement in block.statements))
+    return _names(block.results).union(*map(names_of, block.statements))
 
 
 def _used(statement: Statement, used: set[str]) -> Statement | None:
@@ -190,15 +190,12 @@ def _used(statement: Statement, used: set[str]) -> Statement | None:
             return statement if name in used else None
         case Use(names):
             return statement if used & set(names) else None
-        case Choose(names, cases, otherwise):
+        case Choose(names, cases):
             places = [place for place, name in enumerate(names) if name in used]
             if not places:
                 return None
-            parts = [
-                pruned_block(Block(block.statements, tuple(block.results[i] for i in places)))
-                for block in (*(b for _, b in cases), otherwise)
-            ]
-            return Choose(tuple(names[i] for i in places), tuple(zip((c for c, _ in cases), parts, strict=False)), parts[-1])
+            *sides, last = (pruned_block(Block(one.statements, tuple(one.results[i] for i in places))) for one in statement.blocks)
+            return Choose(tuple(names[i] for i in places), tuple(zip((c for c, _ in cases), sides, strict=True)), last)
     return statement
 
 
@@ -209,8 +206,8 @@ def _functions_of(block: Block, bodies: dict[str, Block]) -> set[str]:
         match statement:
             case Use(_, function):
                 found |= {function} | _functions_of(bodies[function], bodies)
-            case Choose(_, cases, otherwise):
-                found = found.union(*(_functions_of(inside, bodies) for inside in (*(b for _, b in cases), otherwise)))
+            case Choose():
+                found = found.union(*(_functions_of(inside, bodies) for inside in statement.blocks))
     return found
 
 

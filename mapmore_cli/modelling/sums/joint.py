@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -33,21 +34,17 @@ def sum_of(name: str, parts: Sequence[Part], output: Quantity, quantities: Mappi
         for quantity in model.inputs:
             source = parse(part.inputs.get(quantity.name, quantity.name))
             used |= source.names
-            missing = sorted(source.names - {*quantities})
-            if quantity.name in part.inputs and missing:
-                raise SpecError(f"the sum: there is no quantity {missing[0]} for {quantity.name} of {model.name}", "declare its column")
             other = quantities.get(source.name) if isinstance(source, Name) else None
-            if quantity.name in part.inputs:
-                if other is not None and other.unit != quantity.unit:
-                    raise SpecError(
-                        f"the sum: {quantity.name} of {model.name} is in {quantity.unit}, {other.name} in {other.unit}",
-                        f"set the unit of {other.name} under `units`",
-                    )
-            elif other != quantity:
-                raise SpecError(
-                    f"needs: the model of {model.name} is a function of {quantity.name} in {quantity.unit}, which this study lacks",
-                    "declare its column, derive it, or set its unit under `units`",
-                )
+            if quantity.name not in part.inputs:
+                if other != quantity:
+                    what = f"the model of {model.name} is a function of {quantity.name} in {quantity.unit}, which this study lacks"
+                    raise SpecError(f"needs: {what}", "declare its column, derive it, or set its unit under `units`")
+                continue
+            if missing := sorted(source.names - {*quantities}):
+                raise SpecError(f"the sum: there is no quantity {missing[0]} for {quantity.name} of {model.name}", "declare its column")
+            if other is not None and other.unit != quantity.unit:
+                what = f"{quantity.name} of {model.name} is in {quantity.unit}, {other.name} in {other.unit}"
+                raise SpecError(f"the sum: {what}", f"set the unit of {other.name} under `units`")
     return Model(
         name=name,
         output=output,
@@ -85,15 +82,14 @@ def refuse_shared_names(inputs_of: Sequence[tuple[str, Sequence[str], Mapping[st
 
     `inputs_of` has for every part what it is called, its own inputs, and what is said of them.
     """
-    for i, (first, names, said) in enumerate(inputs_of):
-        for second, others, of_other in inputs_of[i + 1 :]:
-            for name in names:
-                if name in others and not (name in said and name in of_other):
-                    raise SpecError(
-                        f"{first} and {second} both have an input `{name}`",
-                        f"write what it is for each, as `inputs: {{{name}: {name}_1}}` and `inputs: {{{name}: {name}_2}}`; "
-                        f"where it is one quantity, `inputs: {{{name}: {name}}}` for both",
-                    )
+    for (first, names, said), (second, others, of_other) in combinations(inputs_of, 2):
+        for name in names:
+            if name in others and not (name in said and name in of_other):
+                raise SpecError(
+                    f"{first} and {second} both have an input `{name}`",
+                    f"write what it is for each, as `inputs: {{{name}: {name}_1}}` and `inputs: {{{name}: {name}_2}}`; "
+                    f"where it is one quantity, `inputs: {{{name}: {name}}}` for both",
+                )
 
 
 @dataclass(frozen=True)
@@ -154,9 +150,8 @@ def split(fit: FormulaFit, summands: Sequence[Summand]) -> list[FormulaFit]:
     """Return the fit of each summand out of the joint one, with its parameters by their own names."""
     parts = []
     for i, one in enumerate(summands, 1):
-        names = literature.get(one.formula).parameters
-        values, errors = ({name: found[_numbered(name, i)] for name in names} for found in (fit.parameters, fit.errors))
         formula = literature.get(one.formula)
+        values, errors = ({name: found[_numbered(name, i)] for name in formula.parameters} for found in (fit.parameters, fit.errors))
         parts.append(replace(fit, name=formula.name, definition=formula.definition, parameters=values, errors=errors))
     return parts
 

@@ -14,14 +14,13 @@ from itertools import product
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.domain.models import CurveRange, Model, Pieces
+from mapmore_cli.domain.models import CurveRange, Model, Pieces, SegmentFunction
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.validation.intervals import half_widths
 from mapmore_cli.modelling.validation.significance import sign_permutation, weighted_mean
 
-CONFIDENCE = 0.95
-EQUIVALENCE = 0.90
-"""Level of the interval that has to lie within the margin: two one-sided tests of 5 % each."""
+CONFIDENCE, EQUIVALENCE = 0.95, 0.90
+"""Level of the interval, and of that which has to lie within the margin: two one-sided tests of 5 % each."""
 
 CHANGED, SAME, UNCLEAR = "changed", "same", "cannot tell"
 """Answers of a comparison."""
@@ -31,11 +30,11 @@ MARGIN = 0.01
 
 GRID, COARSE_GRID = 41, 11
 """Points along the input that varies within a curve; along each of them where there are several."""
+
 SAME_LEVEL = 0.05
 """Share of the distance to the next level within which two levels are the same."""
 
-FEWEST_CURVES = 2
-MOST_POINTS = 6
+FEWEST_CURVES, MOST_POINTS = 2, 6
 
 
 @dataclass(frozen=True)
@@ -63,13 +62,16 @@ class CurveChange:
 
 @dataclass(frozen=True)
 class TermChange:
-    """A term of one segment in both models; None where it was not chosen. Coefficients are in the unit of the output."""
+    """A term of one segment in both models; None where it was not chosen. Coefficients are in the unit of the output.
+
+    `error` is the root of the sum of squares of the standard errors, NaN where one of the two is missing.
+    """
 
     segment: str
     term: str
     before: float | None
     after: float | None
-    error: float  # root of the sum of squares of the standard errors, NaN where one of the two is missing
+    error: float
 
     @property
     def moved(self) -> bool:
@@ -134,19 +136,21 @@ def compare(before: Model, after: Model, margin: float = MARGIN) -> Comparison:
         raise ValueError(f"{before.name} and {after.name} are models of other quantities, or in other units")
     curves = tuple(_change(before, after, place) for place in common_curves(before, after))
     ratios, weights = (np.array([getattr(curve, name) for curve in curves]) for name in ("ratio", "weight"))
+    shares = weights / weights.sum()
     found = weighted_mean(ratios, weights, CONFIDENCE)
+    half = (found.interval[1] - found.interval[0]) / 2
     return Comparison(
         before=before.name,
         after=after.name,
         unit=before.output.unit,
-        curves=tuple(replace(curve, weight=float(share)) for curve, share in zip(curves, weights / weights.sum(), strict=True)),
+        curves=tuple(replace(curve, weight=share) for curve, share in zip(curves, shares.tolist(), strict=True)),
         ratio=found.value,
         interval=found.interval,
         narrow=weighted_mean(ratios, weights, EQUIVALENCE).interval,
         p=weighted_mean(ratios - 1, weights, CONFIDENCE).p,
         p_permutation=sign_permutation(weights * (ratios - 1)),
         margin=margin,
-        resolution=max((found.interval[1] - found.interval[0]) / 2, _of_interpolation(before, after, curves, weights / weights.sum())),
+        resolution=max(half, _of_interpolation(before, after, curves, shares)),
         terms=term_changes(before, after),
     )
 
@@ -191,19 +195,15 @@ def common_curves(before: Model, after: Model) -> list[Place]:
         names = {one.curve for one in second}
         found = [Place(one.curve, None) for one in first if one.curve in names]
     else:
-        pairs = _same_levels(first, second)
+        distances = [np.diff(np.sort([_level(one) for one in ranges])) for ranges in (first, second)]
+        near = SAME_LEVEL * float(min(np.concatenate([*distances, [math.inf]])))
+        pairs = [(one, other) for one, other in product(first, second) if abs(_level(one) - _level(other)) <= near]
         found = [Place(one.curve, (_level(one) + _level(other)) / 2) for one, other in pairs]
         if len(found) < FEWEST_CURVES:
             found = min((_inside(first, second), _inside(second, first)), key=len)
     if len(found) < FEWEST_CURVES:
         raise ValueError(f"{before.name} and {after.name} have {len(found)} curves in common; a comparison needs at least {FEWEST_CURVES}")
     return found
-
-
-def _same_levels(first: Sequence[CurveRange], second: Sequence[CurveRange]) -> list[tuple[CurveRange, CurveRange]]:
-    distances = [np.diff(np.sort([_level(one) for one in ranges])) for ranges in (first, second)]
-    near = SAME_LEVEL * float(min(np.concatenate([*distances, [math.inf]])))
-    return [(one, other) for one in first for other in second if abs(_level(one) - _level(other)) <= near]
 
 
 def _inside(ranges: Sequence[CurveRange], others: Sequence[CurveRange]) -> list[Place]:
@@ -258,16 +258,16 @@ def _change(before: Model, after: Model, place: Place) -> CurveChange:
     d = b - a
     worst = int(np.argmax(np.abs(d)))
     return CurveChange(
-        place.curve,
-        place.level,
-        len(a),
-        float(a @ b / (a @ a)),
-        float(a @ a),
-        float(d.mean()),
-        float(np.sqrt(np.mean(d**2))),
-        float(d[worst]),
-        {name: float(values[worst]) for name, values in points.items()},
-        place.interpolated,
+        curve=place.curve,
+        level=place.level,
+        points=len(a),
+        ratio=float(a @ b / (a @ a)),
+        weight=float(a @ a),
+        difference=float(d.mean()),
+        rms=float(np.sqrt(np.mean(d**2))),
+        largest=float(d[worst]),
+        place={name: float(values[worst]) for name, values in points.items()},
+        interpolated=place.interpolated,
     )
 
 
@@ -303,14 +303,16 @@ def term_changes(before: Model, after: Model) -> tuple[TermChange, ...]:
     later = {one.id: one for one in after.body.segments}
     changes = []
     for one in before.body.segments:
-        if (other := later.get(one.id)) is None:
-            continue
-        found = [
-            dict(zip(s.terms, zip(s.theta * s.scaling.y_slope, s.theta_error * abs(s.scaling.y_slope), strict=True), strict=True))
-            for s in (one, other)
-        ]
-        for term in dict.fromkeys((*one.terms, *other.terms)):
-            (a, a_error), (b, b_error) = (terms.get(term, (None, math.nan)) for terms in found)
-            error = math.hypot(a_error, b_error)
-            changes.append(TermChange(one.id, term, None if a is None else float(a), None if b is None else float(b), error))
+        if one.id in later:
+            first, second = _coefficients(one), _coefficients(later[one.id])
+            for term in dict.fromkeys((*first, *second)):
+                (a, a_error), (b, b_error) = (terms.get(term, (None, math.nan)) for terms in (first, second))
+                changes.append(TermChange(one.id, term, a, b, math.hypot(a_error, b_error)))
     return tuple(changes)
+
+
+def _coefficients(segment: SegmentFunction) -> dict[str, tuple[float, float]]:
+    """Return the coefficient of every term and its standard error, in the unit of the output."""
+    scale = segment.scaling.y_slope
+    pairs = zip((segment.theta * scale).tolist(), (segment.theta_error * abs(scale)).tolist(), strict=True)
+    return dict(zip(segment.terms, pairs, strict=True))

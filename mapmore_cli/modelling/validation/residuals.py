@@ -17,6 +17,7 @@ from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.scores import OWN, Score
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import outside_range
+from mapmore_cli.modelling.validation.intervals import NORMAL
 
 LAGS = 25
 """Longest lag, samples; less where records are short."""
@@ -24,13 +25,13 @@ LAGS = 25
 PARTS = 10
 """Parts of the range of an input, each with as many samples, in which the mean residual is told."""
 
-NORMAL_95 = 1.959964
-"""Half the width of the interval that holds 95 % of a standard normal variable."""
-
 
 @dataclass(frozen=True)
 class Correlation:
-    """Correlations `values` (m,) at some `lags` (m,); of noise 95 % lie within `bound` of zero."""
+    """Correlations `values` (m,) at some `lags` (m,); of noise 95 % lie within `bound` of zero.
+
+    That of a residual with itself, one, is not among the `tested` ones, of which so many lie `beyond`.
+    """
 
     lags: Array
     values: Array
@@ -38,7 +39,7 @@ class Correlation:
 
     @property
     def beyond(self) -> int:
-        """How many lie outside; that of a residual with itself does not count."""
+        """How many lie outside."""
         return int((np.abs(self.values[self.values < 1.0]) > self.bound).sum())
 
     @property
@@ -66,33 +67,33 @@ class PartMeans:
         return len(self.values)
 
 
-def longest_lag(pieces: Sequence[Array]) -> int:
-    """`LAGS`, or a quarter of the longest piece."""
-    return min(LAGS, max(len(piece) for piece in pieces) // 4)
+def _longest_lag(pieces: Sequence[Array]) -> int:
+    return min(LAGS, max(map(len, pieces)) // 4)
 
 
 def autocorrelation(residuals: Sequence[Array]) -> Correlation:
     """`r_k = sum_t e_t e_(t+k) / sum_t e_t^2` of residuals less their mean, over pieces that follow one another in time or place.
 
-    Bounds are `1.96/sqrt(n)` for n residuals in all pieces.
-
-    - `residuals`: one array a piece, NaN where there is none.
+    There is one array of `residuals` a piece, NaN where there is none. Bounds are `1.96/sqrt(n)` for n residuals in all pieces.
     """
     (e,), n = _centred([residuals])
-    lags = np.arange(longest_lag(residuals) + 1)
-    power = sum(float(piece @ piece) for piece in e)
-    values = np.array([sum(float(piece[: len(piece) - k] @ piece[k:]) for piece in e if len(piece) > k) for k in lags]) / power
-    return Correlation(lags.astype(np.float64), values, NORMAL_95 / np.sqrt(n))
+    return _correlation(e, e, range(_longest_lag(residuals) + 1), _power(e), n)
 
 
 def cross_correlation(residuals: Sequence[Array], inputs: Sequence[Array]) -> Correlation:
     """`r_k = sum_t u_t e_(t+k) / sqrt(sum u^2 sum e^2)`, both less their means: at a positive lag k the input came k samples before."""
     (e, u), n = _centred([residuals, inputs])
-    most = longest_lag(residuals)
-    lags = np.arange(-most, most + 1)
-    scale = np.sqrt(sum(float(piece @ piece) for piece in e) * sum(float(piece @ piece) for piece in u))
-    values = np.array([sum(_shifted(a, b, int(k)) for a, b in zip(u, e, strict=True)) for k in lags]) / scale
-    return Correlation(lags.astype(np.float64), values, NORMAL_95 / np.sqrt(n))
+    most = _longest_lag(residuals)
+    return _correlation(u, e, range(-most, most + 1), np.sqrt(_power(e) * _power(u)), n)
+
+
+def _correlation(u: Sequence[Array], e: Sequence[Array], lags: range, scale: float, n: int) -> Correlation:
+    values = np.array([sum(_shifted(a, b, k) for a, b in zip(u, e, strict=True)) for k in lags]) / scale
+    return Correlation(np.array(lags, dtype=np.float64), values, NORMAL / np.sqrt(n))
+
+
+def _power(pieces: Sequence[Array]) -> float:
+    return sum(float(piece @ piece) for piece in pieces)
 
 
 def _shifted(u: Array, e: Array, k: int) -> float:
@@ -123,7 +124,7 @@ def means_over(residuals: Array, x: Array) -> PartMeans:
     parts = np.split(order, starts[1:]) if len(starts) <= PARTS else np.array_split(order, PARTS)
     places = np.array([x[part].mean() for part in parts])
     values = np.array([e[part].mean() for part in parts])
-    return PartMeans(places, values, NORMAL_95 * float(e.std()) / np.sqrt([len(part) for part in parts]))
+    return PartMeans(places, values, NORMAL * float(e.std()) / np.sqrt([len(part) for part in parts]))
 
 
 SAME = 1e-9
@@ -138,7 +139,7 @@ ROWS = {"train": "training data", "validate": "held-out data"}
 def alarms(model: Model, dataset: Dataset, predictions: Sequence[Array], scores: Sequence[Score]) -> tuple[str, ...]:
     """Everything that a reader of the scores of the run's own model has to know first, one sentence each.
 
-    - `predictions`: of the model, for every curve of the dataset.
+    `predictions` are the model's, for every curve of the dataset.
     """
     own = [row for row in scores if row.model == OWN and row.curve == "all"]
     found = [told for row in own for told in _of_scores(row)]
@@ -173,7 +174,7 @@ def _bare(model: Model, curves: Sequence[Curve], predictions: Sequence[Array]) -
 
 
 def _equal(a: Array, b: Array) -> bool:
-    return bool(np.allclose(a, b, rtol=SAME, atol=SAME * float(np.abs(b).max(initial=0.0)), equal_nan=True))
+    return np.allclose(a, b, rtol=SAME, atol=SAME * float(np.abs(b).max(initial=0.0)), equal_nan=True)
 
 
 def _beyond(model: Model, curves: Sequence[Curve]) -> Iterator[str]:

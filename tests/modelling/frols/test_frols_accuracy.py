@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from exact_frols import exact_frols
 
-from mapmore_cli.modelling.frols import basis, frols, frols_streamed, reads_once
+from mapmore_cli.modelling.frols import engine, frols, frols_streamed, reads_once
 from mapmore_cli.modelling.frols.moments import row_blocks
 
 TARGETS = {
@@ -113,7 +113,7 @@ def test_the_residual_keeps_its_digits_in_a_near_perfect_fit():
     noise = 1e-7 * rng.normal(size=n)
     y = P @ [1, -2, 0, 0.5, 0, 1] + noise
     ours = frols(P, y, 5)
-    assert P.size > basis.SMALL
+    assert P.size > engine.SMALL
     theta, *_ = np.linalg.lstsq(P[:, ours.chosen], noise, rcond=None)
     truth = noise - P[:, ours.chosen] @ theta
     assert ours.sse == pytest.approx(truth @ truth, rel=1e-6)

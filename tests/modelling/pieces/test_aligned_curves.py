@@ -79,7 +79,7 @@ marks = st.lists(st.floats(0, 1e3), min_size=3, max_size=3, unique=True).map(sor
 def aligned(x, here, own):
     """The places on a curve that correspond to x between marks, (n,)."""
     m = Writer()
-    return evaluator(m.program(["x"], between.aligned(m, Name("x_x"), Number(0.0), here, here, own)))({"x": x})[0]
+    return evaluator(m.program(["x"], between.aligned(m, Name("x_x"), Number(0.0), tuple(here), tuple(here), tuple(own))))({"x": x})[0]
 
 
 @settings(deadline=None)

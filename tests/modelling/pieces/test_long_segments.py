@@ -12,9 +12,7 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Segment
 from mapmore_cli.modelling.expressions import dictionary_matrix, monomials, parse, to_text
 from mapmore_cli.modelling.frols import frols, reads_once
-from mapmore_cli.modelling.pieces import fit as regression
-from mapmore_cli.modelling.pieces.build import build
-from mapmore_cli.modelling.pieces.fit import fit_segment
+from mapmore_cli.modelling.pieces.build import build, fit_segment
 
 TERMS = monomials(["pressure", "strain"], 5)
 
@@ -51,7 +49,7 @@ def test_the_dictionary_is_never_there_as_a_whole():
 
 
 def test_a_wide_dictionary_is_read_as_a_whole(monkeypatch):
-    monkeypatch.setattr(regression, "frols_streamed", None)
+    monkeypatch.setattr("mapmore_cli.modelling.pieces.build.frols_streamed", None)
     model = build("short", curves(), recipe(), QUANTITIES)
     assert all(curve.segments for curve in model.body.curves)
 

@@ -17,10 +17,9 @@ from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.pieces import backbone_choice
 from mapmore_cli.modelling.pieces.backbone_choice import MARGIN, SAMPLES, candidates, choose_backbone, thin
 from mapmore_cli.modelling.pieces.build import build
-from mapmore_cli.modelling.pieces.cross_validation import inner_folds, leave_out, outer_folds
+from mapmore_cli.modelling.pieces.cross_validation import inner_folds, leave_out, outer_folds, with_trusted_residual
 from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.pieces.segmentation import joined_cells, segment_curve
-from mapmore_cli.modelling.pieces.shrinkage import shrunken_share, with_trusted_residual
 
 SURFACE = ("1", "pressure", "strain", "pressure^2", "pressure*strain", "strain^2")
 SETTINGS = {"level": None, "cuts": {}, "dictionary": SURFACE, "max_terms": 3}
@@ -104,7 +103,7 @@ def test_all_of_the_residual_counts_with_the_share_that_left_out_blocks_support(
     formula = fit_formula("polynomial_2", samples, "force")
     whole = build("m", samples, made, QUANTITIES, formula)
     trusted = with_trusted_residual(whole, samples, made, QUANTITIES)
-    share = shrunken_share(leave_out(samples, made, QUANTITIES, "polynomial_2"))
+    share = leave_out(samples, made, QUANTITIES, "polynomial_2", inner_folds(samples, made)).share
     columns = {name: samples[0].columns[name] for name in ("pressure", "strain")}
     alone = predict(replace(whole, body=replace(whole.body, curves=tuple(replace(c, segments=()) for c in whole.body.curves))), columns)
     expected = alone + share * (predict(whole, columns) - alone)
@@ -133,7 +132,7 @@ def test_a_backbone_is_chosen_for_a_surface_as_if_every_candidate_were_tried_on_
     thinned = [thin(curve, None) for curve in samples]
     assert thinned[0].size < SAMPLES
     for name in some:
-        left_out = leave_out(thinned, made, QUANTITIES, name)
-        errors[name] = left_out.rmse(1.0 if name is None else shrunken_share(left_out))
+        left_out = leave_out(thinned, made, QUANTITIES, name, inner_folds(thinned, made))
+        errors[name] = left_out.rmse(1.0 if name is None else left_out.share)
     assert errors[choice.name] <= (1 + MARGIN) * min(errors.values())
     assert "with each of 6 inner training blocks left out in turn" in choice.note

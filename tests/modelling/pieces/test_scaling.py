@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mapmore_cli.modelling.pieces.fit import placements, scaled
+from mapmore_cli.modelling.pieces.build import placements, scaled
 
 seeds = st.integers(0, 2**32 - 1)
 

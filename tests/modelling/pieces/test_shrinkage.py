@@ -14,8 +14,7 @@ from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.pieces.build import build
-from mapmore_cli.modelling.pieces.cross_validation import LeftOut
-from mapmore_cli.modelling.pieces.shrinkage import BACKBONE, RESIDUAL, SHRUNKEN, shrunken_share, with_trusted_residual
+from mapmore_cli.modelling.pieces.cross_validation import BACKBONE, RESIDUAL, SHRUNKEN, LeftOut, with_trusted_residual
 
 LEVELS = (80.0, 150.0, 250.0, 350.0, 450.0)
 
@@ -46,7 +45,7 @@ parts = st.integers(2, 30).flatmap(lambda n: st.tuples(*[st.lists(st.floats(-100
 @given(parts)
 def test_no_share_is_better_on_the_left_out_data(arrays):
     left_out = LeftOut(*arrays, folds=2)
-    g = shrunken_share(left_out)
+    g = left_out.share
     assert 0 <= g <= 1
     assert all(left_out.rmse(g) <= left_out.rmse(share) * (1 + 1e-9) + 1e-9 for share in np.linspace(0, 1, 21))
 

@@ -11,13 +11,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
-from mapmore_cli.modelling.validation.error_parts import error_parts
-from mapmore_cli.modelling.validation.metrics import EDGES, bands, extent, max_abs, score, uncentred
+from mapmore_cli.domain.results import Forecast
+from mapmore_cli.modelling.validation import metrics
+from mapmore_cli.modelling.validation.metrics import EDGES, bands, extent, max_abs, uncentred
+from mapmore_cli.modelling.validation.repeatability import error_parts
+
+
+def score(measured, predicted, scale=None, **more):
+    """The row of some samples, all of them ready."""
+    found = Forecast(predicted, np.ones(len(measured), dtype=bool), **more)
+    return metrics.score("m", "static", "validate", "all", measured, found, scale or max_abs(measured, "force", "validate"))
 
 
 def test_a_row_by_hand():
     measured = np.array([0.0, 10, -20, 30])
-    row = score("m", "static", "validate", "all", measured, np.array([1.0, 9, -17, 29]), max_abs(measured, "force", "validate"))
+    row = score(measured, np.array([1.0, 9, -17, 29]))
     assert row.rmse == pytest.approx(math.sqrt(12 / 4))
     assert row.nrmse == pytest.approx(row.rmse / 30)
     assert (row.normaliser, row.normaliser_name) == (30, "max|force| over validate")
@@ -30,13 +38,13 @@ def test_a_row_by_hand():
 def test_errors_by_the_range_do_not_depend_on_where_zero_lies():
     measured = np.array([110.0, 112, 130])
     scale = extent(measured, "displacement", "validate")
-    row = score("m", "displacement", "validate", "all", measured, measured + 2, scale)
+    row = score(measured, measured + 2, scale)
     assert (row.nrmse, row.normaliser_name) == (pytest.approx(0.1), "range of displacement over validate")
     assert extent(measured - 1000, "displacement", "validate") == scale
 
 
 def test_a_constant_has_no_r2_and_zeros_no_nrmse():
-    row = score("m", "static", "train", "all", np.zeros(3), np.ones(3), max_abs(np.zeros(3), "force", "train"))
+    row = score(np.zeros(3), np.ones(3))
     assert math.isnan(row.r2)
     assert math.isnan(row.nrmse)
     assert row.rmse == 1
@@ -48,8 +56,8 @@ def test_the_smallest_and_the_largest_forces_have_scores_too():
     for exponent in (0, -1000, 1000, -700, 500):
         factor = 2.0**exponent
         y = measured * factor
-        row = score("m", "static", "validate", "all", y, predicted * factor, max_abs(y, "force", "validate"), one_step=predicted * factor)
-        plain = score("m", "static", "validate", "all", measured, predicted, max_abs(measured, "force", "validate"), one_step=predicted)
+        row = score(y, predicted * factor, one_step=predicted * factor)
+        plain = score(measured, predicted, one_step=predicted)
         assert row.rmse == plain.rmse * factor
         assert (row.nrmse, row.r2, row.rrse, row.rrse_one_step) == (plain.nrmse, plain.r2, plain.rrse, plain.rrse_one_step)
         assert row.r_uncentred == plain.r_uncentred
@@ -151,5 +159,5 @@ def test_the_uncentred_correlation_is_about_zero() -> None:
     assert np.corrcoef(measured, predicted)[0, 1] == pytest.approx(-1.0)
     assert uncentred(measured, predicted) == pytest.approx(361 / 365)
     assert np.isnan(uncentred(measured, 0.0 * measured))
-    row = score("m", "force", "train", "all", measured, predicted, max_abs(measured, "force", "train"))
+    row = score(measured, predicted)
     assert row.r_uncentred == uncentred(measured, predicted)
