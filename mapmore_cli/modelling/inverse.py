@@ -31,14 +31,9 @@ SCAN, PARTS = 2, 96
 SPLITS, STEEP = 6, 3.0
 """A part is divided so many times at most, as long as an end is steeper than so many times its secant: it may turn twice there."""
 
-CHUNK, BISECTIONS = 500, 50
-"""Rows that are scanned at a time; bisections that halve an interval down to rounding."""
-
-SAME = 1e-9
-"""Fraction of the span of outputs in a scan below which a difference counts as zero."""
-
-REACHED = 1e-6
-"""Fraction of the wanted output: a bisection that ends farther away has found a jump, no solution."""
+CHUNK, BISECTIONS = 500, 50  # rows that are scanned at a time; bisections that halve an interval down to rounding
+SAME = 1e-9  # fraction of the span of outputs in a scan below which a difference counts as zero
+REACHED = 1e-6  # fraction of the wanted output: a bisection that ends farther away has found a jump, no solution
 
 
 @dataclass(frozen=True)

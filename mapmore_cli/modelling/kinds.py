@@ -23,8 +23,7 @@ from mapmore_cli.domain.models import CurveRange, Equation, Model, Sum
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.expressions import ExpressionError
 
-MODEL_UNITS: Mapping[str, float] = {}
-"""Quantities in the units of the model."""
+MODEL_UNITS: Mapping[str, float] = {}  # quantities in the units of the model
 
 
 @dataclass(frozen=True)

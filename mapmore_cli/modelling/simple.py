@@ -14,17 +14,10 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Curve, Dataset
 
-DEGREES = {"plane": 1, "quadratic": 2, "cubic": 3}
-"""Total degree of each polynomial, every monomial up to it included."""
-
-ORDERS = (1, 2, 4, 8)
-"""Samples that an ARX looks back; the free run on training data chooses."""
-
-MOST_ROWS = 50_000
-"""Training rows that a fit takes, an even share."""
-
-LARGEST = 1e3
-"""Times the largest measured output, from which a free run has diverged."""
+DEGREES = {"plane": 1, "quadratic": 2, "cubic": 3}  # total degree of each polynomial, every monomial up to it included
+ORDERS = (1, 2, 4, 8)  # samples that an ARX looks back; the free run on training data chooses
+MOST_ROWS = 50_000  # training rows that a fit takes, an even share
+LARGEST = 1e3  # times the largest measured output, from which a free run has diverged
 
 
 def polynomial(degree: int, dataset: Dataset, names: Sequence[str]) -> list[Array] | None:

@@ -1,7 +1,5 @@
 """A spec that leaves the backbone to the program."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

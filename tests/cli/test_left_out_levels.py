@@ -1,7 +1,5 @@
 """Cross-validation over the levels: every level is predicted as a run that holds it out predicts it."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

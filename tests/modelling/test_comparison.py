@@ -1,7 +1,5 @@
 """Two models of one muscle: what changed, with the curve as the unit of every statement."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -71,7 +69,6 @@ class TestResolution:
 
 
 class TestMean:
-    @settings(deadline=None)
     @given(arrays(float, st.integers(2, 9), elements=st.floats(-10, 10).map(lambda v: round(v, 3))))
     def test_equal_weights_give_students_interval_and_test(self, x):
         found = weighted_mean(x, np.full(len(x), 3.0), 0.95)
@@ -85,7 +82,7 @@ class TestMean:
         assert weighted_mean(np.array([1.2]), np.ones(1), 0.95).interval == (-math.inf, math.inf)
 
     @given(arrays(float, st.integers(6, 10), elements=st.floats(-5, 5).map(lambda v: round(v, 3))))
-    @settings(deadline=None, max_examples=25)
+    @settings(max_examples=25)
     def test_permutation_of_signs_as_scipy_has_it(self, x):
         expected = stats.permutation_test((x,), np.sum, permutation_type="samples", n_resamples=np.inf, alternative="two-sided").pvalue
         assert sign_permutation(x) == pytest.approx(expected, abs=2 / 2 ** len(x))

@@ -1,7 +1,5 @@
 """The inverse finds every solution that a brute-force scan finds; derivatives agree with differences."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from agreement import edges_of, points

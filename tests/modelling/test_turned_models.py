@@ -1,7 +1,5 @@
 """A model of the strain as one of the force: it is inverted, and what no force makes has the force at the end of the range."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -36,7 +34,7 @@ def taut(n=60, noise=0.0, seed=0):
 MODEL = build("strain", taut(), recipe(**OF_STRAIN), QUANTITIES)
 
 
-@settings(deadline=None, max_examples=10)
+@settings(max_examples=10)
 @given(st.lists(st.tuples(st.floats(80, 350), st.floats(0.02, 0.98)), min_size=1, max_size=8))
 def test_the_force_gives_the_strain_back(places):
     pressure, share = np.array(places).T

@@ -18,20 +18,14 @@ from mapmore_cli.modelling.frols.moments import Blocks, checked, gram, row_block
 from mapmore_cli.modelling.frols.select import TIE_TOLERANCE, DigitsLost, Remainders, Stopping, selected
 from mapmore_cli.modelling.frols.textbook import RANK_TOLERANCE
 
-PIVOT_TOLERANCE = 1e-6
-"""A downdated `q'q` below this fraction of `p'p` has lost too many digits (anything of 1e-4..1e-10 would serve)."""
-
-RESIDUAL_TOLERANCE = 1e-9
-"""A downdated residual sum of squares below this fraction of its last explicit value has lost too many digits."""
+PIVOT_TOLERANCE = 1e-6  # a downdated `q'q` below this fraction of `p'p` has lost too many digits (anything of 1e-4..1e-10 would serve)
+RESIDUAL_TOLERANCE = 1e-9  # a downdated residual sum of squares below this fraction of its last explicit value has lost too many digits
 
 ROUNDING = 8 * float(np.finfo(np.float64).eps)
 """Error of a product `p'y`, as a fraction of `|p| |y|`; sums over blocks keep it there whatever n is."""
 
-LEAST_DIGITS = 1e-6
-"""Relative accuracy that an ERR must have to be reported."""
-
-BALANCE = 1e-12
-"""How far the sum of ERR may be from what the residual says."""
+LEAST_DIGITS = 1e-6  # relative accuracy that an ERR must have to be reported
+BALANCE = 1e-12  # how far the sum of ERR may be from what the residual says
 
 
 class GramRemainders(Remainders):
@@ -99,14 +93,9 @@ class GramRemainders(Remainders):
             raise DigitsLost
 
 
-SMALL = 2**16
-"""Number of values up to which a dictionary counts as small: there digits come before speed."""
-
-LOST, LOST_OF_SMALL = 1e-6, 1e-2
-"""A candidate gets an explicit remainder when its downdated `q'q` has fallen to this fraction of `p'p`."""
-
-RENEWED = 1e-2
-"""The products `y'q` are computed afresh when the residual sum of squares has fallen by this factor since they last were."""
+SMALL = 2**16  # number of values up to which a dictionary counts as small: there digits come before speed
+LOST, LOST_OF_SMALL = 1e-6, 1e-2  # a candidate gets an explicit remainder when its downdated `q'q` has fallen to this fraction of `p'p`
+RENEWED = 1e-2  # the products `y'q` are computed afresh when the residual sum of squares has fallen by this factor since they last were
 
 
 class BasisRemainders(Remainders):

@@ -16,11 +16,8 @@ from mapmore_cli.domain.errors import DataError
 Blocks = Callable[[], Iterable[tuple[Array, Array]]]
 """Starts a pass over the rows: yields `P (b, M)` and `y (b,)` of one block after the other."""
 
-BLOCK = 4096
-"""Rows at a time: a block of a common dictionary stays in the processor's cache between its products."""
-
-SMALLEST, LARGEST = 1e-140, 1e140
-"""Sums of squares between these can be multiplied with each other without overflow or loss by underflow."""
+BLOCK = 4096  # rows at a time: a block of a common dictionary stays in the processor's cache between its products
+SMALLEST, LARGEST = 1e-140, 1e140  # sums of squares between these can be multiplied with each other without overflow or loss by underflow
 
 
 def row_blocks(P: Array, y: Array) -> Blocks:
@@ -53,12 +50,7 @@ def checked(blocks: Blocks) -> Blocks:
 
 def scaled(blocks: Blocks, scale: Array) -> Blocks:
     """Return the blocks with each column of `Z` divided by its `scale`, (M+1,)."""
-
-    def divided() -> Iterator[tuple[Array, Array]]:
-        for P, y in blocks():
-            yield P / scale[:-1], y / scale[-1]
-
-    return blocks if (scale == 1.0).all() else divided
+    return blocks if (scale == 1.0).all() else standardised(blocks, Standard(np.zeros(len(scale)), scale))
 
 
 def safe_scale(squares: Array, blocks: Blocks) -> Array:
@@ -129,8 +121,7 @@ def _sum_of_products(blocks: Blocks) -> tuple[Array, int]:
     return total, samples
 
 
-CONSTANT = 1e-12
-"""A column that spreads less than this fraction of its magnitude is constant."""
+CONSTANT = 1e-12  # a column that spreads less than this fraction of its magnitude is constant
 
 
 @dataclass(frozen=True)

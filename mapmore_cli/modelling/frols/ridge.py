@@ -19,8 +19,7 @@ from mapmore_cli.modelling.frols.engine import frols
 from mapmore_cli.modelling.frols.moments import Blocks, Moments
 from mapmore_cli.modelling.frols.select import FULL_LEVERAGE
 
-LEAST_RIDGE = 1e-9
-"""A smaller ridge, but for zero, would drown in the rounding of G."""
+LEAST_RIDGE = 1e-9  # a smaller ridge, but for zero, would drown in the rounding of G
 
 
 @dataclass(frozen=True)
@@ -121,8 +120,7 @@ def substitutes(data: Regularised, chosen: IntArray) -> tuple[IntArray, Array]:
     return best, share
 
 
-RIDGES = (1e-5, 1e-4, 5e-4, 2e-3, 1e-2, 5e-2)
-"""Candidates, as fractions of a standardised candidate's own variance."""
+RIDGES = (1e-5, 1e-4, 5e-4, 2e-3, 1e-2, 5e-2)  # candidates, as fractions of a standardised candidate's own variance
 
 
 def choose_ridge(total: Moments, blocks: Sequence[Moments], forward: int, max_terms: int) -> float:

@@ -11,14 +11,9 @@ from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.fits import Selection
 from mapmore_cli.modelling.frols.moments import Blocks, scaled
 
-TIE_TOLERANCE = 1e-9
-"""Candidates whose ERR lies within this fraction of the best are tied; the lower dictionary index wins."""
-
-NO_GAIN = 1e-28
-"""The square of rounding error: a smaller ERR explains nothing, and a smaller residual leaves nothing to explain."""
-
-CRITERIA = ("tolerance", "bic", "aicc", "press")
-"""Rules for the number of terms."""
+TIE_TOLERANCE = 1e-9  # candidates whose ERR lies within this fraction of the best are tied; the lower dictionary index wins
+NO_GAIN = 1e-28  # the square of rounding error: a smaller ERR explains nothing, and a smaller residual leaves nothing to explain
+CRITERIA = ("tolerance", "bic", "aicc", "press")  # rules for the number of terms
 
 
 @dataclass(frozen=True)
@@ -124,8 +119,7 @@ def _best(err: Array) -> IntArray:
     return np.flatnonzero(err >= np.nanmax(err) * (1 - TIE_TOLERANCE))
 
 
-ROUNDING = 1e-30
-"""Floor of the unexplained fraction: below it the residual is rounding error, and more terms explain nothing."""
+ROUNDING = 1e-30  # floor of the unexplained fraction: below it the residual is rounding error, and more terms explain nothing
 
 
 def information_criterion(name: str, unexplained: Array, n: int) -> Array:
@@ -149,8 +143,7 @@ def fewest(values: Array) -> int:
     return int(np.argmin(values)) + 1
 
 
-FULL_LEVERAGE = 1e-8
-"""A sample with `1 - h` below this alone decides a coefficient; its error when left out is unknown."""
+FULL_LEVERAGE = 1e-8  # a sample with `1 - h` below this alone decides a coefficient; its error when left out is unknown
 
 
 def press(blocks: Blocks, chosen: IntArray, factor: Array, projections: Array) -> Array:

@@ -6,8 +6,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 
-RANK_TOLERANCE = 1e-24
-"""A regressor counts as dependent when `q'q <= RANK_TOLERANCE p'p`: what remains is then rounding error."""
+RANK_TOLERANCE = 1e-24  # a regressor counts as dependent when `q'q <= RANK_TOLERANCE p'p`: what remains is then rounding error
 
 
 def textbook(P: Array, y: Array, max_terms: int, tolerance: float = 0.0) -> tuple[list[int], Array, Array, Array, Array]:

@@ -23,17 +23,10 @@ from mapmore_cli.modelling.pieces import cross_validation
 from mapmore_cli.modelling.pieces.cross_validation import LeftOut, Progress, inner_folds, inner_levels, leave_out, outer_folds
 from mapmore_cli.modelling.pieces.recipe import Recipe
 
-FEW, FEWEST_FOLDS = "sarosi_hinged", 2
-"""The formula that is taken where there are fewer folds than the fewest that choose."""
-
-MARGIN = 0.02
-"""Of the least error, within which the formula with fewer parameters is taken. Wider margins lost on measured muscles."""
-
-SAMPLES = 300
-"""Of every curve that the choice is made on, an even share in the order of the curve."""
-
-TOLD = 4
-"""Candidates that are told with their errors."""
+FEW, FEWEST_FOLDS = "sarosi_hinged", 2  # the formula that is taken where there are fewer folds than the fewest that choose
+MARGIN = 0.02  # of the least error, within which the formula with fewer parameters is taken. Wider margins lost on measured muscles
+SAMPLES = 300  # of every curve that the choice is made on, an even share in the order of the curve
+TOLD = 4  # candidates that are told with their errors
 
 
 @dataclass(frozen=True)

@@ -26,11 +26,8 @@ from mapmore_cli.modelling.pieces.levels import threshold
 from mapmore_cli.modelling.pieces.recipe import Recipe
 from mapmore_cli.modelling.pieces.segmentation import samples_of, segment_curve, training_curves
 
-END_FRACTION = 0.05
-"""Share of the segment whose mean stands for an end of the trend, so that the anchor does not hang on one noisy sample."""
-
-EVERY_CORNER_UP_TO = 3
-"""Variables for which all `2^v` corners are tried as origins; beyond, only all-left and all-right."""
+END_FRACTION = 0.05  # share of the segment whose mean stands for an end of the trend, so that the anchor does not hang on one noisy sample
+EVERY_CORNER_UP_TO = 3  # variables for which all `2^v` corners are tried as origins; beyond, only all-left and all-right
 
 
 def placements(rule: str, X: Array, y: Array, variables: Sequence[str]) -> tuple[Scaling, ...]:

@@ -23,8 +23,7 @@ from mapmore_cli.modelling.pieces.build import build, multiplied, names_in
 from mapmore_cli.modelling.pieces.model import simulate
 from mapmore_cli.modelling.pieces.recipe import Cut, Cuts, Recipe
 
-BLOCKS = 5
-"""Contiguous blocks of a curve or a surface where there are too few levels to leave one out; the inner ones are left out in turn."""
+BLOCKS = 5  # contiguous blocks of a curve or a surface where there are too few levels to leave one out; the inner ones are left out in turn
 
 BACKBONE, RESIDUAL, SHRUNKEN = "backbone", "backbone + residual", "backbone + shrunken residual"
 

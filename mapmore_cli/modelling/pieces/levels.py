@@ -32,50 +32,46 @@ def across_levels(
     lets the weight drop to zero (M2 figure 7d). `curve_at` writes a curve, given the numbers of two levels, of the curve, and t.
     """
     last = len(levels) - 1
-    alone = [partial(curve_at, i, i, i, ZERO) for i in range(last + 1)]
-    below, above = (_beyond_levels(m, level, levels, end, side, fusion, curve_at) for end, side in ((0, sides[0]), (last, sides[1])))
-    if last == 0:
-        return m.choose("across", [(level < levels[0], below), (level > levels[0], above)], alone[0])
-    cases: list[tuple[Condition, Callable[[], Expression]]] = [(level < levels[0], below)]
-    cases += [(Condition(level, "==", Number(at)), own) for at, own in zip(levels, alone, strict=True)]
-    for i in range(last):
-        within = level < levels[i + 1] if i + 1 < last else level <= levels[last]
-        cases.append((within, partial(_between_levels, m, level, levels, i, fusion, curve_at)))
-    return m.choose("across", cases, above)
 
+    def alone(i: int) -> Expression:
+        return curve_at(i, i, i, ZERO)
 
-def _between_levels(m: Writer, level: Expression, levels: Sequence[float], i: int, fusion: Fusion, curve_at: CurveAt) -> Expression:
-    width = levels[i + 1] - levels[i]
-    t = m.let("t", (level - levels[i]) / width)
-    numbers = _counting(levels, i, fusion)
-    f = {number: curve_at(i, i + 1, number, t) for number in numbers}
-    if fusion.levels == "linear":
-        y = (1 - t) * f[i] + t * f[i + 1]
-    else:
-        left, right = (m.let("slope", _slope(m, levels, f, number) * width) for number in (i, i + 1))
-        rest = m.let("rest", 1 - t)
-        y = f[i] * (1 + 2 * t) * rest**2 + left * t * rest**2 + f[i + 1] * t**2 * (3 - 2 * t) - right * t**2 * rest
-    if fusion.shrink == 1.0:
-        return y
-    return m.let("between", y) * (fusion.shrink + (1 - fusion.shrink) * (1 - 2 * t) ** 2)
+    def counting(i: int) -> range:  # between levels i and i + 1: with `pchip`, slopes there depend on the curves beside them
+        reach = 0 if fusion.levels == "linear" else 1
+        return range(max(i - reach, 0), min(i + 1 + reach, last) + 1)
 
+    def between(i: int) -> Expression:
+        width = levels[i + 1] - levels[i]
+        t = m.let("t", (level - levels[i]) / width)
+        f = {number: curve_at(i, i + 1, number, t) for number in counting(i)}
+        if fusion.levels == "linear":
+            y = (1 - t) * f[i] + t * f[i + 1]
+        else:
+            left, right = (m.let("slope", _slope(m, levels, f, number) * width) for number in (i, i + 1))
+            rest = m.let("rest", 1 - t)
+            y = f[i] * (1 + 2 * t) * rest**2 + left * t * rest**2 + f[i + 1] * t**2 * (3 - 2 * t) - right * t**2 * rest
+        if fusion.shrink == 1.0:
+            return y
+        return m.let("between", y) * (fusion.shrink + (1 - fusion.shrink) * (1 - 2 * t) ** 2)
 
-def _beyond_levels(
-    m: Writer, level: Expression, levels: Sequence[float], end: int, side: Side, fusion: Fusion, curve_at: CurveAt
-) -> Callable[[], Expression]:
-    def straight() -> Expression:
-        f = {number: curve_at(end, end, number, ZERO) for number in _counting(levels, min(end, len(levels) - 2), fusion)}
+    def straight(end: int) -> Expression:
+        f = {number: curve_at(end, end, number, ZERO) for number in counting(min(end, last - 1))}
         return f[end] + _slope(m, levels, f, end) * (level - levels[end])
 
-    if side == "zero":
-        return lambda: ZERO
-    return straight if side == "continue_linear" and len(levels) > 1 else partial(curve_at, end, end, end, ZERO)
+    def beyond(end: int, side: Side) -> Callable[[], Expression]:
+        if side == "zero":
+            return lambda: ZERO
+        return partial(straight if side == "continue_linear" and last > 0 else alone, end)
 
-
-def _counting(levels: Sequence[float], i: int, fusion: Fusion) -> range:
-    """Return the curves that the interpolant between levels i and i + 1 depends on: with `pchip`, those of its slopes there too."""
-    reach = 0 if fusion.levels == "linear" else 1
-    return range(max(i - reach, 0), min(i + 1 + reach, len(levels) - 1) + 1)
+    below, above = beyond(0, sides[0]), beyond(last, sides[1])
+    if last == 0:
+        return m.choose("across", [(level < levels[0], below), (level > levels[0], above)], partial(alone, 0))
+    cases: list[tuple[Condition, Callable[[], Expression]]] = [(level < levels[0], below)]
+    cases += [(Condition(level, "==", Number(at)), partial(alone, i)) for i, at in enumerate(levels)]
+    for i in range(last):
+        within = level < levels[i + 1] if i + 1 < last else level <= levels[last]
+        cases.append((within, partial(between, i)))
+    return m.choose("across", cases, above)
 
 
 def _slope(m: Writer, levels: Sequence[float], f: Mapping[int, Expression], number: int) -> Expression:
@@ -146,11 +142,8 @@ def aligned(m: Writer, x: Expression, t: Expression, left: Marks, right: Marks, 
     return m.where(x < middle, partial(along, own[1] - own[0], middle - low), partial(along, own[2] - own[1], high - middle))
 
 
-FLAT, LOW = 0.25, 0.2
-"""A foot is less steep than this share of the flank, and rises by less than this share of the curve's span."""
-
-WINDOW = 0.05
-"""Of the curve's range: what the threshold is looked for on is smoothed that much."""
+FLAT, LOW = 0.25, 0.2  # a foot is less steep than this share of the flank, and rises by less than this share of the curve's span
+WINDOW = 0.05  # of the curve's range: what the threshold is looked for on is smoothed that much
 
 
 def threshold(x: Array, y: Array) -> float:

@@ -16,14 +16,9 @@ from mapmore_cli.domain.recording import DIRECTION, Curve, united
 from mapmore_cli.modelling.pieces.recipe import Cut, CutByDirection, Cuts
 from mapmore_cli.modelling.signals.rates import STEPS, running_median
 
-DEFAULT_WINDOW = 0.1
-"""Of the curve's range."""
-
-ROUNDING = 1e-9
-"""Of the separation: two grid points exactly so far apart are far enough, whatever the unit."""
-
-FEWEST_SAMPLES = 5
-"""In a segment: where a curve has a gap its course is made up, and a bend there must not become a segment of its own."""
+DEFAULT_WINDOW = 0.1  # of the curve's range
+ROUNDING = 1e-9  # of the separation: two grid points exactly so far apart are far enough, whatever the unit
+FEWEST_SAMPLES = 5  # in a segment: where a curve has a gap its course is made up, and a bend there must not become a segment of its own
 
 
 def gradient_boundaries(x: Array, y: Array, cut: Cuts) -> Array:

@@ -21,8 +21,7 @@ from mapmore_cli.domain.models import LeftOut
 from mapmore_cli.domain.results import Candidate, Picture, Until
 from mapmore_cli.modelling.validation.intervals import INTERVAL, NORMAL, half_widths
 
-POWER = 0.75
-"""How a model's error between two levels grows with their distance."""
+POWER = 0.75  # how a model's error between two levels grows with their distance
 
 ON_A_LINE = 241
 

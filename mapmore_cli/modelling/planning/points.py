@@ -23,8 +23,7 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.results import Candidate, Picture, Until
 from mapmore_cli.modelling.validation.intervals import NORMAL
 
-SHORTEST, LONGEST = 0.1, 5.0
-"""Bounds of the lengths, of inputs in the unit square: few points say nothing of shorter ones."""
+SHORTEST, LONGEST = 0.1, 5.0  # bounds of the lengths, of inputs in the unit square: few points say nothing of shorter ones
 
 SIZE, NOISE = (0.3, 3.0), (1e-3, 0.5)
 """Bounds of the deviation of the process and of the noise, as parts of the root mean square of the values."""
@@ -83,14 +82,9 @@ def fitted(x: Array, y: Array) -> GaussianProcess:
     return made(minimize(cost, start, method="L-BFGS-B", bounds=bounds).x)
 
 
-SLACK, LITTLE = 0.15, 0.02
-"""Weight of points where less than this part of the largest |target| is expected."""
-
-MOST_MEASURED = 150
-"""Points that the processes are fitted to: spread over the samples, so that a curve of thousands counts by its course."""
-
-MOST_POINTS = 100
-"""Points up to which a forecast goes."""
+SLACK, LITTLE = 0.15, 0.02  # weight of points where less than this part of the largest |target| is expected
+MOST_MEASURED = 150  # points that the processes are fitted to: spread over the samples, so that a curve of thousands counts by its course
+MOST_POINTS = 100  # points up to which a forecast goes
 
 
 @dataclass(frozen=True)

@@ -64,8 +64,7 @@ def slopes(model: Model, columns: Columns) -> dict[str, Array]:
 Slopes = tuple[Expression, ...]
 """Derivatives by each direction."""
 
-FUNCTION = "{}_slopes"
-"""Name of a function that returns its value and its derivatives."""
+FUNCTION = "{}_slopes"  # name of a function that returns its value and its derivatives
 
 
 def with_slopes(model: Program) -> Program:

@@ -12,8 +12,7 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.expressions import Expression, Name
 from mapmore_cli.modelling.expressions.syntax import Condition
 
-NOTHING = Name("not_a_number")
-"""NaN: no value."""
+NOTHING = Name("not_a_number")  # NaN: no value
 
 
 @dataclass(frozen=True)

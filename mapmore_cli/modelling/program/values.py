@@ -17,8 +17,7 @@ from mapmore_cli.modelling.expressions.syntax import Condition, Name, Number
 from mapmore_cli.modelling.program.statements import Block, Choose, Function, Let, Program, Statement, Use
 from mapmore_cli.modelling.program.writing import names_in
 
-INPUT = "x_"
-"""How the names of inputs begin in a program, so that no other name equals them."""
+INPUT = "x_"  # how the names of inputs begin in a program, so that no other name equals them
 
 COMPARISONS: Mapping[str, Callable[[Value, Value], BoolArray]] = {
     "<": operator.lt,

@@ -22,17 +22,10 @@ from mapmore_cli.modelling.validation.significance import sign_permutation, weig
 CONFIDENCE, EQUIVALENCE = 0.95, 0.90
 """Level of the interval, and of that which has to lie within the margin: two one-sided tests of 5 % each."""
 
-CHANGED, SAME, UNCLEAR = "changed", "same", "cannot tell"
-"""Answers of a comparison."""
-
-MARGIN = 0.01
-"""Relative change of force that is of no interest: repeats of one measurement differ by about as much."""
-
-GRID, COARSE_GRID = 41, 11
-"""Points along the input that varies within a curve; along each of them where there are several."""
-
-SAME_LEVEL = 0.05
-"""Share of the distance to the next level within which two levels are the same."""
+CHANGED, SAME, UNCLEAR = "changed", "same", "cannot tell"  # answers of a comparison
+MARGIN = 0.01  # relative change of force that is of no interest: repeats of one measurement differ by about as much
+GRID, COARSE_GRID = 41, 11  # points along the input that varies within a curve; along each of them where there are several
+SAME_LEVEL = 0.05  # share of the distance to the next level within which two levels are the same
 
 FEWEST_CURVES, MOST_POINTS = 2, 6
 

@@ -33,23 +33,15 @@ from mapmore_cli.domain.errors import DataError, FitError, UsageError
 from mapmore_cli.domain.models import LeftOut, LeftOutKind, Model
 from mapmore_cli.modelling.kinds import outside_range, predict
 
-INTERVAL = 0.95
-"""The level of the intervals of scores and figures."""
-
-SHARES = np.linspace(0.0, 1.0, 101)
-"""Of a part's samples: where the quantiles of its residuals are kept."""
+INTERVAL = 0.95  # the level of the intervals of scores and figures
+SHARES = np.linspace(0.0, 1.0, 101)  # of a part's samples: where the quantiles of its residuals are kept
 
 FEW: Mapping[int, float] = {3: 5.06, 4: 4.03, 5: 3.23}
 """c_K by the number of levels, of all families: `python docs/interval_tables.py`; six levels take that of five."""
 
-LEAST = 1e-3
-"""Errors count as no smaller than this share of the largest |target|."""
-
-NORMAL = 1.959964
-"""The quantile of the normal distribution that the constants of `FEW` are for."""
-
-AT_LEVEL = 0.02
-"""A sample nearer to a level than this share of the gap is at the level."""
+LEAST = 1e-3  # errors count as no smaller than this share of the largest |target|
+NORMAL = 1.959964  # the quantile of the normal distribution that the constants of `FEW` are for
+AT_LEVEL = 0.02  # a sample nearer to a level than this share of the gap is at the level
 
 ASTRAY = 0.25
 """Left-out predictions further beyond the training data than this share of their range: the model is not to be trusted between levels."""

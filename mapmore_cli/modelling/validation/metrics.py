@@ -39,8 +39,7 @@ def extent(y: Array, quantity: str, split: str) -> Normaliser:
     return Normaliser(f"range of {quantity} over {split}", float(np.ptp(y)))
 
 
-NORMALISERS = {"max": max_abs, "range": extent}
-"""By the names that specs have for them."""
+NORMALISERS = {"max": max_abs, "range": extent}  # by the names that specs have for them
 
 
 def score(model: str, target: str, split: str, curve: str, measured: Array, found: Forecast, scale: Normaliser) -> Score:
@@ -145,8 +144,7 @@ def _rmse(error: Array) -> float:
     return float(np.sqrt(np.mean(known**2))) if len(known) else math.nan
 
 
-SPLITS = (("train", False), ("validate", True))
-"""Names of the splits, and whether their samples are held out."""
+SPLITS = (("train", False), ("validate", True))  # names of the splits, and whether their samples are held out
 
 
 class _Samples(NamedTuple):

@@ -18,8 +18,7 @@ from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.signals.cycles import SWING, bin_means, cycle_starts, turning_points
 
-BINS = 200
-"""Over the range of a curve: the samples of a branch are averaged in each, so that a dwell counts no more than a passage."""
+BINS = 200  # over the range of a curve: the samples of a branch are averaged in each, so that a dwell counts no more than a passage
 
 
 @dataclass(frozen=True)
@@ -92,8 +91,7 @@ def _branches(curve: Curve, x: Array, y: Array, held: Sequence[str], edges: Arra
                 yield _Branch(logs[name], (direction, *at), members, (places, means["y"]))
 
 
-SAME_COURSE = 0.05
-"""Root mean square difference of two cycles' courses, as a part of the range, up to which one repeats the other in time."""
+SAME_COURSE = 0.05  # root mean square difference of two cycles' courses, as a part of the range, up to which one repeats the other in time
 
 
 def repeated_cycles(curves: Sequence[Curve], target: str, driven: str, logs: Mapping[str, str]) -> tuple[Array, ...] | None:
@@ -154,8 +152,7 @@ def _on_strokes(x: Array, x_last: Array, y_last: Array) -> Array:
     return values
 
 
-WORTH = 0.02
-"""Of the largest target, from which a floor is worth a word."""
+WORTH = 0.02  # of the largest target, from which a floor is worth a word
 
 
 def floors(x: Sequence[Array], y: Sequence[Array]) -> list[float]:
@@ -195,14 +192,9 @@ def _between_extremes(means: Array, _counts: IntArray) -> Array:
     return np.asarray(0.5 * (np.maximum.accumulate(means) + np.minimum.accumulate(means[::-1])[::-1]))
 
 
-PLACES = 20
-"""Parts of a stroke at which cycles are compared."""
-
-WHOLE = 0.25
-"""Of the usual number of samples: a cycle with fewer is a remainder, and left out."""
-
-PARTS = ("drift", "change", "shape", "rest")
-"""What errors are parted in."""
+PLACES = 20  # parts of a stroke at which cycles are compared
+WHOLE = 0.25  # of the usual number of samples: a cycle with fewer is a remainder, and left out
+PARTS = ("drift", "change", "shape", "rest")  # what errors are parted in
 
 
 @dataclass(frozen=True)

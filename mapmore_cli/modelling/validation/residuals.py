@@ -19,11 +19,8 @@ from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import outside_range
 from mapmore_cli.modelling.validation.intervals import NORMAL
 
-LAGS = 25
-"""Longest lag, samples; less where records are short."""
-
-PARTS = 10
-"""Parts of the range of an input, each with as many samples, in which the mean residual is told."""
+LAGS = 25  # longest lag, samples; less where records are short
+PARTS = 10  # parts of the range of an input, each with as many samples, in which the mean residual is told
 
 
 @dataclass(frozen=True)
@@ -127,11 +124,8 @@ def means_over(residuals: Array, x: Array) -> PartMeans:
     return PartMeans(places, values, NORMAL * float(e.std()) / np.sqrt([len(part) for part in parts]))
 
 
-SAME = 1e-9
-"""Relative difference of two predictions, below which they say the same."""
-
-MOSTLY = 0.5
-"""Share of the held-out samples outside of the training range, above which scores are of extrapolation."""
+SAME = 1e-9  # relative difference of two predictions, below which they say the same
+MOSTLY = 0.5  # share of the held-out samples outside of the training range, above which scores are of extrapolation
 
 ROWS = {"train": "training data", "validate": "held-out data"}
 

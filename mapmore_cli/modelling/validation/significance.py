@@ -15,8 +15,7 @@ from mapmore_cli.domain.arrays import Array
 LEAST_FOR_PERMUTATION, MOST_FOR_PERMUTATION = 6, 14
 """With fewer numbers, no combination of signs is rarer than 1 in 20; with more, not all combinations are tried."""
 
-ROUNDING = 1e-9
-"""What lies at the bound to this part of it is within: the order in which folds are added up decides nothing."""
+ROUNDING = 1e-9  # what lies at the bound to this part of it is within: the order in which folds are added up decides nothing
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,5 @@
 """FROLS against a textbook implementation written independently, and against every case in which known packages fail."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

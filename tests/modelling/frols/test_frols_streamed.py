@@ -30,7 +30,7 @@ def powers(n, M, noise=0.1):
     return P, np.sin(5 * x) + 2 + noise * rng.normal(size=n)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(lengths=st.lists(st.integers(0, 6_000), max_size=6), M=st.integers(1, 8), stop=st.sampled_from(["tolerance", "bic", "press"]))
 def test_any_cut_into_blocks_gives_what_the_whole_gives(lengths, M, stop):
     P, y = powers(sum(lengths) + 50, M)

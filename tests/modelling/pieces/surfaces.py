@@ -1,7 +1,5 @@
 """Curves of an imagined muscle for the tests of the method."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Thresholds, and curves that are interpolated between places that correspond."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 
@@ -82,7 +80,6 @@ def aligned(x, here, own):
     return evaluator(m.program(["x"], between.aligned(m, Name("x_x"), Number(0.0), tuple(here), tuple(here), tuple(own))))({"x": x})[0]
 
 
-@settings(deadline=None)
 @given(marks, marks)
 def test_ends_and_thresholds_correspond_and_order_is_kept(here, own):
     np.testing.assert_allclose(aligned(here, here, own), own, rtol=1e-9, atol=1e-6)
@@ -93,7 +90,6 @@ def test_ends_and_thresholds_correspond_and_order_is_kept(here, own):
     assert places.max() <= own[2] + 1e-6
 
 
-@settings(deadline=None)
 @given(marks)
 def test_a_curve_is_looked_up_at_its_own_places_at_its_level(own):
     x = np.linspace(own[0] - 1, own[2] + 1, 50)
@@ -130,7 +126,7 @@ def slack_model(levels, align):
     return build("slack", slack_curves(), recipe(**SLACK, levels=levels, align=align), QUANTITIES)
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(st.sampled_from(["linear", "pchip"]), st.sampled_from(["none", "threshold"]), st.floats(60, 590))
 def test_continuous_across_levels(levels, align, pressure):
     model = slack_model(levels, align)

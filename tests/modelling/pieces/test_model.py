@@ -1,7 +1,5 @@
 """The fused model: continuity, extrapolation, invariance."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -49,7 +47,7 @@ def test_an_offset_changes_neither_the_terms_nor_the_curve(far):
     np.testing.assert_allclose(predict(two, at(150, far + strain)) - far, predict(one, at(150, strain)), rtol=0, atol=4e-16 * far + 1e-8)
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(seeds, st.floats(1e-3, 1e3), st.floats(1e-3, 1e3), st.integers(1, 3))
 def test_positive_units_change_neither_selection_nor_scaled_theta(seed, a, b, k):
     plain = built(curves(seed=seed), max_terms=k)
@@ -67,7 +65,7 @@ def test_positive_units_change_neither_selection_nor_scaled_theta(seed, a, b, k)
     np.testing.assert_allclose(predict(other, at(200, a * x)), b * predict(plain, at(200, x)), rtol=1e-6, atol=1e-6 * b)
 
 
-@settings(deadline=None, max_examples=12)
+@settings(max_examples=12)
 @given(seeds)
 def test_the_order_of_rows_does_not_matter(seed):
     rng = np.random.default_rng(seed)

@@ -1,10 +1,8 @@
 """Models of motion: segments by direction and pressure, sums, damping as what a static model leaves."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from surfaces import recipe as settings_of
 
@@ -47,7 +45,6 @@ def constant_pieces() -> Model:
     return build("ones", [curve(p) for p in (80.0, 150.0, 350.0)], recipe("pressure", ("1",)), QUANTITIES)
 
 
-@settings(deadline=None)
 @given(st.lists(st.tuples(st.floats(-50, 600), st.sampled_from([-1.0, 1.0])), min_size=1, max_size=30))
 def test_weights_of_direction_and_pressure_sum_to_one(points: list[tuple[float, float]]) -> None:
     pressure, way = (np.array(values) for values in zip(*points, strict=True))

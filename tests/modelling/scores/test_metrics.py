@@ -1,7 +1,5 @@
 """Metrics, their parts and bands."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 
@@ -92,7 +90,7 @@ def test_a_planted_part_is_found(name, error):
         assert max(others) < 0.35 * one.rms[name]
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 3))
 def test_squares_add_up_over_gaps_and_empty_predictions(seed, pieces):
     rng = np.random.default_rng(seed)

@@ -1,6 +1,4 @@
-"""Repeatability: each sample against the mean of the other recordings at its level, coordinate and direction."""
-
-from __future__ import annotations
+"""Repeatability: each sample against other recordings at its level, coordinate and direction, or against the last training cycle."""
 
 from dataclasses import replace
 
@@ -10,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.recording import Curve
-from mapmore_cli.modelling.validation.repeatability import WORTH, floors, monotone_floor, repeats, rising
+from mapmore_cli.modelling.signals.cycles import last_cycles
+from mapmore_cli.modelling.validation.repeatability import WORTH, floors, monotone_floor, repeated_cycles, repeats, rising
 
 UP_AND_DOWN = np.concatenate([np.linspace(50, 600, 400), np.linspace(600, 50, 400)])
 
@@ -44,7 +43,6 @@ def errors(one: Curve) -> np.ndarray:
     return (found[0] - one.columns["force"]).reshape(len(one.recordings), -1)
 
 
-@settings(deadline=None)
 @given(st.lists(st.floats(-50, 50), min_size=2, max_size=5), st.floats(0, 30))
 def test_a_repeat_is_held_against_the_mean_of_the_others_on_its_own_branch(offsets: list[float], hysteresis: float) -> None:
     found = errors(curve({f"r{i}": offset for i, offset in enumerate(offsets)}, hysteresis=hysteresis))
@@ -113,7 +111,6 @@ def test_recordings_at_the_same_value_of_a_held_input_repeat_each_other() -> Non
     assert np.nanmax(np.abs(found[0] - one.columns["force"])) == pytest.approx(1.0)
 
 
-@settings(deadline=None)
 @given(st.integers(1, 4), st.floats(0, 0.04), st.integers(0, 10**6))
 def test_direction_is_known_through_noise(cycles: int, noise: float, seed: int) -> None:
     clean = np.tile(UP_AND_DOWN, cycles)
@@ -130,7 +127,7 @@ def test_a_record_that_never_turns_rises() -> None:
     assert rising(np.ones(4)).all()
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(samples=st.lists(st.tuples(st.integers(0, 9), st.floats(-100, 100)), min_size=1, max_size=30), falls=st.booleans())
 def test_floors_are_told_where_one_is_worth_a_word(samples: list[tuple[int, float]], *, falls: bool) -> None:
     """What lies near some monotone curve is known to have no floor worth a word without the nearest one."""
@@ -146,3 +143,94 @@ def test_a_loop_has_its_floor_told() -> None:
     x = np.tile(np.arange(10.0), 2)
     loop = np.where(np.arange(20) < 10, 5.0, -5.0) + 10 * x
     assert floors([x, x], [loop, 10 * x]) == pytest.approx([5.0 / 95.0, 0.0], abs=1e-9)
+
+
+ONE = np.interp(np.arange(80), [0, 10, 40, 80], [0, 0, 100, 0])
+BEGIN = 11
+"""The row of a cycle from which it counts: the last that is within 5 % of the rest."""
+
+
+def record(cycles, drift=0.0, cuts=(), name="a"):
+    """Pieces of a record in which each cycle lies `drift` above the one before; the later half of the cycles is held out."""
+    pressure = np.tile(ONE, cycles)
+    motion = 2 * pressure + drift * ((np.arange(len(pressure)) - BEGIN) // len(ONE))
+    columns = {"pressure": pressure, "displacement": motion}
+    parts = np.split(np.arange(len(pressure)), cuts)
+    held = last_cycles(pressure, 0.5)
+    names = [f"{name}#{number}" for number in range(1, len(parts) + 1)] if len(parts) > 1 else [name]
+    return [Curve(n, None, {k: v[rows] for k, v in columns.items()}, held[rows], (n,)) for n, rows in zip(names, parts, strict=True)]
+
+
+def again_of(curves):
+    """The repeated cycles, where pieces are named `<log>#<number>`."""
+    logs = {curve.recordings[0]: curve.recordings[0].partition("#")[0] for curve in curves}
+    return repeated_cycles(curves, "displacement", "pressure", logs)
+
+
+def again(pressure, motion, held, level=None):
+    """The repeated cycles of one record."""
+    found = again_of([Curve("a", level, {"pressure": pressure, "displacement": motion}, held, ("a",))])
+    return None if found is None else found[0]
+
+
+def beside_last_cycle(curves):
+    found = again_of(curves)
+    return np.concatenate([values - curve.columns["displacement"] for values, curve in zip(found, curves, strict=True)])
+
+
+@given(cuts=st.lists(st.integers(1, 319), max_size=4, unique=True).map(sorted))
+def test_a_drift_from_cycle_to_cycle_is_what_they_differ_by_wherever_the_record_is_cut(cuts):
+    found = beside_last_cycle(record(4, drift=3.0, cuts=cuts))
+    held = 2 * len(ONE) + BEGIN
+    assert np.isnan(found[:held]).all()
+    np.testing.assert_allclose(found[held:], [-3.0] * 80 + [-6.0] * (80 - BEGIN))
+
+
+def test_each_log_is_compared_with_itself():
+    both = [*record(4, drift=1.0, name="a"), *record(2, drift=7.0, name="b")]
+    alone = [beside_last_cycle(record(4, drift=1.0)), beside_last_cycle(record(2, drift=7.0))]
+    np.testing.assert_array_equal(beside_last_cycle(both), np.concatenate(alone))
+
+
+def test_a_longer_cycle_is_unknown_at_its_end():
+    pressure = np.concatenate([ONE, ONE, np.zeros(40)])
+    found = again(pressure, pressure, last_cycles(pressure, 0.5))
+    begin = len(ONE) + BEGIN
+    np.testing.assert_array_equal(np.flatnonzero(np.isfinite(found)), np.arange(begin, begin + len(ONE)))
+
+
+def test_cycles_of_another_course_are_compared_on_the_same_stroke():
+    slower = np.interp(np.arange(160), [0, 20, 80, 160], [0, 0, 90, 0])
+    pressure = np.concatenate([ONE, slower])
+    falling = np.concatenate([np.arange(80) > 40, np.arange(160) > 80])
+    motion = 2 * pressure + 30 * falling + 4 * (np.arange(240) >= 80)
+    held = last_cycles(pressure, 0.5)
+    found = again(pressure, motion, held)
+    inside = np.isfinite(found) & (np.abs(pressure - 90) > 1)
+    assert inside[held].mean() > 0.9
+    np.testing.assert_allclose((found - motion)[inside & (pressure > 10)], -4.0)
+
+
+def test_a_cycle_that_reaches_further_is_unknown_there():
+    pressure = np.concatenate([ONE, 1.3 * ONE])
+    held = last_cycles(pressure, 0.5)
+    np.testing.assert_array_equal(np.isfinite(again(pressure, pressure, held)), held & (pressure <= 100))
+
+
+def test_nothing_repeats_without_cycles_of_both_kinds():
+    """Nor with levels, nor where what trains comes after the held-out cycle."""
+    (curve,) = record(2)
+    pressure, motion = curve.columns.values()
+    for held in (np.zeros(160, bool), np.ones(160, bool), ~curve.held_out):
+        assert again(pressure, motion, held) is None
+    assert again(pressure, motion, curve.held_out, level=80.0) is None
+
+
+def test_a_held_out_cycle_between_training_ones_is_compared_with_the_one_before():
+    (whole,) = record(4, drift=3.0)
+    starts = BEGIN + len(ONE) * np.arange(5)
+    held = np.zeros(whole.size, bool)
+    held[starts[2] : starts[3]] = True
+    found = again(*whole.columns.values(), held)
+    np.testing.assert_array_equal(np.isfinite(found), held)
+    np.testing.assert_allclose((found - whole.columns["displacement"])[held][1:], -3.0)

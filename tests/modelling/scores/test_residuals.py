@@ -1,7 +1,5 @@
 """Residual tests, against definitions written down here and against errors whose cause is known."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """The rule of one standard error, against its own words."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st

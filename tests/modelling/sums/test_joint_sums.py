@@ -1,7 +1,5 @@
 """Sums with signs and renamed inputs: what they say, formulas fitted together, and what such a sum cannot tell apart."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -60,7 +58,7 @@ def test_both_muscles_are_recovered_but_for_what_their_difference_does_not_show(
     assert joint.predict(fit, PAIR, later) == pytest.approx(pair_force(later), abs=1e-6 * np.abs(pair_force(later)).max())
 
 
-@settings(deadline=None, max_examples=10)
+@settings(max_examples=10)
 @given(st.sampled_from(["sarosi", "polynomial_2", "chou_hannaford"]), st.integers(0, 999), st.sampled_from([1.0, -1.0]))
 def test_a_joint_formula_is_the_signed_sum_of_its_parts(name: str, seed: int, sign: float) -> None:
     pair = (Summand(name, 1.0, {"pressure": "p1", "strain": "x"}), Summand(name, sign, {"pressure": "p2", "strain": "0.1 - x"}))
