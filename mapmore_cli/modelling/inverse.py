@@ -123,7 +123,7 @@ def parts_between(knots: Array) -> int:
 
 @dataclass(frozen=True)
 class _Line:
-    """The model along one input at each of n rows."""
+    """The model along one input at each of n rows; x are values of the input in some of the rows, (m,) each."""
 
     value: Callable[[Columns], list[Array]]
     slopes: Callable[[Columns], list[Array]]
@@ -133,14 +133,10 @@ class _Line:
     given: Mapping[str, Array]
 
     def missing(self, x: Array, rows: IntArray) -> Array:
-        """Return output minus wanted output, (m,), at values x of the input in some of the rows."""
+        """Return output minus wanted output, (m,)."""
         return self.value(self._columns(x, rows))[0] - self.wanted[rows]
 
-    def slope(self, x: Array, rows: IntArray) -> Array:
-        """Return the derivative along the input, (m,)."""
-        return self._both(x, rows)[1]
-
-    def _both(self, x: Array, rows: IntArray) -> tuple[Array, Array]:
+    def both(self, x: Array, rows: IntArray) -> tuple[Array, Array]:
         """Return output minus wanted output, and the derivative along the input, (m,) each."""
         value, *slopes = self.slopes(self._columns(x, rows))
         return value - self.wanted[rows], slopes[self.names.index(self.name)]
@@ -156,10 +152,9 @@ class _Line:
         rows = np.repeat(np.arange(n), len(places) - 1)
         turns, of = self._turning_points(np.tile(places[:-1], n), np.tile(places[1:], n), rows, SPLITS)
         order = np.argsort(of, kind="stable")
-        turns, of = turns[order], of[order]
         counts = np.bincount(of, minlength=n)
         more = np.full((n, counts.max(initial=0)), places[-1])
-        more[of, np.arange(len(of)) - np.repeat(np.cumsum(counts) - counts, counts)] = turns
+        more[of[order], np.arange(len(of)) - np.repeat(np.cumsum(counts) - counts, counts)] = turns[order]
         beside = [np.nextafter(knots[:-1], np.inf), np.nextafter(knots[1:], -np.inf)]  # the map may jump at a knot
         fixed = np.concatenate([places, *beside])
         return np.sort(np.concatenate([np.broadcast_to(fixed, (n, len(fixed))), more], axis=1), axis=1)
@@ -167,13 +162,13 @@ class _Line:
     def _turning_points(self, low: Array, high: Array, rows: IntArray, splits: int) -> tuple[Array, IntArray]:
         """Return turning points within parts of some rows, with the middles of parts that were divided, and their rows."""
         start, end = np.nextafter(low, np.inf), np.nextafter(high, -np.inf)
-        (left, slope_left), (right, slope_right) = self._both(start, rows), self._both(end, rows)
+        (left, slope_left), (right, slope_right) = self.both(start, rows), self.both(end, rows)
         turned = np.sign(slope_left) * np.sign(slope_right) < 0
         closer = may_turn_twice(left, right, slope_left, slope_right, high - low) & ~turned
         middle = (low + high) / 2
         if turned.any():
             own = rows[turned]
-            at = _bisected(lambda x, which: self.slope(x, own[which]), start[turned], end[turned])
+            at = _bisected(lambda x, which: self.both(x, own[which])[1], start[turned], end[turned])
             value, flat = self.missing(at, own), np.zeros(len(at))
             before = may_turn_twice(left[turned], value, slope_left[turned], flat, at - low[turned])
             after = may_turn_twice(value, right[turned], flat, slope_right[turned], high[turned] - at)
@@ -199,12 +194,10 @@ class _Line:
         row = np.broadcast_to(np.arange(n)[:, None], edges.shape)
         missing = self._missing_at(edges)
         near = SAME * np.maximum(np.ptp(missing, axis=1, keepdims=True), np.abs(self.wanted)[:, None])
-        hit = np.abs(missing) <= near
-        apart = np.diff(edges, axis=1) > 0
-        wide = np.diff(edges, axis=1) > SAME * np.ptp(edges, axis=1, keepdims=True)
-        flat = (hit[:, :-1] & hit[:, 1:] & wide).any(axis=1)
+        hit, width = np.abs(missing) <= near, np.diff(edges, axis=1)
+        flat = (hit[:, :-1] & hit[:, 1:] & (width > SAME * np.ptp(edges, axis=1, keepdims=True))).any(axis=1)
         first = hit & ~np.concatenate([np.zeros((n, 1), dtype=np.bool_), hit[:, :-1]], axis=1)
-        crosses = (np.sign(missing[:, :-1]) * np.sign(missing[:, 1:]) < 0) & ~hit[:, :-1] & ~hit[:, 1:] & apart
+        crosses = (np.sign(missing[:, :-1]) * np.sign(missing[:, 1:]) < 0) & ~hit[:, :-1] & ~hit[:, 1:] & (width > 0)
         where = row[:, :-1][crosses]
         crossed = _bisected(lambda x, which: self.missing(x, where[which]), edges[:, :-1][crosses], edges[:, 1:][crosses])
         # where the map jumps across the wanted output, there is no solution

@@ -70,7 +70,7 @@ def _backbone(
     name = part.model.backbone
     notes: tuple[str, ...] = ()
     if name == AUTO:
-        from mapmore_cli.modelling.pieces.backbone_choice import choose_backbone
+        from mapmore_cli.modelling.pieces.cross_validation import choose_backbone
 
         choice = choose_backbone(curves, recipe, dataset.quantities, progress)
         name, notes = choice.name, (choice.note,)

@@ -10,6 +10,7 @@ from dataclasses import replace
 from itertools import product
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mapmore_cli.domain.arrays import Array, Columns, IntArray
 from mapmore_cli.domain.declared import taken
@@ -22,9 +23,9 @@ from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.expressions import Expression, NotFinite, dictionary_blocks, dictionary_matrix, parse
 from mapmore_cli.modelling.frols import TIE_TOLERANCE, frols, frols_streamed, reads_once
 from mapmore_cli.modelling.literature.backbone import residual_of
-from mapmore_cli.modelling.pieces.levels import threshold
 from mapmore_cli.modelling.pieces.recipe import Recipe
 from mapmore_cli.modelling.pieces.segmentation import samples_of, segment_curve, training_curves
+from mapmore_cli.modelling.signals.rates import running_median
 
 END_FRACTION = 0.05  # share of the segment whose mean stands for an end of the trend, so that the anchor does not hang on one noisy sample
 EVERY_CORNER_UP_TO = 3  # variables for which all `2^v` corners are tried as origins; beyond, only all-left and all-right
@@ -41,10 +42,8 @@ def placements(rule: str, X: Array, y: Array, variables: Sequence[str]) -> tuple
     """
     names, count = tuple(variables), len(variables)
     if rule == "unit_square":
-        corners: Iterable[tuple[bool, ...]] = product((False, True), repeat=count)
-        if count > EVERY_CORNER_UP_TO:
-            corners = [(False,) * count, (True,) * count]
-        return tuple(_anchored(X, y, names, right) for right in corners)
+        every = product((False, True), repeat=count) if count <= EVERY_CORNER_UP_TO else [(False,) * count, (True,) * count]
+        return tuple(_anchored(X, y, names, right) for right in every)
     slope, y_slope = np.ones(count), 1.0
     if rule == "max_abs":
         slope, y_slope = 1 / _span(np.abs(X).max(axis=0)), float(_span(np.abs(y).max()))
@@ -55,31 +54,19 @@ def placements(rule: str, X: Array, y: Array, variables: Sequence[str]) -> tuple
 
 def _anchored(X: Array, y: Array, variables: tuple[str, ...], right: tuple[bool, ...]) -> Scaling:
     low, high = X.min(axis=0), X.max(axis=0)
-    slope = 1 / _span(high - low)
-    anchor = np.where(right, high, low)
-    return Scaling(
-        rule="unit_square",
-        placement=",".join("right" if r else "left" for r in right) or "-",
-        variables=variables,
-        slope=slope,
-        intercept=-slope * anchor,
-        y_slope=float(_span(y.max() - y.min())),
-        y_intercept=_end_value(np.abs(X - anchor) * slope, y),
-    )
+    slope, anchor = 1 / _span(high - low), np.where(right, high, low)
+    y_anchor = 0.0
+    if variables:  # mean over the samples nearest to the anchor; all at the same distance count, so the order of rows does not matter
+        far = (np.abs(X - anchor) * slope).max(axis=1)
+        nearest = max(1, int(np.ceil(END_FRACTION * len(y))))
+        y_anchor = float(y[far <= np.partition(far, nearest - 1)[nearest - 1]].mean())
+    place = ",".join("right" if r else "left" for r in right) or "-"
+    return Scaling("unit_square", place, variables, slope, -slope * anchor, float(_span(np.ptp(y))), y_anchor)
 
 
-def _end_value(distance: Array, y: Array) -> float:
-    """Return the mean of y over the samples nearest to the anchor; all at the same distance count, so the order of rows does not matter."""
-    if distance.shape[1] == 0:
-        return 0.0
-    far = distance.max(axis=1)
-    nearest = max(1, int(np.ceil(END_FRACTION * len(y))))
-    return float(y[far <= np.partition(far, nearest - 1)[nearest - 1]].mean())
-
-
-def _span(width: Array) -> Array:
+def _span(width: ArrayLike) -> Array:
     """Return widths to divide by; a constant variable stays as it is."""
-    return np.where(width > 0, width, 1.0)
+    return np.where(np.asarray(width) > 0, width, 1.0)
 
 
 def scaled(scaling: Scaling, columns: Columns) -> dict[str, Array]:
@@ -165,8 +152,7 @@ def fit_segment(segment: Segment, samples: Columns, terms: Sequence[Expression],
 
 def _selection(terms: Sequence[Expression], z: Columns, y: Array, recipe: Recipe) -> Selection:
     """FROLS on the dictionary, which is never there as a whole where it need not be read more than once or twice."""
-    n = len(y)
-    how = (recipe.fit.most_terms, recipe.fit.tolerance)
+    n, how = len(y), (recipe.fit.most_terms, recipe.fit.tolerance)
     if reads_once(n, len(terms), recipe.fit.most_terms):
         return frols_streamed(lambda: ((P, y[rows]) for rows, P in dictionary_blocks(terms, z, n)), *how, stop=recipe.fit.stop)
     return frols(dictionary_matrix(terms, z, n), y, *how, stop=recipe.fit.stop)
@@ -184,37 +170,39 @@ def fuse(
 
     Where the recipe leaves it open how far a residual is carried between levels, all of it is: see `cross_validation`.
     """
-    inputs = _inputs(recipe, result.backbone)
-    along = _aligned_variable(recipe, inputs)
-    training = {curve.id: curve for curve in training_curves(curves, recipe.level is not None)}
+    backbone, level, asked = result.backbone, recipe.level, recipe.fuse
+    needed = {*names_in(map(parse, recipe.dictionary)), *recipe.cuts, *(() if backbone is None else literature.of(backbone).inputs)}
+    inputs = tuple(sorted(needed if level is None else {*needed, level}))
+    along = None
+    if level is not None and asked.align == "threshold":  # along the first variable that is cut, else the first input that is not the level
+        along = next(iter([*recipe.cuts, *(name for name in inputs if name != level)]), None)
+    training = {curve.id: curve for curve in training_curves(curves, level is not None)}
+    # without a backbone there is nothing to shrink towards
+    share = 1.0 if backbone is None or asked.shrink == "auto" else asked.shrink
     functions = []
     for s in sorted(segmentation, key=lambda s: (s.level is not None, s.level)):
         curve, rows = training[s.curve], {one.id: one.rows for one in s.segments}
+        segments = tuple(_function(f, samples_of(curve, rows[f.id]), s.variables) for f in result.segments if f.curve == s.curve)
         functions.append(
             CurveFunction(
                 curve=s.curve,
                 level=s.level,
                 boundaries=s.boundaries,
                 limits={name: s.limits[name] for name in inputs},
-                segments=tuple(_function(f, samples_of(curve, rows[f.id]), s.variables) for f in result.segments if f.curve == s.curve),
+                segments=multiplied(segments, share) if level is None and share != 1.0 else segments,
                 threshold=threshold(*(curve.columns[x][curve.training] for x in (along, recipe.target))) if along else None,
             )
         )
-    # without a backbone there is nothing to shrink towards
-    share = 1.0 if result.backbone is None or recipe.fuse.shrink == "auto" else recipe.fuse.shrink
-    if recipe.level is None and share != 1.0:
-        functions = [replace(function, segments=multiplied(function.segments, share)) for function in functions]
     several = list(dict.fromkeys(one.curve for one in result.segments if len(one.terms) > 1))
     sides = _extrapolation(recipe, inputs, "saturate" if several else "continue")
-    whole = {} if recipe.fuse.limits == "curve" else united(curve.limits for curve in segmentation)
-    domain = {name: whole[name] for name in inputs if whole and name != recipe.level}
-    share = 1.0 if recipe.level is None else share
-    fusion = taken(Fusion, recipe.fuse, extrapolation=sides, aligned=along, shrink=share, domain=domain)
+    whole = {} if asked.limits == "curve" else united(curve.limits for curve in segmentation)
+    domain = {name: whole[name] for name in inputs if whole and name != level}
+    fusion = taken(Fusion, asked, extrapolation=sides, aligned=along, shrink=1.0 if level is None else share, domain=domain)
     return Model(
         name=name,
         output=quantities[recipe.target],
         inputs=tuple(quantities[one] for one in inputs),
-        body=Pieces(recipe.level, tuple(recipe.cuts), tuple(functions), fusion, result.backbone),
+        body=Pieces(level, tuple(recipe.cuts), tuple(functions), fusion, backbone),
         notes=(*result.notes, *_remarks(recipe, several, sides)),
     )
 
@@ -229,25 +217,8 @@ def build(
 
 def multiplied(segments: Sequence[SegmentFunction], share: float) -> tuple[SegmentFunction, ...]:
     """Segment functions times a number, which their scalings hold."""
-
-    def times(scaling: Scaling) -> Scaling:
-        return replace(scaling, y_slope=share * scaling.y_slope, y_intercept=share * scaling.y_intercept)
-
-    return tuple(replace(segment, scaling=times(segment.scaling)) for segment in segments)
-
-
-def _inputs(recipe: Recipe, backbone: FormulaFit | None) -> tuple[str, ...]:
-    """Every quantity that the model needs: of the dictionary, the segmentation, the level and the backbone."""
-    level = () if recipe.level is None else (recipe.level,)
-    formula = () if backbone is None else literature.of(backbone).inputs
-    return tuple(sorted({*names_in(map(parse, recipe.dictionary)), *recipe.cuts, *level, *formula}))
-
-
-def _aligned_variable(recipe: Recipe, inputs: Sequence[str]) -> str | None:
-    """Return the variable along which thresholds are looked for: the first that is cut, else the first input that is not the level."""
-    if recipe.fuse.align == "none" or recipe.level is None:
-        return None
-    return next(iter([*recipe.cuts, *(name for name in inputs if name != recipe.level)]), None)
+    scalings = [replace(one.scaling, y_slope=share * one.scaling.y_slope, y_intercept=share * one.scaling.y_intercept) for one in segments]
+    return tuple(replace(segment, scaling=scaling) for segment, scaling in zip(segments, scalings, strict=True))
 
 
 def _function(fit: SegmentFit, samples: Columns, variables: Sequence[str]) -> SegmentFunction:
@@ -274,3 +245,35 @@ def _remarks(recipe: Recipe, several: Sequence[str], sides: Mapping[str, tuple[S
         where = f"{', '.join(explosive)} on {', '.join(several)}"
         return (f"segments of several terms continue beyond their data along {where}: polynomials explode there; consider saturate",)
     return ("segments have several terms, so each curve saturates at the ends of its own range (fuse.extrapolation)",)
+
+
+FLAT, LOW = 0.25, 0.2  # a foot is less steep than this share of the flank, and rises by less than this share of the curve's span
+WINDOW = 0.05  # of the curve's range: what the threshold is looked for on is smoothed that much
+
+
+def threshold(x: Array, y: Array) -> float:
+    """Return the corner between the foot of a curve and its flank; samples in any order, (n,).
+
+    Of all pairs of straight lines that meet at a point of the smoothed curve, the pair with the least sum of squared errors has its
+    corner there. A curve without a foot has its threshold at the lower of its ends: on the left for a force that grows with pressure, on
+    the right for one that falls with strain. (A share of the span would not do: the foot of a measured muscle creeps by a tenth of it.)
+    """
+    low, high = float(x.min()), float(x.max())
+    if low == high:
+        return low
+    at, smooth = running_median(x, y, WINDOW * (high - low))
+    corners = at[1:-1]
+    fits = [_two_lines(at - corner, smooth) for corner in corners]
+    best = int(np.argmin([sse for sse, _, _ in fits]))
+    _, left, right = fits[best]
+    corner = float(corners[best])
+    foot, flank, end = (left, right, low) if smooth[0] <= smooth[-1] else (right, left, high)
+    rise = abs(foot * (corner - end))
+    return corner if abs(foot) < FLAT * abs(flank) and rise < LOW * float(np.ptp(smooth)) else end
+
+
+def _two_lines(x: Array, y: Array) -> tuple[float, float, float]:
+    """Return the sum of squared errors and slopes of two lines that meet at x = 0."""
+    P = np.column_stack([np.ones(len(x)), np.minimum(x, 0.0), np.maximum(x, 0.0)])
+    parameters = np.linalg.lstsq(P, y, rcond=None)[0]
+    return float(np.sum((P @ parameters - y) ** 2)), float(parameters[1]), float(parameters[2])

@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,6 +29,14 @@ GRID, COARSE_GRID = 41, 11  # points along the input that varies within a curve;
 SAME_LEVEL = 0.05  # share of the distance to the next level within which two levels are the same
 
 FEWEST_CURVES, MOST_POINTS = 2, 6
+
+
+class Place(NamedTuple):
+    """Where a curve of one model is held against the other: its name, its level, and whether a model is interpolated to get there."""
+
+    curve: str
+    level: float | None
+    interpolated: bool = False
 
 
 @dataclass(frozen=True)
@@ -110,8 +119,7 @@ class Comparison:
         if self.changed:
             return CHANGED
         low, high = self.narrow
-        half = (self.interval[1] - self.interval[0]) / 2
-        sure = self.resolution <= max(half, self.margin)  # else it is that of models between their levels, which the interval lacks
+        sure = self.resolution <= max(np.ptp(self.interval) / 2, self.margin)  # else it is that of models between their levels
         return SAME if sure and 1 - self.margin < low <= high < 1 + self.margin else UNCLEAR
 
     @property
@@ -131,7 +139,7 @@ def compare(before: Model, after: Model, margin: float = MARGIN) -> Comparison:
     ratios, weights = (np.array([getattr(curve, name) for curve in curves]) for name in ("ratio", "weight"))
     shares = weights / weights.sum()
     found = weighted_mean(ratios, weights, CONFIDENCE)
-    half = (found.interval[1] - found.interval[0]) / 2
+    between = _of_interpolation(before, after, curves, shares)
     return Comparison(
         before=before.name,
         after=after.name,
@@ -143,7 +151,7 @@ def compare(before: Model, after: Model, margin: float = MARGIN) -> Comparison:
         p=weighted_mean(ratios - 1, weights, CONFIDENCE).p,
         p_permutation=sign_permutation(weights * (ratios - 1)),
         margin=margin,
-        resolution=max(half, _of_interpolation(before, after, curves, shares)),
+        resolution=max((found.interval[1] - found.interval[0]) / 2, between),
         terms=term_changes(before, after),
     )
 
@@ -159,20 +167,11 @@ def _of_interpolation(before: Model, after: Model, curves: Sequence[CurveChange]
         for model in (before, after) if curve.interpolated else ():
             if model.left_out is None or model.level is None:
                 continue
-            points = grid(before, after, Place(curve.curve, curve.level, True))
+            points = grid(before, after, Place(curve.curve, curve.level))
             half = float(half_widths(model.left_out, points[model.level][:1], CONFIDENCE)[0])
             size = float(np.sqrt(np.mean(predict(before, points) ** 2)))
             squares += (share * half / size) ** 2 if math.isfinite(half) and size > 0 else math.inf
     return math.sqrt(squares)
-
-
-@dataclass(frozen=True)
-class Place:
-    """Where a curve of one model is held against the other: its name, its level, and whether a model is interpolated to get there."""
-
-    curve: str
-    level: float | None
-    interpolated: bool = False
 
 
 def common_curves(before: Model, after: Model) -> list[Place]:
@@ -188,20 +187,24 @@ def common_curves(before: Model, after: Model) -> list[Place]:
         names = {one.curve for one in second}
         found = [Place(one.curve, None) for one in first if one.curve in names]
     else:
-        distances = [np.diff(np.sort([_level(one) for one in ranges])) for ranges in (first, second)]
-        near = SAME_LEVEL * float(min(np.concatenate([*distances, [math.inf]])))
-        pairs = [(one, other) for one, other in product(first, second) if abs(_level(one) - _level(other)) <= near]
-        found = [Place(one.curve, (_level(one) + _level(other)) / 2) for one, other in pairs]
+        own, others = _levels(first), _levels(second)
+        near = SAME_LEVEL * float(min(np.concatenate([np.diff(own), np.diff(others), [math.inf]])))
+        pairs = product(zip(first, own, strict=True), others)
+        found = [Place(one.curve, (level + other) / 2) for (one, level), other in pairs if abs(level - other) <= near]
         if len(found) < FEWEST_CURVES:
-            found = min((_inside(first, second), _inside(second, first)), key=len)
+            found = min((_inside(first, others), _inside(second, own)), key=len)
     if len(found) < FEWEST_CURVES:
         raise ValueError(f"{before.name} and {after.name} have {len(found)} curves in common; a comparison needs at least {FEWEST_CURVES}")
     return found
 
 
-def _inside(ranges: Sequence[CurveRange], others: Sequence[CurveRange]) -> list[Place]:
-    levels = [_level(one) for one in others]
-    return [Place(one.curve, one.level, True) for one in ranges if min(levels) <= _level(one) <= max(levels)]
+def _levels(ranges: Sequence[CurveRange]) -> list[float]:
+    return [one.level for one in ranges if one.level is not None]
+
+
+def _inside(ranges: Sequence[CurveRange], levels: Sequence[float]) -> list[Place]:
+    own = zip(ranges, _levels(ranges), strict=True)
+    return [Place(one.curve, level, True) for one, level in own if min(levels) <= level <= max(levels)]
 
 
 def _ranges(model: Model) -> tuple[CurveRange, ...]:
@@ -209,11 +212,6 @@ def _ranges(model: Model) -> tuple[CurveRange, ...]:
     if not ranges or model.memories:
         raise ValueError(f"{model.name} has no curves to compare: it runs along recordings, or is a sum")
     return ranges
-
-
-def _level(one: CurveRange) -> float:
-    assert one.level is not None
-    return one.level
 
 
 def grid(before: Model, after: Model, place: Place) -> dict[str, Array]:
@@ -240,8 +238,7 @@ def _limits(model: Model, place: Place, name: str) -> tuple[float, float]:
     ranges = _ranges(model)
     if place.level is None:
         return next(one.limits[name] for one in ranges if one.curve == place.curve)
-    levels = [_level(one) for one in ranges]
-    low, high = (float(np.interp(place.level, levels, [one.limits[name][end] for one in ranges])) for end in (0, 1))
+    low, high = (float(np.interp(place.level, _levels(ranges), [one.limits[name][end] for one in ranges])) for end in (0, 1))
     return low, high
 
 
@@ -264,8 +261,7 @@ def _change(before: Model, after: Model, place: Place) -> CurveChange:
     )
 
 
-@dataclass(frozen=True)
-class ReferencePoint:
+class ReferencePoint(NamedTuple):
     """A place that all models were trained at, and the output of each of them there."""
 
     inputs: Mapping[str, float]
@@ -276,11 +272,9 @@ def reference_points(models: Sequence[Model]) -> list[ReferencePoint]:
     """Return the middle of every curve that the first and last model have in common, inside the ranges of both; at most `MOST_POINTS`."""
     first, last = models[0], models[-1]
     places = common_curves(first, last)
-    shown = sorted({round(place) for place in np.linspace(0, len(places) - 1, min(len(places), MOST_POINTS))})
     points = []
-    for number in shown:
-        columns = grid(first, last, places[number])
-        middle = {name: values[len(values) // 2 : len(values) // 2 + 1] for name, values in columns.items()}
+    for number in sorted({round(place) for place in np.linspace(0, len(places) - 1, min(len(places), MOST_POINTS))}):
+        middle = {name: values[[len(values) // 2]] for name, values in grid(first, last, places[number]).items()}
         outputs = tuple(float(predict(model, middle)[0]) for model in models)
         points.append(ReferencePoint({name: float(value[0]) for name, value in middle.items()}, outputs))
     return points

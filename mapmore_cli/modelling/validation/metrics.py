@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray
-from mapmore_cli.domain.recording import DIRECTION, Curve, Dataset
+from mapmore_cli.domain.arrays import Array, IntArray
+from mapmore_cli.domain.recording import DIRECTION, Dataset
 from mapmore_cli.domain.results import Forecast
 from mapmore_cli.domain.scores import Score
 from mapmore_cli.modelling.signals.rates import FALL, RISE
@@ -29,17 +29,17 @@ class Normaliser:
         return error / self.value if self.value > 0 else math.nan
 
 
-def max_abs(y: Array, quantity: str, split: str) -> Normaliser:
-    """`max |y|` over the samples of a split (M2 eq 13)."""
-    return Normaliser(f"max|{quantity}| over {split}", float(np.abs(y).max()))
+NORMALISERS: Mapping[str, tuple[str, Callable[[Array], Any]]] = {
+    "max": ("max|{}| over {}", lambda y: np.abs(y).max()),
+    "range": ("range of {} over {}", np.ptp),
+}
+"""By the names that specs have for them: `max |y|` (M2 eq 13), and `max y - min y` for quantities whose zero is arbitrary."""
 
 
-def extent(y: Array, quantity: str, split: str) -> Normaliser:
-    """`max y - min y` over the samples of a split, for quantities whose zero is arbitrary."""
-    return Normaliser(f"range of {quantity} over {split}", float(np.ptp(y)))
-
-
-NORMALISERS = {"max": max_abs, "range": extent}  # by the names that specs have for them
+def normaliser(kind: str, y: Array, quantity: str, split: str) -> Normaliser:
+    """Return one of `NORMALISERS` over the samples of a split."""
+    name, size = NORMALISERS[kind]
+    return Normaliser(name.format(quantity, split), float(size(y)))
 
 
 def score(model: str, target: str, split: str, curve: str, measured: Array, found: Forecast, scale: Normaliser) -> Score:
@@ -135,34 +135,20 @@ def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tup
     for number, (low, high) in enumerate(pairwise(edges)):
         rows = inside == number
         if rows.any():
-            found.append(Band(float(low), float(high), int(rows.sum()), {model: _rmse(error[rows]) for model, error in errors.items()}))
+            known = {model: error[rows & np.isfinite(error)] for model, error in errors.items()}
+            rmse = {model: float(np.sqrt(np.mean(error**2))) if len(error) else math.nan for model, error in known.items()}
+            found.append(Band(float(low), float(high), int(rows.sum()), rmse))
     return tuple(found)
-
-
-def _rmse(error: Array) -> float:
-    known = error[np.isfinite(error)]
-    return float(np.sqrt(np.mean(known**2))) if len(known) else math.nan
 
 
 SPLITS = (("train", False), ("validate", True))  # names of the splits, and whether their samples are held out
 
 
-class _Samples(NamedTuple):
-    """Some samples of a curve as measured, (n,), and as found by a model."""
-
-    curve: str
-    measured: Array
-    found: Forecast
-
-
-def divisor(dataset: Dataset, normaliser: str) -> Normaliser:
-    """Return what all errors of a study are divided by: a measure of the validation rows, as in the papers, else of the training rows.
-
-    `normaliser` is one of `NORMALISERS`.
-    """
+def divisor(dataset: Dataset, kind: str) -> Normaliser:
+    """Return what all errors of a study are divided by: a measure of the validation rows, as in the papers, else of the training rows."""
     held_out = any(curve.held_out.any() for curve in dataset.curves)
     measured = np.concatenate([curve.columns[dataset.target][curve.held_out == held_out] for curve in dataset.curves])
-    return NORMALISERS[normaliser](measured, dataset.target, "validate" if held_out else "train")
+    return normaliser(kind, measured, dataset.target, "validate" if held_out else "train")
 
 
 def on_common_rows(forecasts: Mapping[str, Sequence[Forecast]]) -> dict[str, tuple[Forecast, ...]]:
@@ -183,48 +169,45 @@ def score_rows(
 ) -> Iterator[Score]:
     """Rows of one model, whose `forecasts` are those of the dataset's curves; with `partial`, of the samples that it predicts.
 
-    `scale` is the `divisor` of the study. `group` is a quantity: the samples of each of its values also have a row of their own.
+    Of each split: all samples, those of each curve, of each direction of a curve, and of each value of the quantity `group`. What has no
+    sample that could be predicted has no row. `scale` is the `divisor` of the study.
     """
-    every = list(zip(dataset.curves, forecasts, strict=True))
-    for split, held_out in SPLITS:
-        masks = [(curve.held_out == held_out) & (found.ready if partial else True) for curve, found in every]
-        parts: list[_Samples] = []
-        ways: list[_Samples] = []
-        for (curve, found), mask in zip(every, masks, strict=True):
-            parts += _samples(curve.id, dataset.target, curve, found, mask)
-            if DIRECTION in curve.columns:
-                for word, sign in (("rise", RISE), ("fall", FALL)):
-                    way = mask & (curve.columns[DIRECTION] == sign)
-                    ways += _samples(f"{curve.id};direction={word}", dataset.target, curve, found, way)
-        if not parts:
-            continue
-        groups = _of_groups(group, dataset.target, every, masks) if group is not None else ()
-        for name, measured, found in (_pooled("all", parts), *parts, *ways, *groups):
-            yield score(model, target, split, name, measured, found, scale)
+    curves = dataset.curves
+
+    def column(name: str) -> Array:
+        return np.concatenate([curve.columns[name] for curve in curves])
+
+    measured, found = column(dataset.target), _joined(forecasts)
+    held_out = np.concatenate([curve.held_out for curve in curves])
+    every = np.split(np.arange(len(measured)), np.cumsum([curve.size for curve in curves])[:-1])
+    for split, held in SPLITS:
+        wanted = (held_out == held) & (found.ready if partial else True)
+        of_curves = [rows[wanted[rows]] for rows in every]
+        parts = [("all", of_curves), *((curve.id, [rows]) for curve, rows in zip(curves, of_curves, strict=True))]
+        if DIRECTION in curves[0].columns:
+            way = column(DIRECTION)
+            for curve, rows in zip(curves, of_curves, strict=True):
+                parts += [(f"{curve.id};direction={word}", [rows[way[rows] == sign]]) for word, sign in (("rise", RISE), ("fall", FALL))]
+        if group is not None:
+            of = column(group)
+            parts += [(f"{group}={value:g}", [rows[of[rows] == value] for rows in of_curves]) for value in np.unique(of[wanted])]
+        for name, some in parts:
+            predicted = [rows for rows in some if found.ready[rows].any()]
+            if predicted:
+                rows = np.concatenate(predicted)
+                yield score(model, target, split, name, measured[rows], _at(found, rows), scale)
 
 
-def _of_groups(of: str, target: str, every: Sequence[tuple[Curve, Forecast]], masks: Sequence[BoolArray]) -> Iterator[_Samples]:
-    """Yield the samples of each group, of all curves together."""
-    for value in np.unique(np.concatenate([curve.columns[of][mask] for (curve, _), mask in zip(every, masks, strict=True)])):
-        chosen = [(curve, found, mask & (curve.columns[of] == value)) for (curve, found), mask in zip(every, masks, strict=True)]
-        parts = [part for curve, found, mask in chosen for part in _samples("", target, curve, found, mask)]
-        if parts:
-            yield _pooled(f"{of}={value:g}", parts)
+def _joined(forecasts: Sequence[Forecast]) -> Forecast:
+    """Return the forecasts of several curves as one; what one of them lacks, the whole lacks."""
+
+    def whole(name: str) -> Any:
+        columns = [getattr(one, name) for one in forecasts]
+        return None if any(column is None for column in columns) else np.concatenate(columns)
+
+    return Forecast(whole("values"), whole("ready"), whole("one_step"), whole("half"))
 
 
-def _samples(name: str, target: str, curve: Curve, found: Forecast, mask: BoolArray) -> list[_Samples]:
-    """Return the samples of a mask; nothing where none of them could be predicted."""
-    if not (mask & found.ready).any():
-        return []
-    one_step, half = (None if column is None else column[mask] for column in (found.one_step, found.half))
-    return [_Samples(name, curve.columns[target][mask], Forecast(found.values[mask], found.ready[mask], one_step, half))]
-
-
-def _pooled(name: str, parts: Sequence[_Samples]) -> _Samples:
-    def joined(columns: Sequence[Array | None]) -> Array | None:
-        given = [column for column in columns if column is not None]
-        return np.concatenate(given) if len(given) == len(parts) else None
-
-    values, ready = (np.concatenate([getattr(part.found, column) for part in parts]) for column in ("values", "ready"))
-    one_step, half = joined([part.found.one_step for part in parts]), joined([part.found.half for part in parts])
-    return _Samples(name, np.concatenate([part.measured for part in parts]), Forecast(values, ready, one_step, half))
+def _at(found: Forecast, rows: IntArray) -> Forecast:
+    one_step, half = (None if column is None else column[rows] for column in (found.one_step, found.half))
+    return Forecast(found.values[rows], found.ready[rows], one_step, half)

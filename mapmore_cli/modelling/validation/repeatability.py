@@ -68,27 +68,22 @@ def _recordings(curve: Curve) -> Iterator[tuple[str, IntArray]]:
 def _of_curve(curve: Curve, target: str, along: str, held: Sequence[str], logs: Mapping[str, str]) -> Array:
     x, y = curve.columns[along], curve.columns[target]
     edges = np.linspace(x.min(), x.max(), BINS + 1)
-    branches = list(_branches(curve, x, y, held, edges, logs))
+    branches = []
+    for name, rows in _recordings(curve):
+        up, at = rising(x[rows]), tuple(float(curve.columns[quantity][rows[0]]) for quantity in held)
+        for direction in (True, False):
+            members = rows[up == direction]
+            if len(members):
+                places, means = bin_means(x[members], {"y": y[members]}, edges)
+                branches.append(_Branch(logs[name], (direction, *at), members, (places, means["y"])))
     found = np.full(curve.size, np.nan)
     for branch in branches:
         others = [other for other in branches if other.kind == branch.kind and other.log != branch.log]
         values = np.array([np.interp(x[branch.rows], *other.means, left=np.nan, right=np.nan) for other in others])
         known = np.isfinite(values)
-        count = known.sum(axis=0)
-        total = np.where(known, values, 0.0).sum(axis=0)
+        count, total = known.sum(axis=0), np.where(known, values, 0.0).sum(axis=0)
         found[branch.rows] = np.divide(total, count, out=np.full(len(branch.rows), np.nan), where=count > 0)
     return found
-
-
-def _branches(curve: Curve, x: Array, y: Array, held: Sequence[str], edges: Array, logs: Mapping[str, str]) -> Iterator[_Branch]:
-    for name, rows in _recordings(curve):
-        up = rising(x[rows])
-        at = tuple(float(curve.columns[quantity][rows[0]]) for quantity in held)
-        for direction in (True, False):
-            members = rows[up == direction]
-            if len(members):
-                places, means = bin_means(x[members], {"y": y[members]}, edges)
-                yield _Branch(logs[name], (direction, *at), members, (places, means["y"]))
 
 
 SAME_COURSE = 0.05  # root mean square difference of two cycles' courses, as a part of the range, up to which one repeats the other in time
@@ -105,21 +100,23 @@ def repeated_cycles(curves: Sequence[Curve], target: str, driven: str, logs: Map
     if any(curve.level is not None for curve in curves):
         return None
     found = [np.full(curve.size, np.nan) for curve in curves]
-    for pieces in _by_log(curves, logs):
-        x, y = (np.concatenate([curves[number].columns[name] for number in pieces]) for name in (driven, target))
-        again = _again(x, y, np.concatenate([curves[number].held_out for number in pieces]))
+    for pieces, x, y, held_out in _by_log(curves, logs, driven, target):
         ends = np.cumsum([curves[number].size for number in pieces])[:-1]
-        for number, values in zip(pieces, np.split(again, ends), strict=True):
+        for number, values in zip(pieces, np.split(_again(x, y, held_out), ends), strict=True):
             found[number] = values
     return tuple(found) if any(np.isfinite(values).any() for values in found) else None
 
 
-def _by_log(curves: Sequence[Curve], logs: Mapping[str, str]) -> list[list[int]]:
-    """Return the numbers of the curves that are pieces of each log."""
+def _by_log(
+    curves: Sequence[Curve], logs: Mapping[str, str], driven: str, target: str
+) -> Iterator[tuple[list[int], Array, Array, BoolArray]]:
+    """Yield the numbers of the curves that are pieces of each log, with `driven`, target and `held_out` of them one after the other."""
     pieces: dict[str, list[int]] = {}
     for number, curve in enumerate(curves):
         pieces.setdefault(logs[curve.recordings[0]], []).append(number)
-    return list(pieces.values())
+    for numbers in pieces.values():
+        x, y = (np.concatenate([curves[number].columns[name] for number in numbers]) for name in (driven, target))
+        yield numbers, x, y, np.concatenate([curves[number].held_out for number in numbers])
 
 
 def _again(x: Array, y: Array, held_out: BoolArray) -> Array:
@@ -223,17 +220,13 @@ def error_parts(
 
     `curves` are pieces of recordings, with (n,) predictions of each; `logs` names the log of each recording: cycles go on over gaps.
     """
-    errors, held, cycles, places = [], [], [], []
-    count = 0
-    for pieces in _by_log(curves, logs):
-        x, y = (np.concatenate([curves[number].columns[name] for number in pieces]) for name in (driven, target))
-        number = np.searchsorted(cycle_starts(x), np.arange(len(x)), side="right") - 1
-        errors.append(np.concatenate([predicted[piece] for piece in pieces]) - y)
-        held.append(np.concatenate([curves[piece].held_out for piece in pieces]))
-        cycles.append(np.where(number < 0, -1, number + count))
-        places.append(_places(x))
-        count += int(number.max(initial=-1)) + 1
-    held_out, samples = np.concatenate(held), (np.concatenate(errors), np.concatenate(cycles), np.concatenate(places))
+    columns, count = [], 0
+    for pieces, x, y, held in _by_log(curves, logs, driven, target):
+        cycle = np.searchsorted(cycle_starts(x), np.arange(len(x)), side="right") - 1
+        error = np.concatenate([predicted[number] for number in pieces]) - y
+        columns.append((held, error, np.where(cycle < 0, -1, cycle + count), _places(x)))
+        count += int(cycle.max(initial=-1)) + 1
+    held_out, *samples = (np.concatenate(parts) for parts in zip(*columns, strict=True))
     trained = _means(*_left(~held_out, *samples)[:2])
     found: list[ErrorParts] = []
     for split, rows in (("train", ~held_out), ("validate", held_out)):

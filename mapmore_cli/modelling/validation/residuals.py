@@ -85,18 +85,15 @@ def cross_correlation(residuals: Sequence[Array], inputs: Sequence[Array]) -> Co
 
 
 def _correlation(u: Sequence[Array], e: Sequence[Array], lags: range, scale: float, n: int) -> Correlation:
-    values = np.array([sum(_shifted(a, b, k) for a, b in zip(u, e, strict=True)) for k in lags]) / scale
+    def shifted(a: Array, b: Array, k: int) -> float:
+        return float(a[max(-k, 0) : max(len(a) - k, 0)] @ b[max(k, 0) : max(len(b) + k, 0)])
+
+    values = np.array([sum(shifted(a, b, k) for a, b in zip(u, e, strict=True)) for k in lags]) / scale
     return Correlation(np.array(lags, dtype=np.float64), values, NORMAL / np.sqrt(n))
 
 
 def _power(pieces: Sequence[Array]) -> float:
     return sum(float(piece @ piece) for piece in pieces)
-
-
-def _shifted(u: Array, e: Array, k: int) -> float:
-    if abs(k) >= len(u):
-        return 0.0
-    return float(u[: len(u) - k] @ e[k:]) if k >= 0 else float(u[-k:] @ e[:k])
 
 
 def _centred(series: Sequence[Sequence[Array]]) -> tuple[list[list[Array]], int]:
@@ -135,8 +132,7 @@ def alarms(model: Model, dataset: Dataset, predictions: Sequence[Array], scores:
 
     `predictions` are the model's, for every curve of the dataset.
     """
-    own = [row for row in scores if row.model == OWN and row.curve == "all"]
-    found = [told for row in own for told in _of_scores(row)]
+    found = [told for row in scores if row.model == OWN and row.curve == "all" for told in _of_scores(row)]
     return (*found, *_bare(model, dataset.curves, predictions), *_beyond(model, dataset.curves))
 
 
@@ -158,17 +154,13 @@ def _bare(model: Model, curves: Sequence[Curve], predictions: Sequence[Array]) -
     if not isinstance(body, Pieces) or body.backbone is None:
         return
     formula = literature.of(body.backbone)
+    same = f"the model says the same as its backbone {formula.name}"
     if not body.segments:
-        why = "because its pieces were dropped: left-out training data were predicted worse with them"
-    elif all(_equal(said, formula.predict(body.backbone.parameters, c.columns)) for c, said in zip(curves, predictions, strict=True)):
-        why = "on every sample: its pieces add nothing"
-    else:
+        yield f"{same}, because its pieces were dropped: left-out training data were predicted worse with them"
         return
-    yield f"the model says the same as its backbone {formula.name}, {why}"
-
-
-def _equal(a: Array, b: Array) -> bool:
-    return np.allclose(a, b, rtol=SAME, atol=SAME * float(np.abs(b).max(initial=0.0)), equal_nan=True)
+    said, alone = np.concatenate(predictions), np.concatenate([formula.predict(body.backbone.parameters, c.columns) for c in curves])
+    if np.allclose(said, alone, rtol=SAME, atol=SAME * float(np.abs(alone).max(initial=0.0)), equal_nan=True):
+        yield f"{same}, on every sample: its pieces add nothing"
 
 
 def _beyond(model: Model, curves: Sequence[Curve]) -> Iterator[str]:

@@ -59,8 +59,7 @@ def sign_permutation(x: Array) -> float | None:
     else:
         signs = np.random.default_rng(0).choice((1.0, -1.0), size=(2**MOST_FOR_PERMUTATION, n))
         signs[0] = 1.0
-    sums = np.abs(signs @ x)
-    return float(np.mean(sums >= abs(x.sum()) * (1 - 1e-12)))
+    return float(np.mean(np.abs(signs @ x) >= abs(x.sum()) * (1 - 1e-12)))
 
 
 @dataclass(frozen=True)

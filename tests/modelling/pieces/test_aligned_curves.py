@@ -10,14 +10,9 @@ from hypothesis import strategies as st
 from surfaces import QUANTITIES, curves, recipe
 
 from mapmore_cli.domain.recording import Curve
-from mapmore_cli.modelling.expressions import Name, Number
 from mapmore_cli.modelling.kinds import predict
-from mapmore_cli.modelling.pieces import levels as between
-from mapmore_cli.modelling.pieces.build import build
-from mapmore_cli.modelling.pieces.levels import threshold
+from mapmore_cli.modelling.pieces.build import build, threshold
 from mapmore_cli.modelling.pieces.recipe import Cuts
-from mapmore_cli.modelling.program.values import evaluator
-from mapmore_cli.modelling.program.writing import Writer
 
 STRAINS = (0.0, 0.05, 0.1, 0.15)
 
@@ -71,31 +66,6 @@ def test_a_constant_input_is_its_own_threshold():
     assert threshold(np.full(5, 3.0), np.arange(5.0)) == 3.0
 
 
-marks = st.lists(st.floats(0, 1e3), min_size=3, max_size=3, unique=True).map(sorted).filter(lambda m: min(np.diff(m)) > 1e-3).map(np.array)
-
-
-def aligned(x, here, own):
-    """The places on a curve that correspond to x between marks, (n,)."""
-    m = Writer()
-    return evaluator(m.program(["x"], between.aligned(m, Name("x_x"), Number(0.0), tuple(here), tuple(here), tuple(own))))({"x": x})[0]
-
-
-@given(marks, marks)
-def test_ends_and_thresholds_correspond_and_order_is_kept(here, own):
-    np.testing.assert_allclose(aligned(here, here, own), own, rtol=1e-9, atol=1e-6)
-    x = np.linspace(here[0], here[2], 50)
-    places = aligned(x, here, own)
-    assert (np.diff(places) >= 0).all()
-    assert places.min() >= own[0] - 1e-6
-    assert places.max() <= own[2] + 1e-6
-
-
-@given(marks)
-def test_a_curve_is_looked_up_at_its_own_places_at_its_level(own):
-    x = np.linspace(own[0] - 1, own[2] + 1, 50)
-    np.testing.assert_allclose(aligned(x, own, own), x, rtol=1e-9, atol=1e-6)
-
-
 SLACK = {"level": "strain", "dictionary": ("1", "pressure", "pressure^2"), "cuts": {"pressure": Cuts("even", 6)}, "max_terms": 3}
 
 
@@ -109,16 +79,6 @@ def test_alignment_carries_the_foot_between_levels(levels):
         model = build("slack", samples, recipe(**SLACK, levels=levels, align=align), QUANTITIES)
         error[align] = np.sqrt(np.mean((predict(model, at) - hinged(pressure, 0.1)) ** 2))
     assert error["threshold"] < 0.5 * error["none"]
-
-
-@pytest.mark.parametrize("levels", ["linear", "pchip"])
-@pytest.mark.parametrize("align", ["none", "threshold"])
-def test_at_a_level_its_curve_alone_counts(levels, align):
-    samples = slack_curves()
-    every = build("all", samples, recipe(**SLACK, levels=levels, align=align), QUANTITIES)
-    for number, curve in enumerate(samples):
-        alone = build("one", [samples[number]], recipe(**SLACK), QUANTITIES)
-        np.testing.assert_allclose(predict(every, curve.columns), predict(alone, curve.columns), atol=1e-9)
 
 
 @cache
@@ -143,13 +103,3 @@ def test_constants_pass_whatever_the_interpolation():
     for levels in ("linear", "pchip"):
         made = recipe(dictionary=("1",), levels=levels, align="threshold", extrapolation={"pressure": ("continue_linear", "continue")})
         np.testing.assert_allclose(predict(build("flat", samples, made, QUANTITIES), at), 7.0)
-
-
-def test_held_out_forces_move_no_threshold():
-    samples = slack_curves()
-    rng = np.random.default_rng(3)
-    held = rng.random(500) < 0.4
-    masked = [replace(c, held_out=held) for c in samples]
-    spoilt = [replace(c, columns={**c.columns, "force": np.where(held, 1e4 * rng.random(500), c.columns["force"])}) for c in masked]
-    one, two = (build("slack", s, recipe(**SLACK, align="threshold"), QUANTITIES) for s in (masked, spoilt))
-    assert [c.threshold for c in one.body.curves] == [c.threshold for c in two.body.curves]

@@ -13,17 +13,24 @@ from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
-from mapmore_cli.modelling.pieces import backbone_choice
-from mapmore_cli.modelling.pieces.backbone_choice import FEW, MARGIN, SAMPLES, Candidate, candidates, choose_backbone, simplest, thin
+from mapmore_cli.modelling.pieces import cross_validation
 from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.cross_validation import (
     BACKBONE,
+    FEW,
+    MARGIN,
     RESIDUAL,
+    SAMPLES,
     SHRUNKEN,
+    Candidate,
     LeftOut,
+    candidates,
+    choose_backbone,
     inner_folds,
     leave_out,
     outer_folds,
+    simplest,
+    thin,
     with_trusted_residual,
 )
 from mapmore_cli.modelling.pieces.recipe import Cuts
@@ -297,7 +304,7 @@ def test_a_backbone_is_chosen_for_a_surface_as_if_every_candidate_were_tried_on_
     samples, made = scattered(n=48, seed=2), recipe(**OF_SURFACE)
     some = (None, "chou_hannaford", "polynomial_2", "polynomial_5", "sarosi")
     assert set(some) < set(candidates(samples, "force"))
-    monkeypatch.setattr(backbone_choice, "candidates", lambda _curves, _target: some)
+    monkeypatch.setattr(cross_validation, "candidates", lambda _curves, _target: some)
     choice = choose_backbone(samples, made, QUANTITIES)
     errors = {}
     thinned = [thin(curve, None) for curve in samples]

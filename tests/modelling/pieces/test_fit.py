@@ -49,24 +49,6 @@ def test_the_anchor_does_not_hang_on_one_noisy_sample():
     assert abs(left.y_intercept - spoilt[0]) > 1.0
 
 
-@given(seeds, st.floats(1e-3, 1e3), st.floats(1e-3, 1e3))
-def test_positive_units_do_not_show_in_scaled_data(seed, a, b):
-    x, y = falling(seed)
-    for plain, other in zip(placed(x, y), placed(a * x, b * y), strict=True):
-        np.testing.assert_allclose(scaled(plain, {"x": x})["x"], scaled(other, {"x": a * x})["x"], atol=1e-9)
-        np.testing.assert_allclose((y - plain.y_intercept) / plain.y_slope, (b * y - other.y_intercept) / other.y_slope, atol=1e-9)
-
-
-@given(seeds)
-def test_the_order_of_rows_does_not_matter(seed):
-    x, y = falling(seed)
-    x = np.round(x, 3)  # equal strains, so that the end value has ties to break
-    order = np.random.default_rng(seed).permutation(len(x))
-    for one, two in zip(placed(x, y), placed(x[order], y[order]), strict=True):
-        assert one.y_intercept == pytest.approx(two.y_intercept, rel=1e-12)
-        np.testing.assert_array_equal(one.slope, two.slope)
-
-
 def test_every_corner_of_two_variables_is_offered():
     X = np.random.default_rng(0).uniform(size=(50, 2))
     found = [s.placement for s in placements("unit_square", X, X[:, 0], ["a", "b"])]

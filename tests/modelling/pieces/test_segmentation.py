@@ -22,7 +22,6 @@ from mapmore_cli.modelling.pieces.segmentation import (
     slope_change,
     training_curves,
 )
-from mapmore_cli.modelling.signals.rates import running_median
 
 
 def cut(curve, cuts):
@@ -154,13 +153,6 @@ def test_real_fits_equal_exhaustive_search(max_terms, count):
     assert min(every) < 0.9 * np.median(every)
 
 
-@pytest.mark.parametrize("count", [2, 4])
-def test_never_worse_than_even_segments_on_the_same_grid(count):
-    samples = curves()
-    even = sse(samples, recipe(cuts={"strain": Cuts("even", count)}))
-    assert sse(samples, recipe(cuts={"strain": Cuts("optimal", count, grid=20)})) <= even * (1 + 1e-9)
-
-
 def test_a_planted_corner_is_found_on_thousands_of_samples():
     rng = np.random.default_rng(1)
     x = rng.uniform(0, 10, 5000)
@@ -168,21 +160,6 @@ def test_a_planted_corner_is_found_on_thousands_of_samples():
     curve = Curve("a", None, {"strain": x, "force": y}, np.zeros(5000, bool), ())
     (cut,) = segment([curve], recipe(level=None, cuts={"strain": Cuts("optimal", 2, grid=10)}, dictionary=("1", "strain"), max_terms=2))
     assert cut.boundaries[0][1] == pytest.approx(6, abs=0.01)
-
-
-def test_held_out_forces_and_the_order_of_rows_do_not_matter():
-    (sample,) = curves(levels=(150.0,))
-    rng = np.random.default_rng(0)
-    held = rng.random(sample.size) < 0.3
-    order = rng.permutation(sample.size)
-    spoilt = np.where(held, 1e6, sample.columns["force"])
-    plain = replace(sample, held_out=held)
-    other = replace(sample, columns={**sample.columns, "force": spoilt}, held_out=held)
-    shuffled = replace(other, columns={name: x[order] for name, x in other.columns.items()}, held_out=held[order])
-    made = recipe(cuts={"strain": Cuts("optimal", 3, grid=8)}, max_terms=2)
-    expected = segment([plain], made)[0].boundaries[0]
-    np.testing.assert_array_equal(segment([other], made)[0].boundaries[0], expected)
-    np.testing.assert_array_equal(segment([shuffled], made)[0].boundaries[0], expected)
 
 
 def test_too_few_samples_say_what_to_do():
@@ -225,18 +202,6 @@ def test_two_planted_changes_are_found():
     assert found(3, [0.3, 0.65], [1.5, -0.5, 1.0]) >= 95
 
 
-def test_a_moving_average_alone_would_follow_the_spikes():
-    """The counter-check: without the median the same data mislead."""
-
-    def unprotected(x, y):
-        grid = np.linspace(0, 1, 101)
-        mean = np.array([y[np.abs(x - g) <= 0.05].mean() for g in grid])
-        change = np.abs(mean[20:] - 2 * mean[10:-10] + mean[:-20])
-        return grid[10:-10][np.argmax(change)]
-
-    assert sum(abs(unprotected(*bent(seed, [0.5], [2.0, 0.2])) - 0.5) <= 0.1 for seed in range(SEEDS)) < 80
-
-
 @settings(max_examples=40)
 @given(st.integers(0, 1000), st.integers(1, 8), st.floats(0.03, 0.3), st.floats(0.05, 0.4))
 def test_boundaries_keep_their_distance(seed, count, window, separation):
@@ -274,14 +239,3 @@ def test_no_segment_of_its_own_for_a_gap():
     x = np.concatenate([np.linspace(0, 0.3, 100), np.linspace(0.7, 1, 100)])
     boundaries = gradient_boundaries(x, np.sin(6 * x), Cuts("gradient", 5))
     assert np.histogram(x, [0, *boundaries, 1])[0].min() >= 5
-
-
-@settings(max_examples=30)
-@given(st.integers(0, 1000), st.integers(1, 4))
-def test_the_running_median_does_not_see_a_narrow_spike(seed, width):
-    x = np.linspace(0, 1, 401)
-    start = np.random.default_rng(seed).integers(0, 401 - width)
-    y = 3 * x
-    y[start : start + width] += 100
-    at, smooth = running_median(x, y, 0.1)
-    np.testing.assert_allclose(smooth, 3 * at, atol=0.1)

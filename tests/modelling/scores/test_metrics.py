@@ -11,14 +11,14 @@ from hypothesis import strategies as st
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.domain.results import Forecast
 from mapmore_cli.modelling.validation import metrics
-from mapmore_cli.modelling.validation.metrics import EDGES, bands, extent, max_abs, uncentred
+from mapmore_cli.modelling.validation.metrics import EDGES, bands, normaliser, uncentred
 from mapmore_cli.modelling.validation.repeatability import error_parts
 
 
 def score(measured, predicted, scale=None, **more):
     """The row of some samples, all of them ready."""
     found = Forecast(predicted, np.ones(len(measured), dtype=bool), **more)
-    return metrics.score("m", "static", "validate", "all", measured, found, scale or max_abs(measured, "force", "validate"))
+    return metrics.score("m", "static", "validate", "all", measured, found, scale or normaliser("max", measured, "force", "validate"))
 
 
 def test_a_row_by_hand():
@@ -35,10 +35,10 @@ def test_a_row_by_hand():
 
 def test_errors_by_the_range_do_not_depend_on_where_zero_lies():
     measured = np.array([110.0, 112, 130])
-    scale = extent(measured, "displacement", "validate")
+    scale = normaliser("range", measured, "displacement", "validate")
     row = score(measured, measured + 2, scale)
     assert (row.nrmse, row.normaliser_name) == (pytest.approx(0.1), "range of displacement over validate")
-    assert extent(measured - 1000, "displacement", "validate") == scale
+    assert normaliser("range", measured - 1000, "displacement", "validate") == scale
 
 
 def test_a_constant_has_no_r2_and_zeros_no_nrmse():
