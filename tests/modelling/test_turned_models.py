@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from surfaces import QUANTITIES, curves, recipe
+from surfaces import built, curves
 
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.inverse import solve_for_input
 from mapmore_cli.modelling.kinds import predict
-from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import Cuts
 
 LEVELS = (80.0, 150.0, 250.0, 350.0)
@@ -31,7 +30,7 @@ def taut(n=60, noise=0.0, seed=0):
     return tuple(made)
 
 
-MODEL = build("strain", taut(), recipe(**OF_STRAIN), QUANTITIES)
+MODEL = built(taut(), **OF_STRAIN)
 
 
 @settings(max_examples=10)

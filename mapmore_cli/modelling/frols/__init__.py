@@ -9,7 +9,6 @@ alone, or an orthonormal basis beside the dictionary, which for a tall dictionar
 
 from mapmore_cli.modelling.frols.engine import frols, frols_streamed, reads_once
 from mapmore_cli.modelling.frols.moments import Blocks
-from mapmore_cli.modelling.frols.select import TIE_TOLERANCE
-from mapmore_cli.modelling.frols.textbook import textbook
+from mapmore_cli.modelling.frols.select import TIE_TOLERANCE, textbook
 
 __all__ = ["TIE_TOLERANCE", "Blocks", "frols", "frols_streamed", "reads_once", "textbook"]

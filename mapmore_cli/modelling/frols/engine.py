@@ -15,8 +15,7 @@ from numpy.typing import ArrayLike
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.fits import Selection
 from mapmore_cli.modelling.frols.moments import Blocks, checked, gram, row_blocks, safe_scale, scaled
-from mapmore_cli.modelling.frols.select import TIE_TOLERANCE, DigitsLost, Remainders, Stopping, selected
-from mapmore_cli.modelling.frols.textbook import RANK_TOLERANCE
+from mapmore_cli.modelling.frols.select import RANK_TOLERANCE, TIE_TOLERANCE, DigitsLost, Remainders, Stopping, selected
 
 PIVOT_TOLERANCE = 1e-6  # a downdated `q'q` below this fraction of `p'p` has lost too many digits (anything of 1e-4..1e-10 would serve)
 RESIDUAL_TOLERANCE = 1e-9  # a downdated residual sum of squares below this fraction of its last explicit value has lost too many digits

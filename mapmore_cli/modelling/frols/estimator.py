@@ -53,8 +53,7 @@ class FROLS:
 
         Raises ValueError for tables of another form, or values that are not finite.
         """
-        names = _column_names(X)
-        values = _table(X)
+        names, values = _column_names(X), _table(X)
         target = _target(y, len(values))
         if len(values) < 2:
             raise ValueError(f"n_samples={len(values)}: at least 2 samples are needed to fit a model, and there is 1 sample")
@@ -67,10 +66,8 @@ class FROLS:
         self.__dict__.pop("feature_names_in_", None)
         if names is not None:
             self.feature_names_in_ = np.array(names, dtype=object)
-        self._columns = tuple(columns)
-        self._terms = tuple(candidates[i] for i in found.chosen)
-        self.terms_ = found.names
-        self.coef_, self.err_, self.selection_ = found.theta, found.err, found
+        self._columns, self._terms = tuple(columns), tuple(candidates[i] for i in found.chosen)
+        self.terms_, self.coef_, self.err_, self.selection_ = found.names, found.theta, found.err, found
         return self
 
     def predict(self, X: ArrayLike) -> Array:
@@ -197,10 +194,6 @@ def _other_names(own: list[str], given: list[str]) -> str:
     """Return what scikit-learn says of frames whose columns differ."""
     told = ["The feature names should match those that were passed during fit."]
     unseen, missing = sorted({*given} - {*own}), sorted({*own} - {*given})
-    if unseen:
-        told += ["Feature names unseen at fit time:", *(f"- {name}" for name in unseen)]
-    if missing:
-        told += ["Feature names seen at fit time, yet now missing:", *(f"- {name}" for name in missing)]
-    if not unseen and not missing:
-        told.append("Feature names must be in the same order as they were in fit.")
-    return "\n".join(told) + "\n"
+    for words, names in (("unseen at fit time", unseen), ("seen at fit time, yet now missing", missing)):
+        told += [f"Feature names {words}:", *(f"- {name}" for name in names)] if names else []
+    return "\n".join(told if unseen or missing else [*told, "Feature names must be in the same order as they were in fit."]) + "\n"

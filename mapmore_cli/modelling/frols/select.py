@@ -1,9 +1,10 @@
-"""The greedy choice of FROLS, whatever holds the remainders of the candidates; and the criteria that choose the number of terms."""
+"""The greedy choice of FROLS: on paper, and whatever holds the remainders; and the criteria that choose the number of terms."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,7 +14,43 @@ from mapmore_cli.modelling.frols.moments import Blocks, scaled
 
 TIE_TOLERANCE = 1e-9  # candidates whose ERR lies within this fraction of the best are tied; the lower dictionary index wins
 NO_GAIN = 1e-28  # the square of rounding error: a smaller ERR explains nothing, and a smaller residual leaves nothing to explain
+RANK_TOLERANCE = 1e-24  # a regressor counts as dependent when `q'q <= RANK_TOLERANCE p'p`: what remains is then rounding error
 CRITERIA = ("tolerance", "bic", "aicc", "press")  # rules for the number of terms
+
+
+def textbook(P: Array, y: Array, max_terms: int, tolerance: float = 0.0) -> tuple[list[int], Array, Array, Array, Array]:
+    """Select terms as on paper, candidate by candidate (Billings 2013, section 3.2; M2 eq 2-6).
+
+    Every candidate `p` is orthogonalised against the chosen terms (eq 2), which leaves `q`; its coefficient is `g = y'q / q'q` (eq 3),
+    its error reduction ratio `ERR = g^2 q'q / y'y` (eq 4); the highest wins (eq 5), until `1 - sum ERR` is within the tolerance (eq 6).
+
+    Returns the k chosen columns, their g and ERR, (k,), the coefficients of the original columns, (k,), and the ERR of every candidate in
+    every iteration, (k, M), NaN where chosen or dependent.
+    """
+    chosen: list[int] = []
+    basis: list[Array] = []
+    g, table = [], []
+    while len(chosen) < max_terms:
+        left, err = {}, np.full(P.shape[1], np.nan)
+        for m in set(range(P.shape[1])) - set(chosen):
+            q = P[:, m]
+            for w in basis * 2:  # twice is enough (Giraud and Langou 2005)
+                q = q - (w @ q) / (w @ w) * w
+            if q @ q > RANK_TOLERANCE * (P[:, m] @ P[:, m]):
+                left[m], err[m] = q, (y @ q) ** 2 / (q @ q) / (y @ y)
+        if not left:
+            break
+        best = int(np.nanargmax(err))
+        chosen.append(best)
+        basis.append(left[best])
+        g.append((y @ left[best]) / (left[best] @ left[best]))
+        table.append(err)
+        if 1 - sum(row[m] for row, m in zip(table, chosen, strict=True)) <= tolerance:
+            break
+    W, k = np.column_stack(basis), len(chosen)
+    A = np.triu((W.T @ P[:, chosen]) / np.sum(W**2, axis=0)[:, None])  # P_chosen = W A
+    theta = np.linalg.solve(A, np.array(g))
+    return chosen, np.array(g), np.array([table[i][chosen[i]] for i in range(k)]), theta, np.array(table)
 
 
 @dataclass(frozen=True)
@@ -72,8 +109,7 @@ class Remainders:
         self.products -= row[-1] * row[:-1]
 
 
-@dataclass(frozen=True)
-class Step:
+class Step(NamedTuple):
     """One iteration: the pick, `g` and ERR of all candidates, (M,), the row of the triangular factor, (M+1,), what is left of `y'y`."""
 
     pick: int
@@ -98,25 +134,18 @@ def greedy(remainders: Remainders, stopping: Stopping, limit: int) -> tuple[list
             return steps, "rank"
         if np.nanmax(err) <= NO_GAIN:
             return steps, "no_gain"
-        pick, runner_up, tied = _ranking(err)
+        pick, *tied = _best(err).tolist()
+        others = _best(np.where(np.arange(len(err)) == pick, np.nan, err)).tolist()
         row = remainders.choose(pick)
-        steps.append(Step(pick, g, err, runner_up, tied, row, remainders.sse))
+        steps.append(Step(pick, g, err, others[0] if others else -1, len(tied), row, remainders.sse))
         if remainders.sse <= max(stopping.tolerance, NO_GAIN) * remainders.yy:
             return steps, "tolerance"
     return steps, "max_terms" if limit == stopping.max_terms else "rank"
 
 
-def _ranking(err: Array) -> tuple[int, int, int]:
-    """Return the winner, the second best (-1 where there is none) and the number of others that tie with the winner."""
-    ties = _best(err)
-    others = err.copy()
-    others[ties[0]] = np.nan
-    runner_up = -1 if np.isnan(others).all() else int(_best(others)[0])
-    return int(ties[0]), runner_up, len(ties) - 1
-
-
 def _best(err: Array) -> IntArray:
-    return np.flatnonzero(err >= np.nanmax(err) * (1 - TIE_TOLERANCE))
+    """Return the candidates of the highest ERR that tie; none where every ERR is NaN."""
+    return np.flatnonzero(err >= np.max(err, initial=-np.inf, where=~np.isnan(err)) * (1 - TIE_TOLERANCE))
 
 
 ROUNDING = 1e-30  # floor of the unexplained fraction: below it the residual is rounding error, and more terms explain nothing
@@ -187,8 +216,7 @@ def _selection(steps: Sequence[Step], stop: str, yy: float, scale: Array, sample
     k, M = len(steps), len(scale) - 1
     chosen, R, projections = _factor(steps, len(scale))
     column_scale, y_scale = scale[chosen], float(scale[-1])
-    lengths = np.diag(R)
-    sse = steps[-1].sse if k else yy
+    lengths, sse = np.diag(R), steps[-1].sse if k else yy
     variance = sse / (samples - k) if samples > k else np.nan
     return Selection(
         chosen=chosen,

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.frols import frols, frols_streamed
 
 
@@ -42,18 +41,6 @@ def test_any_cut_into_blocks_gives_what_the_whole_gives(lengths, M, stop):
     np.testing.assert_allclose(cut.theta, whole.theta, rtol=1e-7)
     np.testing.assert_allclose(cut.theta_error, whole.theta_error, rtol=1e-7)
     assert cut.sse == pytest.approx(whole.sse, rel=1e-9)
-
-
-@pytest.mark.parametrize("lengths", [[], [1], [20_000], [4_000, 4_000]])
-def test_an_ill_conditioned_record_is_read_twice_and_keeps_its_digits(lengths):
-    x = np.linspace(2, 4, 30_000)
-    P = np.column_stack([x**i for i in range(8)])
-    y = np.sin(5 * x) + 2
-    record = Record(P, y, lengths)
-    whole, cut = frols(P, y, 8), frols_streamed(record, 8)
-    assert record.passes == 2
-    assert cut.chosen.tolist() == whole.chosen.tolist()
-    np.testing.assert_allclose(cut.err, whole.err, rtol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -97,13 +84,6 @@ def test_memory_does_not_grow_with_the_record():
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert peaks[1] < 1.2 * peaks[0]
-
-
-def test_rows_are_counted_over_all_blocks():
-    P, y = powers(10_000, 3)
-    P[9_001, 2] = np.nan
-    with pytest.raises(DataError, match="candidate 2 is not finite at row 9001"):
-        frols_streamed(Record(P, y, [10, 5_000]), 2)
 
 
 def test_other_number_types_are_taken_as_doubles():

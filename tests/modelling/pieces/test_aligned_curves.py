@@ -1,17 +1,16 @@
 """Thresholds, and curves that are interpolated between places that correspond."""
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from surfaces import QUANTITIES, curves, recipe
+from surfaces import built, changed, curves
 
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.kinds import predict
-from mapmore_cli.modelling.pieces.build import build, threshold
+from mapmore_cli.modelling.pieces.build import threshold
 from mapmore_cli.modelling.pieces.recipe import Cuts
 
 STRAINS = (0.0, 0.05, 0.1, 0.15)
@@ -76,14 +75,14 @@ def test_alignment_carries_the_foot_between_levels(levels):
     samples = slack_curves(held_out=(0.1,))
     error = {}
     for align in ("none", "threshold"):
-        model = build("slack", samples, recipe(**SLACK, levels=levels, align=align), QUANTITIES)
+        model = built(samples, **SLACK, levels=levels, align=align)
         error[align] = np.sqrt(np.mean((predict(model, at) - hinged(pressure, 0.1)) ** 2))
     assert error["threshold"] < 0.5 * error["none"]
 
 
 @cache
 def slack_model(levels, align):
-    return build("slack", slack_curves(), recipe(**SLACK, levels=levels, align=align), QUANTITIES)
+    return built(slack_curves(), **SLACK, levels=levels, align=align)
 
 
 @settings(max_examples=20)
@@ -98,8 +97,8 @@ def test_continuous_across_levels(levels, align, pressure):
 
 
 def test_constants_pass_whatever_the_interpolation():
-    samples = [replace(c, columns={**c.columns, "force": np.full(c.size, 7.0)}) for c in curves()]
+    samples = [changed(c, force=np.full(c.size, 7.0)) for c in curves()]
     at = {"pressure": np.linspace(20, 420, 50), "strain": np.full(50, 0.03)}
     for levels in ("linear", "pchip"):
-        made = recipe(dictionary=("1",), levels=levels, align="threshold", extrapolation={"pressure": ("continue_linear", "continue")})
-        np.testing.assert_allclose(predict(build("flat", samples, made, QUANTITIES), at), 7.0)
+        made = {"dictionary": ("1",), "levels": levels, "extrapolation": {"pressure": ("continue_linear", "continue")}}
+        np.testing.assert_allclose(predict(built(samples, **made, align="threshold"), at), 7.0)

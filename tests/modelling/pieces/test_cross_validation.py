@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from surfaces import QUANTITIES, curves, force, recipe
+from surfaces import QUANTITIES, built, changed, curves, force, recipe
 
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.pieces import cross_validation
-from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.cross_validation import (
     BACKBONE,
     FEW,
@@ -42,8 +41,11 @@ SETTINGS = {"max_terms": 2, "cuts": {"strain": Cuts("even", 2)}, "dictionary": (
 
 def trusted(samples, **changes):
     made = recipe(max_terms=3, **changes)
-    formula = fit_formula("polynomial_2", samples, "force")
-    return with_trusted_residual(build("m", samples, made, QUANTITIES, formula), samples, made, QUANTITIES)
+    return with_trusted_residual(on_polynomial(samples, max_terms=3, **changes), samples, made, QUANTITIES)
+
+
+def on_polynomial(samples, **changes):
+    return built(samples, fit_formula("polynomial_2", samples, "force"), **changes)
 
 
 def bumped(samples, height):
@@ -51,7 +53,7 @@ def bumped(samples, height):
     moved = []
     for number, curve in enumerate(samples):
         bump = height(number) * np.sin(np.pi * curve.columns["strain"] / curve.columns["strain"].max())
-        moved.append(replace(curve, columns={**curve.columns, "force": curve.columns["force"] + bump}))
+        moved.append(changed(curve, force=curve.columns["force"] + bump))
     return moved
 
 
@@ -96,13 +98,11 @@ def test_a_residual_that_jumps_from_level_to_level_counts_at_the_levels_alone():
 
 @pytest.mark.parametrize("shrink", [0.0, 0.35, 1.0])
 def test_a_given_share_is_taken_as_it_is(shrink):
-    samples = curves(held_out=())
-    formula = fit_formula("polynomial_2", samples, "force")
-    assert build("m", samples, recipe(shrink=shrink), QUANTITIES, formula).body.fusion.shrink == shrink
+    assert on_polynomial(curves(held_out=()), shrink=shrink).body.fusion.shrink == shrink
 
 
 def test_without_a_backbone_nothing_is_shrunk():
-    assert build("m", curves(), recipe(shrink=0.3), QUANTITIES).body.fusion.shrink == 1.0
+    assert built(shrink=0.3).body.fusion.shrink == 1.0
 
 
 def test_between_two_levels_the_backbone_stands_alone():
@@ -114,11 +114,8 @@ def test_between_two_levels_the_backbone_stands_alone():
 
 
 def test_pooled_data_drop_a_residual_that_does_harm():
-    rng = np.random.default_rng(0)
-    samples = [
-        replace(c, columns={**c.columns, "force": 2 * c.columns["pressure"] * (1 - c.columns["strain"]) + rng.normal(0, 5, c.size)})
-        for c in curves(held_out=())
-    ]
+    rng, plain = np.random.default_rng(0), curves(held_out=())
+    samples = [changed(c, force=2 * c.columns["pressure"] * (1 - c.columns["strain"]) + rng.normal(0, 5, c.size)) for c in plain]
     model = trusted(samples, level=None, tolerance=0.0)
     assert not any(curve.segments for curve in model.body.curves)
     assert model.body.cross_validation[0].rmse < model.body.cross_validation[1].rmse
@@ -132,14 +129,9 @@ def test_pooled_data_drop_a_residual_that_does_harm():
 def test_held_out_forces_decide_nothing(seed):
     samples = curves(seed=seed)
     rng = np.random.default_rng(seed)
-    spoilt = [
-        replace(c, columns={**c.columns, "force": np.where(c.held_out, rng.permutation(c.columns["force"]) * 9, c.columns["force"])})
-        for c in samples
-    ]
+    spoilt = [changed(c, force=np.where(c.held_out, rng.permutation(c.columns["force"]) * 9, c.columns["force"])) for c in samples]
     one, two = trusted(samples), trusted(spoilt)
-    assert one.body.fusion == two.body.fusion
-    assert one.body.cross_validation == two.body.cross_validation
-    assert one.notes == two.notes
+    assert (one.body.fusion, one.body.cross_validation, one.notes) == (two.body.fusion, two.body.cross_validation, two.notes)
 
 
 def of_formula(name):
@@ -148,7 +140,7 @@ def of_formula(name):
     made = curves(levels=LEVELS, held_out=(), n=25)
     fit = fit_formula(name, made, "force")
     said = [literature.get(name).predict(fit.parameters, c.columns) + rng.normal(0, 0.5, c.size) for c in made]
-    return [replace(c, columns={**c.columns, "force": force}) for c, force in zip(made, said, strict=True)]
+    return [changed(c, force=force) for c, force in zip(made, said, strict=True)]
 
 
 @pytest.mark.parametrize("name", ["polynomial_2", "sarosi"])
@@ -161,7 +153,7 @@ def test_what_made_the_data_is_chosen(name):
 
 def test_held_out_samples_decide_nothing():
     samples = curves(levels=(*LEVELS, 450.0), held_out=(250.0,), n=25)
-    spoilt = [replace(c, columns={**c.columns, "force": np.where(c.held_out, -7.0, c.columns["force"])}) for c in samples]
+    spoilt = [changed(c, force=np.where(c.held_out, -7.0, c.columns["force"])) for c in samples]
     one, two = (choose_backbone(of, recipe(**SETTINGS), QUANTITIES) for of in (samples, spoilt))
     assert one == two
 
@@ -247,7 +239,7 @@ def test_an_empty_corner_takes_the_function_of_its_neighbour():
     sides = [len(b) - 1 for b in segmented.boundaries]
     assert len(counts) == sides[0] * sides[1] > 1
     assert min(counts.values()) >= 8
-    model = build("m", (curve,), recipe(**OF_SURFACE | {"cuts": cut}), QUANTITIES)
+    model = built([curve], **OF_SURFACE | {"cuts": cut})
     corner = {"pressure": np.array([85.0]), "strain": np.array([0.24])}
     assert np.isfinite(predict(model, corner)).all()
 
@@ -267,9 +259,8 @@ def test_folds_are_the_inner_blocks_along_every_input():
 
 
 def test_curves_with_levels_are_left_out_whole_where_they_are_pooled():
-    samples = curves(levels=(80.0, 150.0, 250.0, 350.0), held_out=(150.0,), n=20)
-    made = recipe(**OF_SURFACE)
-    made = replace(made, pooled="pressure")
+    samples = curves(held_out=(150.0,), n=20)
+    made = recipe(**OF_SURFACE, pooled="pressure")
     by_level = [fold for fold in inner_folds(samples, made) if sum(out.any() for out in fold) == 1]
     assert [[out.sum() for out in fold] for fold in by_level] == [[0, 0, 20, 0]]
 
@@ -278,8 +269,7 @@ def test_curves_with_levels_are_left_out_whole_where_they_are_pooled():
 @given(st.integers(0, 1000))
 def test_all_of_the_residual_counts_with_the_share_that_left_out_blocks_support(seed):
     samples, made = scattered(noise=8.0, seed=seed), recipe(**OF_SURFACE)
-    formula = fit_formula("polynomial_2", samples, "force")
-    whole = build("m", samples, made, QUANTITIES, formula)
+    whole = on_polynomial(samples, **OF_SURFACE)
     kept = with_trusted_residual(whole, samples, made, QUANTITIES)
     share = leave_out(samples, made, QUANTITIES, "polynomial_2", inner_folds(samples, made)).share
     columns = {name: samples[0].columns[name] for name in ("pressure", "strain")}
@@ -292,8 +282,7 @@ def test_all_of_the_residual_counts_with_the_share_that_left_out_blocks_support(
 @pytest.mark.parametrize("share", [0.0, 0.3])
 def test_a_given_share_counts_on_a_surface_as_well(share):
     samples = scattered()
-    formula = fit_formula("polynomial_2", samples, "force")
-    whole, part = (build("m", samples, recipe(**OF_SURFACE, shrink=given), QUANTITIES, formula) for given in (1.0, share))
+    whole, part = (on_polynomial(samples, **OF_SURFACE, shrink=given) for given in (1.0, share))
     columns = {name: samples[0].columns[name] for name in ("pressure", "strain")}
     alone = backbone_of(whole, columns)
     np.testing.assert_allclose(predict(part, columns), alone + share * (predict(whole, columns) - alone), rtol=1e-10, atol=1e-8)

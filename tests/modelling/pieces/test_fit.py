@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from surfaces import QUANTITIES, curves, recipe
+from surfaces import built, recipe
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Segment
 from mapmore_cli.modelling.expressions import dictionary_matrix, monomials, parse, to_text
 from mapmore_cli.modelling.frols import frols, reads_once
-from mapmore_cli.modelling.pieces.build import build, fit_segment, placements, scaled
+from mapmore_cli.modelling.pieces.build import fit_segment, placements, scaled
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -110,8 +110,7 @@ def test_the_dictionary_is_never_there_as_a_whole():
 
 def test_a_wide_dictionary_is_read_as_a_whole(monkeypatch):
     monkeypatch.setattr("mapmore_cli.modelling.pieces.build.frols_streamed", None)
-    model = build("short", curves(), recipe(), QUANTITIES)
-    assert all(curve.segments for curve in model.body.curves)
+    assert all(curve.segments for curve in built().body.curves)
 
 
 def test_a_value_that_is_not_finite_is_found_in_any_block():
