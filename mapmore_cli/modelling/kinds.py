@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,8 +23,6 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import CurveRange, Equation, Model, Sum
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.expressions import ExpressionError
-
-MODEL_UNITS: Mapping[str, float] = {}  # quantities in the units of the model
 
 
 @dataclass(frozen=True)
@@ -57,9 +56,8 @@ class Kind:
 @cache
 def kinds() -> tuple[Kind, ...]:
     """Return every kind, in the order of their names."""
-    folders = [found.name for found in pkgutil.iter_modules(modelling.__path__) if found.ispkg]
-    paths = {folder: [f"{path}/{folder}" for path in modelling.__path__] for folder in folders}
-    there = [folder for folder in folders if any(found.name == "kind" for found in pkgutil.iter_modules(paths[folder]))]
+    folders = [f"{path}/{one.name}" for path in modelling.__path__ for one in pkgutil.iter_modules([path]) if one.ispkg]
+    there = [folder.rpartition("/")[2] for folder in folders if any(one.name == "kind" for one in pkgutil.iter_modules([folder]))]
     found = [import_module(f"{modelling.__name__}.{folder}.kind").KIND for folder in there]
     return tuple(sorted(found, key=lambda kind: kind.name))
 
@@ -104,7 +102,7 @@ def numbers_in_reach(model: Model) -> Iterator[None]:
         raise DataError(f"the model {model.name} cannot be written out: {fault.message}", "make it anew by its spec") from fault
 
 
-def equations(model: Model, units: Mapping[str, float] = MODEL_UNITS) -> tuple[Equation, ...]:
+def equations(model: Model, units: Mapping[str, float] = MappingProxyType({})) -> tuple[Equation, ...]:
     """Return the model as equations, in its units or in others: of a sum, those of each summand.
 
     Raises DataError where a coefficient is too large to be a number.
@@ -171,8 +169,7 @@ def limits(ranges: Sequence[CurveRange], level: str | None) -> Iterator[InputRan
 
 def _outside(model: Model, columns: Columns) -> BoolArray:
     found = np.zeros(len(next(iter(columns.values()))), dtype=np.bool_)
-    ranges = model.body.ranges  # type: ignore[attr-defined]  # sums alone have no ranges of their own
-    for name, at, levels, *ends in limits(ranges, model.level):
+    for name, at, levels, *ends in limits(model.body.ranges, model.level):  # type: ignore[attr-defined]  # sums have another verb
         if name in columns:
             low, high = (end[:1] if at is None else np.interp(columns[at], levels, end) for end in ends)
             margin = OUTSIDE_TOLERANCE * np.maximum(high - low, np.maximum(np.abs(low), np.abs(high)))

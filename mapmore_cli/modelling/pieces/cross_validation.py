@@ -28,7 +28,7 @@ from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.modelling.literature.backbone import fit_ahead, fit_formula, pooled
 from mapmore_cli.modelling.pieces.build import build, multiplied, names_in
 from mapmore_cli.modelling.pieces.model import simulate
-from mapmore_cli.modelling.pieces.recipe import Cut, Cuts, Recipe
+from mapmore_cli.modelling.pieces.recipe import Cuts, Recipe
 
 BLOCKS = 5  # contiguous blocks of a curve or a surface where there are too few levels to leave one out; the inner ones are left out in turn
 
@@ -112,12 +112,10 @@ def _rest(curves: Sequence[Curve], left_out: Sequence[BoolArray]) -> list[Curve]
 
 def _of_fewer_samples(recipe: Recipe) -> Recipe:
     """Return the recipe with all of the residual, which joins segments that lack samples only since some are left out."""
-    least = recipe.fit.most_terms + 1
-
-    def joining(cut: Cut) -> Cut:
-        return replace(cut, min_samples=max(cut.least, least)) if isinstance(cut, Cuts) and cut.joins else cut
-
-    cuts = {name: joining(cut) for name, cut in recipe.cuts.items()}
+    cuts, least = dict(recipe.cuts), recipe.fit.most_terms + 1
+    for name, cut in recipe.cuts.items():
+        if isinstance(cut, Cuts) and cut.joins:
+            cuts[name] = replace(cut, min_samples=max(cut.least, least))
     return replace(recipe, cuts=cuts, fuse=replace(recipe.fuse, shrink=1.0))
 
 
@@ -276,28 +274,29 @@ def choose_backbone(
 ) -> Choice:
     """Choose among `candidates` by left-out inner levels of the training data."""
     names = candidates(curves, recipe.target)
-    part = "training block" if recipe.level is None else "training level"
+    part = "block" if recipe.level is None else "level"
     folds = len(inner_folds(curves, recipe)) if recipe.level is None else inner_levels(curves, recipe)
     if folds < FEWEST_FOLDS:
         taken = FEW if FEW in names else None
-        why = f"{folds} inner {part}(s) are too few to choose a backbone by; {taken or 'none'} is taken"
+        why = f"{folds} inner training {part}(s) are too few to choose a backbone by; {taken or 'none'} is taken"
         return Choice(taken, f"{why}, as wherever they are" if taken else why)
     thinned = [thin(curve, next(iter(recipe.cuts), None)) for curve in curves]
     found = _raced(names, thinned, recipe, quantities, progress)
     if not found:
         return Choice(None, "no backbone: no formula could be fitted without a level, nor pieces alone")
-    chosen, unit = simplest([one for one in found if one.tried]), quantities[recipe.target].unit
-    others = sorted((one for one in found if one is not chosen), key=lambda one: one.rmse)[:TOLD]
+    ranked, unit = sorted(found, key=lambda one: one.rmse), quantities[recipe.target].unit
+    tried = [one for one in ranked if one.tried]
+    best, chosen = tried[0], simplest(tried)
+    others = [one for one in ranked if one is not chosen][:TOLD]
     beside = ", ".join(f"{one.label} {'' if one.tried else 'over '}{one.rmse:.4g}" for one in others)
-    best = min((one for one in found if one.tried), key=lambda one: one.rmse)
     simpler = "" if chosen is best else f"; it has fewer parameters than {best.label}, and errs within {MARGIN:.0%} of it"
     try:
         outermost = leave_out(thinned, recipe, quantities, chosen.name, outer_folds(thinned, recipe)).rmse(chosen.share)
-        beyond = f". With an outermost {part.split()[-1]} left out it errs by {outermost:.4g} {unit}"
+        beyond = f". With an outermost {part} left out it errs by {outermost:.4g} {unit}"
     except MapmoreError:  # it cannot be fitted without
         beyond = ""
     note = (
-        f"backbone {chosen.label} is chosen: with each of {folds} inner {part}s left out in turn, the fused model errs by "
+        f"backbone {chosen.label} is chosen: with each of {folds} inner training {part}s left out in turn, the fused model errs by "
         f"{chosen.rmse:.4g} {unit} ({beside}){simpler}{beyond}"
     )
     return Choice(chosen.name, note)
@@ -313,8 +312,8 @@ def candidates(curves: Sequence[Curve], target: str) -> tuple[str | None, ...]:
 
 def simplest(found: Sequence[Candidate]) -> Candidate:
     """Return the candidate with the fewest parameters of those within the margin of the least error, the better one of equals."""
-    least = min(one.rmse for one in found)
-    return min((one for one in found if one.rmse <= (1 + MARGIN) * least), key=lambda one: (one.parameters, one.rmse))
+    near = (1 + MARGIN) * min(one.rmse for one in found)
+    return min((one for one in found if one.rmse <= near), key=lambda one: (one.parameters, one.rmse))
 
 
 def thin(curve: Curve, along: str | None) -> Curve:

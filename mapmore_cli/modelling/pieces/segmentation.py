@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import cache
 from itertools import pairwise, product
 
 import numpy as np
@@ -68,8 +67,7 @@ def slope_change(x: Array, y: Array, window: float) -> tuple[Array, Array]:
     return at, np.nan_to_num(right - left)  # at an end of the curve there is no slope to one side
 
 
-TIE_TOLERANCE = 1e-9
-"""Of the largest cost: partitions nearer to each other than this tie, and the first wins, so that rounding decides nothing."""
+TIE_TOLERANCE = 1e-9  # of the largest cost: partitions nearer to each other tie, and the first wins, so that rounding decides nothing
 
 
 def optimal_partition(cost: Callable[[int, int], float], cells: int, count: int) -> tuple[int, ...] | None:
@@ -112,8 +110,7 @@ Cell = tuple[int, ...]
 IntervalCost = Callable[[Curve, IntArray], float]
 """What the fit of a segment function leaves on some rows of a curve: its sum of squared errors, in the unit of the target squared."""
 
-MOST_SAMPLES = 500
-"""Samples of a curve on which costs of intervals are computed; of more, an even share in the order of the variable is taken."""
+MOST_SAMPLES = 500  # of a curve on which costs of intervals are computed; of more, an even share in the order of the variable is taken
 
 
 def cut_points(curve: Curve, rows: IntArray, name: str, target: str, cut: Cut, cost: IntervalCost) -> Array:
@@ -141,26 +138,17 @@ def cut_points(curve: Curve, rows: IntArray, name: str, target: str, cut: Cut, c
 
 
 def joined(boundaries: Array, x: Array, least: int) -> Array:
-    """Return the boundaries of one variable without those that must go for every segment to hold `least` samples, or only one to be left.
-
-    The segment with the fewest samples is joined to the neighbour that has fewer, the left one of equals, until none has too few.
-    """
-    while len(boundaries) > 2:
-        counts = [int(inside.sum()) for inside in _members(x, boundaries)]
-        place = int(np.argmin(counts))
-        if counts[place] >= least:
-            break
-        left, right = (counts[i] if 0 <= i < len(counts) else len(x) + 1 for i in (place - 1, place + 1))
-        boundaries = np.delete(boundaries, place if left <= right else place + 1)
-    return boundaries
+    """Return the boundaries of one variable without those that must go for every segment to hold `least` samples (`joined_cells`)."""
+    masks = list(joined_cells({(i,): inside for i, inside in enumerate(_members(x, boundaries))}, least, [True]).values())
+    return boundaries[[True, *(one is not other for one, other in pairwise(masks)), True]]
 
 
 def joined_cells(cells: Mapping[Cell, BoolArray], least: int, across: Sequence[bool]) -> dict[Cell, BoolArray]:
     """Return the samples of every cell, `(n,)` masks, with those of the cells joined to it: `least` at least, or all that can be reached.
 
     Points of a table need not fill a grid: a muscle that is hardly inflated reaches no large strain. The group of cells with the fewest
-    samples is joined to the neighbour that has fewest, the first of equals, until none has too few. Cells of one group have one segment
-    function. Cells are neighbours along the variables that are joined `across`: not in another direction of motion.
+    samples is joined to the neighbour that has fewest, the first of equals, until none has too few. Cells of one group have one mask, and
+    one segment function. Cells are neighbours along the variables that are joined `across`: not in another direction of motion.
     """
     groups: list[list[Cell]] = [[cell] for cell in cells]
     done: list[list[Cell]] = []
@@ -181,7 +169,9 @@ def joined_cells(cells: Mapping[Cell, BoolArray], least: int, across: Sequence[b
             min(others, key=count).extend(fewest)
         else:
             done.append(fewest)
-    of_cell = {cell: samples(group) for group in (*groups, *done) for cell in group}
+    of_cell: dict[Cell, BoolArray] = {}
+    for group in (*groups, *done):
+        of_cell |= dict.fromkeys(group, samples(group))
     return {cell: of_cell[cell] for cell in cells}
 
 
@@ -194,7 +184,6 @@ def _touch(group: Sequence[Cell], other: Sequence[Cell], across: Sequence[bool])
 def _optimal_points(curve: Curve, rows: IntArray, name: str, grid: Array, cut: Cuts, cost: IntervalCost) -> Array:
     x = curve.columns[name][rows]
 
-    @cache
     def interval(i: int, j: int) -> float:
         inside = rows[(x >= grid[i]) & (x <= grid[j])]
         return cost(curve, inside) if len(inside) >= cut.least else float("inf")
@@ -247,21 +236,15 @@ def segment_curve(curve: Curve, cuts: Mapping[str, Cut], target: str, cost: Inte
     values = samples_of(curve, rows)
     boundaries = {name: cut_points(curve, rows, name, target, cut, cost) for name, cut in cuts.items()}
     inside = [list(enumerate(_members(values[name], boundaries[name]), 1)) for name in cuts]
-    masks: dict[Cell, BoolArray] = {}
-    for places in product(*inside):
-        masks[tuple(place for place, _ in places)] = np.logical_and.reduce(
-            [np.ones(len(rows), dtype=np.bool_), *(own for _, own in places)]
-        )
+    every = np.ones(len(rows), dtype=np.bool_)
+    masks = {tuple(i for i, _ in places): np.logical_and.reduce([every, *(own for _, own in places)]) for places in product(*inside)}
     if len(cuts) > 1:
         least = max((cut.least for cut in cuts.values() if isinstance(cut, Cuts) and cut.joins), default=0)
         masks = joined_cells(masks, least, [not isinstance(cut, CutByDirection) for cut in cuts.values()])
     segments = [Segment(segment_id(curve.id, tuple(cuts), cell), curve.id, cell, rows[mask]) for cell, mask in masks.items()]
-    for segment in segments:
-        if len(segment.rows) == 0:
-            raise DataError(
-                f"segment {segment.id}: no training sample lies in it",
-                "use fewer segments, move the breakpoints, or keep more samples of this curve",
-            )
+    if empty := [segment.id for segment in segments if not len(segment.rows)]:
+        remedy = "use fewer segments, move the breakpoints, or keep more samples of this curve"
+        raise DataError(f"segment {empty[0]}: no training sample lies in it", remedy)
     return SegmentedCurve(
         curve=curve.id,
         level=curve.level,

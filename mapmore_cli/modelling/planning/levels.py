@@ -26,11 +26,6 @@ POWER = 0.75  # how a model's error between two levels grows with their distance
 ON_A_LINE = 241
 
 
-def level_errors(left_out: LeftOut) -> Array:
-    """Return the RMS error of the models without each inner level, (K - 2,)."""
-    return np.asarray(np.sqrt(left_out.offset**2 + left_out.scatter**2))
-
-
 def gap_errors(places: Array, errors: Array) -> Array:
     """Return the expected error in the middle of every gap, (K - 1,), of levels (K,) with the left-out `errors` (K - 2,) of the inner ones.
 
@@ -54,11 +49,10 @@ def candidates(left_out: LeftOut, level: str, cost: float = 1.0) -> tuple[Candid
     It limits where no gap is expected to err more than the residual of the model at the levels themselves.
     """
     places = np.array(left_out.places)
-    middles, expected = (places[:-1] + places[1:]) / 2, gap_errors(places, level_errors(left_out))
+    middles, expected = (places[:-1] + places[1:]) / 2, gap_errors(places, np.hypot(left_out.offset, left_out.scatter))
     halves = _half(left_out, middles)
-    rows = zip(middles.tolist(), halves.tolist(), _cut(halves, 2.0, left_out).tolist(), expected.tolist(), strict=True)
-    gaps = [Candidate({level: middle}, "between", half, after, error, cost) for middle, half, after, error in rows]
-    found = [gaps[gap] for gap in np.argsort(-expected, kind="stable")]
+    rows = np.column_stack([middles, halves, _cut(halves, 2.0, left_out), expected])[np.argsort(-expected, kind="stable")]
+    found = [Candidate({level: middle}, "between", half, after, error, cost) for middle, half, after, error in rows.tolist()]
     if np.max(expected) > left_out.residual:
         return tuple(found)
     return (*(_repeat(left_out, level, number, cost) for number in np.argsort(left_out.repeats, kind="stable")), *found)
@@ -81,7 +75,8 @@ def until(left_out: LeftOut, wanted: float) -> Until:
     """Return how many more levels bring every gap to `wanted`: `ceil((half/wanted)^(1/.75)) - 1` in each."""
     places = np.array(left_out.places)
     halves = _half(left_out, (places[:-1] + places[1:]) / 2)
-    widest, least = float(halves.max()), min(float(halves.max()), NORMAL * left_out.residual)
+    widest = float(halves.max())
+    least = min(widest, NORMAL * left_out.residual)
     parts = np.maximum(np.ceil((halves / wanted) ** (1 / POWER) * (1 - 1e-9)), 1)
     more = int((parts - 1).sum()) if wanted >= least else None
     return Until(wanted, widest, more, least if more is None else float(_cut(halves, parts, left_out).max()))

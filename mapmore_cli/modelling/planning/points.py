@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
-from scipy.optimize import minimize
+from scipy.optimize import Bounds, minimize
 from scipy.spatial import Delaunay, QhullError
 
 from mapmore_cli.domain.arrays import Array
@@ -76,10 +76,8 @@ def fitted(x: Array, y: Array) -> GaussianProcess:
         return float(0.5 * y @ cho_solve(factor, y) + np.sum(np.log(np.diag(factor[0]))))
 
     d = x.shape[1]
-    edges = [(SHORTEST, LONGEST)] * d + [SIZE, NOISE]
-    bounds = [(math.log(low), math.log(high)) for low, high in edges]
-    start = np.array([math.log(0.5)] * d + [0.0, math.log(0.05)])
-    return made(minimize(cost, start, method="L-BFGS-B", bounds=bounds).x)
+    bounds = Bounds(*np.log([(SHORTEST, LONGEST)] * d + [SIZE, NOISE]).T)
+    return made(minimize(cost, np.log([0.5] * d + [1.0, 0.05]), method="L-BFGS-B", bounds=bounds).x)
 
 
 SLACK, LITTLE = 0.15, 0.02  # weight of points where less than this part of the largest |target| is expected
@@ -95,15 +93,9 @@ class Measured:
     x: Array
     y: Array
 
-    @property
-    def span(self) -> tuple[Array, Array]:
-        """Lowest and highest value of each input, (d,)."""
-        return self.x.min(axis=0), self.x.max(axis=0)
-
     def scaled(self, at: Array) -> Array:
         """Points (m, d) in the unit square of the measured range."""
-        low, high = self.span
-        return np.asarray((at - low) / (high - low))
+        return np.asarray((at - self.x.min(axis=0)) / np.ptp(self.x, axis=0))
 
     def grid(self, steps: int) -> Array:
         """Points of a grid within the hull of what was measured, (m, d)."""
@@ -111,8 +103,7 @@ class Measured:
         with suppress(QhullError):  # measured along a line
             if len(self.names) > 1:
                 every = every[Delaunay(self.scaled(self.x)).find_simplex(every, tol=1e-9) >= 0]
-        low, high = self.span
-        return np.asarray(low + every * (high - low))
+        return np.asarray(self.x.min(axis=0) + every * np.ptp(self.x, axis=0))
 
 
 def thinned(x: Array, y: Array) -> tuple[Array, Array]:
@@ -148,11 +139,10 @@ class Committee:
         self._update()
 
     def _update(self) -> None:
-        found = [own.predict(self.scaled) for own in self._own]
-        said = np.array([base + mean for base, (mean, _) in zip(self._base, found, strict=True)])
-        self.expected = said.mean(axis=0)
-        self.spread = said.std(axis=0)
-        self.deviation = np.sqrt(np.mean([deviation**2 for _, deviation in found], axis=0))
+        means, deviations = zip(*(own.predict(self.scaled) for own in self._own), strict=True)
+        said = np.add(self._base, means)
+        self.expected, self.spread = said.mean(axis=0), said.std(axis=0)
+        self.deviation = np.sqrt(np.mean(np.square(deviations), axis=0))
 
     @property
     def error(self) -> Array:
@@ -172,9 +162,8 @@ class Committee:
 
     def add(self, number: int) -> None:
         """Take a place as measured, with the value that is expected there."""
-        value = self.expected[number]
-        pairs = zip(self._own, self._base, strict=True)
-        self._own = [own.joined(self.scaled[number], float(value - base[number])) for own, base in pairs]
+        left = [float(self.expected[number] - base[number]) for base in self._base]
+        self._own = [own.joined(self.scaled[number], value) for own, value in zip(self._own, left, strict=True)]
         self._update()
 
 
@@ -185,9 +174,8 @@ def chosen(
 
     Worth is divided by cost. The first time that a quantity takes a value costs its price; at the least, a point costs the lowest price.
     """
-    before, places, found = committee.half, committee.places, list[Candidate]()
+    before, places, found, numbers = committee.half, committee.places, list[Candidate](), list[int]()
     each = np.array([prices.get(name, 1.0) for name in names])
-    numbers: list[int] = []
     for _ in range(count):
         new = np.column_stack([~np.isin(column, taken) for column, taken in zip(places.T, places[numbers].T, strict=True)])
         cost = np.maximum(new @ each, each.min()) if prices else np.ones(len(places))

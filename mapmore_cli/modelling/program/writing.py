@@ -145,11 +145,13 @@ def limit(m: Writer, ranges: Sequence[CurveRange], level: str | None, inputs: In
 
 def pruned(model: Program) -> Program:
     """Return the program with only the statements that its results and its memory depend on."""
-    functions = tuple(replace(function, body=pruned_block(function.body)) for function in model.functions)
-    checked = _names(side for limit in model.limits for side in (limit.value, limit.at or ZERO))
-    body = pruned_block(model.body, checked)
-    used = _functions_of(body, {function.name: function.body for function in functions})
-    return replace(model, functions=tuple(one for one in functions if one.name in used), body=body)
+    body = pruned_block(model.body, _names(side for limit in model.limits for side in (limit.value, limit.at or ZERO)))
+    used, functions = names_in(body), list[Function]()
+    for function in reversed(model.functions):  # each uses earlier ones only
+        if function.name in used:
+            functions.insert(0, replace(function, body=pruned_block(function.body)))
+            used |= names_in(functions[0].body)
+    return replace(model, functions=tuple(functions), body=body)
 
 
 def pruned_block(block: Block, also: Set[str] = frozenset()) -> Block:
@@ -165,12 +167,12 @@ def pruned_block(block: Block, also: Set[str] = frozenset()) -> Block:
 
 
 def names_of(statement: Statement) -> set[str]:
-    """Return every name that a statement uses."""
+    """Return every name that a statement uses, those of functions included."""
     match statement:
         case Let(_, value) | Keep(_, value) | Queue(_, value):
             return set(value.names)
-        case Use(_, _, arguments):
-            return _names(arguments)
+        case Use(_, function, arguments):
+            return {function, *_names(arguments)}
         case Choose(_, cases):
             conditions = _names(side for condition, _ in cases for side in (condition.left, condition.right))
             return conditions.union(*map(names_in, statement.blocks))
@@ -197,18 +199,6 @@ def _used(statement: Statement, used: set[str]) -> Statement | None:
             *sides, last = (pruned_block(Block(one.statements, tuple(one.results[i] for i in places))) for one in statement.blocks)
             return Choose(tuple(names[i] for i in places), tuple(zip((c for c, _ in cases), sides, strict=True)), last)
     return statement
-
-
-def _functions_of(block: Block, bodies: dict[str, Block]) -> set[str]:
-    """Return the names of the functions that a block uses, directly or not."""
-    found: set[str] = set()
-    for statement in block.statements:
-        match statement:
-            case Use(_, function):
-                found |= {function} | _functions_of(bodies[function], bodies)
-            case Choose():
-                found = found.union(*(_functions_of(inside, bodies) for inside in statement.blocks))
-    return found
 
 
 def _names(expressions: Iterable[Expression]) -> set[str]:

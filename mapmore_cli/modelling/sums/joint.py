@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 
@@ -125,12 +125,13 @@ def joint_formula(summands: Sequence[Summand]) -> Formula:
     parts = [_part(one) for one in summands]
     signs = [one.sign for one in summands]
     numbered = list(enumerate(parts, 1))
+    forms = [part.form or LinearForm(part.text, (), {name: name for name in part.parameters}) for part in parts]
     form = None
     if any(part.form is not None for part in parts):
         linear = tuple(_numbered(name, i) for i, part in numbered for name in part.linear)
-        printed = {_numbered(name, i): text for i, part in numbered for name, text in _printed(part, i).items()}
-        expressions = [part.expression if part.form is None else part.form.expression for part in parts]
-        form = LinearForm(_sum(expressions, signs), linear, printed)
+        texts = [(i, name, parse(text)) for i, one in enumerate(forms, 1) for name, text in one.printed.items()]
+        printed = {_numbered(name, i): to_text(_renamed(text, i)) for i, name, text in texts}
+        form = LinearForm(_sum((one.expression for one in forms), signs), linear, printed)
     return Formula(
         name=" ".join(f"{'-' if sign < 0 else '+'} {part.name}" for sign, part in zip(signs, parts, strict=True)).removeprefix("+ "),
         reference="; ".join(dict.fromkeys(part.reference for part in parts)),
@@ -171,14 +172,9 @@ def _part(summand: Summand) -> Formula:
     return found
 
 
-def _printed(part: Formula, number: int) -> dict[str, str]:
-    texts = part.form.printed if part.form is not None else {name: name for name in part.parameters}
-    return {name: to_text(_renamed(parse(text), number)) for name, text in texts.items()}
-
-
-def _sum(expressions: Sequence[Expression], signs: Sequence[float]) -> str:
-    terms = [_renamed(expression, i) for i, expression in enumerate(expressions, 1)]
-    return to_text(add(*(multiply(Number(sign), term) for sign, term in zip(signs, terms, strict=True))))
+def _sum(expressions: Iterable[Expression], signs: Sequence[float]) -> str:
+    terms = [multiply(Number(sign), _renamed(one, i)) for i, (sign, one) in enumerate(zip(signs, expressions, strict=True), 1)]
+    return to_text(add(*terms))
 
 
 def _renamed(expression: Expression, number: int) -> Expression:
