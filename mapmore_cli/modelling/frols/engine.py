@@ -1,7 +1,5 @@
-"""`frols` and `frols_streamed`: which form of the method reads the dictionary is decided here, and nowhere else.
-
-On the Gram matrix a tall dictionary is read once. On an orthonormal basis of the chosen columns it is read in every step, and keeps all
-digits; its triangular factor may stand for it.
+"""`frols` and `frols_streamed`, and the forms of the method: on the Gram matrix a tall dictionary is read once; on an orthonormal basis of
+the chosen columns it is read in every step, and keeps all digits. Its triangular factor may stand for it.
 """
 
 from __future__ import annotations
@@ -20,9 +18,7 @@ from mapmore_cli.modelling.frols.select import RANK_TOLERANCE, TIE_TOLERANCE, Di
 PIVOT_TOLERANCE = 1e-6  # a downdated `q'q` below this fraction of `p'p` has lost too many digits (anything of 1e-4..1e-10 would serve)
 RESIDUAL_TOLERANCE = 1e-9  # a downdated residual sum of squares below this fraction of its last explicit value has lost too many digits
 
-ROUNDING = 8 * float(np.finfo(np.float64).eps)
-"""Error of a product `p'y`, as a fraction of `|p| |y|`; sums over blocks keep it there whatever n is."""
-
+ROUNDING = 8 * float(np.finfo(np.float64).eps)  # error of a product `p'y`, as a fraction of `|p| |y|`, whatever n is
 LEAST_DIGITS = 1e-6  # relative accuracy that an ERR must have to be reported
 BALANCE = 1e-12  # how far the sum of ERR may be from what the residual says
 
@@ -44,12 +40,12 @@ class GramRemainders(Remainders):
         if (self.squares < PIVOT_TOLERANCE * self.pp)[self.live].any():
             raise DigitsLost
         g, err = super().reductions()
-        if self.live.any() and not self._clear_winner(err):
-            if self.sse == self.sse_of_products:
-                raise DigitsLost
-            self._renew()
-            return self.reductions()
-        return g, err
+        if not self.live.any() or self._clear_winner(err):
+            return g, err
+        if self.sse == self.sse_of_products:
+            raise DigitsLost
+        self._renew()
+        return self.reductions()
 
     def _clear_winner(self, err: Array) -> bool:
         best = int(np.nanargmax(err))
@@ -61,7 +57,7 @@ class GramRemainders(Remainders):
     def choose(self, pick: int) -> Array:
         """See `Remainders`."""
         length = np.sqrt(self.squares[pick])
-        row = np.append((self.gram[pick] - self.rows[:, pick] @ self.rows[:, :-1]) / length, self.products[pick] / length)
+        row = np.append(self.gram[pick] - self.rows[:, pick] @ self.rows[:, :-1], self.products[pick]) / length
         row[pick] = length
         self.rows = np.vstack([self.rows, row])
         self.picks.append(pick)
@@ -109,8 +105,7 @@ class BasisRemainders(Remainders):
         super().__init__(_column_squares(P), P.T @ y, float(y @ y))
         self.P, self.residual = P, y.copy()
         self.lost_below = (LOST_OF_SMALL if P.size <= SMALL else LOST) * self.pp
-        self.basis = np.empty((len(y), limit), order="F")
-        self.size = 0
+        self.basis, self.size = np.empty((len(y), limit), order="F"), 0
         self.explicit: IntArray = np.empty(0, dtype=np.int64)
         self.remainders = np.empty((len(y), 0))
 
@@ -156,8 +151,7 @@ def _column_squares(P: Array) -> Array:
     return np.asarray(np.einsum("ij,ij->j", P, P))
 
 
-GRAM_COLUMNS_PER_TERM = 16
-"""One `syrk` over 16 columns takes about as long as one matrix-vector product with them, of which the basis needs one a term."""
+GRAM_COLUMNS_PER_TERM = 16  # one `syrk` over so many takes about as long as a matrix-vector product, of which the basis needs one a term
 
 
 def frols(
@@ -206,10 +200,9 @@ def frols(
 def frols_streamed(blocks: Blocks, max_terms: int | None = None, tolerance: float = 0.0, *, stop: str = "tolerance") -> Selection:
     """`frols` of a dictionary that comes in row blocks and never as a whole: memory O(M^2 + block), whatever n is.
 
-    `blocks` is called to start a pass over the rows; it yields `P (b, M)` and `y (b,)` of one block after the other, the same ones in every
-    pass. Blocks of a few thousand rows are best. Most records need one pass. There is another where the normal equations lose digits (an
-    ill-conditioned or dependent dictionary, a residual sum of squares below 1e-9 of `y'y`), two where squares of the values overflow or
-    vanish, and one for `press`.
+    Each call of `blocks` yields `P (b, M)` and `y (b,)` of one block after the other, best of a few thousand rows. Most records need one
+    pass. There is another where the normal equations lose digits (an ill-conditioned or dependent dictionary, a residual sum of squares
+    below 1e-9 of `y'y`), two where squares of the values overflow or vanish, and one for `press`.
 
     Raises DataError where a value is not finite, with its column and its row counted over all blocks; ValueError where the shapes do not
     fit, there is no row, or `max_terms` is below one.
@@ -218,10 +211,10 @@ def frols_streamed(blocks: Blocks, max_terms: int | None = None, tolerance: floa
 
 
 def reads_once(n: int, M: int, terms: int) -> bool:
-    """Whether `frols` forms `P'P`: not of a small dictionary, which costs nothing anyway and keeps more digits on the basis; nor of one so
-    wide that reading it once for every term costs less.
+    """Whether `frols` forms `P'P`, as `frols_streamed` does, so that the dictionary need not be there as a whole.
 
-    Where it does, `frols_streamed` does the same, and the dictionary need not be there as a whole.
+    It does not of a small dictionary, which costs nothing anyway and keeps more digits on the basis; nor of one so wide that reading it
+    once for every term costs less.
     """
     return n * M > SMALL and n > M and GRAM_COLUMNS_PER_TERM * (terms + 2) >= M
 
@@ -239,7 +232,6 @@ def _by_gram(blocks: Blocks, stopping: Stopping) -> Selection:
 
 
 def _by_basis(P: Array, y: Array, stopping: Stopping) -> Selection:
-    """On the dictionary itself."""
     blocks, limit = row_blocks(P, y), stopping.limit(*P.shape)
     with np.errstate(over="ignore", invalid="ignore"):  # `safe_scale` looks for the cause
         squares = np.append(_column_squares(P), y @ y)
@@ -252,10 +244,9 @@ def _by_basis(P: Array, y: Array, stopping: Stopping) -> Selection:
 def triangle(blocks: Blocks) -> tuple[Array, Array]:
     """Triangular factor of `Z = [P y]`, (M+1, M+1), split into its P and y: `Z = Q R` with orthonormal columns of Q.
 
-    Inner products and distances of columns of R are those of Z, therefore FROLS chooses the same terms, with the same numbers, on R as on
-    Z. Unlike `Z'Z`, Householder's R loses nothing: each column is that of Z to rounding error. Blocks are folded in one after the other
-    (J. Demmel et al. 2012, "Communication-optimal parallel and sequential QR and LU factorizations", sequential TSQR), so the memory is
-    O(M^2 + block).
+    Inner products of columns of R are those of Z, therefore FROLS chooses the same terms, with the same numbers, on R as on Z. Unlike
+    `Z'Z`, Householder's R loses nothing. Blocks are folded in one after the other (J. Demmel et al. 2012, "Communication-optimal parallel
+    and sequential QR and LU factorizations", sequential TSQR), so the memory is O(M^2 + block).
     """
     factor = np.empty((0, 0))
     for P, y in blocks():

@@ -54,11 +54,10 @@ def scaled(blocks: Blocks, scale: Array) -> Blocks:
 
 
 def safe_scale(squares: Array, blocks: Blocks) -> Array:
-    """Powers of two, (M+1,), that bring the columns of `Z` near one where their sums of squares left the safe range; one elsewhere.
+    """Powers of two, (M+1,), that bring the columns of `Z` near one where their sums of `squares`, (M+1,), left the safe range; else one.
 
-    `squares` are the sums as they came out, (M+1,): infinite or NaN where a value is not finite or its square overflows, zero where all
-    values are zero or their squares vanish. There values are looked at one by one. Raises DataError where one is not finite, with its
-    column and row.
+    Sums are infinite or NaN where a value is not finite or its square overflows, zero where squares vanish. There values are looked at one
+    by one. Raises DataError where one is not finite, with its column and row.
     """
     scale = np.ones(len(squares))
     unsafe = np.flatnonzero(~((squares > SMALLEST) & (squares < LARGEST)))
@@ -74,8 +73,7 @@ def power_of_two(positive: Array) -> Array:
 
 def _largest(blocks: Blocks, columns: IntArray) -> Array:
     """Largest absolute value of some columns of `Z`, (columns,)."""
-    largest = np.zeros(len(columns))
-    start = 0
+    largest, start = np.zeros(len(columns)), 0
     for P, y in blocks():
         M = P.shape[1]
         values = np.column_stack([y if column == M else P[:, column] for column in columns])

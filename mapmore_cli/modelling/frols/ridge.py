@@ -107,12 +107,12 @@ def substitutes(data: Regularised, chosen: IntArray) -> tuple[IntArray, Array]:
     """
     best, share = np.full(len(chosen), -1), np.full(len(chosen), np.nan)
     gram, products = data.gram, data.products
-    for place in range(len(chosen)):
+    for place, term in enumerate(chosen):
         others = np.delete(chosen, place)
         solved = cho_solve(cho_factor(gram[np.ix_(others, others)]), gram[others]) if len(others) else np.empty((0, len(gram)))
         squares = np.diag(gram) - np.einsum("ij,ij->j", gram[others], solved)
         reductions = (products - products[others] @ solved) ** 2 / np.maximum(squares, data.ridge)
-        own = reductions[chosen[place]]
+        own = reductions[term]
         reductions[chosen] = -1.0
         if len(chosen) < len(gram):
             best[place] = int(np.argmax(reductions))
@@ -140,8 +140,7 @@ def _left_out_error(training: Moments, held: Moments, ridge: float, forward: int
         return float(held.products[-1, -1])
     kept = prune(data, chosen)[:max_terms][-1]
     combination = np.zeros(len(held.sums))  # residual = combination'z - constant
-    combination[kept] = -data.coefficients(kept)
-    combination[-1] = 1.0
+    combination[[*kept, -1]] = [*-data.coefficients(kept), 1.0]
     constant = float(combination @ training.mean)
     return float(combination @ held.products @ combination - 2 * constant * (combination @ held.sums) + held.samples * constant**2)
 
@@ -152,11 +151,10 @@ def ridge_press(blocks: Blocks, data: Regularised, subsets: Sequence[IntArray]) 
     The leverage is `h_i = 1/n + z_i' G^-1 z_i / n`: of the mean, and of the terms. A ridge makes it exact but for the change of means and
     standard deviations by one sample.
     """
-    factors = [cho_factor(data.gram[np.ix_(kept, kept)]) for kept in subsets]
-    thetas = [data.coefficients(kept) for kept in subsets]
+    models = [(kept, cho_factor(data.gram[np.ix_(kept, kept)]), data.coefficients(kept)) for kept in subsets]
     total = np.zeros(len(subsets))
     for P, y in blocks():
-        for place, (kept, factor, theta) in enumerate(zip(subsets, factors, thetas, strict=True)):
+        for place, (kept, factor, theta) in enumerate(models):
             Z = P[:, kept]
             left = 1 - (1 + np.einsum("ij,ji->i", Z, cho_solve(factor, Z.T))) / data.samples
             total[place] += np.square((y - Z @ theta) / np.where(left > FULL_LEVERAGE, left, np.nan)).sum()
