@@ -119,7 +119,11 @@ def test_two_pressures_never_share_a_name() -> None:
     refuse_shared_names(said)
 
 
-def test_an_input_in_another_unit_is_refused() -> None:
+def test_another_unit_is_refused_and_an_input_that_is_lacking() -> None:
+    with pytest.raises(SpecError, match="in N, the force of this study in kN"):
+        sum_of("joint", [Part(braid("flexor", 2.0))], Quantity("force", "kN"), {})
+    with pytest.raises(SpecError, match="function of pressure"):
+        sum_of("joint", [Part(braid("flexor", 2.0))], FORCE, {})
     parts = [Part(braid("flexor", 2.0), 1.0, {"pressure": "p1", "strain": "s"})]
     with pytest.raises(SpecError, match="pressure of flexor is in kPa, p1 in bar"):
         sum_of("joint", parts, FORCE, {"p1": Quantity("p1", "bar"), "s": Quantity("s", "1")})
