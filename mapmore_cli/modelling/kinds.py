@@ -29,18 +29,15 @@ from mapmore_cli.modelling.expressions import ExpressionError
 class Kind:
     """A kind of model: its name in files and on pages, the types of its models and of its fits, and the folder with its verbs.
 
-    `model.py` in the folder has these functions of a `model`, and others of its own.
+    `model.py` in the folder has these functions of a `model`.
 
     - `simulate(model, columns)`: the `Run` at every row, NaN where an input is NaN or there is no history.
     - `equations(model, units)`: the model in physical units, given how many of the model's units one unit of a quantity is.
     - `parameters(model)`: how many numbers the fit was free to choose.
     - `write(m, model, inputs)`: the model as statements of the writer `m`; its output.
 
-    Not every kind has the others.
-
-    - `one_step(model, columns)`: prediction of every row from the measured past, (n,); none for kinds that know no past.
-    - `fed_back(model)`: the measured outputs that a run begins from.
-    - `outside_range(model, columns)`: True where an input lies beyond the training range, (n,), for a body without `ranges`.
+    Some have others: `one_step(model, columns)`, the prediction of every row from the measured past, (n,); `fed_back(model)`, the measured
+    outputs that a run begins from; `outside_range(model, columns)`, (n,), for a body without `ranges`.
     """
 
     name: str
@@ -94,7 +91,7 @@ def outside_range(model: Model, columns: Columns) -> BoolArray:
 
 @contextmanager
 def numbers_in_reach(model: Model) -> Iterator[None]:
-    """Name the model whose scaling and coefficients multiply to what is no number, as in a file that somebody changed."""
+    """Raise DataError for a model whose coefficients multiply to what is no number, as in a file that somebody changed."""
     try:
         with np.errstate(over="ignore"):  # infinity is no number
             yield

@@ -57,7 +57,7 @@ class GramRemainders(Remainders):
     def choose(self, pick: int) -> Array:
         """See `Remainders`."""
         length = np.sqrt(self.squares[pick])
-        row = np.append(self.gram[pick] - self.rows[:, pick] @ self.rows[:, :-1], self.products[pick]) / length
+        row: Array = np.append(self.gram[pick] - self.rows[:, pick] @ self.rows[:, :-1], self.products[pick]) / length
         row[pick] = length
         self.rows = np.vstack([self.rows, row])
         self.picks.append(pick)

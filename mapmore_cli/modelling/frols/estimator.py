@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import inspect
 import sys
 import warnings
+from dataclasses import dataclass, fields
 from math import comb
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,6 +23,7 @@ class NotFitted(ValueError, AttributeError):
     """`fit` was not called yet."""
 
 
+@dataclass(eq=False, repr=False)
 class FROLS:
     """Few terms of a polynomial in the columns of X, selected by error reduction ratio (`mapmore_cli.modelling.frols`).
 
@@ -37,16 +38,12 @@ class FROLS:
     ('3*x0^2 - 1',)
     """
 
-    _estimator_type = "regressor"
-
-    def __init__(
-        self, order: int = 2, max_terms: int | None = None, tolerance: float = 1e-4, stop: str = "tolerance", constant: bool = True
-    ) -> None:
-        self.order = order
-        self.max_terms = max_terms
-        self.tolerance = tolerance
-        self.stop = stop
-        self.constant = constant
+    order: int = 2
+    max_terms: int | None = None
+    tolerance: float = 1e-4
+    stop: str = "tolerance"
+    constant: bool = True
+    _estimator_type: ClassVar[str] = "regressor"
 
     def fit(self, X: ArrayLike, y: ArrayLike) -> Self:
         """Select terms for the target `y`, (n,), among monomials of the columns of `X`, (n, m).
@@ -105,7 +102,7 @@ class FROLS:
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:  # noqa: ARG002 - scikit-learn's protocol
         """Return the parameters by name."""
-        return {name: getattr(self, name) for name in inspect.signature(type(self)).parameters}
+        return {one.name: getattr(self, one.name) for one in fields(self)}
 
     def set_params(self, **given: Any) -> Self:
         """Set parameters; raises `ValueError` for one that there is not."""
@@ -117,8 +114,7 @@ class FROLS:
         return self
 
     def __repr__(self) -> str:
-        default = inspect.signature(type(self)).parameters
-        changed = [f"{name}={value!r}" for name, value in self.get_params().items() if value != default[name].default]
+        changed = [f"{one.name}={value!r}" for one in fields(self) if (value := getattr(self, one.name)) != one.default]
         return f"FROLS({', '.join(changed)})"
 
     def __sklearn_tags__(self) -> Any:

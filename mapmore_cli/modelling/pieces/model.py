@@ -69,13 +69,14 @@ def segment_equation(segment: SegmentFunction, units: Mapping[str, float]) -> Ex
     scaled without an offset keeps its form, with one coefficient in front, as M2's table 5 prints them.
     """
     scaling = segment.scaling
-    offsets = dict(zip(scaling.variables, zip(scaling.slope.tolist(), scaling.intercept.tolist(), strict=True), strict=True))
+    slopes = {name: m * units.get(name, 1.0) for name, m in zip(scaling.variables, scaling.slope.tolist(), strict=True)}
+    offsets = dict(zip(scaling.variables, scaling.intercept.tolist(), strict=True))
 
     def physical(term: Expression) -> Expression:
         degrees = exponents(term)
         if degrees is None or scaling.intercept.any():
-            return substitute(term, {name: affine(Name(name), m * units.get(name, 1.0), c) for name, (m, c) in offsets.items()})
-        return multiply(Number(float(np.prod([(offsets[name][0] * units.get(name, 1.0)) ** e for name, e in degrees.items()]))), term)
+            return substitute(term, {name: affine(Name(name), m, offsets[name]) for name, m in slopes.items()})
+        return multiply(Number(float(np.prod([slopes[name] ** e for name, e in degrees.items()]))), term)
 
     return combination(segment, [physical(parse(text)) for text in segment.terms])
 

@@ -61,9 +61,7 @@ def slopes(model: Model, columns: Columns) -> dict[str, Array]:
     return {quantity.name: slope for quantity, slope in zip(model.inputs, found, strict=True)}
 
 
-Slopes = tuple[Expression, ...]
-"""Derivatives by each direction."""
-
+Slopes = tuple[Expression, ...]  # derivatives by each direction
 FUNCTION = "{}_slopes"  # name of a function that returns its value and its derivatives
 
 
@@ -74,9 +72,12 @@ def with_slopes(model: Program) -> Program:
     """
     if model.step is not None:
         raise DataError("a model with memory has no derivative at a point: its output depends on the past", "differentiate along a run")
-    functions = tuple(_with_slopes(function) for function in model.functions)
-    body = _block(model.body, _seeds([f"{INPUT}{name}" for name in model.inputs]), len(model.inputs))
-    return pruned(replace(model, functions=functions, body=body))
+    functions = []
+    for one in model.functions:
+        note = f"{one.note}, and its slopes" if one.note else ""
+        functions.append(Function(FUNCTION.format(one.name), one.parameters, _with_slopes(one.body, one.parameters), note))
+    body = _with_slopes(model.body, [f"{INPUT}{name}" for name in model.inputs])
+    return pruned(replace(model, functions=tuple(functions), body=body))
 
 
 def recursion_slopes(rule: Recursion, arguments: Sequence[Array]) -> list[Value]:
@@ -85,17 +86,13 @@ def recursion_slopes(rule: Recursion, arguments: Sequence[Array]) -> list[Value]
         return [np.float64(weight) for weight in rule.weights]
     names = [f"argument_{place}" for place in range(len(arguments))]
     m = Writer()
-    block = _block(m.side(lambda: rule.next(m, *map(Name, names))), _seeds(names), len(names))
+    block = _with_slopes(m.side(lambda: rule.next(m, *map(Name, names))), names)
     return block_values(block, dict(zip(names, arguments, strict=True)))[1:]
 
 
-def _with_slopes(function: Function) -> Function:
-    body = _block(function.body, _seeds(function.parameters), len(function.parameters))
-    return Function(FUNCTION.format(function.name), function.parameters, body, f"{function.note}, and its slopes" * bool(function.note))
-
-
-def _seeds(names: Sequence[str]) -> dict[str, Slopes]:
-    return {name: tuple(ONE if other == name else ZERO for other in names) for name in names}
+def _with_slopes(block: Block, names: Sequence[str]) -> Block:
+    """Return the block with the derivatives of its results by `names` behind them."""
+    return _block(block, {name: tuple(ONE if other == name else ZERO for other in names) for name in names}, len(names))
 
 
 def _block(block: Block, slopes: dict[str, Slopes], count: int) -> Block:
@@ -136,11 +133,9 @@ def _chained(value: Expression, known: dict[str, Slopes], count: int) -> Slopes:
 
 def _named(statements: list[Statement], name: str, slopes: Slopes) -> Slopes:
     """Name each derivative that is neither a name nor a number."""
-    found: list[Expression] = []
+    found = list(slopes)
     for way, slope in enumerate(slopes):
         if slope.names and not isinstance(slope, Name):
             statements.append(Let(f"{name}_d{way}", slope))
-            found.append(Name(f"{name}_d{way}"))
-        else:
-            found.append(slope)
+            found[way] = Name(f"{name}_d{way}")
     return tuple(found)

@@ -10,7 +10,7 @@ import numpy as np
 
 from mapmore_cli.domain.models import CurveRange
 from mapmore_cli.modelling.expressions import Expression, Name, Number, call, substitute
-from mapmore_cli.modelling.expressions.syntax import ZERO, Condition, Operand, Product, Sum, expression
+from mapmore_cli.modelling.expressions.syntax import ONE, ZERO, Condition, Operand, Product, Sum, expression
 from mapmore_cli.modelling.kinds import limits
 from mapmore_cli.modelling.program.statements import Block, Choose, Function, Keep, Kept, Let, Limit, Program, Queue, Recall, Statement, Use
 
@@ -125,8 +125,8 @@ def total(terms: Sequence[Expression]) -> Expression:
 
 def times(*factors: Expression) -> Expression:
     """Return the product from left to right, as it stands."""
-    kept = tuple(factor for factor in factors if factor != Number(1.0))
-    return Product(kept) if len(kept) > 1 else kept[0] if kept else Number(1.0)
+    kept = tuple(factor for factor in factors if factor != ONE) or (ONE,)
+    return Product(kept) if len(kept) > 1 else kept[0]
 
 
 def renamed_all(terms: Iterable[Expression], names: Mapping[str, Expression]) -> list[Expression]:

@@ -27,10 +27,8 @@ def sum_of(name: str, parts: Sequence[Part], output: Quantity, quantities: Mappi
     for part in parts:
         model = part.model
         if model.output.unit != output.unit:
-            raise SpecError(
-                f"needs: the model of {model.name} is in {model.output.unit}, the {output.name} of this study in {output.unit}",
-                "add up models of one unit",
-            )
+            what = f"needs: the model of {model.name} is in {model.output.unit}, the {output.name} of this study in {output.unit}"
+            raise SpecError(what, "add up models of one unit")
         for quantity in model.inputs:
             source = parse(part.inputs.get(quantity.name, quantity.name))
             used |= source.names
@@ -39,19 +37,13 @@ def sum_of(name: str, parts: Sequence[Part], output: Quantity, quantities: Mappi
                 if other != quantity:
                     what = f"the model of {model.name} is a function of {quantity.name} in {quantity.unit}, which this study lacks"
                     raise SpecError(f"needs: {what}", "declare its column, derive it, or set its unit under `units`")
-                continue
-            if missing := sorted(source.names - {*quantities}):
+            elif missing := sorted(source.names - {*quantities}):
                 raise SpecError(f"the sum: there is no quantity {missing[0]} for {quantity.name} of {model.name}", "declare its column")
-            if other is not None and other.unit != quantity.unit:
+            elif other is not None and other.unit != quantity.unit:
                 what = f"{quantity.name} of {model.name} is in {quantity.unit}, {other.name} in {other.unit}"
                 raise SpecError(f"the sum: {what}", f"set the unit of {other.name} under `units`")
-    return Model(
-        name=name,
-        output=output,
-        inputs=tuple(quantities[key] for key in sorted(used)),
-        body=Sum(tuple(parts)),
-        notes=tuple(f"{part.model.name}: {note}" for part in parts for note in part.model.notes),
-    )
+    notes = tuple(f"{part.model.name}: {note}" for part in parts for note in part.model.notes)
+    return Model(name, output, tuple(quantities[key] for key in sorted(used)), Sum(tuple(parts)), notes=notes)
 
 
 def actuator(force: Model, pressure: Model) -> Model:
@@ -83,13 +75,11 @@ def refuse_shared_names(inputs_of: Sequence[tuple[str, Sequence[str], Mapping[st
     `inputs_of` has for every part what it is called, its own inputs, and what is said of them.
     """
     for (first, names, said), (second, others, of_other) in combinations(inputs_of, 2):
-        for name in names:
-            if name in others and not (name in said and name in of_other):
-                raise SpecError(
-                    f"{first} and {second} both have an input `{name}`",
-                    f"write what it is for each, as `inputs: {{{name}: {name}_1}}` and `inputs: {{{name}: {name}_2}}`; "
-                    f"where it is one quantity, `inputs: {{{name}: {name}}}` for both",
-                )
+        if shared := [name for name in names if name in others and not (name in said and name in of_other)]:
+            name = shared[0]
+            remedy = f"write what it is for each, as `inputs: {{{name}: {name}_1}}` and `inputs: {{{name}: {name}_2}}`"
+            one = f"where it is one quantity, `inputs: {{{name}: {name}}}` for both"
+            raise SpecError(f"{first} and {second} both have an input `{name}`", f"{remedy}; {one}")
 
 
 @dataclass(frozen=True)

@@ -247,8 +247,7 @@ def _left(rows: BoolArray, error: Array, cycle: IntArray, place: IntArray) -> tu
     """Errors less the mean of their cycle, their places, that mean, each (n,); and the mean of every cycle."""
     rows = rows & np.isfinite(error) & (cycle >= 0)
     counts = np.bincount(cycle[rows], minlength=int(cycle.max(initial=0)) + 1)
-    enough = counts >= WHOLE * (np.median(counts[counts > 0]) if counts.any() else 1)
-    rows &= enough[np.maximum(cycle, 0)]
+    rows &= (counts >= WHOLE * (np.median(counts[counts > 0]) if counts.any() else 1))[np.maximum(cycle, 0)]
     cycles, of_cycle = np.unique(cycle[rows], return_inverse=True)
     offsets = _means(error[rows], of_cycle)[: len(cycles)]
     return error[rows] - offsets[of_cycle], place[rows], offsets[of_cycle], offsets

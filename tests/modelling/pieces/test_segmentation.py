@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from surfaces import curves, recipe
+from surfaces import changed, curves, recipe
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
@@ -50,17 +50,13 @@ def test_every_training_sample_lies_in_a_segment_and_no_other(count, seed):
         assert x.max() <= high
 
 
-def test_each_curve_is_cut_over_its_own_range():
-    for curve in curves():
-        segmented = cut(replace(curve, held_out=np.zeros(curve.size, bool)), {"strain": Cuts("even", 4)})
+def test_each_curve_is_cut_over_its_own_range_and_a_sample_on_a_boundary_belongs_to_both_segments():
+    for curve in curves(held_out=(), n=121):
+        segmented = cut(curve, {"strain": Cuts("even", 4)})
         np.testing.assert_allclose(segmented.boundaries[0], np.linspace(0, curve.columns["strain"].max(), 5))
         assert segmented.limits["strain"] == (0.0, curve.columns["strain"].max())
-
-
-def test_a_sample_on_a_boundary_belongs_to_both_segments():
-    curve = replace(curves(n=121)[0], held_out=np.zeros(121, bool))
-    first, second, *_ = cut(curve, {"strain": Cuts("even", 4)}).segments
-    assert set(first.rows) & set(second.rows) == {30}
+        first, second, *_ = segmented.segments
+        assert set(first.rows) & set(second.rows) == {30}
 
 
 def test_breakpoints_beyond_a_short_curve_are_left_out():
@@ -74,16 +70,15 @@ def test_ids():
 
 
 def test_a_segment_without_samples_is_refused_with_its_name():
-    curve = replace(curves()[0], held_out=np.zeros(120, bool))
+    curve = curves(held_out=())[0]
     strain = np.where(curve.columns["strain"] < 0.05, 0.0, curve.columns["strain"])
     with pytest.raises(DataError, match="pressure=80/strain:2: no training sample"):
-        cut(replace(curve, columns={**curve.columns, "strain": strain}), {"strain": Cuts("even", 4)})
+        cut(changed(curve, strain=strain), {"strain": Cuts("even", 4)})
 
 
 def test_a_grid_of_two_variables():
     rng = np.random.default_rng(0)
-    curve = replace(curves(n=400)[0], held_out=np.zeros(400, bool))
-    curve = replace(curve, columns={**curve.columns, "load": rng.uniform(0, 10, 400)})
+    curve = changed(curves(n=400, held_out=())[0], load=rng.uniform(0, 10, 400))
     segmented = cut(curve, {"strain": Cuts("even", 3), "load": Cuts("even", 2)})
     assert [s.cell for s in segmented.segments] == [(1, 1), (1, 2), (2, 1), (2, 2), (3, 1), (3, 2)]
     assert sum(len(s.rows) for s in segmented.segments) >= 400
