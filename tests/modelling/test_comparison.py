@@ -109,14 +109,9 @@ class TestCompare:
 
     def test_the_same_ratio_by_hand(self):
         a, b = muscle("a"), muscle("b", 1.02, scatter=0.01, seed=3)
-        found = compare(a, b)
-        before, after = [], []
-        for place in common_curves(a, b):
-            points = grid(a, b, place)
-            before.append(predict(a, points))
-            after.append(predict(b, points))
-        first, second = np.concatenate(before), np.concatenate(after)
-        assert found.ratio == pytest.approx(first @ second / (first @ first), rel=1e-12)
+        points = [grid(a, b, place) for place in common_curves(a, b)]
+        first, second = (np.concatenate([predict(model, at) for at in points]) for model in (a, b))
+        assert compare(a, b).ratio == pytest.approx(first @ second / (first @ first), rel=1e-12)
 
     def test_a_certain_change_within_the_margin_is_of_no_interest(self):
         a, b = muscle("a"), muscle("b", 1.004, scatter=1e-5)
@@ -155,18 +150,14 @@ class TestCompare:
 
     def test_terms_that_came_and_went(self):
         a = muscle("a")
-        first, *others = a.body.segments
-        b = muscle("b")
-        changed = replace(b.body.segments[0], terms=("strain^2", *first.terms[1:]))
-        curve = replace(b.body.curves[0], segments=(changed, *b.body.curves[0].segments[1:]))
-        later = replace(b, body=replace(b.body, curves=(curve, *b.body.curves[1:])))
-        moved = [term for term in term_changes(a, later) if term.moved and term.segment == first.id]
-        assert {(term.term, term.before is None, term.after is None) for term in moved} >= {(first.terms[0], False, True)}
-        assert len(others) == 7
+        curve, *others = a.body.curves
+        first, second = curve.segments
+        changed = replace(curve, segments=(replace(first, terms=("strain^2", *first.terms[1:])), second))
+        later = replace(a, body=replace(a.body, curves=(changed, *others)))
+        moved = {(term.segment, term.term, term.before is None, term.after is None) for term in term_changes(a, later) if term.moved}
+        assert moved == {(first.id, first.terms[0], False, True), (first.id, "strain^2", True, False)}
 
     def test_reference_points_are_outputs_of_every_model(self):
-        models = [muscle("a"), muscle("b", 1.1), muscle("c", 1.2)]
-        points = reference_points(models)
-        assert len(points) == 4
-        for point in points:
-            assert np.array(point.outputs) / point.outputs[0] == pytest.approx([1, 1.1, 1.2], rel=1e-6)
+        points = reference_points([muscle("a"), muscle("b", 1.1), muscle("c", 1.2)])
+        outputs = np.array([point.outputs for point in points])
+        np.testing.assert_allclose(outputs / outputs[:, :1], np.tile([1, 1.1, 1.2], (4, 1)), rtol=1e-6)

@@ -42,11 +42,8 @@ def test_unit_square_spans_one_unit_from_the_anchor(seed):
 def test_the_anchor_does_not_hang_on_one_noisy_sample():
     x = np.linspace(0, 1, 100)
     y = 5 - 3 * x
-    spoilt = y.copy()
-    spoilt[0] += 2.0
-    left = placed(x, spoilt)[0]
-    assert abs(left.y_intercept - y[:5].mean()) == pytest.approx(2.0 / 5)
-    assert abs(left.y_intercept - spoilt[0]) > 1.0
+    left = placed(x, y + 2.0 * (x == 0))[0]
+    assert left.y_intercept == pytest.approx(y[:5].mean() + 2.0 / 5)
 
 
 def test_every_corner_of_two_variables_is_offered():
@@ -61,17 +58,11 @@ def test_max_abs_divides_without_offset():
     np.testing.assert_allclose([scaling.slope[0], scaling.intercept[0], scaling.y_slope, scaling.y_intercept], [0.25, 0, 20, 0])
 
 
-def test_constant_variables_and_constant_force_divide_by_nothing():
-    X = np.full((10, 1), 3.0)
-    for rule in ("unit_square", "max_abs", "none"):
-        for scaling in placements(rule, X, np.zeros(10), ["x"]):
-            assert np.isfinite(scaling.slope).all()
-            assert scaling.y_slope > 0
-
-
-def test_unknown_rule():
-    with pytest.raises(ValueError, match="unit_square"):
-        placements("zscore", np.ones((3, 1)), np.ones(3), ["x"])
+@pytest.mark.parametrize("rule", ["unit_square", "max_abs", "none"])
+def test_constant_variables_and_constant_force_divide_by_nothing(rule):
+    for scaling in placements(rule, np.full((10, 1), 3.0), np.zeros(10), ["x"]):
+        assert np.isfinite(scaling.slope).all()
+        assert scaling.y_slope > 0
 
 
 TERMS = monomials(["pressure", "strain"], 5)
