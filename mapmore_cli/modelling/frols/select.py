@@ -19,10 +19,7 @@ CRITERIA = ("tolerance", "bic", "aicc", "press")  # rules for the number of term
 
 
 def textbook(P: Array, y: Array, max_terms: int, tolerance: float = 0.0) -> tuple[list[int], Array, Array, Array, Array]:
-    """Select terms as on paper, candidate by candidate (Billings 2013, section 3.2; M2 eq 2-6).
-
-    Every candidate `p` is orthogonalised against the chosen terms (eq 2), which leaves `q`; its coefficient is `g = y'q / q'q` (eq 3),
-    its error reduction ratio `ERR = g^2 q'q / y'y` (eq 4); the highest wins (eq 5), until `1 - sum ERR` is within the tolerance (eq 6).
+    """Select terms as on paper, candidate by candidate (Billings 2013, section 3.2; the equations stand in `frols`).
 
     Returns the k chosen columns, their g and ERR, (k,), the coefficients of the original columns, (k,), and the ERR of every candidate in
     every iteration, (k, M), NaN where chosen or dependent.

@@ -328,10 +328,7 @@ def pieces_program(body: Pieces, names: Sequence[str]) -> Program:
 def weight_of(body: Pieces, segments: Set[str], columns: Columns) -> Array:
     """Return the weight of some segment functions together, (n,): what the model is with these functions one and all others zero.
 
-    With `levels: pchip` weights between levels depend on the values of the curves; these are those of such functions.
-
-    - `segments`: their ids.
-    - `columns`: all inputs of the model by name, each (n,).
+    With `levels: pchip` weights between levels depend on the values of the curves; these are those of such functions. `segments` are ids.
     """
 
     def constant(segment: SegmentFunction) -> SegmentFunction:

@@ -4,8 +4,8 @@ With RMS_i the error at the inner level v_i of a model that was made without it,
 
     E_k (v_{k+1} - v_k)^.75,   E_k = mean over the inner ends i of gap k of RMS_i / (v_{i+1} - v_{i-1})^.75
 
-and the next level is the middle of the gap with the largest. On measured muscles, this is
-as good as equal distances (docs/planning.md). With two levels there is no RMS_i, and the next is the middle.
+and the next level is the middle of the gap with the largest. With two levels there is no RMS_i, and the next is the middle. On measured
+muscles, this is as good as equal distances (docs/planning.md).
 """
 
 from __future__ import annotations

@@ -2,8 +2,7 @@
 
 Several models, each with a Gaussian process of what it leaves, stand in a committee. A point counts by the product of the committee's
 spread and the processes' deviation, times `SLACK` where the muscle is expected to pull less than 2 % of its largest force. Points are taken
-one after the other, each as if it had measured what the committee expects. docs/planning.md
-has what that gains on measured maps.
+one after the other, each as if it had measured what the committee expects (docs/planning.md).
 """
 
 from __future__ import annotations
@@ -124,9 +123,7 @@ def thinned(x: Array, y: Array) -> tuple[Array, Array]:
 class Committee:
     """Processes of what each formula leaves, on a fixed set of places; measured values are added one by one.
 
-    - `measured`: points that train.
-    - `places`: candidates, (m, d).
-    - `formulas`: by name, what each says of the measured points, (n,), and of the places, (m,); zeros for none.
+    `places` are candidates, (m, d); `formulas` has by name what each says of the measured points, (n,), and of the places, (m,).
     """
 
     def __init__(self, measured: Measured, places: Array, formulas: Mapping[str, tuple[Array, Array]]) -> None:

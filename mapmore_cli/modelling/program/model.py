@@ -51,9 +51,7 @@ def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
 
 
 def slopes(model: Model, columns: Columns) -> dict[str, Array]:
-    """Return derivative of the output for every input by its name, (n,) each; NaN where an input is not finite.
-
-    At a boundary it is that of the piece that holds there.
+    """Return the derivative of the output for every input, (n,) each; NaN where an input is not finite.
 
     Raises DataError for a model with memory, and where a part of the model is no closed expression.
     """

@@ -93,9 +93,8 @@ def repeated_cycles(curves: Sequence[Curve], target: str, driven: str, logs: Map
     """Return the target of the last training cycle of `driven`, again from the beginning of every held-out cycle, `(n_c,)` for every curve.
 
     Where the quantity takes the same course in time again, as in a programme of steps, the same moment of that cycle stands beside each
-    sample; where it does not, as in loops driven by hand, the same place on the same stroke, rise or fall, which leaves out what a slower
-    or faster stroke changes. NaN in the training data, and where a held-out cycle lasts longer or reaches further than that one. None where
-    no log has cycles of both kinds, or where curves are no recordings but levels.
+    sample; else, as in loops driven by hand, the same place on the same stroke, rise or fall. NaN in the training data, and where a
+    held-out cycle lasts longer or reaches further. None where no log has cycles of both kinds, or curves are no recordings but levels.
     """
     if any(curve.level is not None for curve in curves):
         return None

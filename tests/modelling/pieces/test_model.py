@@ -1,6 +1,7 @@
-"""The fused model: continuity, extrapolation, invariance; weights and M2 eq 9-12 to the letter."""
+"""The fused model: continuity, extrapolation, invariance; weights and M2 eq 9-12 to the letter; curves aligned at their thresholds."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.expressions import dictionary_matrix, parse
 from mapmore_cli.modelling.kinds import outside_range, predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
+from mapmore_cli.modelling.pieces.build import threshold
 from mapmore_cli.modelling.pieces.definition import TRANSITIONS, cell_weights, weight_of, zones
 from mapmore_cli.modelling.pieces.recipe import Cuts
 
@@ -187,3 +189,82 @@ def test_weights_make_the_model(extrapolation):
     middle = at(200, 0.03)
     assert weight_of(model.body, {segment.id for segment in segments}, middle) == pytest.approx([0.3])
     assert sum(weight_of(model.body, {segment.id}, middle) for segment in segments) == pytest.approx([0.3])
+
+
+STRAINS = (0.0, 0.05, 0.1, 0.15)
+
+
+def foot(strain):
+    """Threshold pressure of the imagined slack muscle."""
+    return 100 + 2000 * strain
+
+
+def hinged(pressure, strain):
+    return (1 - 3 * strain) * np.maximum(pressure - foot(strain), 0.0)
+
+
+def slack_curves(strains=STRAINS, held_out=(), noise=0.5, seed=0):
+    """Isometric curves with a creeping slack foot."""
+    rng = np.random.default_rng(seed)
+    made = []
+    for strain in strains:
+        pressure = rng.uniform(50, 600, 500)
+        force = hinged(pressure, strain) + rng.normal(0, noise, 500) + 5 * np.sin(pressure / 50) * (pressure < foot(strain))
+        columns = {**at(pressure, strain), "force": force}
+        made.append(Curve(f"strain={strain:g}", strain, columns, np.full(500, strain in held_out), ()))
+    return made
+
+
+@pytest.mark.parametrize("strain", STRAINS)
+@pytest.mark.parametrize("seed", range(5))
+def test_the_corner_of_a_slack_foot_is_found(strain, seed):
+    (curve,) = slack_curves([strain], noise=3, seed=seed)
+    assert threshold(curve.columns["pressure"], curve.columns["force"]) == pytest.approx(foot(strain), abs=20)
+
+
+SHAPES = {
+    "foot on the right": (lambda x: np.maximum(0.7 - x, 0), 0.7, 0.02),
+    "rises": (lambda x: 3 * x + 7, 0.0, 0.0),
+    "falls": (lambda x: 7 - 3 * x, 1.0, 0.0),
+    "bends high above the lower end, as with flat tubes": (lambda x: np.where(x < 0.1, 1 - 6 * x, 0.4 * (1 - x) / 0.9), 1.0, 0.0),
+}
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_the_threshold_is_at_the_foot_or_else_at_the_lower_end(shape):
+    curve, expected, tolerance = SHAPES[shape]
+    x = np.linspace(0, 1, 200)
+    assert threshold(x, curve(x)) == pytest.approx(expected, abs=tolerance, rel=0)
+    assert threshold(0 * x, curve(x)) == 0.0
+
+
+SLACK = {"level": "strain", "dictionary": ("1", "pressure", "pressure^2"), "cuts": {"pressure": Cuts("even", 6)}, "max_terms": 3}
+
+
+@pytest.mark.parametrize("levels", ["linear", "pchip"])
+def test_alignment_carries_the_foot_between_levels(levels):
+    pressure, samples, error = np.linspace(60, 590, 300), slack_curves(held_out=(0.1,)), {}
+    for align in ("none", "threshold"):
+        model = built(samples, **SLACK, levels=levels, align=align)
+        error[align] = np.sqrt(np.mean((predict(model, at(pressure, 0.1)) - hinged(pressure, 0.1)) ** 2))
+    assert error["threshold"] < 0.5 * error["none"]
+
+
+@cache
+def slack_model(levels, align):
+    return built(slack_curves(), **SLACK, levels=levels, align=align)
+
+
+@settings(max_examples=20)
+@given(st.sampled_from(["linear", "pchip"]), st.sampled_from(["none", "threshold"]), st.floats(60, 590))
+def test_continuous_across_levels(levels, align, pressure):
+    model = slack_model(levels, align)
+    coarse, fine = (np.abs(np.diff(predict(model, at(pressure, np.linspace(-0.01, 0.16, n))))).max() for n in (1001, 4001))
+    assert fine < 0.4 * coarse + 1e-9
+
+
+@pytest.mark.parametrize("levels", ["linear", "pchip"])
+def test_constants_pass_whatever_the_interpolation(levels):
+    samples = [changed(c, force=np.full(c.size, 7.0)) for c in curves()]
+    made = {"dictionary": ("1",), "levels": levels, "extrapolation": {"pressure": ("continue_linear", "continue")}}
+    np.testing.assert_allclose(predict(built(samples, **made, align="threshold"), at(np.linspace(20, 420, 50), 0.03)), 7.0)
