@@ -7,7 +7,7 @@ changes its sign the map is monotone, and each part holds at most one solution, 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -61,8 +61,7 @@ def invert(model: Model, wanted: Array, given: Columns, name: str, rule: str = L
     """
     if rule not in (LOWEST, NEAREST):
         raise UsageError(f"there is no rule '{rule}'", f"take {LOWEST} or {NEAREST}")
-    found = [(values, rows + start, flat) for start, _, _, values, rows, flat in _solutions(model, wanted, given, name)]
-    values, rows, flat = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    values, rows, flat, _ = _solutions(model, wanted, given, name)
     counts = np.bincount(rows, minlength=len(wanted))
     status = tuple(FLAT if is_flat else (NONE, ONE, SEVERAL)[min(count, 2)] for is_flat, count in zip(flat, counts.tolist(), strict=True))
     return Inverse(values, rows, status, _picked(values, rows, len(wanted), rule))
@@ -78,24 +77,26 @@ def solve_for_input(model: Model, columns: Columns, name: str) -> SolvedInput:
     needed = [model.output.name, *(one for one in _inputs(model, name) if one != name)]
     known = np.flatnonzero(np.logical_and.reduce([np.isfinite(columns[one]) for one in needed]))
     given = {one: np.asarray(columns[one], dtype=np.float64)[known] for one in needed}
-    values = np.full(len(columns[needed[0]]), np.nan)
-    solved = np.zeros(len(values), dtype=np.bool_)
-    for start, line, edges, solutions, rows, _ in _solutions(model, given.pop(model.output.name), given, name):
-        picked, places = _picked(solutions, rows, len(edges), LOWEST), known[start : start + len(edges)]
-        solved[places] = np.isfinite(picked)
-        values[places] = np.where(np.isfinite(picked), picked, line.nearest(edges))
+    lowest, rows, _, nearest = _solutions(model, given.pop(model.output.name), given, name)
+    picked = _picked(lowest, rows, len(known), LOWEST)
+    values, solved = np.full(len(columns[needed[0]]), np.nan), np.zeros(len(columns[needed[0]]), dtype=np.bool_)
+    solved[known] = np.isfinite(picked)
+    values[known] = np.where(np.isfinite(picked), picked, nearest)
     return SolvedInput(values, solved)
 
 
-def _solutions(model: Model, wanted: Array, given: Columns, name: str) -> Iterator[tuple[int, _Line, Array, Array, IntArray, BoolArray]]:
-    """Yield for some rows at a time the number of the first, the model along the input, its monotone parts, and `_Line.solutions`."""
+def _solutions(model: Model, wanted: Array, given: Columns, name: str) -> tuple[Array, IntArray, BoolArray, Array]:
+    """Return `_Line.solutions` of all rows, made for some rows at a time."""
     names, program = _inputs(model, name), program_of(model)
     slopes, value, ends = evaluator(with_slopes(program)), evaluator(program), knots(model, name)
-    for start in range(0, len(wanted), CHUNK):
+    found = []
+    for start in range(0, max(len(wanted), 1), CHUNK):
         part = slice(start, start + CHUNK)
         line = _Line(value, slopes, name, names, wanted[part], {one: np.asarray(x, dtype=np.float64)[part] for one, x in given.items()})
-        edges = line.with_turning_points(ends)
-        yield start, line, edges, *line.solutions(edges)
+        values, rows, *of_rows = line.solutions(line.with_turning_points(ends))
+        found.append((values, rows + start, *of_rows))
+    values, rows, flat, nearest = map(np.concatenate, zip(*found, strict=True))
+    return values, rows, flat, nearest
 
 
 def _inputs(model: Model, name: str) -> list[str]:
@@ -180,19 +181,15 @@ class _Line:
         more, own = self._turning_points(*halves, splits - 1)
         return np.concatenate([found, more]), np.concatenate([where, own])
 
-    def _missing_at(self, edges: Array) -> Array:
-        rows = np.repeat(np.arange(len(edges)), edges.shape[1])
-        return self.missing(edges.ravel(), rows).reshape(edges.shape)
+    def solutions(self, edges: Array) -> tuple[Array, IntArray, BoolArray, Array]:
+        """Return the solutions in monotone parts between `edges`, (n, e), and their rows, (m,) each, ascending.
 
-    def nearest(self, edges: Array) -> Array:
-        """Return the edge of each row, of (n, e), whose output is nearest to the wanted one, (n,)."""
-        return np.asarray(edges[np.arange(len(edges)), np.argmin(np.abs(self._missing_at(edges)), axis=1)])
-
-    def solutions(self, edges: Array) -> tuple[Array, IntArray, BoolArray]:
-        """Return solutions and their rows, (m,) each, both ascending, and a mask of the rows in which they fill a range, (n,)."""
+        Then of each row, (n,): whether they fill a range, and the edge whose output is nearest to the wanted one.
+        """
         n = len(edges)
         row = np.broadcast_to(np.arange(n)[:, None], edges.shape)
-        missing = self._missing_at(edges)
+        missing = self.missing(edges.ravel(), row.ravel()).reshape(edges.shape)
+        nearest = edges[np.arange(n), np.argmin(np.abs(missing), axis=1)]
         near = SAME * np.maximum(np.ptp(missing, axis=1, keepdims=True), np.abs(self.wanted)[:, None])
         hit, width = np.abs(missing) <= near, np.diff(edges, axis=1)
         flat = (hit[:, :-1] & hit[:, 1:] & (width > SAME * np.ptp(edges, axis=1, keepdims=True))).any(axis=1)
@@ -204,7 +201,7 @@ class _Line:
         real = np.abs(self.missing(crossed, where)) <= np.maximum(REACHED * np.abs(self.wanted[where]), near[where, 0])
         values, rows = np.concatenate([edges[first], crossed[real]]), np.concatenate([row[first], where[real]])
         order = np.lexsort([values, rows])
-        return values[order], rows[order], flat
+        return values[order], rows[order], flat, nearest
 
 
 def may_turn_twice(left: Array, right: Array, slope_left: Array, slope_right: Array, width: Array) -> BoolArray:

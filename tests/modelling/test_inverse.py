@@ -151,6 +151,7 @@ def test_the_law_that_made_the_strain_is_found_again():
 
 
 def test_a_strain_that_no_force_makes_has_the_force_at_the_end_of_the_range():
+    assert solve_for_input(MODEL, {"pressure": np.array([np.nan]), "strain": np.array([0.1])}, "force").solved.tolist() == [False]
     columns = {"pressure": np.array([150.0, 150.0, np.nan, 150.0]), "strain": np.array([0.9, -0.9, 0.1, np.nan])}
     found = solve_for_input(MODEL, columns, "force")
     assert found.solved.tolist() == [False] * 4
