@@ -240,8 +240,7 @@ def _remarks(recipe: Recipe, several: Sequence[str], sides: Mapping[str, tuple[S
     """Return what the user should know about extrapolation, of curves that have segments of several terms."""
     if not several:
         return ()
-    explosive = sorted(name for name, side in sides.items() if "continue" in side and name != recipe.level)
-    if explosive:
+    if explosive := sorted(name for name, side in sides.items() if "continue" in side and name != recipe.level):
         where = f"{', '.join(explosive)} on {', '.join(several)}"
         return (f"segments of several terms continue beyond their data along {where}: polynomials explode there; consider saturate",)
     return ("segments have several terms, so each curve saturates at the ends of its own range (fuse.extrapolation)",)

@@ -175,9 +175,7 @@ def monotone_floor(x: Array, y: Array) -> float:
 
 def _least_error(x: Array, y: Array, rising: Callable[[Array, IntArray], Array]) -> float:
     """Return the RMSE of a rising or of a falling curve through the mean targets at each x, whichever is nearer."""
-    places, inverse, counts = np.unique(x, return_inverse=True, return_counts=True)
-    if len(places) == 1:
-        return float(np.std(y))
+    _, inverse, counts = np.unique(x, return_inverse=True, return_counts=True)
     means = np.bincount(inverse, y) / counts
     curves = rising(means, counts), rising(means[::-1], counts[::-1])[::-1]
     return min(float(np.sqrt(np.mean((y - curve[inverse]) ** 2))) for curve in curves)

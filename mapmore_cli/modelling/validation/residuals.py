@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.models import Model, Pieces
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.scores import OWN, Score
@@ -64,46 +64,36 @@ class PartMeans:
         return len(self.values)
 
 
-def _longest_lag(pieces: Sequence[Array]) -> int:
-    return min(LAGS, max(map(len, pieces)) // 4)
-
-
 def autocorrelation(residuals: Sequence[Array]) -> Correlation:
     """`r_k = sum_t e_t e_(t+k) / sum_t e_t^2` of residuals less their mean, over pieces that follow one another in time or place.
 
     There is one array of `residuals` a piece, NaN where there is none. Bounds are `1.96/sqrt(n)` for n residuals in all pieces.
     """
-    (e,), n = _centred([residuals])
-    return _correlation(e, e, range(_longest_lag(residuals) + 1), _power(e), n)
+    found = cross_correlation(residuals, residuals)
+    half = len(found.lags) // 2
+    return Correlation(found.lags[half:], found.values[half:], found.bound)
 
 
 def cross_correlation(residuals: Sequence[Array], inputs: Sequence[Array]) -> Correlation:
     """`r_k = sum_t u_t e_(t+k) / sqrt(sum u^2 sum e^2)`, both less their means: at a positive lag k the input came k samples before."""
-    (e, u), n = _centred([residuals, inputs])
-    most = _longest_lag(residuals)
-    return _correlation(u, e, range(-most, most + 1), np.sqrt(_power(e) * _power(u)), n)
+    known = [np.isfinite(e) & np.isfinite(u) for e, u in zip(residuals, inputs, strict=True)]
+    e, u = (_centred(series, known) for series in (residuals, inputs))
+    most = min(LAGS, max(map(len, e)) // 4)
+    lags = np.arange(-most, most + 1)
+    scale = np.sqrt(_shifted(e, e, 0) * _shifted(u, u, 0))
+    values = np.array([_shifted(u, e, k) for k in lags.tolist()]) / scale
+    return Correlation(lags.astype(np.float64), values, NORMAL / np.sqrt(sum(int(rows.sum()) for rows in known)))
 
 
-def _correlation(u: Sequence[Array], e: Sequence[Array], lags: range, scale: float, n: int) -> Correlation:
-    def shifted(a: Array, b: Array, k: int) -> float:
-        return float(a[max(-k, 0) : max(len(a) - k, 0)] @ b[max(k, 0) : max(len(b) + k, 0)])
-
-    values = np.array([sum(shifted(a, b, k) for a, b in zip(u, e, strict=True)) for k in lags]) / scale
-    return Correlation(np.array(lags, dtype=np.float64), values, NORMAL / np.sqrt(n))
+def _shifted(u: Sequence[Array], e: Sequence[Array], k: int) -> float:
+    pieces = ((a[max(-k, 0) : max(len(a) - k, 0)], b[max(k, 0) : max(len(b) + k, 0)]) for a, b in zip(u, e, strict=True))
+    return sum(float(a @ b) for a, b in pieces)
 
 
-def _power(pieces: Sequence[Array]) -> float:
-    return sum(float(piece @ piece) for piece in pieces)
-
-
-def _centred(series: Sequence[Sequence[Array]]) -> tuple[list[list[Array]], int]:
-    """Every series less its mean over all pieces, zero at samples where any of them is missing; and how many samples remain."""
-    known = [np.logical_and.reduce([np.isfinite(piece) for piece in pieces]) for pieces in zip(*series, strict=True)]
-    centred = []
-    for one in series:
-        mean = np.concatenate([piece[rows] for piece, rows in zip(one, known, strict=True)]).mean()
-        centred.append([np.where(rows, piece - mean, 0.0) for piece, rows in zip(one, known, strict=True)])
-    return centred, sum(int(rows.sum()) for rows in known)
+def _centred(series: Sequence[Array], known: Sequence[BoolArray]) -> list[Array]:
+    """Return a series less its mean over all pieces, zero at samples that are not known."""
+    mean = np.concatenate([piece[rows] for piece, rows in zip(series, known, strict=True)]).mean()
+    return [np.where(rows, piece - mean, 0.0) for piece, rows in zip(series, known, strict=True)]
 
 
 def means_over(residuals: Array, x: Array) -> PartMeans:
@@ -165,9 +155,8 @@ def _bare(model: Model, curves: Sequence[Curve], predictions: Sequence[Array]) -
 
 def _beyond(model: Model, curves: Sequence[Curve]) -> Iterator[str]:
     """Held-out samples that no training sample surrounds."""
-    held_out = [curve for curve in curves if curve.held_out.any()]
-    every = sum(int(curve.held_out.sum()) for curve in held_out)
-    outside = sum(int(outside_range(model, curve.columns)[curve.held_out].sum()) for curve in held_out)
+    masks = [outside_range(model, curve.columns)[curve.held_out] for curve in curves if curve.held_out.any()]
+    every, outside = sum(map(len, masks)), sum(int(mask.sum()) for mask in masks)
     if outside == every > 0:
         yield "all held-out samples lie outside of the training range: every score of theirs is of extrapolation"
     elif outside > MOSTLY * every:

@@ -33,15 +33,14 @@ def weighted_mean(x: Array, weights: Array, confidence: float) -> Mean:
     With equal weights this is Student's interval. The scatter is taken from number to number, whatever it comes from. Where one of them has
     nearly all the weight, it is a statement about that one. Infinitely wide for a single number.
     """
-    n = len(x)
-    share = weights / weights.sum()
+    n, share = len(x), weights / weights.sum()
     mean = float(share @ x)
     if n < 2:
         return Mean(mean, (-math.inf, math.inf), 1.0)
     spread = math.sqrt(n / (n - 1) * float(np.sum((share * (x - mean)) ** 2)))
-    half = float(stdtrit(n - 1, 0.5 + confidence / 2)) * spread
     if spread == 0:
         return Mean(mean, (mean, mean), 1.0 if mean == 0 else 0.0)
+    half = float(stdtrit(n - 1, 0.5 + confidence / 2)) * spread
     return Mean(mean, (mean - half, mean + half), 2 * float(stdtr(n - 1, -abs(mean) / spread)))
 
 
