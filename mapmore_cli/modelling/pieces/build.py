@@ -125,14 +125,13 @@ def fit_segment(segment: Segment, samples: Columns, terms: Sequence[Expression],
     All placements share the slope of y, so their scaled SSE compare. Rows are sorted first: the numbers then do not depend on the order in
     which a logger wrote them.
     """
-    if len(segment.rows) <= recipe.fit.most_terms:
-        raise DataError(
-            f"segment {segment.id}: {len(segment.rows)} training sample(s), too few for {recipe.fit.most_terms} term(s)",
-            f"use fewer segments, join them by `min_samples: {recipe.fit.most_terms + 1}`, keep more samples of this curve, or set "
-            f"fit.max_terms below {max(2, len(segment.rows))}",
-        )
+    n, most = len(segment.rows), recipe.fit.most_terms
+    if n <= most:
+        ways = f"use fewer segments, join them by `min_samples: {most + 1}`, keep more samples of this curve"
+        what = f"segment {segment.id}: {n} training sample(s), too few for {most} term(s)"
+        raise DataError(what, f"{ways}, or set fit.max_terms below {max(2, n)}")
     variables = names_in(terms)
-    X = np.column_stack([samples[name] for name in variables]) if variables else np.empty((len(segment.rows), 0))
+    X = np.column_stack([samples[name] for name in variables]) if variables else np.empty((n, 0))
     y = samples[recipe.target]
     order = np.lexsort((y, *X.T[::-1]))
     X, y = X[order], y[order]

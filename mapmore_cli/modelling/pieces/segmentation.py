@@ -190,10 +190,8 @@ def _optimal_points(curve: Curve, rows: IntArray, name: str, grid: Array, cut: C
 
     places = optimal_partition(interval, cut.cells, cut.segments)
     if places is None:
-        raise DataError(
-            f"curve {curve.id}: cannot be cut into {cut.count} segments of at least {cut.least} samples along {name}",
-            f"use fewer segments, lower segment.{name}.min_samples, or raise segment.{name}.grid",
-        )
+        what = f"curve {curve.id}: cannot be cut into {cut.count} segments of at least {cut.least} samples along {name}"
+        raise DataError(what, f"use fewer segments, lower segment.{name}.min_samples, or raise segment.{name}.grid")
     return np.array([grid[0], *grid[list(places)], grid[-1]])
 
 
@@ -203,17 +201,16 @@ def training_curves(curves: Sequence[Curve], by_level: bool) -> tuple[Curve, ...
         return tuple(curve for curve in curves if curve.training.any())
     if len(curves) == 1:
         return tuple(curves)
-    return (
-        Curve(
-            id="all",
-            level=None,
-            columns={name: np.concatenate([curve.columns[name] for curve in curves]) for name in curves[0].columns},
-            held_out=np.concatenate([curve.held_out for curve in curves]),
-            recordings=tuple(dict.fromkeys(r for curve in curves for r in curve.recordings)),
-            at_rest=np.concatenate([~(curve.training | curve.held_out) for curve in curves]),
-            measured=united([curve.measured for curve in curves]),
-        ),
+    whole = Curve(
+        id="all",
+        level=None,
+        columns={name: np.concatenate([curve.columns[name] for curve in curves]) for name in curves[0].columns},
+        held_out=np.concatenate([curve.held_out for curve in curves]),
+        recordings=tuple(dict.fromkeys(r for curve in curves for r in curve.recordings)),
+        at_rest=np.concatenate([~(curve.training | curve.held_out) for curve in curves]),
+        measured=united([curve.measured for curve in curves]),
     )
+    return (whole,)
 
 
 def trained_at(curves: Sequence[Curve], level: str | float) -> tuple[Curve, ...]:
@@ -245,14 +242,8 @@ def segment_curve(curve: Curve, cuts: Mapping[str, Cut], target: str, cost: Inte
     if empty := [segment.id for segment in segments if not len(segment.rows)]:
         remedy = "use fewer segments, move the breakpoints, or keep more samples of this curve"
         raise DataError(f"segment {empty[0]}: no training sample lies in it", remedy)
-    return SegmentedCurve(
-        curve=curve.id,
-        level=curve.level,
-        variables=tuple(cuts),
-        boundaries=tuple(boundaries.values()),
-        limits={name: curve.limits(name) for name in values},
-        segments=tuple(segments),
-    )
+    limits = {name: curve.limits(name) for name in values}
+    return SegmentedCurve(curve.id, curve.level, tuple(cuts), tuple(boundaries.values()), limits, tuple(segments))
 
 
 def cut_by_course(curves: Sequence[Curve], by_level: bool, cuts: Mapping[str, Cut], target: str) -> list[SegmentedCurve]:

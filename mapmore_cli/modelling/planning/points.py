@@ -46,8 +46,7 @@ class GaussianProcess:
     def predict(self, at: Array) -> tuple[Array, Array]:
         """Return mean and standard deviation of the process, without noise, at points (m, d): (m,) each."""
         factor = np.linalg.cholesky(self.covariance)
-        across = self.deviation**2 * matern(self.x, at, self.lengths)
-        half = solve_triangular(factor, across, lower=True)
+        half = solve_triangular(factor, self.deviation**2 * matern(self.x, at, self.lengths), lower=True)
         mean = half.T @ solve_triangular(factor, self.y, lower=True)
         return mean, np.sqrt(np.maximum(self.deviation**2 - np.sum(half**2, axis=0), 0.0))
 

@@ -78,9 +78,7 @@ class TermChange:
     @property
     def moved(self) -> bool:
         """Whether the coefficient moved by more than twice the standard error of the difference, or the term came or went."""
-        if self.before is None or self.after is None:
-            return True
-        return not abs(self.after - self.before) <= 2 * self.error
+        return self.before is None or self.after is None or not abs(self.after - self.before) <= 2 * self.error
 
 
 @dataclass(frozen=True)
@@ -287,14 +285,12 @@ def term_changes(before: Model, after: Model) -> tuple[TermChange, ...]:
     """
     if not isinstance(before.body, Pieces) or not isinstance(after.body, Pieces):
         return ()
-    later = {one.id: one for one in after.body.segments}
+    first, second = ({one.id: _coefficients(one) for one in body.segments} for body in (before.body, after.body))
     changes = []
-    for one in before.body.segments:
-        if one.id in later:
-            first, second = _coefficients(one), _coefficients(later[one.id])
-            for term in dict.fromkeys((*first, *second)):
-                (a, a_error), (b, b_error) = (terms.get(term, (None, math.nan)) for terms in (first, second))
-                changes.append(TermChange(one.id, term, a, b, math.hypot(a_error, b_error)))
+    for segment in (name for name in first if name in second):
+        for term in dict.fromkeys((*first[segment], *second[segment])):
+            (a, a_error), (b, b_error) = (terms[segment].get(term, (None, math.nan)) for terms in (first, second))
+            changes.append(TermChange(segment, term, a, b, math.hypot(a_error, b_error)))
     return tuple(changes)
 
 

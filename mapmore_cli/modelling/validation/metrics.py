@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, IntArray
+from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import DIRECTION, Dataset
 from mapmore_cli.domain.results import Forecast
 from mapmore_cli.domain.scores import Score
@@ -55,9 +55,8 @@ def score(model: str, target: str, split: str, curve: str, measured: Array, foun
     known, predicted = found.ready, found.values
     y, error = measured[known], (predicted - measured)[known]
     unit = _unit_of(error, y)
-    spread = float(np.sum(((y - y.mean()) / unit) ** 2))
-    rmse = unit * float(np.sqrt(np.mean((error / unit) ** 2)))
-    worst = float(np.abs(error).max())
+    spread, squares = float(np.sum(((y - y.mean()) / unit) ** 2)), (error / unit) ** 2
+    rmse, worst = unit * float(np.sqrt(np.mean(squares))), float(np.abs(error).max())
     width = np.full(len(y), np.nan) if found.half is None else found.half[known]
     given = np.isfinite(width)
     return Score(
@@ -72,7 +71,7 @@ def score(model: str, target: str, split: str, curve: str, measured: Array, foun
         normaliser_name=scale.name,
         max_abs_error=worst,
         max_abs_error_fs=scale.fraction(worst),
-        r2=1 - float(np.sum((error / unit) ** 2)) / spread if spread > 0 else math.nan,
+        r2=1 - float(np.sum(squares)) / spread if spread > 0 else math.nan,
         rrse=relative(error, measured),
         rrse_one_step=math.nan if found.one_step is None else relative((found.one_step - measured)[known], measured),
         r_uncentred=uncentred(y, predicted[known]),
@@ -195,7 +194,8 @@ def score_rows(
             predicted = [rows for rows in some if found.ready[rows].any()]
             if predicted:
                 rows = np.concatenate(predicted)
-                yield score(model, target, split, name, measured[rows], _at(found, rows), scale)
+                others = (None if column is None else column[rows] for column in (found.one_step, found.half))
+                yield score(model, target, split, name, measured[rows], Forecast(found.values[rows], found.ready[rows], *others), scale)
 
 
 def _joined(forecasts: Sequence[Forecast]) -> Forecast:
@@ -206,8 +206,3 @@ def _joined(forecasts: Sequence[Forecast]) -> Forecast:
         return None if any(column is None for column in columns) else np.concatenate(columns)
 
     return Forecast(whole("values"), whole("ready"), whole("one_step"), whole("half"))
-
-
-def _at(found: Forecast, rows: IntArray) -> Forecast:
-    one_step, half = (None if column is None else column[rows] for column in (found.one_step, found.half))
-    return Forecast(found.values[rows], found.ready[rows], one_step, half)
