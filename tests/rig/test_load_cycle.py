@@ -6,7 +6,7 @@ from scipy.integrate import trapezoid
 
 from mapmore_cli.rig.load_cycle import LoadCycle, Regulation, load_cycle, regulated_pressure, strain_path
 from mapmore_cli.rig.muscle import Hysteresis, free_strain
-from mapmore_cli.spec.muscle_rigs import McKibbenMuscle, PeanoMuscle
+from mapmore_cli.spec.simulation import McKibbenMuscle, PeanoMuscle
 from mapmore_cli.study.simulation.simulate import muscle_of
 
 MUSCLES = {"mckibben": muscle_of(McKibbenMuscle(kind="mckibben")), "peano": muscle_of(PeanoMuscle(kind="peano"))}
