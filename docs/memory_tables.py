@@ -15,7 +15,7 @@ from statistics import median
 from pages import CONFIGS, DOCS, campaign, finished, write_tables
 
 from mapmore_cli.domain.scores import Score
-from mapmore_cli.modelling.validation.error_parts import PARTS, error_parts
+from mapmore_cli.modelling.validation.repeatability import PARTS, error_parts
 from mapmore_cli.reporting.campaign import CampaignScores, nrmse_table
 from mapmore_cli.reporting.table import Cell, Column, Table
 from mapmore_cli.spec.campaign import Entry, Variant, load_campaign

@@ -126,7 +126,7 @@ def by_plan(choices: ModelChoices, dataset: Dataset, known: Sequence[float], res
     """Return the level that `plan` names."""
     data = trained_on(dataset, known)
     left_out = residuals(choices, data, {}, quiet, refitted(choices, data))
-    return in_gap(known, rest, of_levels.gap_errors(np.array(known), of_levels.level_errors(left_out)))
+    return in_gap(known, rest, of_levels.gap_errors(np.array(known), np.hypot(left_out.offset, left_out.scatter)))
 
 
 @cache

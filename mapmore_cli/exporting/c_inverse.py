@@ -13,7 +13,7 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.exporting.c_source import Source, source_of
 from mapmore_cli.modelling.inverse import BISECTIONS, FLAT, NONE, ONE, REACHED, SAME, SEVERAL, SPLITS, STEEP, knots, parts_between
-from mapmore_cli.modelling.program.slopes import with_slopes
+from mapmore_cli.modelling.program.model import with_slopes
 
 STATUS = (NONE, ONE, SEVERAL, FLAT)
 """What the functions return, from 0."""

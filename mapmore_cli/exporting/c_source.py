@@ -12,10 +12,10 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity, Signal
 from mapmore_cli.exporting.c_blocks import CBlocks, indented
 from mapmore_cli.exporting.dialect import DOUBLE, SINGLE, Dialect, Expressions, identifier, names_of_inputs, renamed
+from mapmore_cli.modelling.kinds import OUTSIDE_TOLERANCE
 from mapmore_cli.modelling.program.model import program_of
 from mapmore_cli.modelling.program.statements import Limit, Program
 from mapmore_cli.modelling.program.values import INPUT
-from mapmore_cli.modelling.ranges import OUTSIDE_TOLERANCE
 
 MOST_INPUTS = 14
 """Bits of the returned number, one for every input and one more: an `int` may have 16."""

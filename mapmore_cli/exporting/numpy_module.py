@@ -13,10 +13,10 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.exporting.c_blocks import indented
 from mapmore_cli.exporting.dialect import NUMPY, PYTHON, Dialect, Expressions, identifier, names_of_inputs, renamed
+from mapmore_cli.modelling.kinds import OUTSIDE_TOLERANCE
 from mapmore_cli.modelling.program.model import program_of
 from mapmore_cli.modelling.program.statements import Block, Choose, Function, Keep, Let, Limit, Program, Queue, Recall, Statement, Use
 from mapmore_cli.modelling.program.values import INPUT
-from mapmore_cli.modelling.ranges import OUTSIDE_TOLERANCE
 
 BEYOND = f'''\
 def _beyond(x, low, high):

@@ -13,8 +13,7 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.exporting.c_blocks import indented
 from mapmore_cli.exporting.dialect import SCALAR, identifier
 from mapmore_cli.exporting.numpy_module import Module
-from mapmore_cli.modelling.program.model import program_of
-from mapmore_cli.modelling.program.slopes import with_slopes
+from mapmore_cli.modelling.program.model import program_of, with_slopes
 
 FUNCTIONS = '''\
 class np:

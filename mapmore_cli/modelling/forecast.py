@@ -22,7 +22,7 @@ def forecast(model: Model, curve: Curve, target: str | None = None) -> Forecast:
         return Forecast.of(solve_for_input(model, curve.columns, target).values)
     if not runs_over_time(model):
         return Forecast.of(predict(model, curve.columns))
-    values, one_step, ready = np.empty(curve.size), np.empty(curve.size), np.empty(curve.size, dtype=np.bool_)
+    values, one_step = np.empty(curve.size), np.empty(curve.size)
     for log, rows in enumerate(curve.logs):
         columns = {name: column[rows] for name, column in curve.columns.items()}
         try:
@@ -30,5 +30,4 @@ def forecast(model: Model, curve: Curve, target: str | None = None) -> Forecast:
             values[rows] = simulate(model, columns).values
         except AtSample as error:
             raise DataError(f"{model.name} on {curve.recordings[log]}: {error.message}", error.remedy) from error
-    ready = np.isfinite(one_step)
-    return Forecast(values, ready, one_step)
+    return Forecast(values, np.isfinite(one_step), one_step)

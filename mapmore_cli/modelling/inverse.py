@@ -7,7 +7,7 @@ changes its sign the map is monotone, and each part holds at most one solution, 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -16,8 +16,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.models import Model
-from mapmore_cli.modelling.program.model import program_of
-from mapmore_cli.modelling.program.slopes import with_slopes
+from mapmore_cli.modelling.program.model import program_of, with_slopes
 from mapmore_cli.modelling.program.values import evaluator
 
 LOWEST, NEAREST = "lowest", "nearest"
@@ -32,17 +31,9 @@ SCAN, PARTS = 2, 96
 SPLITS, STEEP = 6, 3.0
 """A part is divided so many times at most, as long as an end is steeper than so many times its secant: it may turn twice there."""
 
-CHUNK = 500
-"""Rows that are scanned at a time."""
-
-BISECTIONS = 50
-"""Halve an interval down to rounding."""
-
-SAME = 1e-9
-"""Fraction of the span of outputs in a scan below which a difference counts as zero."""
-
-REACHED = 1e-6
-"""Fraction of the wanted output: a bisection that ends farther away has found a jump, no solution."""
+CHUNK, BISECTIONS = 500, 50  # rows that are scanned at a time; bisections that halve an interval down to rounding
+SAME = 1e-9  # fraction of the span of outputs in a scan below which a difference counts as zero
+REACHED = 1e-6  # fraction of the wanted output: a bisection that ends farther away has found a jump, no solution
 
 
 @dataclass(frozen=True)
@@ -70,14 +61,7 @@ def invert(model: Model, wanted: Array, given: Columns, name: str, rule: str = L
     """
     if rule not in (LOWEST, NEAREST):
         raise UsageError(f"there is no rule '{rule}'", f"take {LOWEST} or {NEAREST}")
-    evaluated, ends = _evaluated(model, name), knots(model, name)
-    found = []
-    for start, line in _lines(model, evaluated, wanted, given, name):
-        values, rows, flat = line.solutions(line.with_turning_points(ends))
-        found.append((values, rows + start, flat))
-    values, rows, flat = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    order = np.lexsort([values, rows])
-    values, rows = values[order], rows[order]
+    values, rows, flat, _ = _solutions(model, wanted, given, name)
     counts = np.bincount(rows, minlength=len(wanted))
     status = tuple(FLAT if is_flat else (NONE, ONE, SEVERAL)[min(count, 2)] for is_flat, count in zip(flat, counts.tolist(), strict=True))
     return Inverse(values, rows, status, _picked(values, rows, len(wanted), rule))
@@ -86,48 +70,40 @@ def invert(model: Model, wanted: Array, given: Columns, name: str, rule: str = L
 def solve_for_input(model: Model, columns: Columns, name: str) -> SolvedInput:
     """Return the input `name` as a function of the model's output and its other inputs, as the force at a strain of a model of the strain.
 
-    At every row, `(n,)`, it is the lowest solution within the training range, or, where there is none, the place that comes nearest to the
-    output: a strain that no force of the range makes has the force at the end of the range. NaN where a column is.
-
-    - `columns`: the output and all inputs but `name`, by name, each `(n,)`.
-
-    Raises UsageError, DataError as `invert`.
+    At every row of the `columns`, the output and all inputs but `name`, `(n,)` each, it is the lowest solution within the training range,
+    or, where there is none, the place that comes nearest to the output: a strain that no force of the range makes has the force at the end
+    of the range. NaN where a column is. Raises UsageError, DataError as `invert`.
     """
-    evaluated = _evaluated(model, name)
-    needed = [model.output.name, *(quantity.name for quantity in model.inputs if quantity.name != name)]
+    needed = [model.output.name, *(one for one in _inputs(model, name) if one != name)]
     known = np.flatnonzero(np.logical_and.reduce([np.isfinite(columns[one]) for one in needed]))
     given = {one: np.asarray(columns[one], dtype=np.float64)[known] for one in needed}
-    wanted, ends = given.pop(model.output.name), knots(model, name)
+    lowest, rows, _, nearest = _solutions(model, given.pop(model.output.name), given, name)
+    picked = _picked(lowest, rows, len(known), LOWEST)
     values, solved = np.full(len(columns[needed[0]]), np.nan), np.zeros(len(columns[needed[0]]), dtype=np.bool_)
-    for start, line in _lines(model, evaluated, wanted, given, name):
-        edges = line.with_turning_points(ends)
-        solutions, rows, _ = line.solutions(edges)
-        order = np.lexsort([solutions, rows])
-        picked = _picked(solutions[order], rows[order], len(edges), LOWEST)
-        solved[known[start : start + len(edges)]] = np.isfinite(picked)
-        values[known[start : start + len(edges)]] = np.where(np.isfinite(picked), picked, line.nearest(edges))
+    solved[known] = np.isfinite(picked)
+    values[known] = np.where(np.isfinite(picked), picked, nearest)
     return SolvedInput(values, solved)
 
 
-Evaluated = tuple[Callable[[Columns], list[Array]], Callable[[Columns], list[Array]]]
-"""The model ready for many rows: its output alone, and its output with its derivatives."""
+def _solutions(model: Model, wanted: Array, given: Columns, name: str) -> tuple[Array, IntArray, BoolArray, Array]:
+    """Return `_Line.solutions` of all rows, made for some rows at a time."""
+    names, program = _inputs(model, name), program_of(model)
+    slopes, value, ends = evaluator(with_slopes(program)), evaluator(program), knots(model, name)
+    found = []
+    for start in range(0, max(len(wanted), 1), CHUNK):
+        part = slice(start, start + CHUNK)
+        line = _Line(value, slopes, name, names, wanted[part], {one: np.asarray(x, dtype=np.float64)[part] for one, x in given.items()})
+        values, rows, *of_rows = line.solutions(line.with_turning_points(ends))
+        found.append((values, rows + start, *of_rows))
+    values, rows, flat, nearest = map(np.concatenate, zip(*found, strict=True))
+    return values, rows, flat, nearest
 
 
-def _evaluated(model: Model, name: str) -> Evaluated:
+def _inputs(model: Model, name: str) -> list[str]:
     names = [quantity.name for quantity in model.inputs]
     if name not in names:
         raise UsageError(f"the model has no input '{name}'", f"it has {', '.join(names)}")
-    program = program_of(model)
-    slopes = evaluator(with_slopes(program))
-    return evaluator(program), slopes
-
-
-def _lines(model: Model, evaluated: Evaluated, wanted: Array, given: Columns, name: str) -> Iterator[tuple[int, _Line]]:
-    """Yield the model along an input at some rows at a time, with the number of the first."""
-    names = [quantity.name for quantity in model.inputs]
-    for start in range(0, len(wanted), CHUNK):
-        part = slice(start, start + CHUNK)
-        yield start, _Line(*evaluated, name, names, wanted[part], {one: np.asarray(x)[part] for one, x in given.items()})
+    return names
 
 
 def knots(model: Model, name: str) -> Array:
@@ -148,7 +124,7 @@ def parts_between(knots: Array) -> int:
 
 @dataclass(frozen=True)
 class _Line:
-    """The model along one input at each of n rows."""
+    """The model along one input at each of n rows; x are values of the input in some of the rows, (m,) each."""
 
     value: Callable[[Columns], list[Array]]
     slopes: Callable[[Columns], list[Array]]
@@ -158,20 +134,16 @@ class _Line:
     given: Mapping[str, Array]
 
     def missing(self, x: Array, rows: IntArray) -> Array:
-        """Return output minus wanted output, (m,), at values x of the input in some of the rows."""
+        """Return output minus wanted output, (m,)."""
         return self.value(self._columns(x, rows))[0] - self.wanted[rows]
 
-    def slope(self, x: Array, rows: IntArray) -> Array:
-        """Return the derivative along the input, (m,)."""
-        return self._both(x, rows)[1]
-
-    def _both(self, x: Array, rows: IntArray) -> tuple[Array, Array]:
+    def both(self, x: Array, rows: IntArray) -> tuple[Array, Array]:
         """Return output minus wanted output, and the derivative along the input, (m,) each."""
         value, *slopes = self.slopes(self._columns(x, rows))
         return value - self.wanted[rows], slopes[self.names.index(self.name)]
 
     def _columns(self, x: Array, rows: IntArray) -> dict[str, Array]:
-        return {name: x if name == self.name else np.asarray(self.given[name], dtype=np.float64)[rows] for name in self.names}
+        return {name: x if name == self.name else self.given[name][rows] for name in self.names}
 
     def with_turning_points(self, knots: Array) -> Array:
         """Return the ends of the monotone parts, (n, e), ascending in every row, with repetitions."""
@@ -181,10 +153,9 @@ class _Line:
         rows = np.repeat(np.arange(n), len(places) - 1)
         turns, of = self._turning_points(np.tile(places[:-1], n), np.tile(places[1:], n), rows, SPLITS)
         order = np.argsort(of, kind="stable")
-        turns, of = turns[order], of[order]
         counts = np.bincount(of, minlength=n)
         more = np.full((n, counts.max(initial=0)), places[-1])
-        more[of, np.arange(len(of)) - np.repeat(np.cumsum(counts) - counts, counts)] = turns
+        more[of[order], np.arange(len(of)) - np.repeat(np.cumsum(counts) - counts, counts)] = turns[order]
         beside = [np.nextafter(knots[:-1], np.inf), np.nextafter(knots[1:], -np.inf)]  # the map may jump at a knot
         fixed = np.concatenate([places, *beside])
         return np.sort(np.concatenate([np.broadcast_to(fixed, (n, len(fixed))), more], axis=1), axis=1)
@@ -192,13 +163,13 @@ class _Line:
     def _turning_points(self, low: Array, high: Array, rows: IntArray, splits: int) -> tuple[Array, IntArray]:
         """Return turning points within parts of some rows, with the middles of parts that were divided, and their rows."""
         start, end = np.nextafter(low, np.inf), np.nextafter(high, -np.inf)
-        (left, slope_left), (right, slope_right) = self._both(start, rows), self._both(end, rows)
+        (left, slope_left), (right, slope_right) = self.both(start, rows), self.both(end, rows)
         turned = np.sign(slope_left) * np.sign(slope_right) < 0
         closer = may_turn_twice(left, right, slope_left, slope_right, high - low) & ~turned
         middle = (low + high) / 2
         if turned.any():
             own = rows[turned]
-            at = _bisected(lambda x, which: self.slope(x, own[which]), start[turned], end[turned])
+            at = _bisected(lambda x, which: self.both(x, own[which])[1], start[turned], end[turned])
             value, flat = self.missing(at, own), np.zeros(len(at))
             before = may_turn_twice(left[turned], value, slope_left[turned], flat, at - low[turned])
             after = may_turn_twice(value, right[turned], flat, slope_right[turned], high[turned] - at)
@@ -210,30 +181,27 @@ class _Line:
         more, own = self._turning_points(*halves, splits - 1)
         return np.concatenate([found, more]), np.concatenate([where, own])
 
-    def nearest(self, edges: Array) -> Array:
-        """Return the edge of each row, of (n, e), whose output is nearest to the wanted one, (n,)."""
-        row = np.broadcast_to(np.arange(len(edges))[:, None], edges.shape)
-        missing = np.abs(self.missing(edges.ravel(), row.ravel()).reshape(edges.shape))
-        found: Array = edges[np.arange(len(edges)), np.argmin(missing, axis=1)]
-        return found
+    def solutions(self, edges: Array) -> tuple[Array, IntArray, BoolArray, Array]:
+        """Return the solutions in monotone parts between `edges`, (n, e), and their rows, (m,) each, ascending.
 
-    def solutions(self, edges: Array) -> tuple[Array, IntArray, BoolArray]:
-        """Return solutions and their rows, (m,) each, and a mask of the rows in which they fill a range, (n,)."""
+        Then of each row, (n,): whether they fill a range, and the edge whose output is nearest to the wanted one.
+        """
         n = len(edges)
         row = np.broadcast_to(np.arange(n)[:, None], edges.shape)
         missing = self.missing(edges.ravel(), row.ravel()).reshape(edges.shape)
+        nearest = edges[np.arange(n), np.argmin(np.abs(missing), axis=1)]
         near = SAME * np.maximum(np.ptp(missing, axis=1, keepdims=True), np.abs(self.wanted)[:, None])
-        hit = np.abs(missing) <= near
-        apart = np.diff(edges, axis=1) > 0
-        wide = np.diff(edges, axis=1) > SAME * np.ptp(edges, axis=1, keepdims=True)
-        flat = (hit[:, :-1] & hit[:, 1:] & wide).any(axis=1)
+        hit, width = np.abs(missing) <= near, np.diff(edges, axis=1)
+        flat = (hit[:, :-1] & hit[:, 1:] & (width > SAME * np.ptp(edges, axis=1, keepdims=True))).any(axis=1)
         first = hit & ~np.concatenate([np.zeros((n, 1), dtype=np.bool_), hit[:, :-1]], axis=1)
-        crosses = (np.sign(missing[:, :-1]) * np.sign(missing[:, 1:]) < 0) & ~hit[:, :-1] & ~hit[:, 1:] & apart
+        crosses = (np.sign(missing[:, :-1]) * np.sign(missing[:, 1:]) < 0) & ~hit[:, :-1] & ~hit[:, 1:] & (width > 0)
         where = row[:, :-1][crosses]
         crossed = _bisected(lambda x, which: self.missing(x, where[which]), edges[:, :-1][crosses], edges[:, 1:][crosses])
         # where the map jumps across the wanted output, there is no solution
         real = np.abs(self.missing(crossed, where)) <= np.maximum(REACHED * np.abs(self.wanted[where]), near[where, 0])
-        return np.concatenate([edges[first], crossed[real]]), np.concatenate([row[first], where[real]]), flat
+        values, rows = np.concatenate([edges[first], crossed[real]]), np.concatenate([row[first], where[real]])
+        order = np.lexsort([values, rows])
+        return values[order], rows[order], flat, nearest
 
 
 def may_turn_twice(left: Array, right: Array, slope_left: Array, slope_right: Array, width: Array) -> BoolArray:

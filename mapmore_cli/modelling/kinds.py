@@ -1,4 +1,4 @@
-"""What every kind of model can do.
+"""What every kind of model can do, and where a model was trained.
 
 A kind is a folder of `modelling/` with a file `kind.py`, which says its name, and a file `model.py`, which holds its verbs. Nothing else
 lists it. The verbs are imported when a model of the kind is there: a table needs nothing of motion.
@@ -7,46 +7,37 @@ lists it. The verbs are imported when a model of the kind is there: a table need
 from __future__ import annotations
 
 import pkgutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mapmore_cli import modelling
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.models import Equation, Model, Sum
+from mapmore_cli.domain.models import CurveRange, Equation, Model, Sum
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.expressions import ExpressionError
-from mapmore_cli.modelling.ranges import outside
-
-if TYPE_CHECKING:
-    pass
-
-MODEL_UNITS: Mapping[str, float] = {}
-"""Quantities in the units of the model."""
 
 
 @dataclass(frozen=True)
 class Kind:
     """A kind of model: its name in files and on pages, the types of its models and of its fits, and the folder with its verbs.
 
-    `model.py` in the folder has these functions of a `model`, and others of its own.
+    `model.py` in the folder has these functions of a `model`.
 
     - `simulate(model, columns)`: the `Run` at every row, NaN where an input is NaN or there is no history.
     - `equations(model, units)`: the model in physical units, given how many of the model's units one unit of a quantity is.
     - `parameters(model)`: how many numbers the fit was free to choose.
     - `write(m, model, inputs)`: the model as statements of the writer `m`; its output.
 
-    Not every kind has the others.
-
-    - `one_step(model, columns)`: prediction of every row from the measured past, (n,); none for kinds that know no past.
-    - `fed_back(model)`: the measured outputs that a run begins from.
-    - `outside_range(model, columns)`: True where an input lies beyond the training range, (n,), for a body without `ranges`.
+    Some have others: `one_step(model, columns)`, the prediction of every row from the measured past, (n,); `fed_back(model)`, the measured
+    outputs that a run begins from; `outside_range(model, columns)`, (n,), for a body without `ranges`.
     """
 
     name: str
@@ -62,9 +53,8 @@ class Kind:
 @cache
 def kinds() -> tuple[Kind, ...]:
     """Return every kind, in the order of their names."""
-    folders = [found.name for found in pkgutil.iter_modules(modelling.__path__) if found.ispkg]
-    paths = {folder: [f"{path}/{folder}" for path in modelling.__path__] for folder in folders}
-    there = [folder for folder in folders if any(found.name == "kind" for found in pkgutil.iter_modules(paths[folder]))]
+    folders = [f"{path}/{one.name}" for path in modelling.__path__ for one in pkgutil.iter_modules([path]) if one.ispkg]
+    there = [folder.rpartition("/")[2] for folder in folders if any(one.name == "kind" for one in pkgutil.iter_modules([folder]))]
     found = [import_module(f"{modelling.__name__}.{folder}.kind").KIND for folder in there]
     return tuple(sorted(found, key=lambda kind: kind.name))
 
@@ -99,13 +89,9 @@ def outside_range(model: Model, columns: Columns) -> BoolArray:
     return found
 
 
-def _outside(model: Model, columns: Columns) -> BoolArray:
-    return outside(model.body.ranges, model.level, columns)  # type: ignore[attr-defined]  # sums alone have no ranges of their own
-
-
 @contextmanager
 def numbers_in_reach(model: Model) -> Iterator[None]:
-    """Name the model whose scaling and coefficients multiply to what is no number, as in a file that somebody changed."""
+    """Raise DataError for a model whose coefficients multiply to what is no number, as in a file that somebody changed."""
     try:
         with np.errstate(over="ignore"):  # infinity is no number
             yield
@@ -113,7 +99,7 @@ def numbers_in_reach(model: Model) -> Iterator[None]:
         raise DataError(f"the model {model.name} cannot be written out: {fault.message}", "make it anew by its spec") from fault
 
 
-def equations(model: Model, units: Mapping[str, float] = MODEL_UNITS) -> tuple[Equation, ...]:
+def equations(model: Model, units: Mapping[str, float] = MappingProxyType({})) -> tuple[Equation, ...]:
     """Return the model as equations, in its units or in others: of a sum, those of each summand.
 
     Raises DataError where a coefficient is too large to be a number.
@@ -131,9 +117,8 @@ def parameters(model: Model) -> int:
 
 def one_step_ahead(model: Model, columns: Columns) -> Array:
     """Prediction of every row from the measured past, (n,); NaN before there is history."""
-    one_step = kind_of(model).verb("one_step")
-    values: Array = predict(model, columns) if one_step is None else one_step(model, columns)
-    return values
+    found: Array = kind_of(model).verb("one_step", predict)(model, columns)
+    return found
 
 
 def runs_over_time(model: Model) -> bool:
@@ -146,4 +131,44 @@ def runs_over_time(model: Model) -> bool:
 def fed_back(model: Model) -> tuple[str, ...]:
     """Return the measured outputs that a run begins from, each once."""
     found: tuple[str, ...] = kind_of(model).verb("fed_back", lambda _model: ())(model)
+    return found
+
+
+OUTSIDE_TOLERANCE = 1e-9
+"""Inputs within this fraction of a range beyond its end still count as inside: the end itself must not be flagged by rounding."""
+
+
+class InputRange(NamedTuple):
+    """Training range of one input: `low` to `high`, (L,) each; linear between `levels`, (L,), of the input `at` where that is not None."""
+
+    name: str
+    at: str | None
+    levels: Array
+    low: Array
+    high: Array
+
+
+def limits(ranges: Sequence[CurveRange], level: str | None) -> Iterator[InputRange]:
+    """Yield the training range of every input, the level first: its own is that of its levels, (1,) each.
+
+    That of any other input is interpolated linearly between the curves, since each curve has its own (free strain grows with pressure).
+    """
+    if not ranges:
+        return
+    levels = np.array([one.level for one in ranges], dtype=np.float64) if level is not None else np.empty(0)
+    if level is not None:
+        yield InputRange(level, None, levels, levels[:1], levels[-1:])
+    for name in ranges[0].limits:
+        if name != level:
+            low, high = np.array([one.limits[name] for one in ranges]).T
+            yield InputRange(name, level, levels, low, high)
+
+
+def _outside(model: Model, columns: Columns) -> BoolArray:
+    found = np.zeros(len(next(iter(columns.values()))), dtype=np.bool_)
+    for name, at, levels, *ends in limits(model.body.ranges, model.level):  # type: ignore[attr-defined]  # sums have another verb
+        if name in columns:
+            low, high = (end[:1] if at is None else np.interp(columns[at], levels, end) for end in ends)
+            margin = OUTSIDE_TOLERANCE * np.maximum(high - low, np.maximum(np.abs(low), np.abs(high)))
+            found |= (columns[name] < low - margin) | (columns[name] > high + margin)
     return found

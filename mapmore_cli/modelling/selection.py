@@ -9,17 +9,10 @@ from annotated_types import Interval
 
 from mapmore_cli.domain.declared import Contradiction, Either, InUnit, OfHeld, Settings
 
-AUTO = "auto"
-"""What left-out training data choose: a backbone, or a number of terms."""
-
-USUAL_TERMS = 3
-"""Terms at most where their number is not chosen yet: cuts that fits decide, and a backbone, are chosen with so many."""
-
-LEAST_RIDGE = 1e-9
-"""Below which rounding decides."""
-
-FORWARD = 3
-"""Terms chosen forward for each that is kept, where pruning follows and nothing else is said."""
+AUTO = "auto"  # what left-out training data choose: a backbone, or a number of terms
+USUAL_TERMS = 3  # terms at most where their number is not chosen yet: cuts that fits decide, and a backbone, are chosen with so many
+LEAST_RIDGE = 1e-9  # below which rounding decides
+FORWARD = 3  # terms chosen forward for each that is kept, where pruning follows and nothing else is said
 
 Start = Literal["measured", "steady", "identified"]
 """How free runs begin."""

@@ -14,17 +14,10 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Curve, Dataset
 
-DEGREES = {"plane": 1, "quadratic": 2, "cubic": 3}
-"""Total degree of each polynomial, every monomial up to it included."""
-
-ORDERS = (1, 2, 4, 8)
-"""Samples that an ARX looks back; the free run on training data chooses."""
-
-MOST_ROWS = 50_000
-"""Training rows that a fit takes, an even share."""
-
-LARGEST = 1e3
-"""Times the largest measured output, from which a free run has diverged."""
+DEGREES = {"plane": 1, "quadratic": 2, "cubic": 3}  # total degree of each polynomial, every monomial up to it included
+ORDERS = (1, 2, 4, 8)  # samples that an ARX looks back; the free run on training data chooses
+MOST_ROWS = 50_000  # training rows that a fit takes, an even share
+LARGEST = 1e3  # times the largest measured output, from which a free run has diverged
 
 
 def polynomial(degree: int, dataset: Dataset, names: Sequence[str]) -> list[Array] | None:
@@ -56,17 +49,15 @@ def arx(dataset: Dataset, names: Sequence[str]) -> list[Array] | None:
     It starts from the first measured output, at rest. Least squares on one step fits it; of `ORDERS`, the one whose free run errs least on
     the training samples is taken. None where none of them runs without diverging.
     """
-    best: tuple[float, list[Array] | None] = (np.inf, None)
+    best, least = None, np.inf
     for order in ORDERS:
-        theta = _one_step_fit(dataset, names, order)
-        if theta is None:
-            continue
-        found = [_run(curve, dataset.target, names, order, theta) for curve in dataset.curves]
-        errors = [(said - curve.columns[dataset.target])[curve.training] for said, curve in zip(found, dataset.curves, strict=True)]
-        error = float(np.sum(np.concatenate(errors) ** 2))
-        if error < best[0]:
-            best = error, found
-    return best[1]
+        if (theta := _one_step_fit(dataset, names, order)) is not None:
+            found = [_run(curve, dataset.target, names, order, theta) for curve in dataset.curves]
+            errors = [(said - curve.columns[dataset.target])[curve.training] for said, curve in zip(found, dataset.curves, strict=True)]
+            error = float(np.sum(np.concatenate(errors) ** 2))
+            if error < least:
+                best, least = found, error
+    return best
 
 
 def _table(curve: Curve, names: Sequence[str]) -> Array:

@@ -12,7 +12,7 @@ from timing import median_seconds, medians_in_turn
 
 from mapmore_cli.modelling.expressions import evaluate, parse
 from mapmore_cli.modelling.kinds import predict
-from mapmore_cli.modelling.pieces.definition import level_values, weight_of
+from mapmore_cli.modelling.pieces.definition import weight_of
 from mapmore_cli.storage.artefacts import read_model
 
 STUDY = Path(__file__).parents[2] / "configs" / "m2" / "dmsp-20-88-static.yaml"
@@ -62,7 +62,7 @@ def evaluation(runs_folder):
     model = read_model(next(Path(runs_folder).rglob("model.h5")))
     rng = np.random.default_rng(0)
     body = model.pieces
-    levels = level_values(body)
+    levels = [curve.level for curve in body.curves]
     columns = {
         "pressure": rng.uniform(levels[0], levels[-1], POINTS),
         "strain": rng.uniform(0, max(curve.limits["strain"][1] for curve in body.curves), POINTS),

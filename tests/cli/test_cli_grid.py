@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import UsageError
@@ -20,7 +20,6 @@ def points(text: str, inputs: tuple[str, ...] = INPUTS) -> list[tuple[float, ...
     return [tuple(map(float, line.split(","))) for line in list(grid_lines(text, inputs))[1:]]
 
 
-@settings(deadline=None)
 @given(st.integers(-1000, 1000), st.integers(0, 60), st.sampled_from([1e-3, 0.01, 0.05, 0.1, 0.3, 1.0, 2.5, 25.0, -0.01, -25.0]))
 def test_points_are_evenly_spaced_from_end_to_end(start: int, steps: int, step: float) -> None:
     first, last = start / 10, start / 10 + steps * step

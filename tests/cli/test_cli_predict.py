@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 from cli_samples import by_hand, hand_model
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError
@@ -36,14 +36,12 @@ def table_of(content: list[tuple[str, str, str]], end: str = "\n") -> list[str]:
     return io.StringIO(text.getvalue(), newline="").readlines()
 
 
-@settings(deadline=None)
 @given(rows, st.integers(1, 30), st.sampled_from(["\n", "\r\n"]))
 def test_chunks_have_no_influence(content: list[tuple[str, str, str]], chunk: int, end: str) -> None:
     lines = table_of(content, end)
     assert "".join(predicted_lines(MODEL, lines, "t", chunk)) == "".join(predicted_lines(MODEL, lines, "t"))
 
 
-@settings(deadline=None)
 @given(rows)
 def test_every_row_stays_as_it_was_and_gains_two_fields(content: list[tuple[str, str, str]]) -> None:
     before = "".join(table_of(content))
@@ -59,7 +57,6 @@ def test_every_row_stays_as_it_was_and_gains_two_fields(content: list[tuple[str,
             assert (predicted, outside) == ("", "")
 
 
-@settings(deadline=None)
 @given(st.lists(st.tuples(numbers, numbers, st.just("x")), min_size=2, max_size=20), st.randoms())
 def test_rows_know_nothing_of_each_other(content: list[tuple[str, str, str]], random) -> None:
     def predicted(of: list[tuple[str, str, str]]) -> list[str]:

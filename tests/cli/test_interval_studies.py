@@ -1,7 +1,5 @@
 """Intervals from a spec to a table: what is left out of each kind of study, `predict --interval`, figures, notebooks."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Callable

@@ -14,7 +14,7 @@ import pytest
 from page_tables import MEMORY, numbers, page_table
 from test_shipped_studies import CONFIGS, NRMSE
 
-from mapmore_cli.modelling.validation.error_parts import PARTS
+from mapmore_cli.modelling.validation.repeatability import PARTS
 from mapmore_cli.spec.campaign import Campaign, Entry, load_campaign
 from mapmore_cli.spec.loader import load
 from mapmore_cli.storage.artefacts import read_fit, read_model

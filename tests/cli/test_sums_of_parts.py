@@ -1,7 +1,5 @@
 """A joint of two muscles from YAML: models of other runs added up, formulas fitted together, and what is refused."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,6 +1,4 @@
-"""Two models of one muscle: what changed, with the curve as the unit of every statement."""
-
-from __future__ import annotations
+"""Two models of one muscle: what changed, with the curve as the unit of every statement; the rule of one standard error."""
 
 import math
 from dataclasses import replace
@@ -20,7 +18,7 @@ from mapmore_cli.modelling.pieces.recipe import Cuts, Recipe
 from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.modelling.validation.comparison import common_curves, compare, grid, reference_points, term_changes
 from mapmore_cli.modelling.validation.intervals import SHARES
-from mapmore_cli.modelling.validation.significance import sign_permutation, weighted_mean
+from mapmore_cli.modelling.validation.significance import sign_permutation, simplest_of, weighted_mean
 
 QUANTITIES = {q.name: q for q in (Quantity("pressure", "kPa"), Quantity("strain", "1"), Quantity("force", "N"))}
 RECIPE = Recipe(
@@ -71,7 +69,6 @@ class TestResolution:
 
 
 class TestMean:
-    @settings(deadline=None)
     @given(arrays(float, st.integers(2, 9), elements=st.floats(-10, 10).map(lambda v: round(v, 3))))
     def test_equal_weights_give_students_interval_and_test(self, x):
         found = weighted_mean(x, np.full(len(x), 3.0), 0.95)
@@ -85,7 +82,7 @@ class TestMean:
         assert weighted_mean(np.array([1.2]), np.ones(1), 0.95).interval == (-math.inf, math.inf)
 
     @given(arrays(float, st.integers(6, 10), elements=st.floats(-5, 5).map(lambda v: round(v, 3))))
-    @settings(deadline=None, max_examples=25)
+    @settings(max_examples=25)
     def test_permutation_of_signs_as_scipy_has_it(self, x):
         expected = stats.permutation_test((x,), np.sum, permutation_type="samples", n_resamples=np.inf, alternative="two-sided").pvalue
         assert sign_permutation(x) == pytest.approx(expected, abs=2 / 2 ** len(x))
@@ -112,14 +109,9 @@ class TestCompare:
 
     def test_the_same_ratio_by_hand(self):
         a, b = muscle("a"), muscle("b", 1.02, scatter=0.01, seed=3)
-        found = compare(a, b)
-        before, after = [], []
-        for place in common_curves(a, b):
-            points = grid(a, b, place)
-            before.append(predict(a, points))
-            after.append(predict(b, points))
-        first, second = np.concatenate(before), np.concatenate(after)
-        assert found.ratio == pytest.approx(first @ second / (first @ first), rel=1e-12)
+        points = [grid(a, b, place) for place in common_curves(a, b)]
+        first, second = (np.concatenate([predict(model, at) for at in points]) for model in (a, b))
+        assert compare(a, b).ratio == pytest.approx(first @ second / (first @ first), rel=1e-12)
 
     def test_a_certain_change_within_the_margin_is_of_no_interest(self):
         a, b = muscle("a"), muscle("b", 1.004, scatter=1e-5)
@@ -158,18 +150,54 @@ class TestCompare:
 
     def test_terms_that_came_and_went(self):
         a = muscle("a")
-        first, *others = a.body.segments
-        b = muscle("b")
-        changed = replace(b.body.segments[0], terms=("strain^2", *first.terms[1:]))
-        curve = replace(b.body.curves[0], segments=(changed, *b.body.curves[0].segments[1:]))
-        later = replace(b, body=replace(b.body, curves=(curve, *b.body.curves[1:])))
-        moved = [term for term in term_changes(a, later) if term.moved and term.segment == first.id]
-        assert {(term.term, term.before is None, term.after is None) for term in moved} >= {(first.terms[0], False, True)}
-        assert len(others) == 7
+        curve, *others = a.body.curves
+        first, second = curve.segments
+        changed = replace(curve, segments=(replace(first, terms=("strain^2", *first.terms[1:])), second))
+        later = replace(a, body=replace(a.body, curves=(changed, *others)))
+        moved = {(term.segment, term.term, term.before is None, term.after is None) for term in term_changes(a, later) if term.moved}
+        assert moved == {(first.id, first.terms[0], False, True), (first.id, "strain^2", True, False)}
 
     def test_reference_points_are_outputs_of_every_model(self):
-        models = [muscle("a"), muscle("b", 1.1), muscle("c", 1.2)]
-        points = reference_points(models)
-        assert len(points) == 4
-        for point in points:
-            assert np.array(point.outputs) / point.outputs[0] == pytest.approx([1, 1.1, 1.2], rel=1e-6)
+        points = reference_points([muscle("a"), muscle("b", 1.1), muscle("c", 1.2)])
+        outputs = np.array([point.outputs for point in points])
+        np.testing.assert_allclose(outputs / outputs[:, :1], np.tile([1, 1.1, 1.2], (4, 1)), rtol=1e-6)
+
+
+TABLES = st.tuples(st.integers(1, 6), st.integers(2, 5)).flatmap(
+    lambda shape: st.tuples(
+        st.lists(st.integers(1, 9), min_size=shape[0], max_size=shape[0]), arrays(np.float64, shape, elements=st.floats(0.0, 8.0, width=16))
+    )
+)
+
+
+@given(TABLES)
+def test_none_that_is_simpler_is_as_good(table: tuple[list[int], np.ndarray]) -> None:
+    sizes, errors = table
+    found = simplest_of(sizes, errors)
+    assert errors[found.best].mean() == errors.mean(axis=1).min()
+    assert sizes[found.chosen] <= sizes[found.best]
+    for number, size in enumerate(sizes):
+        above = errors[number] - errors[found.best]
+        standard_error = np.sqrt(np.sum((above - above.mean()) ** 2) / (len(above) - 1) / len(above))
+        if number == found.chosen:
+            assert above.mean() <= standard_error + 1e-12
+        elif size < sizes[found.chosen]:
+            assert above.mean() > standard_error - 1e-12
+
+
+@given(TABLES, st.randoms())
+def test_the_order_of_folds_is_of_no_consequence(table: tuple[list[int], np.ndarray], shuffle: object) -> None:
+    sizes, errors = table
+    order = np.random.default_rng(shuffle.randint(0, 99)).permutation(errors.shape[1])  # type: ignore[attr-defined]
+    a, b = simplest_of(sizes, np.round(errors)), simplest_of(sizes, np.round(errors)[:, order])  # integers add up in any order
+    assert (a.best, a.chosen) == (b.best, b.chosen)
+
+
+def test_what_lies_at_the_bound_is_within_in_any_order_of_folds() -> None:
+    errors = np.array([[3.0, 6, 6, 6, 6], [6.0, 6, 6, 6, 6], [6.0, 0, 0, 6, 6]])  # mean and standard error of the excess are both 1.8
+    assert {simplest_of([1, 1, 2], errors[:, order]).chosen for order in ([0, 1, 2, 3, 4], [4, 3, 2, 1, 0], [1, 2, 0, 4, 3])} == {0}
+
+
+def test_what_is_hard_for_all_models_decides_nothing() -> None:
+    errors = np.array([[10.0, 1.2, 5.1], [9.9, 1.0, 5.0]])  # the larger model is better on every fold
+    assert simplest_of([1, 2], errors).chosen == 1

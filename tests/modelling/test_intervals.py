@@ -1,7 +1,5 @@
 """Intervals from left-out residuals: the formula against SciPy's distributions, what it covers, and what is refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

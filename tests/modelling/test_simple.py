@@ -1,7 +1,5 @@
 """Competitors that need no muscle, against independent sums."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -79,7 +79,7 @@ def _backbone(part: FitChoices, given: Given, curves: Sequence[Curve], recipe: R
     name = part.model.backbone
     notes: tuple[str, ...] = ()
     if name == AUTO:
-        from mapmore_cli.modelling.pieces.backbone_choice import choose_backbone
+        from mapmore_cli.modelling.pieces.cross_validation import choose_backbone
 
         choice = choose_backbone(curves, recipe, given.dataset.quantities, lambda done, of: given.progress("backbones by folds", done, of))
         name, notes = choice.name, (choice.note,)
@@ -95,7 +95,7 @@ def backbone_name(part: FitChoices, dataset: Dataset) -> str | None:
 def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
     """Fuse; on a backbone, keep as much of the residual as left-out training data support, unless the spec says how much."""
     from mapmore_cli.modelling.pieces import build as method
-    from mapmore_cli.modelling.pieces.shrinkage import with_trusted_residual
+    from mapmore_cli.modelling.pieces.cross_validation import with_trusted_residual
 
     quantities = given.dataset.quantities
     curves, recipe = _trained(part, given.dataset)

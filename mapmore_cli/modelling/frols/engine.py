@@ -1,4 +1,6 @@
-"""`frols` and `frols_streamed`: which form of the method reads the dictionary is decided here, and nowhere else."""
+"""`frols` and `frols_streamed`, and the forms of the method: on the Gram matrix a tall dictionary is read once; on an orthonormal basis of
+the chosen columns it is read in every step, and keeps all digits. Its triangular factor may stand for it.
+"""
 
 from __future__ import annotations
 
@@ -8,61 +10,42 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.fits import Selection
-from mapmore_cli.modelling.frols.basis import SMALL, BasisRemainders, column_squares, triangle
-from mapmore_cli.modelling.frols.moments import Blocks, Gram, checked, gathered, gram, residual_products, row_blocks, safe_scale, scaled
-from mapmore_cli.modelling.frols.select import TIE_TOLERANCE, DigitsLost, Stopping, finished, greedy, ratios
+from mapmore_cli.modelling.frols.moments import Blocks, checked, gram, row_blocks, safe_scale, scaled
+from mapmore_cli.modelling.frols.select import RANK_TOLERANCE, TIE_TOLERANCE, DigitsLost, Remainders, Stopping, selected
 
-PIVOT_TOLERANCE = 1e-6
-"""A downdated `q'q` below this fraction of `p'p` has lost too many digits (anything of 1e-4..1e-10 would serve)."""
+PIVOT_TOLERANCE = 1e-6  # a downdated `q'q` below this fraction of `p'p` has lost too many digits (anything of 1e-4..1e-10 would serve)
+RESIDUAL_TOLERANCE = 1e-9  # a downdated residual sum of squares below this fraction of its last explicit value has lost too many digits
 
-RESIDUAL_TOLERANCE = 1e-9
-"""A downdated residual sum of squares below this fraction of its last explicit value has lost too many digits."""
-
-ROUNDING = 8 * float(np.finfo(np.float64).eps)
-"""Error of a product `p'y`, as a fraction of `|p| |y|`; sums over blocks keep it there whatever n is."""
-
-LEAST_DIGITS = 1e-6
-"""Relative accuracy that an ERR must have to be reported."""
-
-BALANCE = 1e-12
-"""How far the sum of ERR may be from what the residual says."""
+ROUNDING = 8 * float(np.finfo(np.float64).eps)  # error of a product `p'y`, as a fraction of `|p| |y|`, whatever n is
+LEAST_DIGITS = 1e-6  # relative accuracy that an ERR must have to be reported
+BALANCE = 1e-12  # how far the sum of ERR may be from what the residual says
 
 
-class GramRemainders:
-    """Remainders known by their products only: `q'q` and `y'q` are downdated, O(M k) a step.
+class GramRemainders(Remainders):
+    """Remainders known by their products only, O(M k) a step: of `matrix`, the `Z'Z` of scaled columns, (M+1, M+1).
 
-    Parameters
-    ----------
-    matrix
-        `Z'Z` of scaled columns, (M+1, M+1).
-    blocks
-        The scaled columns, read once more where the residual is so small that its digits are lost in those of `y'y`.
+    Their `blocks` are read once more where the residual is so small that its digits are lost in those of `y'y`.
     """
 
     def __init__(self, matrix: Array, blocks: Blocks) -> None:
-        self.gram = matrix[:-1, :-1]
-        self.blocks = blocks
-        self.pp = np.diag(self.gram)
-        self.squares = self.pp.copy()
-        self.products = matrix[-1, :-1].copy()
-        self.yy = self.sse = self.sse_of_products = float(matrix[-1, -1])
+        self.gram, self.blocks = matrix[:-1, :-1], blocks
+        super().__init__(np.diag(self.gram), matrix[-1, :-1].copy(), float(matrix[-1, -1]))
         self.rows = np.empty((0, len(matrix)))
         self.picks: list[int] = []
-        self.live = self.pp > 0
 
     def reductions(self) -> tuple[Array, Array]:
         """See `Remainders`. Raises DigitsLost where a live `q'q` is mostly rounding error, or the winner is not clear."""
         if (self.squares < PIVOT_TOLERANCE * self.pp)[self.live].any():
             raise DigitsLost
-        g, err = ratios(self.products, self.squares, self.live, self.yy)
-        if self.live.any() and not self._clear_winner(err):
-            if self.sse == self.sse_of_products:
-                raise DigitsLost
-            self._renew()
-            return self.reductions()
-        return g, err
+        g, err = super().reductions()
+        if not self.live.any() or self._clear_winner(err):
+            return g, err
+        if self.sse == self.sse_of_products:
+            raise DigitsLost
+        self._renew()
+        return self.reductions()
 
     def _clear_winner(self, err: Array) -> bool:
         best = int(np.nanargmax(err))
@@ -74,13 +57,11 @@ class GramRemainders:
     def choose(self, pick: int) -> Array:
         """See `Remainders`."""
         length = np.sqrt(self.squares[pick])
-        row = np.append((self.gram[pick] - self.rows[:, pick] @ self.rows[:, :-1]) / length, self.products[pick] / length)
+        row: Array = np.append(self.gram[pick] - self.rows[:, pick] @ self.rows[:, :-1], self.products[pick]) / length
         row[pick] = length
         self.rows = np.vstack([self.rows, row])
         self.picks.append(pick)
-        self.live[pick] = False
-        self.squares -= row[:-1] ** 2
-        self.products -= row[-1] * row[:-1]
+        self._downdate(pick, row)
         self.sse -= float(row[-1]) ** 2
         if self.sse < RESIDUAL_TOLERANCE * self.sse_of_products:
             self._renew()
@@ -93,8 +74,12 @@ class GramRemainders:
         residual and sum of ERR together are not `y'y`: the chosen columns have lost too many digits.
         """
         R = np.triu(self.rows[:, self.picks])
-        theta = np.asarray(np.linalg.solve(R, self.rows[:, -1]), dtype=np.float64)
-        products, square = residual_products(self.blocks, np.array(self.picks), theta)
+        theta = np.linalg.solve(R, self.rows[:, -1])
+        products, square = np.zeros(1), 0.0
+        for P, y in self.blocks():
+            residual = y - P[:, self.picks] @ theta
+            products = products + P.T @ residual
+            square += float(residual @ residual)
         along = np.linalg.solve(R.T, products[self.picks])
         self.products = products - along @ self.rows[:, :-1]
         self.sse = self.sse_of_products = max(0.0, square - float(along @ along))
@@ -103,8 +88,70 @@ class GramRemainders:
             raise DigitsLost
 
 
-GRAM_COLUMNS_PER_TERM = 16
-"""One `syrk` over 16 columns takes about as long as one matrix-vector product with them, of which the basis needs one a term."""
+SMALL = 2**16  # number of values up to which a dictionary counts as small: there digits come before speed
+LOST, LOST_OF_SMALL = 1e-6, 1e-2  # a candidate gets an explicit remainder when its downdated `q'q` has fallen to this fraction of `p'p`
+RENEWED = 1e-2  # the products `y'q` are computed afresh when the residual sum of squares has fallen by this factor since they last were
+
+
+class BasisRemainders(Remainders):
+    """Remainders of the candidates `P`, (n, M), and of `y`, (n,), by an orthonormal basis of up to `limit` chosen columns.
+
+    `q'q` and `y'q` are downdated by `u'P` of each new direction u. A candidate that loses digits that way gets an explicit remainder
+    `q = p - U U'p`, orthogonalised twice ("twice is enough": Giraud and Langou 2005) and again in every later step, with norm and product
+    computed from it: nothing is lost in ill-conditioned dictionaries, at a cost for those candidates only.
+    """
+
+    def __init__(self, P: Array, y: Array, limit: int) -> None:
+        super().__init__(_column_squares(P), P.T @ y, float(y @ y))
+        self.P, self.residual = P, y.copy()
+        self.lost_below = (LOST_OF_SMALL if P.size <= SMALL else LOST) * self.pp
+        self.basis, self.size = np.empty((len(y), limit), order="F"), 0
+        self.explicit: IntArray = np.empty(0, dtype=np.int64)
+        self.remainders = np.empty((len(y), 0))
+
+    def choose(self, pick: int) -> Array:
+        """See `Remainders`."""
+        held = self.explicit == pick
+        unit = self._cleared(self._cleared(self.remainders[:, held][:, 0] if held.any() else self.P[:, pick]))
+        length = np.linalg.norm(unit)
+        unit /= length
+        row = np.append(self.P.T @ unit, unit @ self.residual)
+        row[pick] = length
+        self.basis[:, self.size] = unit
+        self.size += 1
+        self._downdate(pick, row)
+        self.residual = self._cleared(self._cleared(self.residual))
+        self.sse = float(self.residual @ self.residual)
+        if self.sse < RENEWED * self.sse_of_products:
+            self.products = self.P.T @ self.residual
+            self.sse_of_products = self.sse
+        self._renew()
+        return row
+
+    def _renew(self) -> None:
+        """Form norms and products from explicit remainders where downdating has lost the digits; dependent candidates drop out."""
+        lost = self.live & (self.squares < self.lost_below)
+        lost[self.explicit] = False
+        kept = self.live[self.explicit]
+        self.explicit = np.append(self.explicit[kept], np.flatnonzero(lost))
+        if len(self.explicit) == 0:
+            return
+        self.remainders = self._cleared(np.column_stack([self.remainders[:, kept], self._cleared(self.P[:, lost])]))
+        self.squares[self.explicit] = _column_squares(self.remainders)
+        self.products[self.explicit] = self.remainders.T @ self.residual
+        self.live[self.explicit] = self.squares[self.explicit] > RANK_TOLERANCE * self.pp[self.explicit]
+
+    def _cleared(self, vectors: Array) -> Array:
+        """Return a vector, or the columns of a matrix, without what lies in the basis."""
+        basis = self.basis[:, : self.size]
+        return np.asarray(vectors - basis @ (basis.T @ vectors))
+
+
+def _column_squares(P: Array) -> Array:
+    return np.asarray(np.einsum("ij,ij->j", P, P))
+
+
+GRAM_COLUMNS_PER_TERM = 16  # one `syrk` over so many takes about as long as a matrix-vector product, of which the basis needs one a term
 
 
 def frols(
@@ -119,31 +166,16 @@ def frols(
     A tall dictionary is read once, for `P'P`; where that loses digits, once more, for its triangular factor. A small or wide one is read
     for every term. The selection does not depend on which; neither `P` nor `y` is changed, or copied unless its squares overflow.
 
-    Parameters
-    ----------
-    P
-        Candidate regressors, (n, M), in either memory order.
-    y
-        Dependent variable, (n,).
-    max_terms
-        Limit on the number of terms (M2 eq 7 read as: stop after that many); None for no limit.
-    tolerance
-        Stop when `1 - sum ERR <= tolerance` (M2 eq 6).
-    stop
-        `tolerance`; or `bic`, `aicc`, `press`: go on to `max_terms` (or the tolerance) and keep the number of terms at which the
-        criterion is least. `press` reads `P` once more.
-    names
-        Names of the candidates, (M,), for tables and messages; `p0`, `p1`, ... where they have none.
+    - `P`: candidate regressors, (n, M), in either memory order; `y`: dependent variable, (n,).
+    - `max_terms`: limit on the number of terms (M2 eq 7 read as: stop after that many); None for no limit.
+    - `tolerance`: stop when `1 - sum ERR <= tolerance` (M2 eq 6).
+    - `stop`: `tolerance`; or `bic`, `aicc`, `press`: go on to `max_terms` (or the tolerance) and keep the number of terms at which the
+      criterion is least. `press` reads `P` once more.
+    - `names` of the candidates, (M,), for tables and messages; `p0`, `p1`, ... where they have none.
 
-    Raises
-    ------
-    DataError
-        Where `P` or `y` has a value that is not finite, with its column and row.
-    ValueError
-        Where the shapes or the names do not fit, or `max_terms` is below one.
+    Raises DataError where `P` or `y` has a value that is not finite, with its column and row; ValueError where the shapes or the names do
+    not fit, or `max_terms` is below one.
 
-    Examples
-    --------
     >>> x = np.linspace(0, 1, 50)
     >>> P = np.column_stack([x**0, x, x**2])
     >>> found = frols(P, 3 * x**2 - 1, max_terms=2, names=["1", "x", "x^2"])
@@ -168,59 +200,56 @@ def frols(
 def frols_streamed(blocks: Blocks, max_terms: int | None = None, tolerance: float = 0.0, *, stop: str = "tolerance") -> Selection:
     """`frols` of a dictionary that comes in row blocks and never as a whole: memory O(M^2 + block), whatever n is.
 
-    Parameters
-    ----------
-    blocks
-        Called to start a pass over the rows; yields `P (b, M)` and `y (b,)` of one block after the other, the same ones in every pass.
-        Most records need one pass. There is another where the normal equations lose digits (an ill-conditioned or dependent dictionary,
-        a residual sum of squares below 1e-9 of `y'y`), two where squares of the values overflow or vanish, and one for `press`.
-        Blocks of a few thousand rows are best.
-    max_terms, tolerance, stop
-        As in `frols`, and so is the result.
+    Each call of `blocks` yields `P (b, M)` and `y (b,)` of one block after the other, best of a few thousand rows. Most records need one
+    pass. There is another where the normal equations lose digits (an ill-conditioned or dependent dictionary, a residual sum of squares
+    below 1e-9 of `y'y`), two where squares of the values overflow or vanish, and one for `press`.
 
-    Raises
-    ------
-    DataError
-        Where a value is not finite, with its column and its row counted over all blocks.
-    ValueError
-        Where the shapes do not fit, there is no row, or `max_terms` is below one.
+    Raises DataError where a value is not finite, with its column and its row counted over all blocks; ValueError where the shapes do not
+    fit, there is no row, or `max_terms` is below one.
     """
     return _by_gram(checked(blocks), Stopping(max_terms, tolerance, stop))
 
 
 def reads_once(n: int, M: int, terms: int) -> bool:
-    """Whether `frols` forms `P'P`: not of a small dictionary, which costs nothing anyway and keeps more digits on the basis; nor of one so
-    wide that reading it once for every term costs less.
+    """Whether `frols` forms `P'P`, as `frols_streamed` does, so that the dictionary need not be there as a whole.
 
-    Where it does, `frols_streamed` does the same, and the dictionary need not be there as a whole.
+    It does not of a small dictionary, which costs nothing anyway and keeps more digits on the basis; nor of one so wide that reading it
+    once for every term costs less.
     """
     return n * M > SMALL and n > M and GRAM_COLUMNS_PER_TERM * (terms + 2) >= M
 
 
 def _by_gram(blocks: Blocks, stopping: Stopping) -> Selection:
     """On the Gram matrix as long as it has the digits, otherwise on explicit remainders."""
-    normal = gram(blocks)
-    rows, limit = scaled(blocks, normal.scale), stopping.limit(normal.samples, len(normal.scale) - 1)
+    matrix, scale, samples = gram(blocks)
+    rows, limit = scaled(blocks, scale), stopping.limit(samples, len(scale) - 1)
+    rest = (stopping, limit, scale, samples, blocks)
     try:
-        path = greedy(GramRemainders(normal.matrix, rows), stopping, limit)
+        return selected(GramRemainders(matrix, rows), *rest)
     except DigitsLost:
-        path = greedy(_with_digits(normal, rows, limit), stopping, limit)
-    return finished(path, normal.scale, normal.samples, blocks, stopping)
-
-
-def _with_digits(normal: Gram, blocks: Blocks, limit: int) -> BasisRemainders:
-    if normal.samples * len(normal.scale) <= SMALL:
-        return BasisRemainders(*gathered(blocks), limit)
-    return BasisRemainders(*triangle(blocks), limit)
+        P, y = map(np.concatenate, zip(*rows(), strict=True)) if samples * len(scale) <= SMALL else triangle(rows)
+        return selected(BasisRemainders(P, y, limit), *rest)
 
 
 def _by_basis(P: Array, y: Array, stopping: Stopping) -> Selection:
-    """On the dictionary itself."""
     blocks, limit = row_blocks(P, y), stopping.limit(*P.shape)
     with np.errstate(over="ignore", invalid="ignore"):  # `safe_scale` looks for the cause
-        squares = np.append(column_squares(P), y @ y)
+        squares = np.append(_column_squares(P), y @ y)
     scale = safe_scale(squares, blocks)
     if (scale != 1.0).any():
         P, y = P / scale[:-1], y / scale[-1]
-    path = greedy(BasisRemainders(P, y, limit), stopping, limit)
-    return finished(path, scale, len(y), blocks, stopping)
+    return selected(BasisRemainders(P, y, limit), stopping, limit, scale, len(y), blocks)
+
+
+def triangle(blocks: Blocks) -> tuple[Array, Array]:
+    """Triangular factor of `Z = [P y]`, (M+1, M+1), split into its P and y: `Z = Q R` with orthonormal columns of Q.
+
+    Inner products of columns of R are those of Z, therefore FROLS chooses the same terms, with the same numbers, on R as on Z. Unlike
+    `Z'Z`, Householder's R loses nothing. Blocks are folded in one after the other (J. Demmel et al. 2012, "Communication-optimal parallel
+    and sequential QR and LU factorizations", sequential TSQR), so the memory is O(M^2 + block).
+    """
+    factor = np.empty((0, 0))
+    for P, y in blocks():
+        Z = np.column_stack([P, y])
+        factor = np.asarray(np.linalg.qr(np.vstack([factor.reshape(-1, Z.shape[1]), Z]), mode="r"))
+    return factor[:, :-1], factor[:, -1]

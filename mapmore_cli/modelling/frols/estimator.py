@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import inspect
 import sys
+import warnings
+from dataclasses import dataclass, fields
 from math import comb
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,63 +20,37 @@ from mapmore_cli.modelling.frols.engine import frols
 
 
 class NotFitted(ValueError, AttributeError):
-    """`fit` was not called yet; where scikit-learn is loaded, its own class is raised."""
+    """`fit` was not called yet."""
 
 
+@dataclass(eq=False, repr=False)
 class FROLS:
     """Few terms of a polynomial in the columns of X, selected by error reduction ratio (`mapmore_cli.modelling.frols`).
 
-    Parameters
-    ----------
-    order
-        Total degree of the candidate monomials.
-    max_terms
-        The most terms; None for no limit.
-    tolerance
-        Stop where the terms leave so much of `y'y`.
-    stop
-        `tolerance`, `bic`, `aicc` or `press`.
-    constant
-        Whether the constant is a candidate.
+    - `order`: total degree of the candidate monomials; `constant`: whether the constant is one.
+    - `max_terms`, `tolerance`, `stop`: as in `frols`.
 
-    Attributes
-    ----------
-    table_
-        A row for each term, in the order of selection: `{"term", "coefficient", "standard_error", "err"}`.
-    equations_
-        The model as text.
-    terms_, coef_, err_
-        The terms, their coefficients and error reduction ratios, (k,).
+    After `fit`, `terms_`, `coef_` and `err_` are the terms, their coefficients and error reduction ratios, (k,).
 
-    Examples
-    --------
     >>> x = np.linspace(0, 1, 50)
     >>> model = FROLS(order=2, max_terms=2).fit(np.column_stack([x, np.cos(9 * x)]), 3 * x**2 - 1)
     >>> model.equations_
     ('3*x0^2 - 1',)
     """
 
-    _estimator_type = "regressor"
-
-    def __init__(
-        self, order: int = 2, max_terms: int | None = None, tolerance: float = 1e-4, stop: str = "tolerance", constant: bool = True
-    ) -> None:
-        self.order = order
-        self.max_terms = max_terms
-        self.tolerance = tolerance
-        self.stop = stop
-        self.constant = constant
+    order: int = 2
+    max_terms: int | None = None
+    tolerance: float = 1e-4
+    stop: str = "tolerance"
+    constant: bool = True
+    _estimator_type: ClassVar[str] = "regressor"
 
     def fit(self, X: ArrayLike, y: ArrayLike) -> Self:
         """Select terms for the target `y`, (n,), among monomials of the columns of `X`, (n, m).
 
-        Raises
-        ------
-        ValueError
-            For tables of another form, or values that are not finite.
+        Raises ValueError for tables of another form, or values that are not finite.
         """
-        names = _column_names(X)
-        values = _table(X)
+        names, values = _column_names(X), _table(X)
         target = _target(y, len(values))
         if len(values) < 2:
             raise ValueError(f"n_samples={len(values)}: at least 2 samples are needed to fit a model, and there is 1 sample")
@@ -88,10 +63,8 @@ class FROLS:
         self.__dict__.pop("feature_names_in_", None)
         if names is not None:
             self.feature_names_in_ = np.array(names, dtype=object)
-        self._columns = tuple(columns)
-        self._terms = tuple(candidates[i] for i in found.chosen)
-        self.terms_ = found.names
-        self.coef_, self.err_, self.selection_ = found.theta, found.err, found
+        self._columns, self._terms = tuple(columns), tuple(candidates[i] for i in found.chosen)
+        self.terms_, self.coef_, self.err_, self.selection_ = found.names, found.theta, found.err, found
         return self
 
     def predict(self, X: ArrayLike) -> Array:
@@ -116,7 +89,7 @@ class FROLS:
 
     @property
     def table_(self) -> list[dict[str, Any]]:
-        """The terms with their coefficients, standard errors and error reduction ratios."""
+        """A row for each term, in the order of selection: `{"term", "coefficient", "standard_error", "err"}`."""
         self._check_fitted()
         return self.selection_.table()
 
@@ -129,7 +102,7 @@ class FROLS:
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:  # noqa: ARG002 - scikit-learn's protocol
         """Return the parameters by name."""
-        return {name: getattr(self, name) for name in inspect.signature(type(self).__init__).parameters if name != "self"}
+        return {one.name: getattr(self, one.name) for one in fields(self)}
 
     def set_params(self, **given: Any) -> Self:
         """Set parameters; raises `ValueError` for one that there is not."""
@@ -141,12 +114,11 @@ class FROLS:
         return self
 
     def __repr__(self) -> str:
-        default = {name: one.default for name, one in inspect.signature(type(self).__init__).parameters.items()}
-        changed = [f"{name}={value!r}" for name, value in self.get_params().items() if value != default[name]]
+        changed = [f"{one.name}={value!r}" for one in fields(self) if (value := getattr(self, one.name)) != one.default]
         return f"FROLS({', '.join(changed)})"
 
     def __sklearn_tags__(self) -> Any:
-        """Return what scikit-learn asks of an estimator; only it calls this."""
+        """Return what scikit-learn asks of an estimator."""
         from sklearn.utils import InputTags, RegressorTags, Tags, TargetTags
 
         return Tags(
@@ -160,9 +132,7 @@ class FROLS:
 
     def _check_fitted(self) -> None:
         if not hasattr(self, "coef_"):
-            sklearn = sys.modules.get("sklearn.exceptions")
-            kind = NotFitted if sklearn is None else sklearn.NotFittedError
-            raise kind("This FROLS instance is not fitted yet: call `fit` first")
+            raise _of_sklearn("NotFittedError", NotFitted)("This FROLS instance is not fitted yet: call `fit` first")
 
 
 def _column_names(X: Any) -> list[str] | None:
@@ -180,13 +150,8 @@ def _table(X: Any) -> Array:
         hint = "Reshape your data: X.reshape(-1, 1) for one feature, X.reshape(1, -1) for one sample"
         raise ValueError(f"Expected 2D array, got {values.ndim}D array instead. {hint}")
     if 0 in values.shape:
-        rows = len(values)
-        what = (
-            f"0 feature(s) (shape={values.shape}) while a minimum of 1 is required."
-            if rows
-            else "0 sample(s) while a minimum of 1 is required."
-        )
-        raise ValueError(f"Found array with {what}")
+        what = f"0 feature(s) (shape={values.shape})" if len(values) else "0 sample(s)"
+        raise ValueError(f"Found array with {what} while a minimum of 1 is required.")
     return values
 
 
@@ -195,7 +160,8 @@ def _target(y: Any, rows: int) -> Array:
         raise ValueError("requires y to be passed, but the target y is None")
     values = _numbers(y)
     if values.ndim == 2 and values.shape[1] == 1:
-        _warn_column()
+        kind = _of_sklearn("DataConversionWarning", UserWarning)
+        warnings.warn("A column-vector y was passed when a 1d array was expected.", kind, stacklevel=3)
         values = values[:, 0]
     if values.ndim != 1:
         raise ValueError(f"y should be a 1d array, got an array of shape {values.shape} instead.")
@@ -204,13 +170,9 @@ def _target(y: Any, rows: int) -> Array:
     return values
 
 
-def _warn_column() -> None:
-    """Warn of a column as target, by the class that scikit-learn has for it where that is loaded."""
-    import warnings
-
-    sklearn = sys.modules.get("sklearn.exceptions")
-    kind = UserWarning if sklearn is None else sklearn.DataConversionWarning
-    warnings.warn("A column-vector y was passed when a 1d array was expected.", kind, stacklevel=4)
+def _of_sklearn(name: str, otherwise: type) -> Any:
+    """Return a class that scikit-learn has for a fault, where that is loaded."""
+    return getattr(sys.modules.get("sklearn.exceptions"), name, otherwise)
 
 
 def _numbers(values: Any) -> Array:
@@ -228,10 +190,6 @@ def _other_names(own: list[str], given: list[str]) -> str:
     """Return what scikit-learn says of frames whose columns differ."""
     told = ["The feature names should match those that were passed during fit."]
     unseen, missing = sorted({*given} - {*own}), sorted({*own} - {*given})
-    if unseen:
-        told += ["Feature names unseen at fit time:", *(f"- {name}" for name in unseen)]
-    if missing:
-        told += ["Feature names seen at fit time, yet now missing:", *(f"- {name}" for name in missing)]
-    if not unseen and not missing:
-        told.append("Feature names must be in the same order as they were in fit.")
-    return "\n".join(told) + "\n"
+    for words, names in (("unseen at fit time", unseen), ("seen at fit time, yet now missing", missing)):
+        told += [f"Feature names {words}:", *(f"- {name}" for name in names)] if names else []
+    return "\n".join(told if unseen or missing else [*told, "Feature names must be in the same order as they were in fit."]) + "\n"

@@ -16,11 +16,8 @@ from mapmore_cli.domain.errors import DataError
 Blocks = Callable[[], Iterable[tuple[Array, Array]]]
 """Starts a pass over the rows: yields `P (b, M)` and `y (b,)` of one block after the other."""
 
-BLOCK = 4096
-"""Rows at a time: a block of a common dictionary stays in the processor's cache between its products."""
-
-SMALLEST, LARGEST = 1e-140, 1e140
-"""Sums of squares between these can be multiplied with each other without overflow or loss by underflow."""
+BLOCK = 4096  # rows at a time: a block of a common dictionary stays in the processor's cache between its products
+SMALLEST, LARGEST = 1e-140, 1e140  # sums of squares between these can be multiplied with each other without overflow or loss by underflow
 
 
 def row_blocks(P: Array, y: Array) -> Blocks:
@@ -31,12 +28,6 @@ def row_blocks(P: Array, y: Array) -> Blocks:
             yield P[start : start + BLOCK], y[start : start + BLOCK]
 
     return blocks
-
-
-def gathered(blocks: Blocks) -> tuple[Array, Array]:
-    """All rows as one `P` and one `y`."""
-    P, y = zip(*blocks(), strict=True)
-    return np.concatenate(P), np.concatenate(y)
 
 
 def checked(blocks: Blocks) -> Blocks:
@@ -59,27 +50,14 @@ def checked(blocks: Blocks) -> Blocks:
 
 def scaled(blocks: Blocks, scale: Array) -> Blocks:
     """Return the blocks with each column of `Z` divided by its `scale`, (M+1,)."""
-
-    def divided() -> Iterator[tuple[Array, Array]]:
-        for P, y in blocks():
-            yield P / scale[:-1], y / scale[-1]
-
-    return blocks if (scale == 1.0).all() else divided
+    return blocks if (scale == 1.0).all() else standardised(blocks, Standard(np.zeros(len(scale)), scale))
 
 
 def safe_scale(squares: Array, blocks: Blocks) -> Array:
-    """Powers of two, (M+1,), that bring the columns of `Z` near one where their sums of squares left the safe range; one elsewhere.
+    """Powers of two, (M+1,), that bring the columns of `Z` near one where their sums of `squares`, (M+1,), left the safe range; else one.
 
-    Parameters
-    ----------
-    squares
-        Sums of squares as they came out, (M+1,): infinite or NaN where a value is not finite or its square overflows, zero where all
-        values are zero or their squares vanish. That is where values have to be looked at one by one.
-
-    Raises
-    ------
-    DataError
-        Where a value is not finite, with its column and row.
+    Sums are infinite or NaN where a value is not finite or its square overflows, zero where squares vanish. There values are looked at one
+    by one. Raises DataError where one is not finite, with its column and row.
     """
     scale = np.ones(len(squares))
     unsafe = np.flatnonzero(~((squares > SMALLEST) & (squares < LARGEST)))
@@ -95,60 +73,33 @@ def power_of_two(positive: Array) -> Array:
 
 def _largest(blocks: Blocks, columns: IntArray) -> Array:
     """Largest absolute value of some columns of `Z`, (columns,)."""
-    largest = np.zeros(len(columns))
-    start = 0
+    largest, start = np.zeros(len(columns)), 0
     for P, y in blocks():
         M = P.shape[1]
         values = np.column_stack([y if column == M else P[:, column] for column in columns])
         if not np.isfinite(values).all():
             row, place = np.argwhere(~np.isfinite(values))[0]
-            raise _not_finite(int(columns[place]), start + int(row), M)
+            name, remedy = "y", "drop or mend the sample before the fit"
+            if columns[place] != M:
+                name, remedy = f"candidate {columns[place]}", "drop or mend the sample, or leave the term out"
+            raise DataError(f"{name} is not finite at row {start + row}", remedy)
         np.maximum(largest, np.abs(values).max(axis=0), out=largest)
         start += len(y)
     return largest
 
 
-def _not_finite(column: int, row: int, M: int) -> DataError:
-    if column == M:
-        return DataError(f"y is not finite at row {row}", "drop or mend the sample before the fit")
-    return DataError(f"candidate {column} is not finite at row {row}", "drop or mend the sample, or leave the term out")
+def gram(blocks: Blocks) -> tuple[Array, Array, int]:
+    """Return `Z'Z`, (M+1, M+1), of columns divided by powers of two that bring its diagonal between 1/4 and 1, these, (M+1,), and n.
 
-
-@dataclass(frozen=True)
-class Gram:
-    """Products of the columns of `Z = [P y]`, each column divided by its scale.
-
-    Attributes
-    ----------
-    matrix
-        `Z'Z`, (M+1, M+1), with a diagonal between 1/4 and 1 (or 0).
-    scale
-        Powers of two by which the columns of `Z` were divided, (M+1,).
-    samples
-        Number of rows, n.
-    """
-
-    matrix: Array
-    scale: Array
-    samples: int
-
-
-def gram(blocks: Blocks) -> Gram:
-    """`Z'Z` in one pass over the blocks; in three where squares overflow or vanish: the values are then scaled instead of the sums.
-
-    Raises
-    ------
-    DataError
-        Where a value is not finite, with its column and row.
-    ValueError
-        Where there is no row, or no column.
+    One pass over the blocks; three where squares overflow or vanish: the values are then scaled instead of the sums. Raises DataError where
+    a value is not finite, with its column and row; ValueError where there is no row, or no column.
     """
     matrix, samples = _sum_of_products(blocks)
     scale = safe_scale(np.diag(matrix), blocks)
     if (scale != 1.0).any():
         matrix, samples = _sum_of_products(scaled(blocks, scale))
     lengths = power_of_two(np.sqrt(np.diag(matrix)))
-    return Gram(matrix / lengths / lengths[:, None], scale * lengths, samples)
+    return matrix / lengths / lengths[:, None], scale * lengths, samples
 
 
 def _sum_of_products(blocks: Blocks) -> tuple[Array, int]:
@@ -168,18 +119,7 @@ def _sum_of_products(blocks: Blocks) -> tuple[Array, int]:
     return total, samples
 
 
-def residual_products(blocks: Blocks, chosen: IntArray, theta: Array) -> tuple[Array, float]:
-    """`P'r` (M,) and `r'r` of the residual `r = y - P_chosen theta`, in one pass over the blocks."""
-    products, square = np.zeros(1), 0.0
-    for P, y in blocks():
-        residual = y - P[:, chosen] @ theta
-        products = products + P.T @ residual
-        square += float(residual @ residual)
-    return products, square
-
-
-CONSTANT = 1e-12
-"""A column that spreads less than this fraction of its magnitude is constant."""
+CONSTANT = 1e-12  # a column that spreads less than this fraction of its magnitude is constant
 
 
 @dataclass(frozen=True)
@@ -214,63 +154,41 @@ class Moments:
         return self.products / self.samples - mean[:, None] * mean
 
 
-def standard(blocks: Blocks) -> Standard:
+def standard(blocks: Blocks, centred: bool = True) -> Standard:
     """Mean and standard deviation over all rows, in one pass; in three where squares overflow or vanish.
 
-    Raises
-    ------
-    DataError
-        Where a value is not finite, with its column and row.
-    ValueError
-        Where there is no row.
+    Columns that are not `centred` keep their means, and have their root mean square as spread. Raises DataError where a value is not
+    finite, with its column and row; ValueError where there is no row.
     """
-    first, shift, variance = _spread(blocks)
+    first, shift, variance = _spread(blocks, centred)
     scale = safe_scale(variance, blocks)
     if (scale != 1.0).any():
-        first, shift, variance = _spread(scaled(blocks, scale))
+        first, shift, variance = _spread(scaled(blocks, scale), centred)
     spread = np.sqrt(np.maximum(variance, 0.0))
     return Standard(scale * (first + shift), np.where(spread > CONSTANT * np.abs(first), scale * spread, np.inf))
 
 
-def _spread(blocks: Blocks) -> tuple[Array, Array, Array]:
-    """Return the first row, the mean as seen from there, and the variance, (M+1,) each."""
-    first, sums, squares, samples = np.zeros(0), np.zeros(0), np.zeros(0), 0
+def uncentred(blocks: Blocks) -> Standard:
+    """No mean, and the root mean square as spread: see `standard`."""
+    return standard(blocks, centred=False)
+
+
+def _spread(blocks: Blocks, centred: bool) -> tuple[Array, Array, Array]:
+    """Return the origin (the first row where `centred`), the mean as seen from there, and the variance, (M+1,) each."""
+    origin, sums, squares, samples = np.zeros(0), np.zeros(1), np.zeros(1), 0
     with np.errstate(over="ignore", invalid="ignore"):  # `safe_scale` looks for the cause
         for P, y in blocks():
-            if not len(y):
-                continue
-            if samples == 0:
-                first = np.append(P[0], y[0])
-                sums, squares = np.zeros(len(first)), np.zeros(len(first))
+            if samples == 0 and len(y):
+                origin = np.append(P[0], y[0]) if centred else np.zeros(P.shape[1] + 1)
+            if centred and len(y):  # from the first row: squares of large means would swallow the spread
+                P, y = P - origin[:-1], y - origin[-1]
+                sums = sums + np.append(P.sum(axis=0), y.sum())
+            squares = squares + np.append(np.einsum("ij,ij->j", P, P), y @ y)
             samples += len(y)
-            away, distance = P - first[:-1], y - first[-1]  # from the first row: squares of large means would swallow the spread
-            sums += np.append(away.sum(axis=0), distance.sum())
-            squares += np.append(np.einsum("ij,ij->j", away, away), distance @ distance)
         if samples == 0:
             raise ValueError("there is no row to standardise")
         shift = sums / samples
-        return first, shift, squares / samples - shift**2
-
-
-def uncentred(blocks: Blocks) -> Standard:
-    """No mean, and the root mean square over all rows as spread: for columns that keep their means. Passes and errors are `standard`'s."""
-    squares = _mean_squares(blocks)
-    scale = safe_scale(squares, blocks)
-    if (scale != 1.0).any():
-        squares = _mean_squares(scaled(blocks, scale))
-    size = scale * np.sqrt(squares)
-    return Standard(np.zeros(len(size)), np.where(size > 0.0, size, np.inf))
-
-
-def _mean_squares(blocks: Blocks) -> Array:
-    squares, samples = np.zeros(1), 0
-    with np.errstate(over="ignore", invalid="ignore"):  # `safe_scale` looks for the cause
-        for P, y in blocks():
-            squares = squares + np.append(np.einsum("ij,ij->j", P, P), y @ y)
-            samples += len(y)
-    if samples == 0:
-        raise ValueError("there is no row to standardise")
-    return squares / samples
+        return origin, shift, squares / samples - shift**2
 
 
 def standardised(blocks: Blocks, by: Standard) -> Blocks:
@@ -285,15 +203,13 @@ def standardised(blocks: Blocks, by: Standard) -> Blocks:
 
 def moments(blocks: Blocks) -> Moments:
     """Return sums of the columns of standardised blocks and of their products, in one pass; memory O(M^2 + block)."""
-    sums, products, samples = np.zeros(1), np.zeros((1, 1)), 0
-    for P, y in blocks():
-        M = P.shape[1]
-        if samples == 0:
-            sums, products = np.zeros(M + 1), np.zeros((M + 1, M + 1))
-        products[:M, :M] += P.T @ P
-        products[M, :M] += P.T @ y
-        products[M, M] += y @ y
-        sums += np.append(P.sum(axis=0), y.sum())
-        samples += len(y)
-    products[:-1, -1] = products[-1, :-1]
+    sums = np.zeros(1)
+
+    def summed() -> Iterator[tuple[Array, Array]]:
+        nonlocal sums
+        for P, y in blocks():
+            sums = sums + np.append(P.sum(axis=0), y.sum())
+            yield P, y
+
+    products, samples = _sum_of_products(summed)
     return Moments(samples, sums, products)

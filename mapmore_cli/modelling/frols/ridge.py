@@ -19,8 +19,7 @@ from mapmore_cli.modelling.frols.engine import frols
 from mapmore_cli.modelling.frols.moments import Blocks, Moments
 from mapmore_cli.modelling.frols.select import FULL_LEVERAGE
 
-LEAST_RIDGE = 1e-9
-"""A smaller ridge, but for zero, would drown in the rounding of G."""
+LEAST_RIDGE = 1e-9  # a smaller ridge, but for zero, would drown in the rounding of G
 
 
 @dataclass(frozen=True)
@@ -68,21 +67,15 @@ def select(data: Regularised, max_terms: int, among: IntArray | None = None) -> 
     y = np.append(solve_triangular(P[:-1], data.products[columns], trans="T"), 0.0)
     y[-1] = np.sqrt(max(0.0, float(data.covariance[-1, -1] - y @ y)))
     found = frols(P, y, max_terms)
-    return _in_samples(found, data, columns) if len(found.chosen) else found
-
-
-def _in_samples(found: Selection, data: Regularised, columns: IntArray) -> Selection:
-    """Return a selection on `Q` as one on the n samples, among all M candidates."""
-    k, M = len(found.chosen), len(data.covariance) - 1
-    chosen = columns[found.chosen]
-    freedom = data.samples - k
-    tables = np.full((2, k, M), np.nan)
+    if not len(found.chosen):
+        return found
+    chosen, freedom, total = columns[found.chosen], data.samples - len(found.chosen), data.samples * float(data.covariance[-1, -1])
+    tables = np.full((2, len(chosen), M), np.nan)
     tables[:, :, columns] = found.g_all, found.err_all
-    total = data.samples * float(data.covariance[-1, -1])
     return replace(
         found,
         chosen=chosen,
-        theta_error=found.theta_error * np.sqrt((len(columns) + 1 - k) / freedom if freedom > 0 else np.nan),
+        theta_error=found.theta_error * np.sqrt((len(y) - len(chosen)) / freedom if freedom > 0 else np.nan),
         g_all=tables[0],
         err_all=tables[1],
         runner_up=np.where(found.runner_up >= 0, columns[found.runner_up], -1),
@@ -114,12 +107,12 @@ def substitutes(data: Regularised, chosen: IntArray) -> tuple[IntArray, Array]:
     """
     best, share = np.full(len(chosen), -1), np.full(len(chosen), np.nan)
     gram, products = data.gram, data.products
-    for place in range(len(chosen)):
+    for place, term in enumerate(chosen):
         others = np.delete(chosen, place)
         solved = cho_solve(cho_factor(gram[np.ix_(others, others)]), gram[others]) if len(others) else np.empty((0, len(gram)))
         squares = np.diag(gram) - np.einsum("ij,ij->j", gram[others], solved)
         reductions = (products - products[others] @ solved) ** 2 / np.maximum(squares, data.ridge)
-        own = reductions[chosen[place]]
+        own = reductions[term]
         reductions[chosen] = -1.0
         if len(chosen) < len(gram):
             best[place] = int(np.argmax(reductions))
@@ -127,8 +120,7 @@ def substitutes(data: Regularised, chosen: IntArray) -> tuple[IntArray, Array]:
     return best, share
 
 
-RIDGES = (1e-5, 1e-4, 5e-4, 2e-3, 1e-2, 5e-2)
-"""Candidates, as fractions of a standardised candidate's own variance."""
+RIDGES = (1e-5, 1e-4, 5e-4, 2e-3, 1e-2, 5e-2)  # candidates, as fractions of a standardised candidate's own variance
 
 
 def choose_ridge(total: Moments, blocks: Sequence[Moments], forward: int, max_terms: int) -> float:
@@ -148,8 +140,7 @@ def _left_out_error(training: Moments, held: Moments, ridge: float, forward: int
         return float(held.products[-1, -1])
     kept = prune(data, chosen)[:max_terms][-1]
     combination = np.zeros(len(held.sums))  # residual = combination'z - constant
-    combination[kept] = -data.coefficients(kept)
-    combination[-1] = 1.0
+    combination[[*kept, -1]] = [*-data.coefficients(kept), 1.0]
     constant = float(combination @ training.mean)
     return float(combination @ held.products @ combination - 2 * constant * (combination @ held.sums) + held.samples * constant**2)
 
@@ -160,11 +151,10 @@ def ridge_press(blocks: Blocks, data: Regularised, subsets: Sequence[IntArray]) 
     The leverage is `h_i = 1/n + z_i' G^-1 z_i / n`: of the mean, and of the terms. A ridge makes it exact but for the change of means and
     standard deviations by one sample.
     """
-    factors = [cho_factor(data.gram[np.ix_(kept, kept)]) for kept in subsets]
-    thetas = [data.coefficients(kept) for kept in subsets]
+    models = [(kept, cho_factor(data.gram[np.ix_(kept, kept)]), data.coefficients(kept)) for kept in subsets]
     total = np.zeros(len(subsets))
     for P, y in blocks():
-        for place, (kept, factor, theta) in enumerate(zip(subsets, factors, thetas, strict=True)):
+        for place, (kept, factor, theta) in enumerate(models):
             Z = P[:, kept]
             left = 1 - (1 + np.einsum("ij,ji->i", Z, cho_solve(factor, Z.T))) / data.samples
             total[place] += np.square((y - Z @ theta) / np.where(left > FULL_LEVERAGE, left, np.nan)).sum()

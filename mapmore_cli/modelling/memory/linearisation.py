@@ -16,7 +16,7 @@ from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.modelling.expressions import evaluate
 from mapmore_cli.modelling.memory.feedback import OUTPUT
 from mapmore_cli.modelling.memory.simulation import Course, Trajectory
-from mapmore_cli.modelling.program.slopes import recursion_slopes
+from mapmore_cli.modelling.program.model import recursion_slopes
 
 STEPS = 12
 """Newton steps after which a run is computed sample by sample instead."""

@@ -5,34 +5,78 @@ The stages of the pipeline call the three steps one by one, with files between; 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from mapmore_cli.domain.arrays import IntArray
+from mapmore_cli.domain.arrays import Array, Columns, IntArray
 from mapmore_cli.domain.declared import taken
-from mapmore_cli.domain.fits import FormulaFit, Scaling, Segment, SegmentedCurve, SegmentFit
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.fits import FormulaFit, Scaling, Segment, SegmentedCurve, SegmentFit, Selection
 from mapmore_cli.domain.models import CurveFunction, Fusion, Model, Pieces, SegmentFunction, Side
 from mapmore_cli.domain.recording import Curve, Quantity, united
 from mapmore_cli.domain.results import FitResult, PiecesFit
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.expressions import parse
+from mapmore_cli.modelling.expressions import Expression, NotFinite, dictionary_blocks, dictionary_matrix, parse
+from mapmore_cli.modelling.frols import TIE_TOLERANCE, frols, frols_streamed, reads_once
 from mapmore_cli.modelling.literature.backbone import residual_of
-from mapmore_cli.modelling.pieces.fit import dictionary_inputs, fit_segment, fit_segments
-from mapmore_cli.modelling.pieces.levels import threshold
 from mapmore_cli.modelling.pieces.recipe import Recipe
 from mapmore_cli.modelling.pieces.segmentation import samples_of, segment_curve, training_curves
+from mapmore_cli.modelling.signals.rates import running_median
+
+END_FRACTION = 0.05  # share of the segment whose mean stands for an end of the trend, so that the anchor does not hang on one noisy sample
+EVERY_CORNER_UP_TO = 3  # variables for which all `2^v` corners are tried as origins; beyond, only all-left and all-right
 
 
-def model_inputs(recipe: Recipe, backbone: FormulaFit | None) -> tuple[str, ...]:
-    """Every quantity that the model needs: of the dictionary, the segmentation, the level and the backbone."""
-    names = {*dictionary_inputs(recipe.dictionary), *recipe.cuts}
-    if recipe.level is not None:
-        names.add(recipe.level)
-    if backbone is not None:
-        names.update(literature.of(backbone).inputs)
-    return tuple(sorted(names))
+def placements(rule: str, X: Array, y: Array, variables: Sequence[str]) -> tuple[Scaling, ...]:
+    """Return all scalings of the samples `X`, (n, v), and `y`, (n,), that satisfy a rule; the caller keeps the one that errs least.
+
+    - `unit_square`: x and y span one unit and the trend passes through the origin, which lies at the left or at the right end of each
+      variable: scaled data lie in [0, 1] or [-1, 0]. The two are not equivalent for one-term fits, since left-anchored powers of a
+      falling curve are concave and right-anchored ones convex.
+    - `max_abs`: division by the largest magnitude, no offset.
+    - `none`: data as they are.
+    """
+    names, count = tuple(variables), len(variables)
+    if rule == "unit_square":
+        every = product((False, True), repeat=count) if count <= EVERY_CORNER_UP_TO else [(False,) * count, (True,) * count]
+        return tuple(_anchored(X, y, names, right) for right in every)
+    slope, y_slope = np.ones(count), 1.0
+    if rule == "max_abs":
+        slope, y_slope = 1 / _span(np.abs(X).max(axis=0)), float(_span(np.abs(y).max()))
+    elif rule != "none":
+        raise ValueError(f"unknown scaling rule {rule!r}: unit_square, max_abs or none")
+    return (Scaling(rule, "-", names, slope, np.zeros(count), y_slope, 0.0),)
+
+
+def _anchored(X: Array, y: Array, variables: tuple[str, ...], right: tuple[bool, ...]) -> Scaling:
+    low, high = X.min(axis=0), X.max(axis=0)
+    slope, anchor = 1 / _span(high - low), np.where(right, high, low)
+    y_anchor = 0.0
+    if variables:  # mean over the samples nearest to the anchor; all at the same distance count, so the order of rows does not matter
+        far = (np.abs(X - anchor) * slope).max(axis=1)
+        nearest = max(1, int(np.ceil(END_FRACTION * len(y))))
+        y_anchor = float(y[far <= np.partition(far, nearest - 1)[nearest - 1]].mean())
+    place = ",".join("right" if r else "left" for r in right) or "-"
+    return Scaling("unit_square", place, variables, slope, -slope * anchor, float(_span(np.ptp(y))), y_anchor)
+
+
+def _span(width: ArrayLike) -> Array:
+    """Return widths to divide by; a constant variable stays as it is."""
+    return np.where(np.asarray(width) > 0, width, 1.0)
+
+
+def scaled(scaling: Scaling, columns: Columns) -> dict[str, Array]:
+    """Return independent variables in scaled coordinates, `z = slope x + intercept` (M2 eq 8)."""
+    return {name: columns[name] * m + c for name, m, c in zip(scaling.variables, scaling.slope, scaling.intercept, strict=True)}
+
+
+def names_in(terms: Iterable[Expression]) -> tuple[str, ...]:
+    """Return the quantities that occur in some terms, in the order of their names."""
+    return tuple(sorted(frozenset[str]().union(*(term.names for term in terms))))
 
 
 def segment(curves: Sequence[Curve], recipe: Recipe, backbone: FormulaFit | None = None) -> tuple[SegmentedCurve, ...]:
@@ -61,9 +105,56 @@ def fit(
     backbone: FormulaFit | None = None,
     tick: Callable[[], None] = lambda: None,
 ) -> tuple[SegmentFit, ...]:
-    """Fit every segment, to what the backbone leaves where there is one."""
-    pooled = training_curves(curves, recipe.level is not None)
-    return fit_segments([residual_of(curve, recipe.target, backbone) for curve in pooled], segmentation, recipe, tick)
+    """Fit every segment of every training curve, to what the backbone leaves where there is one; `tick` is called after each.
+
+    Raises DataError where a segment has too few samples, or a term is not finite on its samples.
+    """
+    fitted = {curve.id: residual_of(curve, recipe.target, backbone) for curve in training_curves(curves, recipe.level is not None)}
+    terms = [parse(text) for text in recipe.dictionary]
+    fits = []
+    for segmented in segmentation:
+        for one in segmented.segments:
+            fits.append(fit_segment(one, samples_of(fitted[segmented.curve], one.rows), terms, recipe))
+            tick()
+    return tuple(fits)
+
+
+def fit_segment(segment: Segment, samples: Columns, terms: Sequence[Expression], recipe: Recipe) -> SegmentFit:
+    """Choose and fit the terms of one segment, for every placement of its scaling; the least training SSE wins, the first of equals.
+
+    All placements share the slope of y, so their scaled SSE compare. Rows are sorted first: the numbers then do not depend on the order in
+    which a logger wrote them.
+    """
+    n, most = len(segment.rows), recipe.fit.most_terms
+    if n <= most:
+        ways = f"use fewer segments, join them by `min_samples: {most + 1}`, keep more samples of this curve"
+        what = f"segment {segment.id}: {n} training sample(s), too few for {most} term(s)"
+        raise DataError(what, f"{ways}, or set fit.max_terms below {max(2, n)}")
+    variables = names_in(terms)
+    X = np.column_stack([samples[name] for name in variables]) if variables else np.empty((n, 0))
+    y = samples[recipe.target]
+    order = np.lexsort((y, *X.T[::-1]))
+    X, y = X[order], y[order]
+    best: SegmentFit | None = None
+    for scaling in placements(recipe.fit.scaling, X, y, variables):
+        z = scaled(scaling, dict(zip(variables, X.T, strict=True)))
+        try:
+            selection = _selection(terms, z, (y - scaling.y_intercept) / scaling.y_slope, recipe)
+        except NotFinite as error:
+            remedy = "terms are evaluated in the segment's scaled coordinates; set fit.scaling: none, or leave the term out"
+            raise DataError(f"segment {segment.id}: {error}", remedy) from error
+        if best is None or selection.sse < best.selection.sse * (1 - TIE_TOLERANCE):
+            best = SegmentFit(segment.id, segment.curve, segment.cell, recipe.dictionary, scaling, selection)
+    assert best is not None
+    return best
+
+
+def _selection(terms: Sequence[Expression], z: Columns, y: Array, recipe: Recipe) -> Selection:
+    """FROLS on the dictionary, which is never there as a whole where it need not be read more than once or twice."""
+    n, how = len(y), (recipe.fit.most_terms, recipe.fit.tolerance)
+    if reads_once(n, len(terms), recipe.fit.most_terms):
+        return frols_streamed(lambda: ((P, y[rows]) for rows, P in dictionary_blocks(terms, z, n)), *how, stop=recipe.fit.stop)
+    return frols(dictionary_matrix(terms, z, n), y, *how, stop=recipe.fit.stop)
 
 
 def fuse(
@@ -76,44 +167,42 @@ def fuse(
 ) -> Model:
     """Join the segment functions; curves come in the order of their levels.
 
-    Where the recipe leaves it open how far a residual is carried between levels, all of it is: see `shrinkage`.
+    Where the recipe leaves it open how far a residual is carried between levels, all of it is: see `cross_validation`.
     """
-    inputs = model_inputs(recipe, result.backbone)
-    limits = _segment_limits(curves, segmentation, recipe)
-    along = _aligned_variable(recipe, inputs)
-    thresholds = _thresholds(curves, recipe, along) if along else {}
-    fits: dict[str, list[SegmentFit]] = {}
-    for one in result.segments:
-        fits.setdefault(one.curve, []).append(one)
-    functions = [
-        CurveFunction(
-            curve=s.curve,
-            level=s.level,
-            boundaries=s.boundaries,
-            limits={i: s.limits[i] for i in inputs},
-            segments=tuple(_function(f, limits[f.id]) for f in fits.get(s.curve, ())),
-            threshold=thresholds.get(s.curve),
+    backbone, level, asked = result.backbone, recipe.level, recipe.fuse
+    needed = {*names_in(map(parse, recipe.dictionary)), *recipe.cuts, *(() if backbone is None else literature.of(backbone).inputs)}
+    inputs = tuple(sorted(needed if level is None else {*needed, level}))
+    along = None
+    if level is not None and asked.align == "threshold":  # along the first variable that is cut, else the first input that is not the level
+        along = next(iter([*recipe.cuts, *(name for name in inputs if name != level)]), None)
+    training = {curve.id: curve for curve in training_curves(curves, level is not None)}
+    # without a backbone there is nothing to shrink towards
+    share = 1.0 if backbone is None or asked.shrink == "auto" else asked.shrink
+    functions = []
+    for s in sorted(segmentation, key=lambda s: (s.level is not None, s.level)):
+        curve, rows = training[s.curve], {one.id: one.rows for one in s.segments}
+        segments = tuple(_function(f, samples_of(curve, rows[f.id]), s.variables) for f in result.segments if f.curve == s.curve)
+        functions.append(
+            CurveFunction(
+                curve=s.curve,
+                level=s.level,
+                boundaries=s.boundaries,
+                limits={name: s.limits[name] for name in inputs},
+                segments=multiplied(segments, share) if level is None and share != 1.0 else segments,
+                threshold=threshold(*(curve.columns[x][curve.training] for x in (along, recipe.target))) if along else None,
+            )
         )
-        for s in sorted(segmentation, key=lambda s: (s.level is not None, s.level))
-    ]
-    share = _share(recipe, result.backbone)
-    if recipe.level is None and share != 1.0:
-        functions = [replace(function, segments=multiplied(function.segments, share)) for function in functions]
-    sides = _extrapolation(recipe, result, inputs)
-    fusion = taken(
-        Fusion,
-        recipe.fuse,
-        extrapolation=sides,
-        aligned=along,
-        shrink=1.0 if recipe.level is None else share,
-        domain=_domain(segmentation, recipe, inputs),
-    )
+    several = list(dict.fromkeys(one.curve for one in result.segments if len(one.terms) > 1))
+    sides = _extrapolation(recipe, inputs, "saturate" if several else "continue")
+    whole = {} if asked.limits == "curve" else united(curve.limits for curve in segmentation)
+    domain = {name: whole[name] for name in inputs if whole and name != level}
+    fusion = taken(Fusion, asked, extrapolation=sides, aligned=along, shrink=1.0 if level is None else share, domain=domain)
     return Model(
         name=name,
         output=quantities[recipe.target],
-        inputs=tuple(quantities[i] for i in inputs),
-        body=Pieces(recipe.level, tuple(recipe.cuts), tuple(functions), fusion, result.backbone),
-        notes=(*result.notes, *_remarks(recipe, result, sides)),
+        inputs=tuple(quantities[one] for one in inputs),
+        body=Pieces(level, tuple(recipe.cuts), tuple(functions), fusion, backbone),
+        notes=(*result.notes, *_remarks(recipe, several, sides)),
     )
 
 
@@ -127,93 +216,62 @@ def build(
 
 def multiplied(segments: Sequence[SegmentFunction], share: float) -> tuple[SegmentFunction, ...]:
     """Segment functions times a number, which their scalings hold."""
-
-    def scaled(scaling: Scaling) -> Scaling:
-        return replace(scaling, y_slope=share * scaling.y_slope, y_intercept=share * scaling.y_intercept)
-
-    return tuple(replace(segment, scaling=scaled(segment.scaling)) for segment in segments)
+    scalings = [replace(one.scaling, y_slope=share * one.scaling.y_slope, y_intercept=share * one.scaling.y_intercept) for one in segments]
+    return tuple(replace(segment, scaling=scaling) for segment, scaling in zip(segments, scalings, strict=True))
 
 
-def _domain(segmentation: Sequence[SegmentedCurve], recipe: Recipe, inputs: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Limits of the whole training domain, for every input but the level, where extrapolation is to begin there."""
-    if recipe.fuse.limits == "curve":
-        return {}
-    whole = united(curve.limits for curve in segmentation)
-    return {name: whole[name] for name in inputs if name != recipe.level}
+def _function(fit: SegmentFit, samples: Columns, variables: Sequence[str]) -> SegmentFunction:
+    limits = {name: (float(samples[name].min()), float(samples[name].max())) for name in variables}
+    return taken(SegmentFunction, fit.selection, id=fit.id, cell=fit.cell, terms=fit.terms, scaling=fit.scaling, limits=limits)
 
 
-def _share(recipe: Recipe, backbone: FormulaFit | None) -> float:
-    """Share of the residual that the recipe asks for; all of it without a backbone, where there is nothing to shrink towards."""
-    return 1.0 if backbone is None or recipe.fuse.shrink == "auto" else recipe.fuse.shrink
-
-
-def _aligned_variable(recipe: Recipe, inputs: Sequence[str]) -> str | None:
-    """Return the variable along which thresholds are looked for: the first that is cut, else the first input that is not the level."""
-    if recipe.fuse.align == "none" or recipe.level is None:
-        return None
-    return next(iter([*recipe.cuts, *(name for name in inputs if name != recipe.level)]), None)
-
-
-def _thresholds(curves: Sequence[Curve], recipe: Recipe, along: str) -> dict[str, float]:
-    """Thresholds of the measured curves, also where segments explain what a backbone leaves of them."""
-    measured = [(curve.id, samples_of(curve, np.flatnonzero(curve.training))) for curve in curves if curve.training.any()]
-    return {name: threshold(samples[along], samples[recipe.target]) for name, samples in measured}
-
-
-def _segment_limits(
-    curves: Sequence[Curve], segmentation: Sequence[SegmentedCurve], recipe: Recipe
-) -> dict[str, dict[str, tuple[float, float]]]:
-    """Range of every segment's samples along every segmented variable, by the segment's id."""
-    by_id = {curve.id: curve for curve in training_curves(curves, recipe.level is not None)}
-    ranges = {}
-    for segmented in segmentation:
-        for one in segmented.segments:
-            samples = {name: by_id[segmented.curve].columns[name][one.rows] for name in segmented.variables}
-            ranges[one.id] = {name: (float(x.min()), float(x.max())) for name, x in samples.items()}
-    return ranges
-
-
-def _function(fit: SegmentFit, limits: Mapping[str, tuple[float, float]]) -> SegmentFunction:
-    chosen = fit.selection
-    return SegmentFunction(
-        id=fit.id,
-        cell=fit.cell,
-        terms=fit.terms,
-        theta=chosen.theta,
-        theta_error=chosen.theta_error,
-        g=chosen.g,
-        err=chosen.err,
-        scaling=fit.scaling,
-        samples=chosen.samples,
-        condition=chosen.condition,
-        stop=chosen.stop,
-        limits=limits,
-    )
-
-
-def _extrapolation(recipe: Recipe, result: FitResult, inputs: Sequence[str]) -> dict[str, tuple[Side, Side]]:
+def _extrapolation(recipe: Recipe, inputs: Sequence[str], default: Side) -> dict[str, tuple[Side, Side]]:
     """Return the declared behaviour, or the default: `continue` for one-term fits, else `saturate`.
 
     A polynomial of several terms explodes beyond its data, and while interpolating between levels a curve is evaluated past its own end
     as a matter of course: on a simulated muscle that made a validation RMSE of 771 N out of 19.6 N.
     """
-    default: Side = "saturate" if _several_terms(result) else "continue"
     asked = {name: recipe.fuse.beyond(name) for name in inputs}
     return {name: (default if below is None else below, default if above is None else above) for name, (below, above) in asked.items()}
 
 
-def _several_terms(result: FitResult) -> list[str]:
-    """Curves with a segment of more than one term."""
-    return list(dict.fromkeys(one.curve for one in result.segments if len(one.terms) > 1))
-
-
-def _remarks(recipe: Recipe, result: FitResult, sides: Mapping[str, tuple[Side, Side]]) -> tuple[str, ...]:
-    """Return what the user should know about extrapolation."""
-    curves = _several_terms(result)
-    if not curves:
+def _remarks(recipe: Recipe, several: Sequence[str], sides: Mapping[str, tuple[Side, Side]]) -> tuple[str, ...]:
+    """Return what the user should know about extrapolation, of curves that have segments of several terms."""
+    if not several:
         return ()
-    explosive = sorted(name for name, side in sides.items() if "continue" in side and name != recipe.level)
-    if explosive:
-        where = f"{', '.join(explosive)} on {', '.join(curves)}"
+    if explosive := sorted(name for name, side in sides.items() if "continue" in side and name != recipe.level):
+        where = f"{', '.join(explosive)} on {', '.join(several)}"
         return (f"segments of several terms continue beyond their data along {where}: polynomials explode there; consider saturate",)
     return ("segments have several terms, so each curve saturates at the ends of its own range (fuse.extrapolation)",)
+
+
+FLAT, LOW = 0.25, 0.2  # a foot is less steep than this share of the flank, and rises by less than this share of the curve's span
+WINDOW = 0.05  # of the curve's range: what the threshold is looked for on is smoothed that much
+
+
+def threshold(x: Array, y: Array) -> float:
+    """Return the corner between the foot of a curve and its flank; samples in any order, (n,).
+
+    Of all pairs of straight lines that meet at a point of the smoothed curve, the pair with the least sum of squared errors has its
+    corner there. A curve without a foot has its threshold at the lower of its ends: on the left for a force that grows with pressure, on
+    the right for one that falls with strain. (A share of the span would not do: the foot of a measured muscle creeps by a tenth of it.)
+    """
+    low, high = float(x.min()), float(x.max())
+    if low == high:
+        return low
+    at, smooth = running_median(x, y, WINDOW * (high - low))
+    corners = at[1:-1]
+    fits = [_two_lines(at - corner, smooth) for corner in corners]
+    best = int(np.argmin([sse for sse, _, _ in fits]))
+    _, left, right = fits[best]
+    corner = float(corners[best])
+    foot, flank, end = (left, right, low) if smooth[0] <= smooth[-1] else (right, left, high)
+    rise = abs(foot * (corner - end))
+    return corner if abs(foot) < FLAT * abs(flank) and rise < LOW * float(np.ptp(smooth)) else end
+
+
+def _two_lines(x: Array, y: Array) -> tuple[float, float, float]:
+    """Return the sum of squared errors and slopes of two lines that meet at x = 0."""
+    P = np.column_stack([np.ones(len(x)), np.minimum(x, 0.0), np.maximum(x, 0.0)])
+    parameters = np.linalg.lstsq(P, y, rcond=None)[0]
+    return float(np.sum((P @ parameters - y) ** 2)), float(parameters[1]), float(parameters[2])

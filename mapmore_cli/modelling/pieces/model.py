@@ -69,19 +69,16 @@ def segment_equation(segment: SegmentFunction, units: Mapping[str, float]) -> Ex
     scaled without an offset keeps its form, with one coefficient in front, as M2's table 5 prints them.
     """
     scaling = segment.scaling
-    offsets = dict(zip(scaling.variables, zip(scaling.slope.tolist(), scaling.intercept.tolist(), strict=True), strict=True))
+    slopes = {name: m * units.get(name, 1.0) for name, m in zip(scaling.variables, scaling.slope.tolist(), strict=True)}
+    offsets = dict(zip(scaling.variables, scaling.intercept.tolist(), strict=True))
 
     def physical(term: Expression) -> Expression:
         degrees = exponents(term)
         if degrees is None or scaling.intercept.any():
-            return substitute(term, {name: _scaled(name, *offset, units) for name, offset in offsets.items()})
-        return multiply(Number(float(np.prod([(offsets[name][0] * units.get(name, 1.0)) ** e for name, e in degrees.items()]))), term)
+            return substitute(term, {name: affine(Name(name), m, offsets[name]) for name, m in slopes.items()})
+        return multiply(Number(float(np.prod([slopes[name] ** e for name, e in degrees.items()]))), term)
 
     return combination(segment, [physical(parse(text)) for text in segment.terms])
-
-
-def _scaled(name: str, slope: float, intercept: float, units: Mapping[str, float]) -> Expression:
-    return affine(Name(name), slope * units.get(name, 1.0), intercept)
 
 
 def _body(model: Model) -> Pieces:
@@ -91,8 +88,7 @@ def _body(model: Model) -> Pieces:
 
 def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
     """Write pieces, on their backbone where they have one."""
-    body = model.body
-    assert isinstance(body, Pieces)
+    body = _body(model)
     limit(m, body.ranges, body.level, inputs)
     base = formula_value(m, body.backbone, inputs)
     if not body.segments:

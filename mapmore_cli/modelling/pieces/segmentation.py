@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import cache
 from itertools import pairwise, product
 
 import numpy as np
@@ -16,43 +15,32 @@ from mapmore_cli.domain.recording import DIRECTION, Curve, united
 from mapmore_cli.modelling.pieces.recipe import Cut, CutByDirection, Cuts
 from mapmore_cli.modelling.signals.rates import STEPS, running_median
 
-DEFAULT_WINDOW = 0.1
-"""Of the curve's range."""
-
-ROUNDING = 1e-9
-"""Of the separation: two grid points exactly so far apart are far enough, whatever the unit."""
-
-FEWEST_SAMPLES = 5
-"""In a segment: where a curve has a gap its course is made up, and a bend there must not become a segment of its own."""
+DEFAULT_WINDOW = 0.1  # of the curve's range
+ROUNDING = 1e-9  # of the separation: two grid points exactly so far apart are far enough, whatever the unit
+FEWEST_SAMPLES = 5  # in a segment: where a curve has a gap its course is made up, and a bend there must not become a segment of its own
 
 
 def gradient_boundaries(x: Array, y: Array, cut: Cuts) -> Array:
-    """Return the `count - 1` inner boundaries at the largest peaks of |change of slope|, ascending.
+    """Return the `count - 1` inner boundaries at the largest peaks of |change of slope| of samples in any order, (n,), ascending.
 
     No boundary lies nearer than the separation to another one or to an end of the range, or leaves a segment with hardly any sample;
     there are fewer where the curve has fewer such peaks.
-
-    - `x`, `y`: samples in any order, (n,).
     """
     low, high = float(x.min()), float(x.max())
     window = min(cut.window or DEFAULT_WINDOW * (high - low), high - low)
     separation = (cut.separation or window) * (1 - ROUNDING)
     at, change = slope_change(x, y, window)
-    inner = (at >= low + separation) & (at <= high - separation)
-    peaks = _peaks(np.where(inner, np.abs(change), 0.0))
+    height = np.where((at >= low + separation) & (at <= high - separation), np.abs(change), 0.0)
+    padded = np.concatenate([[0.0], height, [0.0]])
+    peaks = np.flatnonzero((height > padded[:-2]) & (height >= padded[2:]))  # the first place of a plateau
     chosen: list[float] = []
-    for peak in at[peaks]:
+    for peak in at[peaks[np.argsort(-height[peaks], kind="stable")]].tolist():
         if len(chosen) == cut.segments - 1:
             break
-        if all(abs(peak - other) >= separation for other in chosen) and _filled(x, [*chosen, float(peak)]):
-            chosen.append(float(peak))
+        filled = np.bincount(np.searchsorted(sorted([*chosen, peak]), x), minlength=len(chosen) + 2).min() >= FEWEST_SAMPLES
+        if filled and all(abs(peak - other) >= separation for other in chosen):
+            chosen.append(peak)
     return np.sort(np.array(chosen))
-
-
-def _filled(x: Array, boundaries: list[float]) -> bool:
-    """Return True where every segment holds samples enough."""
-    places = np.searchsorted(np.sort(np.array(boundaries)), x)
-    return int(np.bincount(places, minlength=len(boundaries) + 1).min()) >= FEWEST_SAMPLES
 
 
 def slope_change(x: Array, y: Array, window: float) -> tuple[Array, Array]:
@@ -62,39 +50,24 @@ def slope_change(x: Array, y: Array, window: float) -> tuple[Array, Array]:
     averages of x and y over what is left keep a straight line straight.
     """
     at, smooth = running_median(x, y, window)
-    mean_x, mean_y = _moving_average(at), _moving_average(smooth)
     here = np.arange(len(at))
-    before, after = np.maximum(here - STEPS, 0), np.minimum(here + STEPS, len(at) - 1)
-    left = _slope(mean_x, mean_y, before, here)
-    right = _slope(mean_x, mean_y, here, after)
-    return at, np.nan_to_num(right - left)
+    first, last = np.maximum(here - STEPS // 2, 0), np.minimum(here + STEPS // 2 + 1, len(at))
+
+    def mean(values: Array) -> Array:
+        total = np.concatenate([[0.0], np.cumsum(values)])
+        return np.asarray((total[last] - total[first]) / (last - first))
+
+    mean_x, mean_y = mean(at), mean(smooth)
+
+    def slope(start: IntArray, end: IntArray) -> Array:
+        width = mean_x[end] - mean_x[start]
+        return np.asarray(np.divide(mean_y[end] - mean_y[start], width, out=np.full(len(width), np.nan), where=width > 0))
+
+    left, right = slope(np.maximum(here - STEPS, 0), here), slope(here, np.minimum(here + STEPS, len(at) - 1))
+    return at, np.nan_to_num(right - left)  # at an end of the curve there is no slope to one side
 
 
-def _moving_average(values: Array) -> Array:
-    reach = STEPS // 2
-    total = np.concatenate([[0.0], np.cumsum(values)])
-    place = np.arange(len(values))
-    first, last = np.maximum(place - reach, 0), np.minimum(place + reach + 1, len(values))
-    mean: Array = (total[last] - total[first]) / (last - first)
-    return mean
-
-
-def _slope(x: Array, y: Array, first: IntArray, last: IntArray) -> Array:
-    """Slope between two places; NaN at an end of the curve, where they are the same."""
-    width = x[last] - x[first]
-    slope: Array = np.divide(y[last] - y[first], width, out=np.full(len(width), np.nan), where=width > 0)
-    return slope
-
-
-def _peaks(height: Array) -> IntArray:
-    """Places of the local maxima, the highest first; the first place of a plateau."""
-    padded = np.concatenate([[0.0], height, [0.0]])
-    places = np.flatnonzero((height > padded[:-2]) & (height >= padded[2:]))
-    return places[np.argsort(-height[places], kind="stable")]
-
-
-TIE_TOLERANCE = 1e-9
-"""Of the largest cost: partitions nearer to each other than this tie, and the first wins, so that rounding decides nothing."""
+TIE_TOLERANCE = 1e-9  # of the largest cost: partitions nearer to each other tie, and the first wins, so that rounding decides nothing
 
 
 def optimal_partition(cost: Callable[[int, int], float], cells: int, count: int) -> tuple[int, ...] | None:
@@ -103,7 +76,7 @@ def optimal_partition(cost: Callable[[int, int], float], cells: int, count: int)
     With `best_k(j)` the least cost of the first j cells in k intervals, `best_k(j) = min_i best_{k-1}(i) + cost(i, j)` (Bellman 1961):
     at most `cells (cells + 1) / 2` costs are asked for instead of one for every partition.
 
-    - `cost`: of the interval of cells i..j-1; infinity forbids it.
+    `cost` is of the interval of cells i..j-1; infinity forbids it.
     """
     table = np.full((cells + 1, cells + 1), np.inf)
     for i in range(cells):
@@ -137,8 +110,7 @@ Cell = tuple[int, ...]
 IntervalCost = Callable[[Curve, IntArray], float]
 """What the fit of a segment function leaves on some rows of a curve: its sum of squared errors, in the unit of the target squared."""
 
-MOST_SAMPLES = 500
-"""Samples of a curve on which costs of intervals are computed; of more, an even share in the order of the variable is taken."""
+MOST_SAMPLES = 500  # of a curve on which costs of intervals are computed; of more, an even share in the order of the variable is taken
 
 
 def cut_points(curve: Curve, rows: IntArray, name: str, target: str, cut: Cut, cost: IntervalCost) -> Array:
@@ -166,46 +138,40 @@ def cut_points(curve: Curve, rows: IntArray, name: str, target: str, cut: Cut, c
 
 
 def joined(boundaries: Array, x: Array, least: int) -> Array:
-    """Return the boundaries of one variable without those that must go for every segment to hold `least` samples, or only one to be left.
-
-    The segment with the fewest samples is joined to the neighbour that has fewer, the left one of equals, until none has too few.
-    """
-    while len(boundaries) > 2:
-        counts = [int(inside.sum()) for inside in _members(x, boundaries)]
-        place = int(np.argmin(counts))
-        if counts[place] >= least:
-            break
-        left, right = (counts[i] if 0 <= i < len(counts) else len(x) + 1 for i in (place - 1, place + 1))
-        boundaries = np.delete(boundaries, place if left <= right else place + 1)
-    return boundaries
+    """Return the boundaries of one variable without those that must go for every segment to hold `least` samples (`joined_cells`)."""
+    masks = list(joined_cells({(i,): inside for i, inside in enumerate(_members(x, boundaries))}, least, [True]).values())
+    return boundaries[[True, *(one is not other for one, other in pairwise(masks)), True]]
 
 
 def joined_cells(cells: Mapping[Cell, BoolArray], least: int, across: Sequence[bool]) -> dict[Cell, BoolArray]:
     """Return the samples of every cell, `(n,)` masks, with those of the cells joined to it: `least` at least, or all that can be reached.
 
     Points of a table need not fill a grid: a muscle that is hardly inflated reaches no large strain. The group of cells with the fewest
-    samples is joined to the neighbour that has fewest, the first of equals, until none has too few. Cells of one group have one segment
-    function. Cells are neighbours along the variables that are joined `across`: not in another direction of motion.
+    samples is joined to the neighbour that has fewest, the first of equals, until none has too few. Cells of one group have one mask, and
+    one segment function. Cells are neighbours along the variables that are joined `across`: not in another direction of motion.
     """
     groups: list[list[Cell]] = [[cell] for cell in cells]
     done: list[list[Cell]] = []
 
     def samples(group: list[Cell]) -> BoolArray:
-        found: BoolArray = np.logical_or.reduce([cells[cell] for cell in group])
-        return found
+        return np.asarray(np.logical_or.reduce([cells[cell] for cell in group]))
+
+    def count(group: list[Cell]) -> int:
+        return int(samples(group).sum())
 
     while groups:
-        fewest = min(groups, key=lambda group: int(samples(group).sum()))
-        others = [group for group in (*groups, *done) if group is not fewest and _touch(group, fewest, across)]
-        if int(samples(fewest).sum()) >= least:
+        fewest = min(groups, key=count)
+        if count(fewest) >= least:
             break
         groups.remove(fewest)
-        if not others:
+        others = [group for group in (*groups, *done) if _touch(group, fewest, across)]
+        if others:
+            min(others, key=count).extend(fewest)
+        else:
             done.append(fewest)
-            continue
-        other = min(others, key=lambda group: int(samples(group).sum()))
-        other.extend(fewest)
-    of_cell = {cell: samples(group) for group in (*groups, *done) for cell in group}
+    of_cell: dict[Cell, BoolArray] = {}
+    for group in (*groups, *done):
+        of_cell |= dict.fromkeys(group, samples(group))
     return {cell: of_cell[cell] for cell in cells}
 
 
@@ -218,17 +184,14 @@ def _touch(group: Sequence[Cell], other: Sequence[Cell], across: Sequence[bool])
 def _optimal_points(curve: Curve, rows: IntArray, name: str, grid: Array, cut: Cuts, cost: IntervalCost) -> Array:
     x = curve.columns[name][rows]
 
-    @cache
     def interval(i: int, j: int) -> float:
         inside = rows[(x >= grid[i]) & (x <= grid[j])]
         return cost(curve, inside) if len(inside) >= cut.least else float("inf")
 
     places = optimal_partition(interval, cut.cells, cut.segments)
     if places is None:
-        raise DataError(
-            f"curve {curve.id}: cannot be cut into {cut.count} segments of at least {cut.least} samples along {name}",
-            f"use fewer segments, lower segment.{name}.min_samples, or raise segment.{name}.grid",
-        )
+        what = f"curve {curve.id}: cannot be cut into {cut.count} segments of at least {cut.least} samples along {name}"
+        raise DataError(what, f"use fewer segments, lower segment.{name}.min_samples, or raise segment.{name}.grid")
     return np.array([grid[0], *grid[list(places)], grid[-1]])
 
 
@@ -238,17 +201,16 @@ def training_curves(curves: Sequence[Curve], by_level: bool) -> tuple[Curve, ...
         return tuple(curve for curve in curves if curve.training.any())
     if len(curves) == 1:
         return tuple(curves)
-    return (
-        Curve(
-            id="all",
-            level=None,
-            columns={name: np.concatenate([curve.columns[name] for curve in curves]) for name in curves[0].columns},
-            held_out=np.concatenate([curve.held_out for curve in curves]),
-            recordings=tuple(dict.fromkeys(r for curve in curves for r in curve.recordings)),
-            at_rest=np.concatenate([~(curve.training | curve.held_out) for curve in curves]),
-            measured=united([curve.measured for curve in curves]),
-        ),
+    whole = Curve(
+        id="all",
+        level=None,
+        columns={name: np.concatenate([curve.columns[name] for curve in curves]) for name in curves[0].columns},
+        held_out=np.concatenate([curve.held_out for curve in curves]),
+        recordings=tuple(dict.fromkeys(r for curve in curves for r in curve.recordings)),
+        at_rest=np.concatenate([~(curve.training | curve.held_out) for curve in curves]),
+        measured=united([curve.measured for curve in curves]),
     )
+    return (whole,)
 
 
 def trained_at(curves: Sequence[Curve], level: str | float) -> tuple[Curve, ...]:
@@ -270,25 +232,18 @@ def segment_curve(curve: Curve, cuts: Mapping[str, Cut], target: str, cost: Inte
     rows = np.flatnonzero(curve.training)
     values = samples_of(curve, rows)
     boundaries = {name: cut_points(curve, rows, name, target, cut, cost) for name, cut in cuts.items()}
-    inside = {name: _members(values[name], boundaries[name]) for name in cuts}
-    cells: dict[Cell, BoolArray] = {}
-    for cell in product(*(range(1, len(b)) for b in boundaries.values())):
-        cells[cell] = np.ones(len(rows), dtype=np.bool_)
-        for name, place in zip(cuts, cell, strict=True):
-            cells[cell] &= inside[name][place - 1]
-    least = max((cut.least for cut in cuts.values() if isinstance(cut, Cuts) and cut.joins), default=0)
-    across = [not isinstance(cut, CutByDirection) for cut in cuts.values()]
-    masks = joined_cells(cells, least, across) if len(cuts) > 1 else cells
+    inside = [list(enumerate(_members(values[name], boundaries[name]), 1)) for name in cuts]
+    every = np.ones(len(rows), dtype=np.bool_)
+    masks = {tuple(i for i, _ in places): np.logical_and.reduce([every, *(own for _, own in places)]) for places in product(*inside)}
+    if len(cuts) > 1:
+        least = max((cut.least for cut in cuts.values() if isinstance(cut, Cuts) and cut.joins), default=0)
+        masks = joined_cells(masks, least, [not isinstance(cut, CutByDirection) for cut in cuts.values()])
     segments = [Segment(segment_id(curve.id, tuple(cuts), cell), curve.id, cell, rows[mask]) for cell, mask in masks.items()]
-    _refuse_empty(segments)
-    return SegmentedCurve(
-        curve=curve.id,
-        level=curve.level,
-        variables=tuple(cuts),
-        boundaries=tuple(boundaries.values()),
-        limits={name: curve.limits(name) for name in values},
-        segments=tuple(segments),
-    )
+    if empty := [segment.id for segment in segments if not len(segment.rows)]:
+        remedy = "use fewer segments, move the breakpoints, or keep more samples of this curve"
+        raise DataError(f"segment {empty[0]}: no training sample lies in it", remedy)
+    limits = {name: curve.limits(name) for name in values}
+    return SegmentedCurve(curve.id, curve.level, tuple(cuts), tuple(boundaries.values()), limits, tuple(segments))
 
 
 def cut_by_course(curves: Sequence[Curve], by_level: bool, cuts: Mapping[str, Cut], target: str) -> list[SegmentedCurve]:
@@ -312,12 +267,3 @@ def segment_id(curve: str, variables: Sequence[str], cell: Sequence[int]) -> str
 
 def _members(x: Array, boundaries: Array) -> list[BoolArray]:
     return [(x >= low) & (x <= high) for low, high in pairwise(boundaries)]
-
-
-def _refuse_empty(segments: Sequence[Segment]) -> None:
-    for segment in segments:
-        if len(segment.rows) == 0:
-            raise DataError(
-                f"segment {segment.id}: no training sample lies in it",
-                "use fewer segments, move the breakpoints, or keep more samples of this curve",
-            )

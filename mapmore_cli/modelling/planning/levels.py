@@ -4,8 +4,8 @@ With RMS_i the error at the inner level v_i of a model that was made without it,
 
     E_k (v_{k+1} - v_k)^.75,   E_k = mean over the inner ends i of gap k of RMS_i / (v_{i+1} - v_{i-1})^.75
 
-and the next level is the middle of the gap with the largest. On measured muscles, this is
-as good as equal distances (docs/planning.md). With two levels there is no RMS_i, and the next is the middle.
+and the next level is the middle of the gap with the largest. With two levels there is no RMS_i, and the next is the middle. On measured
+muscles, this is as good as equal distances (docs/planning.md).
 """
 
 from __future__ import annotations
@@ -21,15 +21,9 @@ from mapmore_cli.domain.models import LeftOut
 from mapmore_cli.domain.results import Candidate, Picture, Until
 from mapmore_cli.modelling.validation.intervals import INTERVAL, NORMAL, half_widths
 
-POWER = 0.75
-"""How a model's error between two levels grows with their distance."""
+POWER = 0.75  # how a model's error between two levels grows with their distance
 
 ON_A_LINE = 241
-
-
-def level_errors(left_out: LeftOut) -> Array:
-    """Return the RMS error of the models without each inner level, (K - 2,)."""
-    return np.asarray(np.sqrt(left_out.offset**2 + left_out.scatter**2))
 
 
 def gap_errors(places: Array, errors: Array) -> Array:
@@ -44,15 +38,9 @@ def gap_errors(places: Array, errors: Array) -> Array:
     return np.asarray(np.nanmean([ends[:-1], ends[1:]], axis=0) * np.diff(places) ** POWER)
 
 
-def next_gap(places: Array, errors: Array) -> int:
-    """Return the number of the gap that the next level goes into: the largest expected error, else the widest one."""
-    expected = gap_errors(places, errors)
-    return int(np.argmax(np.diff(places) if np.isnan(expected).all() else expected))
-
-
-def forecast(half: Array, parts: Array | int, left_out: LeftOut) -> Array:
+def _cut(half: Array, parts: Array | float, left_out: LeftOut) -> Array:
     """Return the half widths in gaps that are cut into so many equal `parts`: as parts^-.75, but no less than the scatter at the levels."""
-    return np.asarray(np.minimum(half, np.maximum(half * np.asarray(parts, dtype=float) ** -POWER, NORMAL * left_out.residual)))
+    return np.asarray(np.minimum(half, np.maximum(half * parts**-POWER, NORMAL * left_out.residual)))
 
 
 def candidates(left_out: LeftOut, level: str, cost: float = 1.0) -> tuple[Candidate, ...]:
@@ -61,11 +49,10 @@ def candidates(left_out: LeftOut, level: str, cost: float = 1.0) -> tuple[Candid
     It limits where no gap is expected to err more than the residual of the model at the levels themselves.
     """
     places = np.array(left_out.places)
-    middles, expected = (places[:-1] + places[1:]) / 2, gap_errors(places, level_errors(left_out))
+    middles, expected = (places[:-1] + places[1:]) / 2, gap_errors(places, np.hypot(left_out.offset, left_out.scatter))
     halves = _half(left_out, middles)
-    rows = zip(middles.tolist(), halves.tolist(), forecast(halves, 2, left_out).tolist(), expected.tolist(), strict=True)
-    gaps = [Candidate({level: middle}, "between", half, after, error, cost) for middle, half, after, error in rows]
-    found = [gaps[gap] for gap in np.argsort(-expected, kind="stable")]
+    rows = np.column_stack([middles, halves, _cut(halves, 2.0, left_out), expected])[np.argsort(-expected, kind="stable")]
+    found = [Candidate({level: middle}, "between", half, after, error, cost) for middle, half, after, error in rows.tolist()]
     if np.max(expected) > left_out.residual:
         return tuple(found)
     return (*(_repeat(left_out, level, number, cost) for number in np.argsort(left_out.repeats, kind="stable")), *found)
@@ -88,10 +75,11 @@ def until(left_out: LeftOut, wanted: float) -> Until:
     """Return how many more levels bring every gap to `wanted`: `ceil((half/wanted)^(1/.75)) - 1` in each."""
     places = np.array(left_out.places)
     halves = _half(left_out, (places[:-1] + places[1:]) / 2)
-    widest, least = float(halves.max()), min(float(halves.max()), NORMAL * left_out.residual)
+    widest = float(halves.max())
+    least = min(widest, NORMAL * left_out.residual)
     parts = np.maximum(np.ceil((halves / wanted) ** (1 / POWER) * (1 - 1e-9)), 1)
     more = int((parts - 1).sum()) if wanted >= least else None
-    return Until(wanted, widest, more, least if more is None else float(forecast(halves, parts, left_out).max()))
+    return Until(wanted, widest, more, least if more is None else float(_cut(halves, parts, left_out).max()))
 
 
 def picture(left_out: LeftOut, level: str, first: Candidate) -> Picture:
@@ -102,7 +90,7 @@ def picture(left_out: LeftOut, level: str, first: Candidate) -> Picture:
     before = _half(left_out, x)
     gap = np.searchsorted(places, x) == np.searchsorted(places, first.at[level])
     within = gap if first.kind == "between" else np.zeros(len(x), dtype=np.bool_)
-    return Picture({level: x}, before, np.where(within, forecast(before, 2, left_out), before), {level: places})
+    return Picture({level: x}, before, np.where(within, _cut(before, 2.0, left_out), before), {level: places})
 
 
 def _half(left_out: LeftOut, at: Sequence[float] | Array) -> Array:

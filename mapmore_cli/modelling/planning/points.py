@@ -2,8 +2,7 @@
 
 Several models, each with a Gaussian process of what it leaves, stand in a committee. A point counts by the product of the committee's
 spread and the processes' deviation, times `SLACK` where the muscle is expected to pull less than 2 % of its largest force. Points are taken
-one after the other, each as if it had measured what the committee expects. docs/planning.md
-has what that gains on measured maps.
+one after the other, each as if it had measured what the committee expects (docs/planning.md).
 """
 
 from __future__ import annotations
@@ -11,18 +10,19 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
-from scipy.optimize import minimize
+from scipy.optimize import Bounds, minimize
 from scipy.spatial import Delaunay, QhullError
 
-from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.results import Candidate, Picture, Until
+from mapmore_cli.modelling.validation.intervals import NORMAL
 
-SHORTEST, LONGEST = 0.1, 5.0
-"""Bounds of the lengths, of inputs in the unit square: few points say nothing of shorter ones."""
+SHORTEST, LONGEST = 0.1, 5.0  # bounds of the lengths, of inputs in the unit square: few points say nothing of shorter ones
 
 SIZE, NOISE = (0.3, 3.0), (1e-3, 0.5)
 """Bounds of the deviation of the process and of the noise, as parts of the root mean square of the values."""
@@ -38,21 +38,21 @@ class GaussianProcess:
     deviation: float
     noise: float
 
+    @property
+    def covariance(self) -> Array:
+        """That of the values, (n, n)."""
+        return np.asarray(self.deviation**2 * matern(self.x, self.x, self.lengths) + self.noise**2 * np.eye(len(self.y)))
+
     def predict(self, at: Array) -> tuple[Array, Array]:
         """Return mean and standard deviation of the process, without noise, at points (m, d): (m,) each."""
-        factor = np.linalg.cholesky(self._covariance())
-        across = self.deviation**2 * matern(self.x, at, self.lengths)
-        half = solve_triangular(factor, across, lower=True)
+        factor = np.linalg.cholesky(self.covariance)
+        half = solve_triangular(factor, self.deviation**2 * matern(self.x, at, self.lengths), lower=True)
         mean = half.T @ solve_triangular(factor, self.y, lower=True)
         return mean, np.sqrt(np.maximum(self.deviation**2 - np.sum(half**2, axis=0), 0.0))
 
     def joined(self, x: Array, y: float) -> GaussianProcess:
         """Return the process with one more point; nothing is fitted anew."""
         return replace(self, x=np.vstack([self.x, x]), y=np.append(self.y, y))
-
-    def _covariance(self) -> Array:
-        own = self.deviation**2 * matern(self.x, self.x, self.lengths)
-        return np.asarray(own + self.noise**2 * np.eye(len(self.y)))
 
 
 def matern(a: Array, b: Array, lengths: Array) -> Array:
@@ -70,25 +70,17 @@ def fitted(x: Array, y: Array) -> GaussianProcess:
         return GaussianProcess(x, y, np.exp(q[:-2]), scale * math.exp(q[-2]), scale * math.exp(q[-1]))
 
     def cost(q: Array) -> float:
-        factor = cho_factor(made(q)._covariance(), lower=True)
+        factor = cho_factor(made(q).covariance, lower=True)
         return float(0.5 * y @ cho_solve(factor, y) + np.sum(np.log(np.diag(factor[0]))))
 
     d = x.shape[1]
-    edges = [(SHORTEST, LONGEST)] * d + [SIZE, NOISE]
-    bounds = [(math.log(low), math.log(high)) for low, high in edges]
-    start = np.array([math.log(0.5)] * d + [0.0, math.log(0.05)])
-    return made(minimize(cost, start, method="L-BFGS-B", bounds=bounds).x)
+    bounds = Bounds(*np.log([(SHORTEST, LONGEST)] * d + [SIZE, NOISE]).T)
+    return made(minimize(cost, np.log([0.5] * d + [1.0, 0.05]), method="L-BFGS-B", bounds=bounds).x)
 
 
-NORMAL = 1.959964
-SLACK, LITTLE = 0.15, 0.02
-"""Weight of points where less than this part of the largest |target| is expected."""
-
-MOST_MEASURED = 150
-"""Points that the processes are fitted to: spread over the samples, so that a curve of thousands counts by its course."""
-
-MOST_POINTS = 100
-"""Points up to which a forecast goes."""
+SLACK, LITTLE = 0.15, 0.02  # weight of points where less than this part of the largest |target| is expected
+MOST_MEASURED = 150  # points that the processes are fitted to: spread over the samples, so that a curve of thousands counts by its course
+MOST_POINTS = 100  # points up to which a forecast goes
 
 
 @dataclass(frozen=True)
@@ -99,30 +91,17 @@ class Measured:
     x: Array
     y: Array
 
-    @property
-    def span(self) -> tuple[Array, Array]:
-        """Lowest and highest value of each input, (d,)."""
-        return self.x.min(axis=0), self.x.max(axis=0)
-
     def scaled(self, at: Array) -> Array:
         """Points (m, d) in the unit square of the measured range."""
-        low, high = self.span
-        return np.asarray((at - low) / (high - low))
+        return np.asarray((at - self.x.min(axis=0)) / np.ptp(self.x, axis=0))
 
     def grid(self, steps: int) -> Array:
         """Points of a grid within the hull of what was measured, (m, d)."""
         every = np.array(list(itertools.product(np.linspace(0.0, 1.0, steps), repeat=len(self.names))))
-        low, high = self.span
-        return np.asarray(low + every[self._inside(every)] * (high - low))
-
-    def _inside(self, scaled: Array) -> BoolArray:
-        if len(self.names) < 2:
-            return np.ones(len(scaled), dtype=np.bool_)
-        try:
-            hull = Delaunay(self.scaled(self.x))
-        except QhullError:
-            return np.ones(len(scaled), dtype=np.bool_)
-        return np.asarray(hull.find_simplex(scaled, tol=1e-9) >= 0)
+        with suppress(QhullError):  # measured along a line
+            if len(self.names) > 1:
+                every = every[Delaunay(self.scaled(self.x)).find_simplex(every, tol=1e-9) >= 0]
+        return np.asarray(self.x.min(axis=0) + every * np.ptp(self.x, axis=0))
 
 
 def thinned(x: Array, y: Array) -> tuple[Array, Array]:
@@ -143,9 +122,7 @@ def thinned(x: Array, y: Array) -> tuple[Array, Array]:
 class Committee:
     """Processes of what each formula leaves, on a fixed set of places; measured values are added one by one.
 
-    - `measured`: points that train.
-    - `places`: candidates, (m, d).
-    - `formulas`: by name, what each says of the measured points, (n,), and of the places, (m,); zeros for none.
+    `places` are candidates, (m, d); `formulas` has by name what each says of the measured points, (n,), and of the places, (m,).
     """
 
     def __init__(self, measured: Measured, places: Array, formulas: Mapping[str, tuple[Array, Array]]) -> None:
@@ -158,11 +135,10 @@ class Committee:
         self._update()
 
     def _update(self) -> None:
-        found = [own.predict(self.scaled) for own in self._own]
-        said = np.array([base + mean for base, (mean, _) in zip(self._base, found, strict=True)])
-        self.expected = said.mean(axis=0)
-        self.spread = said.std(axis=0)
-        self.deviation = np.sqrt(np.mean([deviation**2 for _, deviation in found], axis=0))
+        means, deviations = zip(*(own.predict(self.scaled) for own in self._own), strict=True)
+        said = np.add(self._base, means)
+        self.expected, self.spread = said.mean(axis=0), said.std(axis=0)
+        self.deviation = np.sqrt(np.mean(np.square(deviations), axis=0))
 
     @property
     def error(self) -> Array:
@@ -182,9 +158,8 @@ class Committee:
 
     def add(self, number: int) -> None:
         """Take a place as measured, with the value that is expected there."""
-        value = self.expected[number]
-        pairs = zip(self._own, self._base, strict=True)
-        self._own = [own.joined(self.scaled[number], float(value - base[number])) for own, base in pairs]
+        left = [float(self.expected[number] - base[number]) for base in self._base]
+        self._own = [own.joined(self.scaled[number], value) for own, value in zip(self._own, left, strict=True)]
         self._update()
 
 
@@ -195,26 +170,18 @@ def chosen(
 
     Worth is divided by cost. The first time that a quantity takes a value costs its price; at the least, a point costs the lowest price.
     """
-    before, found = committee.half, list[Candidate]()
-    numbers: list[int] = []
+    before, places, found, numbers = committee.half, committee.places, list[Candidate](), list[int]()
+    each = np.array([prices.get(name, 1.0) for name in names])
     for _ in range(count):
-        cost = _costs(committee.places, committee.places[numbers], [prices.get(name, 1.0) for name in names]) if prices else 1.0
+        new = np.column_stack([~np.isin(column, taken) for column, taken in zip(places.T, places[numbers].T, strict=True)])
+        cost = np.maximum(new @ each, each.min()) if prices else np.ones(len(places))
         number = int(np.argmax(committee.score / cost))
         numbers.append(number)
         error, half = float(committee.error[number]), float(committee.half[number])
-        price = float(np.broadcast_to(cost, len(committee.places))[number])
         committee.add(number)
-        at = dict(zip(names, committee.places[number].tolist(), strict=True))
-        found.append(Candidate(at, "point", half, float(committee.half[number]), error, price))
+        at = dict(zip(names, places[number].tolist(), strict=True))
+        found.append(Candidate(at, "point", half, float(committee.half[number]), error, float(cost[number])))
     return tuple(found), (before, committee.half)
-
-
-def _costs(places: Array, taken: Array, prices: Sequence[float]) -> Array:
-    """Return the price of every place, (m,), after some were taken, (k, d)."""
-    total = np.zeros(len(places))
-    for column, price in enumerate(prices):
-        total += price * ~np.isin(places[:, column], taken[:, column])
-    return np.maximum(total, min(prices))
 
 
 def until(committee: Committee, wanted: float) -> Until:

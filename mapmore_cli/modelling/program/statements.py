@@ -12,8 +12,7 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.expressions import Expression, Name
 from mapmore_cli.modelling.expressions.syntax import Condition
 
-NOTHING = Name("not_a_number")
-"""NaN: no value."""
+NOTHING = Name("not_a_number")  # NaN: no value
 
 
 @dataclass(frozen=True)
@@ -39,6 +38,11 @@ class Choose:
     names: tuple[str, ...]
     cases: tuple[tuple[Condition, Block], ...]
     otherwise: Block
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """The sides, `otherwise` last."""
+        return (*(block for _, block in self.cases), self.otherwise)
 
 
 @dataclass(frozen=True)
@@ -92,10 +96,8 @@ class Function:
 class Limit:
     """Training range of one input of a model or of a part of it.
 
-    - `inputs`: the model's inputs that are beyond the range where `value` is.
-    - `value`: the input as the part knows it, an expression of the model's inputs.
-    - `at`: where the range depends on a level: the level's value; else None.
-    - `levels`, `low`, `high`: (L,) levels, and the range there, linear between them; one range for all where `at` is None.
+    `inputs` are beyond it where `value` is, the input as the part knows it. Where the range depends on a level, that is `at`: `low` and
+    `high` (L,) are linear between the `levels` (L,); else `at` is None, and there is one range.
     """
 
     inputs: frozenset[str]
@@ -112,8 +114,7 @@ class Kept:
 
     - `numbers`: single numbers by name, and what they are after a reset.
     - `queues`: delayed values by name, and how many of them.
-    - `fed_back`: the queues of its own outputs, by the name of the output, where the model goes on from them; several where several
-      summands do.
+    - `fed_back`: by output, the queues of it that the model, or several summands of it, go on from.
     - `steps`: times between samples of the parts with memory, s; none for a model without memory.
     """
 

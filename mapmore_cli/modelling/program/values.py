@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cache
 
 import numpy as np
 
@@ -17,10 +18,9 @@ from mapmore_cli.modelling.expressions.syntax import Condition, Name, Number
 from mapmore_cli.modelling.program.statements import Block, Choose, Function, Let, Program, Statement, Use
 from mapmore_cli.modelling.program.writing import names_in
 
-INPUT = "x_"
-"""How the names of inputs begin in a program, so that no other name equals them."""
+INPUT = "x_"  # how the names of inputs begin in a program, so that no other name equals them
 
-COMPARISONS: Mapping[str, Callable[[Value, Value], BoolArray]] = {
+COMPARE: Mapping[str, Callable[[Value, Value], BoolArray]] = {
     "<": operator.lt,
     "<=": operator.le,
     ">": operator.gt,
@@ -67,7 +67,7 @@ class _Compiler:
 
     def __init__(self, functions: Iterable[Function]) -> None:
         self.functions = {function.name: function for function in functions}
-        self.ready: dict[str, Run] = {}
+        self.ready = cache(lambda name: self.block(self.functions[name].body))
 
     def block(self, block: Block) -> Run:
         known: Known = {}
@@ -86,38 +86,29 @@ class _Compiler:
     def _step(self, statement: Statement, known: Known) -> Step:
         match statement:
             case Let(name, value):
-                return _let(name, part_of(value, known))
+                part = part_of(value, known)
+                return lambda values, shared, _n: values.update({name: part(values, shared)})
             case Use(names, function, arguments):
                 return self._use(names, function, [part_of(argument, known) for argument in arguments])
-            case Choose():
-                return self._choose(statement, known)
+            case Choose(names, cases):
+                conditions = [_condition(condition, known) for condition, _ in cases]
+                if all(not one.statements and all(isinstance(result, Name | Number) for result in one.results) for one in statement.blocks):
+                    return _selection(names, conditions, [[part_of(result, known) for result in one.results] for one in statement.blocks])
+                return self._branches(names, conditions, statement.blocks)
         raise TypeError(f"not a statement of a model without memory: {statement!r}")
 
     def _use(self, names: Sequence[str], function: str, arguments: Sequence[Part]) -> Step:
         parameters = self.functions[function].parameters
 
         def step(values: Values, shared: Shared, n: int) -> None:
-            if function not in self.ready:
-                self.ready[function] = self.block(self.functions[function].body)
             given = {name: argument(values, shared) for name, argument in zip(parameters, arguments, strict=True)}
-            values.update(zip(names, self.ready[function](given, n), strict=True))
+            values.update(zip(names, self.ready(function)(given, n), strict=True))
 
         return step
 
-    def _choose(self, choice: Choose, known: Known) -> Step:
-        conditions = [_condition(condition, known) for condition, _ in choice.cases]
-        blocks = [*(block for _, block in choice.cases), choice.otherwise]
-        if all(not block.statements and all(isinstance(result, Name | Number) for result in block.results) for block in blocks):
-            return _selection(choice.names, conditions, [[part_of(result, known) for result in block.results] for block in blocks])
-        return self._branches(choice.names, conditions, blocks)
-
     def _branches(self, names: Sequence[str], conditions: Sequence[Test], blocks: Sequence[Block]) -> Step:
         needed = [names_in(block) for block in blocks]
-        ready: list[Run | None] = [None] * len(blocks)
-
-        def side(number: int) -> Run:
-            found = ready[number] = ready[number] or self.block(blocks[number])
-            return found
+        side = cache(lambda number: self.block(blocks[number]))
 
         def step(values: Values, shared: Shared, n: int) -> None:
             found = [np.empty(n) for _ in names]
@@ -138,15 +129,8 @@ class _Compiler:
         return step
 
 
-def _let(name: str, part: Part) -> Step:
-    def step(values: Values, shared: Shared, _n: int) -> None:
-        values[name] = part(values, shared)
-
-    return step
-
-
 def _condition(condition: Condition, known: Known) -> Test:
-    compare, left, right = COMPARISONS[condition.comparison], part_of(condition.left, known), part_of(condition.right, known)
+    compare, left, right = COMPARE[condition.comparison], part_of(condition.left, known), part_of(condition.right, known)
     return lambda values, shared: compare(left(values, shared), right(values, shared))
 
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from mapmore_cli.domain.models import CurveRange
 from mapmore_cli.modelling.expressions import Expression, Name, Number, call, substitute
-from mapmore_cli.modelling.expressions.syntax import ZERO, Condition, Operand, Product, Sum, expression
+from mapmore_cli.modelling.expressions.syntax import ONE, ZERO, Condition, Operand, Product, Sum, expression
+from mapmore_cli.modelling.kinds import limits
 from mapmore_cli.modelling.program.statements import Block, Choose, Function, Keep, Kept, Let, Limit, Program, Queue, Recall, Statement, Use
-from mapmore_cli.modelling.ranges import limits
 
 Side = Operand | Callable[[], Operand]
 """A value, or a function that writes the statements of one; its statements run only where this side is taken."""
@@ -125,8 +125,8 @@ def total(terms: Sequence[Expression]) -> Expression:
 
 def times(*factors: Expression) -> Expression:
     """Return the product from left to right, as it stands."""
-    kept = tuple(factor for factor in factors if factor != Number(1.0))
-    return Product(kept) if len(kept) > 1 else kept[0] if kept else Number(1.0)
+    kept = tuple(factor for factor in factors if factor != ONE) or (ONE,)
+    return Product(kept) if len(kept) > 1 else kept[0]
 
 
 def renamed_all(terms: Iterable[Expression], names: Mapping[str, Expression]) -> list[Expression]:
@@ -145,11 +145,13 @@ def limit(m: Writer, ranges: Sequence[CurveRange], level: str | None, inputs: In
 
 def pruned(model: Program) -> Program:
     """Return the program with only the statements that its results and its memory depend on."""
-    functions = tuple(replace(function, body=pruned_block(function.body)) for function in model.functions)
-    checked = _names(side for limit in model.limits for side in (limit.value, limit.at or ZERO))
-    body = pruned_block(model.body, checked)
-    used = _functions_of(body, {function.name: function.body for function in functions})
-    return replace(model, functions=tuple(one for one in functions if one.name in used), body=body)
+    body = pruned_block(model.body, _names(side for limit in model.limits for side in (limit.value, limit.at or ZERO)))
+    used, functions = names_in(body), list[Function]()
+    for function in reversed(model.functions):  # each uses earlier ones only
+        if function.name in used:
+            functions.insert(0, replace(function, body=pruned_block(function.body)))
+            used |= names_in(functions[0].body)
+    return replace(model, functions=tuple(functions), body=body)
 
 
 def pruned_block(block: Block, also: Set[str] = frozenset()) -> Block:
@@ -165,22 +167,22 @@ def pruned_block(block: Block, also: Set[str] = frozenset()) -> Block:
 
 
 def names_of(statement: Statement) -> set[str]:
-    """Return every name that a statement uses."""
+    """Return every name that a statement uses, those of functions included."""
     match statement:
         case Let(_, value) | Keep(_, value) | Queue(_, value):
             return set(value.names)
-        case Use(_, _, arguments):
-            return _names(arguments)
-        case Choose(_, cases, otherwise):
+        case Use(_, function, arguments):
+            return {function, *_names(arguments)}
+        case Choose(_, cases):
             conditions = _names(side for condition, _ in cases for side in (condition.left, condition.right))
-            return conditions.union(*(names_in(block) for _, block in cases), names_in(otherwise))
+            return conditions.union(*map(names_in, statement.blocks))
         case Recall():
             return set()
 
 
 def names_in(block: Block) -> set[str]:
     """Return every name that a block uses."""
-    return _names(block.results).union(*(names_of(statement) for statement in block.statements))
+    return _names(block.results).union(*map(names_of, block.statements))
 
 
 def _used(statement: Statement, used: set[str]) -> Statement | None:
@@ -190,28 +192,13 @@ def _used(statement: Statement, used: set[str]) -> Statement | None:
             return statement if name in used else None
         case Use(names):
             return statement if used & set(names) else None
-        case Choose(names, cases, otherwise):
+        case Choose(names, cases):
             places = [place for place, name in enumerate(names) if name in used]
             if not places:
                 return None
-            parts = [
-                pruned_block(Block(block.statements, tuple(block.results[i] for i in places)))
-                for block in (*(b for _, b in cases), otherwise)
-            ]
-            return Choose(tuple(names[i] for i in places), tuple(zip((c for c, _ in cases), parts, strict=False)), parts[-1])
+            *sides, last = (pruned_block(Block(one.statements, tuple(one.results[i] for i in places))) for one in statement.blocks)
+            return Choose(tuple(names[i] for i in places), tuple(zip((c for c, _ in cases), sides, strict=True)), last)
     return statement
-
-
-def _functions_of(block: Block, bodies: dict[str, Block]) -> set[str]:
-    """Return the names of the functions that a block uses, directly or not."""
-    found: set[str] = set()
-    for statement in block.statements:
-        match statement:
-            case Use(_, function):
-                found |= {function} | _functions_of(bodies[function], bodies)
-            case Choose(_, cases, otherwise):
-                found = found.union(*(_functions_of(inside, bodies) for inside in (*(b for _, b in cases), otherwise)))
-    return found
 
 
 def _names(expressions: Iterable[Expression]) -> set[str]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -26,35 +27,23 @@ def sum_of(name: str, parts: Sequence[Part], output: Quantity, quantities: Mappi
     for part in parts:
         model = part.model
         if model.output.unit != output.unit:
-            raise SpecError(
-                f"needs: the model of {model.name} is in {model.output.unit}, the {output.name} of this study in {output.unit}",
-                "add up models of one unit",
-            )
+            what = f"needs: the model of {model.name} is in {model.output.unit}, the {output.name} of this study in {output.unit}"
+            raise SpecError(what, "add up models of one unit")
         for quantity in model.inputs:
             source = parse(part.inputs.get(quantity.name, quantity.name))
             used |= source.names
-            missing = sorted(source.names - {*quantities})
-            if quantity.name in part.inputs and missing:
-                raise SpecError(f"the sum: there is no quantity {missing[0]} for {quantity.name} of {model.name}", "declare its column")
             other = quantities.get(source.name) if isinstance(source, Name) else None
-            if quantity.name in part.inputs:
-                if other is not None and other.unit != quantity.unit:
-                    raise SpecError(
-                        f"the sum: {quantity.name} of {model.name} is in {quantity.unit}, {other.name} in {other.unit}",
-                        f"set the unit of {other.name} under `units`",
-                    )
-            elif other != quantity:
-                raise SpecError(
-                    f"needs: the model of {model.name} is a function of {quantity.name} in {quantity.unit}, which this study lacks",
-                    "declare its column, derive it, or set its unit under `units`",
-                )
-    return Model(
-        name=name,
-        output=output,
-        inputs=tuple(quantities[key] for key in sorted(used)),
-        body=Sum(tuple(parts)),
-        notes=tuple(f"{part.model.name}: {note}" for part in parts for note in part.model.notes),
-    )
+            if quantity.name not in part.inputs:
+                if other != quantity:
+                    what = f"the model of {model.name} is a function of {quantity.name} in {quantity.unit}, which this study lacks"
+                    raise SpecError(f"needs: {what}", "declare its column, derive it, or set its unit under `units`")
+            elif missing := sorted(source.names - {*quantities}):
+                raise SpecError(f"the sum: there is no quantity {missing[0]} for {quantity.name} of {model.name}", "declare its column")
+            elif other is not None and other.unit != quantity.unit:
+                what = f"{quantity.name} of {model.name} is in {quantity.unit}, {other.name} in {other.unit}"
+                raise SpecError(f"the sum: {what}", f"set the unit of {other.name} under `units`")
+    notes = tuple(f"{part.model.name}: {note}" for part in parts for note in part.model.notes)
+    return Model(name, output, tuple(quantities[key] for key in sorted(used)), Sum(tuple(parts)), notes=notes)
 
 
 def actuator(force: Model, pressure: Model) -> Model:
@@ -85,15 +74,12 @@ def refuse_shared_names(inputs_of: Sequence[tuple[str, Sequence[str], Mapping[st
 
     `inputs_of` has for every part what it is called, its own inputs, and what is said of them.
     """
-    for i, (first, names, said) in enumerate(inputs_of):
-        for second, others, of_other in inputs_of[i + 1 :]:
-            for name in names:
-                if name in others and not (name in said and name in of_other):
-                    raise SpecError(
-                        f"{first} and {second} both have an input `{name}`",
-                        f"write what it is for each, as `inputs: {{{name}: {name}_1}}` and `inputs: {{{name}: {name}_2}}`; "
-                        f"where it is one quantity, `inputs: {{{name}: {name}}}` for both",
-                    )
+    for (first, names, said), (second, others, of_other) in combinations(inputs_of, 2):
+        if shared := [name for name in names if name in others and not (name in said and name in of_other)]:
+            name = shared[0]
+            remedy = f"write what it is for each, as `inputs: {{{name}: {name}_1}}` and `inputs: {{{name}: {name}_2}}`"
+            one = f"where it is one quantity, `inputs: {{{name}: {name}}}` for both"
+            raise SpecError(f"{first} and {second} both have an input `{name}`", f"{remedy}; {one}")
 
 
 @dataclass(frozen=True)
@@ -129,12 +115,13 @@ def joint_formula(summands: Sequence[Summand]) -> Formula:
     parts = [_part(one) for one in summands]
     signs = [one.sign for one in summands]
     numbered = list(enumerate(parts, 1))
+    forms = [part.form or LinearForm(part.text, (), {name: name for name in part.parameters}) for part in parts]
     form = None
     if any(part.form is not None for part in parts):
         linear = tuple(_numbered(name, i) for i, part in numbered for name in part.linear)
-        printed = {_numbered(name, i): text for i, part in numbered for name, text in _printed(part, i).items()}
-        expressions = [part.expression if part.form is None else part.form.expression for part in parts]
-        form = LinearForm(_sum(expressions, signs), linear, printed)
+        texts = [(i, name, parse(text)) for i, one in enumerate(forms, 1) for name, text in one.printed.items()]
+        printed = {_numbered(name, i): to_text(_renamed(text, i)) for i, name, text in texts}
+        form = LinearForm(_sum((one.expression for one in forms), signs), linear, printed)
     return Formula(
         name=" ".join(f"{'-' if sign < 0 else '+'} {part.name}" for sign, part in zip(signs, parts, strict=True)).removeprefix("+ "),
         reference="; ".join(dict.fromkeys(part.reference for part in parts)),
@@ -154,9 +141,8 @@ def split(fit: FormulaFit, summands: Sequence[Summand]) -> list[FormulaFit]:
     """Return the fit of each summand out of the joint one, with its parameters by their own names."""
     parts = []
     for i, one in enumerate(summands, 1):
-        names = literature.get(one.formula).parameters
-        values, errors = ({name: found[_numbered(name, i)] for name in names} for found in (fit.parameters, fit.errors))
         formula = literature.get(one.formula)
+        values, errors = ({name: found[_numbered(name, i)] for name in formula.parameters} for found in (fit.parameters, fit.errors))
         parts.append(replace(fit, name=formula.name, definition=formula.definition, parameters=values, errors=errors))
     return parts
 
@@ -176,14 +162,9 @@ def _part(summand: Summand) -> Formula:
     return found
 
 
-def _printed(part: Formula, number: int) -> dict[str, str]:
-    texts = part.form.printed if part.form is not None else {name: name for name in part.parameters}
-    return {name: to_text(_renamed(parse(text), number)) for name, text in texts.items()}
-
-
-def _sum(expressions: Sequence[Expression], signs: Sequence[float]) -> str:
-    terms = [_renamed(expression, i) for i, expression in enumerate(expressions, 1)]
-    return to_text(add(*(multiply(Number(sign), term) for sign, term in zip(signs, terms, strict=True))))
+def _sum(expressions: Iterable[Expression], signs: Sequence[float]) -> str:
+    terms = [multiply(Number(sign), _renamed(one, i)) for i, (sign, one) in enumerate(zip(signs, expressions, strict=True), 1)]
+    return to_text(add(*terms))
 
 
 def _renamed(expression: Expression, number: int) -> Expression:

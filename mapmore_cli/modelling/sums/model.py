@@ -29,8 +29,7 @@ def simulate(model: Model, columns: Columns) -> Run:
 def one_step(model: Model, columns: Columns) -> Array:
     """Return the sum from the measured past, (n,)."""
     found = [part.sign * kinds.one_step_ahead(part.model, inputs) for part, inputs in _parts(_body(model).parts, columns)]
-    values: Array = np.sum(found, axis=0)
-    return values
+    return np.asarray(np.sum(found, axis=0))
 
 
 def outside_range(model: Model, columns: Columns) -> BoolArray:

@@ -10,32 +10,33 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.domain.models import CurveRange, Model, Pieces
+from mapmore_cli.domain.models import CurveRange, Model, Pieces, SegmentFunction
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.validation.intervals import half_widths
 from mapmore_cli.modelling.validation.significance import sign_permutation, weighted_mean
 
-CONFIDENCE = 0.95
-EQUIVALENCE = 0.90
-"""Level of the interval that has to lie within the margin: two one-sided tests of 5 % each."""
+CONFIDENCE, EQUIVALENCE = 0.95, 0.90
+"""Level of the interval, and of that which has to lie within the margin: two one-sided tests of 5 % each."""
 
-CHANGED, SAME, UNCLEAR = "changed", "same", "cannot tell"
-"""Answers of a comparison."""
+CHANGED, SAME, UNCLEAR = "changed", "same", "cannot tell"  # answers of a comparison
+MARGIN = 0.01  # relative change of force that is of no interest: repeats of one measurement differ by about as much
+GRID, COARSE_GRID = 41, 11  # points along the input that varies within a curve; along each of them where there are several
+SAME_LEVEL = 0.05  # share of the distance to the next level within which two levels are the same
 
-MARGIN = 0.01
-"""Relative change of force that is of no interest: repeats of one measurement differ by about as much."""
+FEWEST_CURVES, MOST_POINTS = 2, 6
 
-GRID, COARSE_GRID = 41, 11
-"""Points along the input that varies within a curve; along each of them where there are several."""
-SAME_LEVEL = 0.05
-"""Share of the distance to the next level within which two levels are the same."""
 
-FEWEST_CURVES = 2
-MOST_POINTS = 6
+class Place(NamedTuple):
+    """Where a curve of one model is held against the other: its name, its level, and whether a model is interpolated to get there."""
+
+    curve: str
+    level: float | None
+    interpolated: bool = False
 
 
 @dataclass(frozen=True)
@@ -63,20 +64,21 @@ class CurveChange:
 
 @dataclass(frozen=True)
 class TermChange:
-    """A term of one segment in both models; None where it was not chosen. Coefficients are in the unit of the output."""
+    """A term of one segment in both models; None where it was not chosen. Coefficients are in the unit of the output.
+
+    `error` is the root of the sum of squares of the standard errors, NaN where one of the two is missing.
+    """
 
     segment: str
     term: str
     before: float | None
     after: float | None
-    error: float  # root of the sum of squares of the standard errors, NaN where one of the two is missing
+    error: float
 
     @property
     def moved(self) -> bool:
         """Whether the coefficient moved by more than twice the standard error of the difference, or the term came or went."""
-        if self.before is None or self.after is None:
-            return True
-        return not abs(self.after - self.before) <= 2 * self.error
+        return self.before is None or self.after is None or not abs(self.after - self.before) <= 2 * self.error
 
 
 @dataclass(frozen=True)
@@ -115,8 +117,7 @@ class Comparison:
         if self.changed:
             return CHANGED
         low, high = self.narrow
-        half = (self.interval[1] - self.interval[0]) / 2
-        sure = self.resolution <= max(half, self.margin)  # else it is that of models between their levels, which the interval lacks
+        sure = self.resolution <= max(np.ptp(self.interval) / 2, self.margin)  # else it is that of models between their levels
         return SAME if sure and 1 - self.margin < low <= high < 1 + self.margin else UNCLEAR
 
     @property
@@ -134,19 +135,21 @@ def compare(before: Model, after: Model, margin: float = MARGIN) -> Comparison:
         raise ValueError(f"{before.name} and {after.name} are models of other quantities, or in other units")
     curves = tuple(_change(before, after, place) for place in common_curves(before, after))
     ratios, weights = (np.array([getattr(curve, name) for curve in curves]) for name in ("ratio", "weight"))
+    shares = weights / weights.sum()
     found = weighted_mean(ratios, weights, CONFIDENCE)
+    between = _of_interpolation(before, after, curves, shares)
     return Comparison(
         before=before.name,
         after=after.name,
         unit=before.output.unit,
-        curves=tuple(replace(curve, weight=float(share)) for curve, share in zip(curves, weights / weights.sum(), strict=True)),
+        curves=tuple(replace(curve, weight=share) for curve, share in zip(curves, shares.tolist(), strict=True)),
         ratio=found.value,
         interval=found.interval,
         narrow=weighted_mean(ratios, weights, EQUIVALENCE).interval,
         p=weighted_mean(ratios - 1, weights, CONFIDENCE).p,
         p_permutation=sign_permutation(weights * (ratios - 1)),
         margin=margin,
-        resolution=max((found.interval[1] - found.interval[0]) / 2, _of_interpolation(before, after, curves, weights / weights.sum())),
+        resolution=max((found.interval[1] - found.interval[0]) / 2, between),
         terms=term_changes(before, after),
     )
 
@@ -162,20 +165,11 @@ def _of_interpolation(before: Model, after: Model, curves: Sequence[CurveChange]
         for model in (before, after) if curve.interpolated else ():
             if model.left_out is None or model.level is None:
                 continue
-            points = grid(before, after, Place(curve.curve, curve.level, True))
+            points = grid(before, after, Place(curve.curve, curve.level))
             half = float(half_widths(model.left_out, points[model.level][:1], CONFIDENCE)[0])
             size = float(np.sqrt(np.mean(predict(before, points) ** 2)))
             squares += (share * half / size) ** 2 if math.isfinite(half) and size > 0 else math.inf
     return math.sqrt(squares)
-
-
-@dataclass(frozen=True)
-class Place:
-    """Where a curve of one model is held against the other: its name, its level, and whether a model is interpolated to get there."""
-
-    curve: str
-    level: float | None
-    interpolated: bool = False
 
 
 def common_curves(before: Model, after: Model) -> list[Place]:
@@ -191,24 +185,24 @@ def common_curves(before: Model, after: Model) -> list[Place]:
         names = {one.curve for one in second}
         found = [Place(one.curve, None) for one in first if one.curve in names]
     else:
-        pairs = _same_levels(first, second)
-        found = [Place(one.curve, (_level(one) + _level(other)) / 2) for one, other in pairs]
+        own, others = _levels(first), _levels(second)
+        near = SAME_LEVEL * float(min(np.concatenate([np.diff(own), np.diff(others), [math.inf]])))
+        pairs = product(zip(first, own, strict=True), others)
+        found = [Place(one.curve, (level + other) / 2) for (one, level), other in pairs if abs(level - other) <= near]
         if len(found) < FEWEST_CURVES:
-            found = min((_inside(first, second), _inside(second, first)), key=len)
+            found = min((_inside(first, others), _inside(second, own)), key=len)
     if len(found) < FEWEST_CURVES:
         raise ValueError(f"{before.name} and {after.name} have {len(found)} curves in common; a comparison needs at least {FEWEST_CURVES}")
     return found
 
 
-def _same_levels(first: Sequence[CurveRange], second: Sequence[CurveRange]) -> list[tuple[CurveRange, CurveRange]]:
-    distances = [np.diff(np.sort([_level(one) for one in ranges])) for ranges in (first, second)]
-    near = SAME_LEVEL * float(min(np.concatenate([*distances, [math.inf]])))
-    return [(one, other) for one in first for other in second if abs(_level(one) - _level(other)) <= near]
+def _levels(ranges: Sequence[CurveRange]) -> list[float]:
+    return [one.level for one in ranges if one.level is not None]
 
 
-def _inside(ranges: Sequence[CurveRange], others: Sequence[CurveRange]) -> list[Place]:
-    levels = [_level(one) for one in others]
-    return [Place(one.curve, one.level, True) for one in ranges if min(levels) <= _level(one) <= max(levels)]
+def _inside(ranges: Sequence[CurveRange], levels: Sequence[float]) -> list[Place]:
+    own = zip(ranges, _levels(ranges), strict=True)
+    return [Place(one.curve, level, True) for one, level in own if min(levels) <= level <= max(levels)]
 
 
 def _ranges(model: Model) -> tuple[CurveRange, ...]:
@@ -216,11 +210,6 @@ def _ranges(model: Model) -> tuple[CurveRange, ...]:
     if not ranges or model.memories:
         raise ValueError(f"{model.name} has no curves to compare: it runs along recordings, or is a sum")
     return ranges
-
-
-def _level(one: CurveRange) -> float:
-    assert one.level is not None
-    return one.level
 
 
 def grid(before: Model, after: Model, place: Place) -> dict[str, Array]:
@@ -247,8 +236,7 @@ def _limits(model: Model, place: Place, name: str) -> tuple[float, float]:
     ranges = _ranges(model)
     if place.level is None:
         return next(one.limits[name] for one in ranges if one.curve == place.curve)
-    levels = [_level(one) for one in ranges]
-    low, high = (float(np.interp(place.level, levels, [one.limits[name][end] for one in ranges])) for end in (0, 1))
+    low, high = (float(np.interp(place.level, _levels(ranges), [one.limits[name][end] for one in ranges])) for end in (0, 1))
     return low, high
 
 
@@ -258,21 +246,20 @@ def _change(before: Model, after: Model, place: Place) -> CurveChange:
     d = b - a
     worst = int(np.argmax(np.abs(d)))
     return CurveChange(
-        place.curve,
-        place.level,
-        len(a),
-        float(a @ b / (a @ a)),
-        float(a @ a),
-        float(d.mean()),
-        float(np.sqrt(np.mean(d**2))),
-        float(d[worst]),
-        {name: float(values[worst]) for name, values in points.items()},
-        place.interpolated,
+        curve=place.curve,
+        level=place.level,
+        points=len(a),
+        ratio=float(a @ b / (a @ a)),
+        weight=float(a @ a),
+        difference=float(d.mean()),
+        rms=float(np.sqrt(np.mean(d**2))),
+        largest=float(d[worst]),
+        place={name: float(values[worst]) for name, values in points.items()},
+        interpolated=place.interpolated,
     )
 
 
-@dataclass(frozen=True)
-class ReferencePoint:
+class ReferencePoint(NamedTuple):
     """A place that all models were trained at, and the output of each of them there."""
 
     inputs: Mapping[str, float]
@@ -283,11 +270,9 @@ def reference_points(models: Sequence[Model]) -> list[ReferencePoint]:
     """Return the middle of every curve that the first and last model have in common, inside the ranges of both; at most `MOST_POINTS`."""
     first, last = models[0], models[-1]
     places = common_curves(first, last)
-    shown = sorted({round(place) for place in np.linspace(0, len(places) - 1, min(len(places), MOST_POINTS))})
     points = []
-    for number in shown:
-        columns = grid(first, last, places[number])
-        middle = {name: values[len(values) // 2 : len(values) // 2 + 1] for name, values in columns.items()}
+    for number in sorted({round(place) for place in np.linspace(0, len(places) - 1, min(len(places), MOST_POINTS))}):
+        middle = {name: values[[len(values) // 2]] for name, values in grid(first, last, places[number]).items()}
         outputs = tuple(float(predict(model, middle)[0]) for model in models)
         points.append(ReferencePoint({name: float(value[0]) for name, value in middle.items()}, outputs))
     return points
@@ -300,17 +285,17 @@ def term_changes(before: Model, after: Model) -> tuple[TermChange, ...]:
     """
     if not isinstance(before.body, Pieces) or not isinstance(after.body, Pieces):
         return ()
-    later = {one.id: one for one in after.body.segments}
+    first, second = ({one.id: _coefficients(one) for one in body.segments} for body in (before.body, after.body))
     changes = []
-    for one in before.body.segments:
-        if (other := later.get(one.id)) is None:
-            continue
-        found = [
-            dict(zip(s.terms, zip(s.theta * s.scaling.y_slope, s.theta_error * abs(s.scaling.y_slope), strict=True), strict=True))
-            for s in (one, other)
-        ]
-        for term in dict.fromkeys((*one.terms, *other.terms)):
-            (a, a_error), (b, b_error) = (terms.get(term, (None, math.nan)) for terms in found)
-            error = math.hypot(a_error, b_error)
-            changes.append(TermChange(one.id, term, None if a is None else float(a), None if b is None else float(b), error))
+    for segment in (name for name in first if name in second):
+        for term in dict.fromkeys((*first[segment], *second[segment])):
+            (a, a_error), (b, b_error) = (terms[segment].get(term, (None, math.nan)) for terms in (first, second))
+            changes.append(TermChange(segment, term, a, b, math.hypot(a_error, b_error)))
     return tuple(changes)
+
+
+def _coefficients(segment: SegmentFunction) -> dict[str, tuple[float, float]]:
+    """Return the coefficient of every term and its standard error, in the unit of the output."""
+    scale = segment.scaling.y_slope
+    pairs = zip((segment.theta * scale).tolist(), (segment.theta_error * abs(scale)).tolist(), strict=True)
+    return dict(zip(segment.terms, pairs, strict=True))

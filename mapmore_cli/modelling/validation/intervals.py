@@ -33,23 +33,15 @@ from mapmore_cli.domain.errors import DataError, FitError, UsageError
 from mapmore_cli.domain.models import LeftOut, LeftOutKind, Model
 from mapmore_cli.modelling.kinds import outside_range, predict
 
-INTERVAL = 0.95
-"""The level of the intervals of scores and figures."""
-
-SHARES = np.linspace(0.0, 1.0, 101)
-"""Of a part's samples: where the quantiles of its residuals are kept."""
+INTERVAL = 0.95  # the level of the intervals of scores and figures
+SHARES = np.linspace(0.0, 1.0, 101)  # of a part's samples: where the quantiles of its residuals are kept
 
 FEW: Mapping[int, float] = {3: 5.06, 4: 4.03, 5: 3.23}
 """c_K by the number of levels, of all families: `python docs/interval_tables.py`; six levels take that of five."""
 
-LEAST = 1e-3
-"""Errors count as no smaller than this share of the largest |target|."""
-
-NORMAL = 1.959964
-"""The quantile of the normal distribution that the constants of `FEW` are for."""
-
-AT_LEVEL = 0.02
-"""A sample nearer to a level than this share of the gap is at the level."""
+LEAST = 1e-3  # errors count as no smaller than this share of the largest |target|
+NORMAL = 1.959964  # the quantile of the normal distribution that the constants of `FEW` are for
+AT_LEVEL = 0.02  # a sample nearer to a level than this share of the gap is at the level
 
 ASTRAY = 0.25
 """Left-out predictions further beyond the training data than this share of their range: the model is not to be trusted between levels."""
@@ -94,12 +86,8 @@ def summary(kind: LeftOutKind, curves: int, residuals: Mapping[str, Sequence[Arr
 
 def refusal(left_out: LeftOut) -> str | None:
     """Say why there is no interval; None where there is one."""
-    if left_out.astray <= ASTRAY:
-        return None
-    return (
-        f"without one of its levels, the model lies beyond the measured values by {100 * left_out.astray:.0f} % of their range: "
-        "there are no intervals"
-    )
+    beyond = f"the model lies beyond the measured values by {100 * left_out.astray:.0f} % of their range"
+    return f"without one of its levels, {beyond}: there are no intervals" if left_out.astray > ASTRAY else None
 
 
 def half_widths(left_out: LeftOut, at: Array, level: float) -> Array:
@@ -116,7 +104,7 @@ def half_widths(left_out: LeftOut, at: Array, level: float) -> Array:
 
 def few_levels(left_out: LeftOut, at: Array, level: float, scales: Mapping[int, float] = FEW) -> Array:
     """Return the half widths at the levels `at`, (n,), by the rule for three to six levels."""
-    from scipy.special import ndtri, stdtrit
+    from scipy.special import ndtri, stdtrit  # here and below: loading it takes a fifth of a run without any
 
     places, count = np.array(left_out.places), left_out.curves
     gap = np.clip(np.searchsorted(places, at, side="right") - 1, 0, count - 2)
@@ -138,25 +126,23 @@ def many_curves(left_out: LeftOut, level: float) -> float:
     """Return half of the width by Student's t over curves, or by the quantile of the absolute residuals where that is larger."""
     from scipy.special import stdtrit
 
-    new = 1 + 1 / left_out.curves
-    t = float(stdtrit(left_out.curves - 1, 0.5 + level / 2))
-    between, within = float(np.mean(left_out.offset**2)), float(np.mean(left_out.scatter**2))
-    return max(t * math.sqrt(between * new + within), float(np.quantile(left_out.sizes, level)) * new)
+    new, t = 1 + 1 / left_out.curves, float(stdtrit(left_out.curves - 1, 0.5 + level / 2))
+    normal = t * math.sqrt(float(np.mean(left_out.offset**2)) * new + float(np.mean(left_out.scatter**2)))
+    return max(normal, float(np.quantile(left_out.sizes, level)) * new)
 
 
 def half_widths_of(model: Model, columns: Columns, level: float) -> Array:
-    """Return half of the width of a model's intervals at every row, (n,); NaN where they are refused.
-
-    Raises UsageError for a level that is not between 0 and 1; DataError for a model that holds no left-out residuals.
-    """
+    """Return half of the width of a model's intervals at every row, (n,); NaN where they are refused. Raises as `checked`."""
     left_out = checked(model, level)
-    count = len(next(iter(columns.values())))
-    at = np.full(count, np.nan) if model.level is None else columns[model.level]
+    at = np.full(len(next(iter(columns.values()))), np.nan) if model.level is None else columns[model.level]
     return half_widths(left_out, at, level)
 
 
 def checked(model: Model, level: float) -> LeftOut:
-    """Return what intervals are made of; raises as `half_widths_of`."""
+    """Return what intervals are made of.
+
+    Raises UsageError for a level that is not between 0 and 1; DataError for a model that holds no left-out residuals.
+    """
     if not 0 < level < 1:
         raise UsageError(f"there is no interval of level {level:g}", "give a number between 0 and 1, as 0.95")
     if model.left_out is None:
@@ -166,7 +152,7 @@ def checked(model: Model, level: float) -> LeftOut:
 
 
 def interval(model: Model, columns: Columns, level: float) -> tuple[Array, Array]:
-    """Return the ends of the interval at every row, (n,) each; NaN where there is none. Raises as `half_widths_of`."""
+    """Return the ends of the interval at every row, (n,) each; NaN where there is none. Raises as `checked`."""
     half = half_widths_of(model, columns, level)
     return ends(predict(model, columns), outside_range(model, columns), half)
 

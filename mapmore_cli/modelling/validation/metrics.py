@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray
-from mapmore_cli.domain.recording import DIRECTION, Curve, Dataset
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.recording import DIRECTION, Dataset
 from mapmore_cli.domain.results import Forecast
 from mapmore_cli.domain.scores import Score
 from mapmore_cli.modelling.signals.rates import FALL, RISE
@@ -25,53 +26,38 @@ class Normaliser:
 
     def fraction(self, error: float) -> float:
         """Return the error as a fraction; NaN where there is nothing to divide by."""
-        return error / self.value if self.value > 0 else float("nan")
+        return error / self.value if self.value > 0 else math.nan
 
 
-def max_abs(y: Array, quantity: str, split: str) -> Normaliser:
-    """`max |y|` over the samples of a split (M2 eq 13)."""
-    return Normaliser(f"max|{quantity}| over {split}", float(np.abs(y).max()))
+NORMALISERS: Mapping[str, tuple[str, Callable[[Array], Any]]] = {
+    "max": ("max|{}| over {}", lambda y: np.abs(y).max()),
+    "range": ("range of {} over {}", np.ptp),
+}
+"""By the names that specs have for them: `max |y|` (M2 eq 13), and `max y - min y` for quantities whose zero is arbitrary."""
 
 
-def extent(y: Array, quantity: str, split: str) -> Normaliser:
-    """`max y - min y` over the samples of a split, for quantities whose zero is arbitrary."""
-    return Normaliser(f"range of {quantity} over {split}", float(np.ptp(y)))
+def normaliser(kind: str, y: Array, quantity: str, split: str) -> Normaliser:
+    """Return one of `NORMALISERS` over the samples of a split."""
+    name, size = NORMALISERS[kind]
+    return Normaliser(name.format(quantity, split), float(size(y)))
 
 
-NORMALISERS = {"max": max_abs, "range": extent}
-"""By the names that specs have for them."""
-
-
-def score(
-    model: str,
-    target: str,
-    split: str,
-    curve: str,
-    measured: Array,
-    predicted: Array,
-    scale: Normaliser,
-    *,
-    ready: BoolArray | None = None,
-    one_step: Array | None = None,
-    half: Array | None = None,
-) -> Score:
-    """One row of the score table over n pooled samples.
+def score(model: str, target: str, split: str, curve: str, measured: Array, found: Forecast, scale: Normaliser) -> Score:
+    """One row of the score table over n pooled samples, `measured` (n,) and as a model has `found` them.
 
     `RMSE = sqrt(mean (y - yhat)^2)`, `NRMSE = RMSE / scale` (M2 eq 13), `R^2 = 1 - SSE / sum (y - mean y)^2`, which is NaN for a
     constant y, and `RRSE = sqrt(SSE / sum (y - mean y)^2)`. `scale` is the normaliser over all samples of the split, so that the rows of
     its curves can be compared.
 
-    Samples that are not `ready` (all are, where nothing is said) are the history that a model with memory goes on from: they count in no
-    number but the spread of the RRSE, as it is usual. `one_step` are predictions from the measured past.
-    `half` are half widths of intervals, NaN where there is none.
+    Samples that are not `ready` are the history that a model with memory goes on from: they count in no number but the spread of the RRSE,
+    as it is usual.
     """
-    known = np.ones(len(measured), dtype=np.bool_) if ready is None else ready
+    known, predicted = found.ready, found.values
     y, error = measured[known], (predicted - measured)[known]
     unit = _unit_of(error, y)
-    spread = float(np.sum(((y - y.mean()) / unit) ** 2))
-    rmse = unit * float(np.sqrt(np.mean((error / unit) ** 2)))
-    worst = float(np.abs(error).max())
-    width = np.full(len(y), np.nan) if half is None else half[known]
+    spread, squares = float(np.sum(((y - y.mean()) / unit) ** 2)), (error / unit) ** 2
+    rmse, worst = unit * float(np.sqrt(np.mean(squares))), float(np.abs(error).max())
+    width = np.full(len(y), np.nan) if found.half is None else found.half[known]
     given = np.isfinite(width)
     return Score(
         model=model,
@@ -85,12 +71,12 @@ def score(
         normaliser_name=scale.name,
         max_abs_error=worst,
         max_abs_error_fs=scale.fraction(worst),
-        r2=1 - float(np.sum((error / unit) ** 2)) / spread if spread > 0 else float("nan"),
+        r2=1 - float(np.sum(squares)) / spread if spread > 0 else math.nan,
         rrse=relative(error, measured),
-        rrse_one_step=float("nan") if one_step is None else relative((one_step - measured)[known], measured),
+        rrse_one_step=math.nan if found.one_step is None else relative((found.one_step - measured)[known], measured),
         r_uncentred=uncentred(y, predicted[known]),
-        interval_coverage=float(np.mean(np.abs(error[given]) <= width[given])) if given.any() else float("nan"),
-        interval_half_width=float(np.median(width[given])) if given.any() else float("nan"),
+        interval_coverage=float(np.mean(np.abs(error[given]) <= width[given])) if given.any() else math.nan,
+        interval_half_width=float(np.median(width[given])) if given.any() else math.nan,
     )
 
 
@@ -98,14 +84,20 @@ def uncentred(measured: Array, predicted: Array) -> float:
     """`sum y yhat / sqrt(sum y^2 sum yhat^2)`: W's correlation index, not Pearson's; NaN where either is zero throughout."""
     measured, predicted = measured / _unit_of(measured), predicted / _unit_of(predicted)
     size = float(np.linalg.norm(measured) * np.linalg.norm(predicted))
-    return float(measured @ predicted) / size if size > 0 else float("nan")
+    return float(measured @ predicted) / size if size > 0 else math.nan
 
 
 def relative(error: Array, measured: Array) -> float:
     """`sqrt(sum error^2 / sum (y - mean y)^2)`, of errors of some or all of the measured samples; NaN for a constant y."""
     unit = _unit_of(error, measured)
     spread = float(np.sum(((measured - measured.mean()) / unit) ** 2))
-    return float(np.sqrt(np.sum((error / unit) ** 2) / spread)) if spread > 0 else float("nan")
+    return float(np.sqrt(np.sum((error / unit) ** 2) / spread)) if spread > 0 else math.nan
+
+
+def _unit_of(*values: Array) -> float:
+    """Return a power of two next to the largest value, in which squares neither vanish nor overflow; dividing by it changes no digit."""
+    largest = max(float(np.abs(array).max(initial=0.0)) for array in values)
+    return math.ldexp(0.5, math.frexp(largest)[1]) if 0 < largest < math.inf else 1.0
 
 
 EDGES = (0.0, 0.1, 0.25, 0.5, 1.0)
@@ -114,12 +106,12 @@ EDGES = (0.0, 0.1, 0.25, 0.5, 1.0)
 
 @dataclass(frozen=True)
 class Band:
-    """Samples whose absolute value lies in one band."""
+    """Samples whose absolute value lies between `low` and `high`; the RMSE is by model, NaN where it has no prediction there."""
 
-    low: float  # in the target's unit
+    low: float
     high: float
     samples: int
-    rmse: Mapping[str, float]  # by model; NaN where the model has no prediction there
+    rmse: Mapping[str, float]
 
 
 def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tuple[Band, ...]:
@@ -129,11 +121,12 @@ def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tup
     """
     some_held_out = any(curve.held_out.any() for curve in dataset.curves)
     masks = [curve.held_out if some_held_out else curve.training for curve in dataset.curves]
-    measured = np.concatenate([curve.columns[dataset.target][mask] for curve, mask in zip(dataset.curves, masks, strict=True)])
-    errors = {
-        model: np.concatenate([values[mask] for values, mask in zip(of_curves, masks, strict=True)]) - measured
-        for model, of_curves in predictions.items()
-    }
+
+    def chosen(values: Sequence[Array]) -> Array:
+        return np.concatenate([own[mask] for own, mask in zip(values, masks, strict=True)])
+
+    measured = chosen([curve.columns[dataset.target] for curve in dataset.curves])
+    errors = {model: chosen(values) - measured for model, values in predictions.items()}
     size = np.abs(measured)
     edges = np.array(EDGES) * float(size.max(initial=0.0))
     inside = np.digitize(size, edges[1:-1], right=True)
@@ -141,51 +134,20 @@ def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tup
     for number, (low, high) in enumerate(pairwise(edges)):
         rows = inside == number
         if rows.any():
-            found.append(Band(float(low), float(high), int(rows.sum()), {model: _rmse(error[rows]) for model, error in errors.items()}))
+            known = {model: error[rows & np.isfinite(error)] for model, error in errors.items()}
+            rmse = {model: float(np.sqrt(np.mean(error**2))) if len(error) else math.nan for model, error in known.items()}
+            found.append(Band(float(low), float(high), int(rows.sum()), rmse))
     return tuple(found)
 
 
-def _rmse(error: Array) -> float:
-    known = error[np.isfinite(error)]
-    return float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")
+SPLITS = (("train", False), ("validate", True))  # names of the splits, and whether their samples are held out
 
 
-def _unit_of(*values: Array) -> float:
-    """Return a power of two next to the largest value, in which squares neither vanish nor overflow; dividing by it changes no digit."""
-    largest = max(float(np.abs(array).max(initial=0.0)) for array in values)
-    return math.ldexp(0.5, math.frexp(largest)[1]) if 0 < largest < math.inf else 1.0
-
-
-SPLITS = (("train", False), ("validate", True))
-"""Names of the splits, and whether their samples are held out."""
-
-
-@dataclass(frozen=True)
-class _Part:
-    """Samples of a curve, as measured and as a model says, (n,) each."""
-
-    curve: str
-    measured: Array
-    predicted: Array
-    ready: BoolArray
-    one_step: Array | None
-    half: Array | None
-
-    def score(self, model: str, target: str, split: str, scale: Normaliser) -> Score:
-        """Return the row of these samples."""
-        return score(
-            model, target, split, self.curve, self.measured, self.predicted, scale, ready=self.ready, one_step=self.one_step, half=self.half
-        )
-
-
-def divisor(dataset: Dataset, normaliser: str) -> Normaliser:
-    """Return what all errors of a study are divided by: a measure of the validation rows, as in the papers, else of the training rows.
-
-    `normaliser` is one of `metrics.NORMALISERS`.
-    """
+def divisor(dataset: Dataset, kind: str) -> Normaliser:
+    """Return what all errors of a study are divided by: a measure of the validation rows, as in the papers, else of the training rows."""
     held_out = any(curve.held_out.any() for curve in dataset.curves)
     measured = np.concatenate([curve.columns[dataset.target][curve.held_out == held_out] for curve in dataset.curves])
-    return NORMALISERS[normaliser](measured, dataset.target, "validate" if held_out else "train")
+    return normaliser(kind, measured, dataset.target, "validate" if held_out else "train")
 
 
 def on_common_rows(forecasts: Mapping[str, Sequence[Forecast]]) -> dict[str, tuple[Forecast, ...]]:
@@ -206,52 +168,41 @@ def score_rows(
 ) -> Iterator[Score]:
     """Rows of one model, whose `forecasts` are those of the dataset's curves; with `partial`, of the samples that it predicts.
 
-    `scale` is the `divisor` of the study. `group` is a quantity: the samples of each of its values also have a row of their own.
+    Of each split: all samples, those of each curve, of each direction of a curve, and of each value of the quantity `group`. What has no
+    sample that could be predicted has no row. `scale` is the `divisor` of the study.
     """
-    every = list(zip(dataset.curves, forecasts, strict=True))
-    for split, held_out in SPLITS:
-        masks = [curve.held_out == held_out for curve, _ in every]
-        counted = [mask & found.ready if partial else mask for mask, (_, found) in zip(masks, every, strict=True)]
-        parts, ways = [], []
-        for (curve, found), mask in zip(every, counted, strict=True):
-            parts += _parts(curve.id, dataset.target, curve, found, mask)
-            for word, sign in (("rise", RISE), ("fall", FALL)):
-                if DIRECTION in curve.columns:
-                    name = f"{curve.id};direction={word}"
-                    ways += _parts(name, dataset.target, curve, found, mask & (curve.columns[DIRECTION] == sign))
-        if not parts:
-            continue
-        yield _pooled(parts).score(model, target, split, scale)
-        for part in (*parts, *ways, *(_of_groups(group, dataset.target, every, counted) if group is not None else ())):
-            yield part.score(model, target, split, scale)
+    curves = dataset.curves
+
+    def column(name: str) -> Array:
+        return np.concatenate([curve.columns[name] for curve in curves])
+
+    measured, found = column(dataset.target), _joined(forecasts)
+    held_out = np.concatenate([curve.held_out for curve in curves])
+    every = np.split(np.arange(len(measured)), np.cumsum([curve.size for curve in curves])[:-1])
+    for split, held in SPLITS:
+        wanted = (held_out == held) & (found.ready if partial else True)
+        of_curves = [rows[wanted[rows]] for rows in every]
+        parts = [("all", of_curves), *((curve.id, [rows]) for curve, rows in zip(curves, of_curves, strict=True))]
+        if DIRECTION in curves[0].columns:
+            way = column(DIRECTION)
+            for curve, rows in zip(curves, of_curves, strict=True):
+                parts += [(f"{curve.id};direction={word}", [rows[way[rows] == sign]]) for word, sign in (("rise", RISE), ("fall", FALL))]
+        if group is not None:
+            of = column(group)
+            parts += [(f"{group}={value:g}", [rows[of[rows] == value] for rows in of_curves]) for value in np.unique(of[wanted])]
+        for name, some in parts:
+            predicted = [rows for rows in some if found.ready[rows].any()]
+            if predicted:
+                rows = np.concatenate(predicted)
+                others = (None if column is None else column[rows] for column in (found.one_step, found.half))
+                yield score(model, target, split, name, measured[rows], Forecast(found.values[rows], found.ready[rows], *others), scale)
 
 
-def _of_groups(of: str, target: str, every: Sequence[tuple[Curve, Forecast]], masks: Sequence[BoolArray]) -> Iterator[_Part]:
-    """Yield the samples of each group, of all curves together."""
-    for value in np.unique(np.concatenate([curve.columns[of][mask] for (curve, _), mask in zip(every, masks, strict=True)])):
-        chosen = [(curve, found, mask & (curve.columns[of] == value)) for (curve, found), mask in zip(every, masks, strict=True)]
-        found = [part for curve, said, mask in chosen for part in _parts("", target, curve, said, mask)]
-        if found:
-            yield replace(_pooled(found), curve=f"{of}={value:g}")
+def _joined(forecasts: Sequence[Forecast]) -> Forecast:
+    """Return the forecasts of several curves as one; what one of them lacks, the whole lacks."""
 
+    def whole(name: str) -> Any:
+        columns = [getattr(one, name) for one in forecasts]
+        return None if any(column is None for column in columns) else np.concatenate(columns)
 
-def _parts(name: str, target: str, curve: Curve, found: Forecast, mask: BoolArray) -> list[_Part]:
-    """Return the samples of a mask; nothing where none of them could be predicted."""
-    if not (mask & found.ready).any():
-        return []
-    one_step = None if found.one_step is None else found.one_step[mask]
-    half = None if found.half is None else found.half[mask]
-    return [_Part(name, curve.columns[target][mask], found.values[mask], found.ready[mask], one_step, half)]
-
-
-def _pooled(parts: Sequence[_Part]) -> _Part:
-    one_steps = [part.one_step for part in parts if part.one_step is not None]
-    halves = [part.half for part in parts if part.half is not None]
-    return _Part(
-        "all",
-        np.concatenate([part.measured for part in parts]),
-        np.concatenate([part.predicted for part in parts]),
-        np.concatenate([part.ready for part in parts]),
-        np.concatenate(one_steps) if len(one_steps) == len(parts) else None,
-        np.concatenate(halves) if len(halves) == len(parts) else None,
-    )
+    return Forecast(whole("values"), whole("ready"), whole("one_step"), whole("half"))

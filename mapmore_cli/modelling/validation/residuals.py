@@ -11,26 +11,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.models import Model, Pieces
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.scores import OWN, Score
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import outside_range
+from mapmore_cli.modelling.validation.intervals import NORMAL
 
-LAGS = 25
-"""Longest lag, samples; less where records are short."""
-
-PARTS = 10
-"""Parts of the range of an input, each with as many samples, in which the mean residual is told."""
-
-NORMAL_95 = 1.959964
-"""Half the width of the interval that holds 95 % of a standard normal variable."""
+LAGS = 25  # longest lag, samples; less where records are short
+PARTS = 10  # parts of the range of an input, each with as many samples, in which the mean residual is told
 
 
 @dataclass(frozen=True)
 class Correlation:
-    """Correlations `values` (m,) at some `lags` (m,); of noise 95 % lie within `bound` of zero."""
+    """Correlations `values` (m,) at some `lags` (m,); of noise 95 % lie within `bound` of zero.
+
+    That of a residual with itself, one, is not among the `tested` ones, of which so many lie `beyond`.
+    """
 
     lags: Array
     values: Array
@@ -38,7 +36,7 @@ class Correlation:
 
     @property
     def beyond(self) -> int:
-        """How many lie outside; that of a residual with itself does not count."""
+        """How many lie outside."""
         return int((np.abs(self.values[self.values < 1.0]) > self.bound).sum())
 
     @property
@@ -66,49 +64,36 @@ class PartMeans:
         return len(self.values)
 
 
-def longest_lag(pieces: Sequence[Array]) -> int:
-    """`LAGS`, or a quarter of the longest piece."""
-    return min(LAGS, max(len(piece) for piece in pieces) // 4)
-
-
 def autocorrelation(residuals: Sequence[Array]) -> Correlation:
     """`r_k = sum_t e_t e_(t+k) / sum_t e_t^2` of residuals less their mean, over pieces that follow one another in time or place.
 
-    Bounds are `1.96/sqrt(n)` for n residuals in all pieces.
-
-    - `residuals`: one array a piece, NaN where there is none.
+    There is one array of `residuals` a piece, NaN where there is none. Bounds are `1.96/sqrt(n)` for n residuals in all pieces.
     """
-    (e,), n = _centred([residuals])
-    lags = np.arange(longest_lag(residuals) + 1)
-    power = sum(float(piece @ piece) for piece in e)
-    values = np.array([sum(float(piece[: len(piece) - k] @ piece[k:]) for piece in e if len(piece) > k) for k in lags]) / power
-    return Correlation(lags.astype(np.float64), values, NORMAL_95 / np.sqrt(n))
+    found = cross_correlation(residuals, residuals)
+    half = len(found.lags) // 2
+    return Correlation(found.lags[half:], found.values[half:], found.bound)
 
 
 def cross_correlation(residuals: Sequence[Array], inputs: Sequence[Array]) -> Correlation:
     """`r_k = sum_t u_t e_(t+k) / sqrt(sum u^2 sum e^2)`, both less their means: at a positive lag k the input came k samples before."""
-    (e, u), n = _centred([residuals, inputs])
-    most = longest_lag(residuals)
+    known = [np.isfinite(e) & np.isfinite(u) for e, u in zip(residuals, inputs, strict=True)]
+    e, u = (_centred(series, known) for series in (residuals, inputs))
+    most = min(LAGS, max(map(len, e)) // 4)
     lags = np.arange(-most, most + 1)
-    scale = np.sqrt(sum(float(piece @ piece) for piece in e) * sum(float(piece @ piece) for piece in u))
-    values = np.array([sum(_shifted(a, b, int(k)) for a, b in zip(u, e, strict=True)) for k in lags]) / scale
-    return Correlation(lags.astype(np.float64), values, NORMAL_95 / np.sqrt(n))
+    scale = np.sqrt(_shifted(e, e, 0) * _shifted(u, u, 0))
+    values = np.array([_shifted(u, e, k) for k in lags.tolist()]) / scale
+    return Correlation(lags.astype(np.float64), values, NORMAL / np.sqrt(sum(int(rows.sum()) for rows in known)))
 
 
-def _shifted(u: Array, e: Array, k: int) -> float:
-    if abs(k) >= len(u):
-        return 0.0
-    return float(u[: len(u) - k] @ e[k:]) if k >= 0 else float(u[-k:] @ e[:k])
+def _shifted(u: Sequence[Array], e: Sequence[Array], k: int) -> float:
+    pieces = ((a[max(-k, 0) : max(len(a) - k, 0)], b[max(k, 0) : max(len(b) + k, 0)]) for a, b in zip(u, e, strict=True))
+    return sum(float(a @ b) for a, b in pieces)
 
 
-def _centred(series: Sequence[Sequence[Array]]) -> tuple[list[list[Array]], int]:
-    """Every series less its mean over all pieces, zero at samples where any of them is missing; and how many samples remain."""
-    known = [np.logical_and.reduce([np.isfinite(piece) for piece in pieces]) for pieces in zip(*series, strict=True)]
-    centred = []
-    for one in series:
-        mean = np.concatenate([piece[rows] for piece, rows in zip(one, known, strict=True)]).mean()
-        centred.append([np.where(rows, piece - mean, 0.0) for piece, rows in zip(one, known, strict=True)])
-    return centred, sum(int(rows.sum()) for rows in known)
+def _centred(series: Sequence[Array], known: Sequence[BoolArray]) -> list[Array]:
+    """Return a series less its mean over all pieces, zero at samples that are not known."""
+    mean = np.concatenate([piece[rows] for piece, rows in zip(series, known, strict=True)]).mean()
+    return [np.where(rows, piece - mean, 0.0) for piece, rows in zip(series, known, strict=True)]
 
 
 def means_over(residuals: Array, x: Array) -> PartMeans:
@@ -123,14 +108,11 @@ def means_over(residuals: Array, x: Array) -> PartMeans:
     parts = np.split(order, starts[1:]) if len(starts) <= PARTS else np.array_split(order, PARTS)
     places = np.array([x[part].mean() for part in parts])
     values = np.array([e[part].mean() for part in parts])
-    return PartMeans(places, values, NORMAL_95 * float(e.std()) / np.sqrt([len(part) for part in parts]))
+    return PartMeans(places, values, NORMAL * float(e.std()) / np.sqrt([len(part) for part in parts]))
 
 
-SAME = 1e-9
-"""Relative difference of two predictions, below which they say the same."""
-
-MOSTLY = 0.5
-"""Share of the held-out samples outside of the training range, above which scores are of extrapolation."""
+SAME = 1e-9  # relative difference of two predictions, below which they say the same
+MOSTLY = 0.5  # share of the held-out samples outside of the training range, above which scores are of extrapolation
 
 ROWS = {"train": "training data", "validate": "held-out data"}
 
@@ -138,10 +120,9 @@ ROWS = {"train": "training data", "validate": "held-out data"}
 def alarms(model: Model, dataset: Dataset, predictions: Sequence[Array], scores: Sequence[Score]) -> tuple[str, ...]:
     """Everything that a reader of the scores of the run's own model has to know first, one sentence each.
 
-    - `predictions`: of the model, for every curve of the dataset.
+    `predictions` are the model's, for every curve of the dataset.
     """
-    own = [row for row in scores if row.model == OWN and row.curve == "all"]
-    found = [told for row in own for told in _of_scores(row)]
+    found = [told for row in scores if row.model == OWN and row.curve == "all" for told in _of_scores(row)]
     return (*found, *_bare(model, dataset.curves, predictions), *_beyond(model, dataset.curves))
 
 
@@ -163,24 +144,19 @@ def _bare(model: Model, curves: Sequence[Curve], predictions: Sequence[Array]) -
     if not isinstance(body, Pieces) or body.backbone is None:
         return
     formula = literature.of(body.backbone)
+    same = f"the model says the same as its backbone {formula.name}"
     if not body.segments:
-        why = "because its pieces were dropped: left-out training data were predicted worse with them"
-    elif all(_equal(said, formula.predict(body.backbone.parameters, c.columns)) for c, said in zip(curves, predictions, strict=True)):
-        why = "on every sample: its pieces add nothing"
-    else:
+        yield f"{same}, because its pieces were dropped: left-out training data were predicted worse with them"
         return
-    yield f"the model says the same as its backbone {formula.name}, {why}"
-
-
-def _equal(a: Array, b: Array) -> bool:
-    return bool(np.allclose(a, b, rtol=SAME, atol=SAME * float(np.abs(b).max(initial=0.0)), equal_nan=True))
+    said, alone = np.concatenate(predictions), np.concatenate([formula.predict(body.backbone.parameters, c.columns) for c in curves])
+    if np.allclose(said, alone, rtol=SAME, atol=SAME * float(np.abs(alone).max(initial=0.0)), equal_nan=True):
+        yield f"{same}, on every sample: its pieces add nothing"
 
 
 def _beyond(model: Model, curves: Sequence[Curve]) -> Iterator[str]:
     """Held-out samples that no training sample surrounds."""
-    held_out = [curve for curve in curves if curve.held_out.any()]
-    every = sum(int(curve.held_out.sum()) for curve in held_out)
-    outside = sum(int(outside_range(model, curve.columns)[curve.held_out].sum()) for curve in held_out)
+    masks = [outside_range(model, curve.columns)[curve.held_out] for curve in curves if curve.held_out.any()]
+    every, outside = sum(map(len, masks)), sum(int(mask.sum()) for mask in masks)
     if outside == every > 0:
         yield "all held-out samples lie outside of the training range: every score of theirs is of extrapolation"
     elif outside > MOSTLY * every:

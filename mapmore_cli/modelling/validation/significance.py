@@ -12,13 +12,10 @@ from scipy.special import stdtr, stdtrit
 
 from mapmore_cli.domain.arrays import Array
 
-LEAST_FOR_PERMUTATION = 6
-"""With fewer numbers, no combination of signs is rarer than 1 in 20."""
+LEAST_FOR_PERMUTATION, MOST_FOR_PERMUTATION = 6, 14
+"""With fewer numbers, no combination of signs is rarer than 1 in 20; with more, not all combinations are tried."""
 
-MOST_FOR_PERMUTATION = 14
-
-ROUNDING = 1e-9
-"""What lies at the bound to this part of it is within: the order in which folds are added up decides nothing."""
+ROUNDING = 1e-9  # what lies at the bound to this part of it is within: the order in which folds are added up decides nothing
 
 
 @dataclass(frozen=True)
@@ -36,15 +33,14 @@ def weighted_mean(x: Array, weights: Array, confidence: float) -> Mean:
     With equal weights this is Student's interval. The scatter is taken from number to number, whatever it comes from. Where one of them has
     nearly all the weight, it is a statement about that one. Infinitely wide for a single number.
     """
-    n = len(x)
-    share = weights / weights.sum()
+    n, share = len(x), weights / weights.sum()
     mean = float(share @ x)
     if n < 2:
         return Mean(mean, (-math.inf, math.inf), 1.0)
     spread = math.sqrt(n / (n - 1) * float(np.sum((share * (x - mean)) ** 2)))
-    half = float(stdtrit(n - 1, 0.5 + confidence / 2)) * spread
     if spread == 0:
         return Mean(mean, (mean, mean), 1.0 if mean == 0 else 0.0)
+    half = float(stdtrit(n - 1, 0.5 + confidence / 2)) * spread
     return Mean(mean, (mean - half, mean + half), 2 * float(stdtr(n - 1, -abs(mean) / spread)))
 
 
@@ -62,8 +58,7 @@ def sign_permutation(x: Array) -> float | None:
     else:
         signs = np.random.default_rng(0).choice((1.0, -1.0), size=(2**MOST_FOR_PERMUTATION, n))
         signs[0] = 1.0
-    sums = np.abs(signs @ x)
-    return float(np.mean(sums >= abs(x.sum()) * (1 - 1e-12)))
+    return float(np.mean(np.abs(signs @ x) >= abs(x.sum()) * (1 - 1e-12)))
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,5 @@
 """FROLS against a textbook implementation written independently, and against every case in which known packages fail."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -36,14 +34,6 @@ def test_total_err_is_what_least_squares_explains(seed, n, M):
     assert ours.err.sum() == pytest.approx(1 - np.sum((y - fit) ** 2) / (y @ y), abs=1e-12)
     assert ours.err.sum() <= 1 + 1e-12
     assert ours.sse == pytest.approx(np.sum((y - fit) ** 2), abs=1e-10)
-
-
-def test_theta_is_of_the_original_terms_not_of_the_orthogonal_ones():
-    x = np.linspace(0.1, 1, 40)
-    P = np.column_stack([np.ones_like(x), x, x**2])
-    ours = frols(P, 2 - 3 * x + 0.5 * x**2)
-    np.testing.assert_allclose(ours.theta[np.argsort(ours.chosen)], [2, -3, 0.5], rtol=1e-9)
-    assert not np.allclose(ours.theta, ours.g)
 
 
 def test_standard_errors_are_those_of_ordinary_least_squares():
@@ -186,16 +176,12 @@ def test_shapes_that_do_not_fit(P, y):
         frols(np.ones((4, 2)), np.ones(4), max_terms=0)
 
 
-def test_a_selection_says_its_terms_and_predicts():
-    x = np.linspace(0, 1, 50)
-    P, y = np.column_stack([np.ones(50), x, x**2]), 3 * x**2 - 1
-    found = frols(P, y, max_terms=2, names=("1", "x", "x^2"))
-    assert found.names == ("x^2", "1")
-    assert frols(P, y, max_terms=2).names == ("p2", "p0")
-    np.testing.assert_allclose(found.predict(P[::-1]), y[::-1], atol=1e-12)
-    assert [row["term"] for row in found.table()] == ["x^2", "1"]
+def test_a_selection_says_its_terms() -> None:
+    """With names: the example of `frols`."""
+    P = np.vander(np.linspace(0, 1, 50), 3)
+    found = frols(P, 3 * P[:, 0] - 1, max_terms=2)
+    assert [row["term"] for row in found.table()] == list(found.names) == ["p0", "p2"]
     assert sum(row["err"] for row in found.table()) == pytest.approx(1)
-    assert repr(found).startswith("Selection(3*x^2 - 1; ERR ")
     assert repr(frols(P, np.zeros(50))) == "Selection(0; ERR none; stop: no_gain)"
     with pytest.raises(ValueError, match="2 names for 3 candidates"):
-        frols(P, y, names=("a", "b"))
+        frols(P, P[:, 0], names=("a", "b"))

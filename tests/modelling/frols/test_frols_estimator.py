@@ -1,7 +1,5 @@
 """`FROLS` keeps the protocol of scikit-learn, and says what the engine says."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -1,7 +1,5 @@
 """A fused model written out from the equations, row by row: what `predict` has to agree with."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from mapmore_cli.modelling import literature

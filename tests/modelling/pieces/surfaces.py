@@ -1,12 +1,11 @@
 """Curves of an imagined muscle for the tests of the method."""
 
-from __future__ import annotations
-
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 
 from mapmore_cli.domain.recording import Curve, Quantity
+from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import BelowAbove, Cuts, Fuse, Recipe
 from mapmore_cli.modelling.selection import Fit
 
@@ -50,3 +49,13 @@ def recipe(**changes):
     made = told(Recipe, fit=told(Fit), fuse=told(Fuse))
     assert not asked, f"unknown settings {list(asked)}"
     return made
+
+
+def built(samples=None, backbone=None, **changes):
+    """The model of the curves, or of some samples."""
+    return build("imagined", samples or curves(), recipe(**changes), QUANTITIES, backbone)
+
+
+def changed(curve, **columns):
+    """The curve with other columns."""
+    return replace(curve, columns={**curve.columns, **columns})

@@ -1,7 +1,5 @@
 """The definition, evaluated branch by branch, beside the equations written out row by row."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 
@@ -119,7 +117,7 @@ def test_agrees_with_the_sum_over_all_segments(seed, way, levels, segments):
     agree(model, places(rng, model))
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(seeds, ways, st.sampled_from([None, "c"]), st.integers(1, 3), st.integers(1, 3))
 def test_agrees_where_two_variables_are_cut(seed, way, level, count_a, count_b):
     rng = np.random.default_rng(seed)

@@ -16,7 +16,7 @@ from hypothesis.extra.numpy import arrays
 from mapmore_cli.modelling.expressions import operators
 from mapmore_cli.modelling.expressions.operator import FLOATS, Setting, along, followed
 from mapmore_cli.modelling.expressions.operators import OPERATORS, families
-from mapmore_cli.modelling.program.slopes import recursion_slopes
+from mapmore_cli.modelling.program.model import recursion_slopes
 
 sys.path.append(str(Path(__file__).parents[2] / "exporting"))
 

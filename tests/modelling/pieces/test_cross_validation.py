@@ -1,0 +1,305 @@
+"""What left-out training data decide: the share of a residual on a backbone, and the backbone; of levels, and of one surface."""
+
+from dataclasses import replace
+from itertools import pairwise, product
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from surfaces import QUANTITIES, built, changed, curves, force, recipe
+
+from mapmore_cli.domain.recording import Curve
+from mapmore_cli.modelling import literature
+from mapmore_cli.modelling.kinds import predict
+from mapmore_cli.modelling.literature.backbone import fit_formula
+from mapmore_cli.modelling.pieces import cross_validation
+from mapmore_cli.modelling.pieces.cross_validation import (
+    BACKBONE,
+    FEW,
+    MARGIN,
+    RESIDUAL,
+    SAMPLES,
+    SHRUNKEN,
+    Candidate,
+    LeftOut,
+    candidates,
+    choose_backbone,
+    inner_folds,
+    leave_out,
+    outer_folds,
+    simplest,
+    thin,
+    with_trusted_residual,
+)
+from mapmore_cli.modelling.pieces.recipe import Cuts
+from mapmore_cli.modelling.pieces.segmentation import joined_cells, segment_curve
+
+LEVELS = (80.0, 150.0, 250.0, 350.0)
+SETTINGS = {"max_terms": 2, "cuts": {"strain": Cuts("even", 2)}, "dictionary": ("1", "strain", "strain^2")}
+
+
+def trusted(samples, **changes):
+    made = recipe(max_terms=3, **changes)
+    return with_trusted_residual(on_polynomial(samples, max_terms=3, **changes), samples, made, QUANTITIES)
+
+
+def on_polynomial(samples, **changes):
+    return built(samples, fit_formula("polynomial_2", samples, "force"), **changes)
+
+
+def bumped(samples, height):
+    """A bump of each curve's own height, which no formula explains."""
+    moved = []
+    for number, curve in enumerate(samples):
+        bump = height(number) * np.sin(np.pi * curve.columns["strain"] / curve.columns["strain"].max())
+        moved.append(changed(curve, force=curve.columns["force"] + bump))
+    return moved
+
+
+def backbone_of(model, columns):
+    return literature.get(model.backbone.name).predict(model.backbone.parameters, columns)
+
+
+parts = st.integers(2, 30).flatmap(lambda n: st.tuples(*[st.lists(st.floats(-100, 100), min_size=n, max_size=n).map(np.array)] * 3))
+
+
+@given(parts)
+def test_no_share_is_better_on_the_left_out_data(arrays):
+    left_out = LeftOut(*arrays, folds=2)
+    g = left_out.share
+    assert 0 <= g <= 1
+    assert all(left_out.rmse(g) <= left_out.rmse(share) * (1 + 1e-9) + 1e-9 for share in np.linspace(0, 1, 21))
+
+
+def test_a_residual_that_runs_through_the_levels_is_carried_whole():
+    model = trusted(curves(levels=(*LEVELS, 450.0), held_out=()))
+    assert model.body.fusion.shrink > 0.8
+    by_choice = {error.choice: error.rmse for error in model.body.cross_validation}
+    assert list(by_choice) == [BACKBONE, RESIDUAL, SHRUNKEN]
+    assert by_choice[SHRUNKEN] <= min(by_choice.values()) * (1 + 1e-9)
+    assert {error.folds for error in model.body.cross_validation} == {3}
+    assert f"{model.body.fusion.shrink:.0%} of the residual on polynomial_2 is carried" in model.notes[-1]
+
+
+def test_a_residual_that_jumps_from_level_to_level_counts_at_the_levels_alone():
+    samples = bumped(curves(levels=(*LEVELS, 450.0), held_out=()), lambda number: 150 * (-1) ** number)
+    model = trusted(samples)
+    assert model.body.fusion.shrink < 0.2
+    for curve in samples:
+        at = {**curve.columns, "pressure": np.full(curve.size, curve.level)}
+        gain = np.sqrt(np.mean((predict(model, at) - curve.columns["force"]) ** 2))
+        assert gain < 0.3 * np.sqrt(np.mean((backbone_of(model, at) - curve.columns["force"]) ** 2))
+    middle = {"pressure": np.full(40, 200.0), "strain": np.linspace(0, 0.12, 40)}
+    whole = replace(model, body=replace(model.body, fusion=replace(model.body.fusion, shrink=1.0)))
+    alone = backbone_of(model, middle)
+    np.testing.assert_allclose(predict(model, middle) - alone, model.body.fusion.shrink * (predict(whole, middle) - alone), atol=1e-9)
+
+
+@pytest.mark.parametrize("shrink", [0.0, 0.35, 1.0])
+def test_a_given_share_is_taken_as_it_is(shrink):
+    assert on_polynomial(curves(held_out=()), shrink=shrink).body.fusion.shrink == shrink
+
+
+def test_without_a_backbone_nothing_is_shrunk():
+    assert built(shrink=0.3).body.fusion.shrink == 1.0
+
+
+def test_between_two_levels_the_backbone_stands_alone():
+    model = trusted(bumped(curves(levels=(150.0, 350.0), held_out=()), lambda _number: 80))
+    assert model.body.fusion.shrink == 0.0
+    assert any("two levels" in note for note in model.notes)
+    middle = {"pressure": np.full(20, 250.0), "strain": np.linspace(0, 0.12, 20)}
+    np.testing.assert_allclose(predict(model, middle), backbone_of(model, middle))
+
+
+def test_pooled_data_drop_a_residual_that_does_harm():
+    rng, plain = np.random.default_rng(0), curves(held_out=())
+    samples = [changed(c, force=2 * c.columns["pressure"] * (1 - c.columns["strain"]) + rng.normal(0, 5, c.size)) for c in plain]
+    model = trusted(samples, level=None, tolerance=0.0)
+    assert not any(curve.segments for curve in model.body.curves)
+    assert model.body.cross_validation[0].rmse < model.body.cross_validation[1].rmse
+    assert "keeps polynomial_2 alone" in model.notes[-1]
+    strain = {"pressure": np.full(9, 200.0), "strain": np.linspace(0, 0.1, 9)}
+    np.testing.assert_allclose(predict(model, strain), backbone_of(model, strain))
+
+
+@settings(max_examples=3)
+@given(st.integers(0, 1000))
+def test_held_out_forces_decide_nothing(seed):
+    samples = curves(seed=seed)
+    rng = np.random.default_rng(seed)
+    spoilt = [changed(c, force=np.where(c.held_out, rng.permutation(c.columns["force"]) * 9, c.columns["force"])) for c in samples]
+    one, two = trusted(samples), trusted(spoilt)
+    assert (one.body.fusion, one.body.cross_validation, one.notes) == (two.body.fusion, two.body.cross_validation, two.notes)
+
+
+def of_formula(name):
+    """Curves that a formula with made-up parameters has made."""
+    rng = np.random.default_rng(0)
+    made = curves(levels=LEVELS, held_out=(), n=25)
+    fit = fit_formula(name, made, "force")
+    said = [literature.get(name).predict(fit.parameters, c.columns) + rng.normal(0, 0.5, c.size) for c in made]
+    return [changed(c, force=force) for c, force in zip(made, said, strict=True)]
+
+
+@pytest.mark.parametrize("name", ["polynomial_2", "sarosi"])
+def test_what_made_the_data_is_chosen(name):
+    choice = choose_backbone(of_formula(name), recipe(**SETTINGS), QUANTITIES)
+    assert choice.name == name
+    assert f"backbone {name} is chosen: with each of 2 inner training levels left out" in choice.note
+    assert "outermost level left out" in choice.note
+
+
+def test_held_out_samples_decide_nothing():
+    samples = curves(levels=(*LEVELS, 450.0), held_out=(250.0,), n=25)
+    spoilt = [changed(c, force=np.where(c.held_out, -7.0, c.columns["force"])) for c in samples]
+    one, two = (choose_backbone(of, recipe(**SETTINGS), QUANTITIES) for of in (samples, spoilt))
+    assert one == two
+
+
+def test_three_levels_choose_nothing():
+    choice = choose_backbone(curves(levels=LEVELS[:3], held_out=()), recipe(), QUANTITIES)
+    assert choice.name == FEW
+    assert "too few to choose" in choice.note
+
+
+def test_candidates_are_the_static_formulas_of_the_inputs():
+    names = candidates(curves(), "force")
+    assert {None, "sarosi", "polynomial_5", FEW} <= set(names)
+    assert not {"reynolds", "none", "muscle_like", "polynomial_3"} & set(names)
+    without = [replace(c, columns={"load": c.columns["pressure"], "force": c.columns["force"]}) for c in curves()]
+    assert candidates(without, "force") == (None,)
+
+
+@given(st.lists(st.tuples(st.sampled_from([None, "sarosi", "polynomial_2", "polynomial_5"]), st.floats(1, 2)), min_size=1, max_size=6))
+def test_the_simplest_within_the_margin_is_taken(given_errors):
+    found = [Candidate(name, rmse, 1.0) for name, rmse in given_errors]
+    chosen, least = simplest(found), min(one.rmse for one in found)
+    assert chosen.rmse <= (1 + MARGIN) * least
+    assert all(one.rmse > (1 + MARGIN) * least for one in found if one.parameters < chosen.parameters)
+
+
+@settings(max_examples=20)
+@given(st.integers(1, 2000), st.integers(0, 100))
+def test_thinned_curves_keep_an_even_share_of_the_training_samples(n, seed):
+    (curve,) = curves(levels=(80.0,), held_out=(), n=n, seed=seed)
+    held = replace(curve, held_out=np.arange(n) % 5 == 0) if n > 5 else curve
+    few = thin(held, "strain")
+    kept = int(held.training.sum())
+    assert min(kept, 150) <= few.size <= 300
+    assert not few.held_out.any()
+    assert np.isin(few.columns["strain"], held.columns["strain"][held.training]).all()
+
+
+SURFACE = ("1", "pressure", "strain", "pressure^2", "pressure*strain", "strain^2")
+OF_SURFACE = {"level": None, "cuts": {}, "dictionary": SURFACE, "max_terms": 3}
+
+
+def scattered(n=60, noise=1.0, seed=0):
+    """Points of the imagined muscle, no two at one pressure, none beyond its free strain."""
+    rng = np.random.default_rng(seed)
+    pressure = rng.uniform(80, 400, n)
+    strain = rng.uniform(0, 1, n) * (0.05 + 0.0005 * pressure)
+    columns = {"pressure": pressure, "strain": strain, "force": force(pressure, strain) + rng.normal(0, noise, n)}
+    return (Curve("table", None, columns, np.zeros(n, dtype=bool), ("table",)),)
+
+
+shapes = st.tuples(st.integers(1, 4), st.integers(1, 4))
+
+
+@given(shapes, st.lists(st.integers(0, 15), min_size=1, max_size=40), st.integers(0, 12))
+def test_joined_cells_hold_enough_samples_and_lose_none(shape, places, least):
+    every = list(product(range(1, shape[0] + 1), range(1, shape[1] + 1)))
+    cell_of = [every[place % len(every)] for place in places]
+    cells = {cell: np.array([own == cell for own in cell_of]) for cell in every}
+    found = joined_cells(cells, least, (True, True))
+    assert list(found) == every
+    for cell, mask in found.items():
+        assert mask[cells[cell]].all()
+        assert mask.sum() >= min(least, len(places))
+        together = [other for other in every if np.array_equal(found[other], mask)]
+        assert mask.sum() == sum(cells[other].sum() for other in together) or not mask.any()
+    if all(mask.sum() >= least for mask in cells.values()):
+        assert all(np.array_equal(found[cell], cells[cell]) for cell in every)
+
+
+def test_directions_are_never_joined():
+    cells = {(1, 1): np.array([True, False]), (1, 2): np.array([False, True])}
+    found = joined_cells(cells, 2, (True, False))
+    assert {cell: mask.tolist() for cell, mask in found.items()} == {(1, 1): [True, False], (1, 2): [False, True]}
+
+
+def test_an_empty_corner_takes_the_function_of_its_neighbour():
+    """At low pressure there is no large strain: that cell is empty, and an even cut of both alone is refused."""
+    (curve,) = scattered(seed=3)
+    cut = {"pressure": Cuts("even", 3, min_samples=8), "strain": Cuts("even", 3, min_samples=8)}
+    segmented = segment_curve(curve, cut, "force", lambda _curve, _rows: 0.0)
+    counts = {s.cell: len(s.rows) for s in segmented.segments}
+    sides = [len(b) - 1 for b in segmented.boundaries]
+    assert len(counts) == sides[0] * sides[1] > 1
+    assert min(counts.values()) >= 8
+    model = built([curve], **OF_SURFACE | {"cuts": cut})
+    corner = {"pressure": np.array([85.0]), "strain": np.array([0.24])}
+    assert np.isfinite(predict(model, corner)).all()
+
+
+def test_folds_are_the_inner_blocks_along_every_input():
+    samples = scattered()
+    made = recipe(**OF_SURFACE)
+    inner, outer = inner_folds(samples, made), outer_folds(samples, made)
+    assert (len(inner), len(outer)) == (6, 4)
+    for name, folds in (("pressure", inner[:3]), ("strain", inner[3:])):
+        x = samples[0].columns[name]
+        ends = sorted((x[out].min(), x[out].max()) for (out,) in folds)
+        assert x.min() < ends[0][0]
+        assert ends[-1][1] < x.max()
+        assert all(before[1] < after[0] for before, after in pairwise(ends))
+    assert all(out.any() for fold in (*inner, *outer) for out in fold)
+
+
+def test_curves_with_levels_are_left_out_whole_where_they_are_pooled():
+    samples = curves(held_out=(150.0,), n=20)
+    made = recipe(**OF_SURFACE, pooled="pressure")
+    by_level = [fold for fold in inner_folds(samples, made) if sum(out.any() for out in fold) == 1]
+    assert [[out.sum() for out in fold] for fold in by_level] == [[0, 0, 20, 0]]
+
+
+@settings(max_examples=4)
+@given(st.integers(0, 1000))
+def test_all_of_the_residual_counts_with_the_share_that_left_out_blocks_support(seed):
+    samples, made = scattered(noise=8.0, seed=seed), recipe(**OF_SURFACE)
+    whole = on_polynomial(samples, **OF_SURFACE)
+    kept = with_trusted_residual(whole, samples, made, QUANTITIES)
+    share = leave_out(samples, made, QUANTITIES, "polynomial_2", inner_folds(samples, made)).share
+    columns = {name: samples[0].columns[name] for name in ("pressure", "strain")}
+    alone = backbone_of(whole, columns)
+    expected = alone + share * (predict(whole, columns) - alone)
+    np.testing.assert_allclose(predict(kept, columns), expected, rtol=1e-10, atol=1e-8)
+    assert bool(kept.body.segments) == (share > 0)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3])
+def test_a_given_share_counts_on_a_surface_as_well(share):
+    samples = scattered()
+    whole, part = (on_polynomial(samples, **OF_SURFACE, shrink=given) for given in (1.0, share))
+    columns = {name: samples[0].columns[name] for name in ("pressure", "strain")}
+    alone = backbone_of(whole, columns)
+    np.testing.assert_allclose(predict(part, columns), alone + share * (predict(whole, columns) - alone), rtol=1e-10, atol=1e-8)
+
+
+def test_a_backbone_is_chosen_for_a_surface_as_if_every_candidate_were_tried_on_every_fold(monkeypatch):
+    """A candidate that first folds rule out is tried on no more; the choice is that of all folds."""
+    samples, made = scattered(n=48, seed=2), recipe(**OF_SURFACE)
+    some = (None, "chou_hannaford", "polynomial_2", "polynomial_5", "sarosi")
+    assert set(some) < set(candidates(samples, "force"))
+    monkeypatch.setattr(cross_validation, "candidates", lambda _curves, _target: some)
+    choice = choose_backbone(samples, made, QUANTITIES)
+    errors = {}
+    thinned = [thin(curve, None) for curve in samples]
+    assert thinned[0].size < SAMPLES
+    for name in some:
+        left_out = leave_out(thinned, made, QUANTITIES, name, inner_folds(thinned, made))
+        errors[name] = left_out.rmse(1.0 if name is None else left_out.share)
+    assert errors[choice.name] <= (1 + MARGIN) * min(errors.values())
+    assert "with each of 6 inner training blocks left out in turn" in choice.note

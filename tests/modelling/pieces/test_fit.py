@@ -1,0 +1,112 @@
+"""Scaling and fit of one segment: the unit square, its anchors, and segments so long that their dictionary is made block by block."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from surfaces import built, recipe
+
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.fits import Segment
+from mapmore_cli.modelling.expressions import dictionary_matrix, monomials, parse, to_text
+from mapmore_cli.modelling.frols import frols, reads_once
+from mapmore_cli.modelling.pieces.build import fit_segment, placements, scaled
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def falling(seed, n=60):
+    rng = np.random.default_rng(seed)
+    x = np.sort(rng.uniform(0.02, 0.1, n))
+    return x, 700 * np.exp(-x / 0.05) - 50 + rng.normal(0, 2, n)
+
+
+def placed(x, y):
+    return placements("unit_square", x[:, None], y, ["x"])
+
+
+@given(seeds)
+def test_unit_square_spans_one_unit_from_the_anchor(seed):
+    x, y = falling(seed)
+    left, right = placed(x, y)
+    assert (left.placement, right.placement) == ("left", "right")
+    for scaling, ends in ((left, (0, 1)), (right, (-1, 0))):
+        z = scaled(scaling, {"x": x})["x"]
+        np.testing.assert_allclose([z.min(), z.max()], ends, atol=1e-12)
+        y_scaled = (y - scaling.y_intercept) / scaling.y_slope
+        assert np.ptp(y_scaled) == pytest.approx(1)
+
+
+def test_the_anchor_does_not_hang_on_one_noisy_sample():
+    x = np.linspace(0, 1, 100)
+    y = 5 - 3 * x
+    left = placed(x, y + 2.0 * (x == 0))[0]
+    assert left.y_intercept == pytest.approx(y[:5].mean() + 2.0 / 5)
+
+
+def test_every_corner_of_two_variables_is_offered():
+    X = np.random.default_rng(0).uniform(size=(50, 2))
+    found = [s.placement for s in placements("unit_square", X, X[:, 0], ["a", "b"])]
+    assert found == ["left,left", "left,right", "right,left", "right,right"]
+    assert len(placements("unit_square", np.random.default_rng(0).uniform(size=(50, 5)), X[:, 0], list("abcde"))) == 2
+
+
+def test_max_abs_divides_without_offset():
+    (scaling,) = placements("max_abs", np.array([[-4.0], [2.0]]), np.array([10.0, -20]), ["x"])
+    np.testing.assert_allclose([scaling.slope[0], scaling.intercept[0], scaling.y_slope, scaling.y_intercept], [0.25, 0, 20, 0])
+
+
+@pytest.mark.parametrize("rule", ["unit_square", "max_abs", "none"])
+def test_constant_variables_and_constant_force_divide_by_nothing(rule):
+    for scaling in placements(rule, np.full((10, 1), 3.0), np.zeros(10), ["x"]):
+        assert np.isfinite(scaling.slope).all()
+        assert scaling.y_slope > 0
+
+
+TERMS = monomials(["pressure", "strain"], 5)
+
+
+def long_segment(n, **changes):
+    rng = np.random.default_rng(0)
+    samples = {"pressure": rng.uniform(0, 1, n), "strain": rng.uniform(0, 1, n)}
+    samples["force"] = 3 * samples["pressure"] * (1 - samples["strain"]) ** 2 + rng.normal(0, 0.01, n)
+    made = recipe(dictionary=tuple(map(to_text, TERMS)), scaling="none", max_terms=5, **changes)
+    return Segment("all/all", "all", (), np.arange(n)), samples, made
+
+
+@pytest.mark.parametrize("stop", ["tolerance", "bic", "press"])
+def test_blocks_of_the_dictionary_give_what_the_whole_gives(stop):
+    n = 30_000
+    segment, samples, made = long_segment(n, stop=stop)
+    assert reads_once(n, len(TERMS), 5)
+    ours = fit_segment(segment, samples, TERMS, made).selection
+    whole = frols(dictionary_matrix(TERMS, samples, n), samples["force"], 5, made.fit.tolerance, stop=stop)
+    assert ours.chosen.tolist() == whole.chosen.tolist()
+    assert ours.stop == whole.stop
+    np.testing.assert_allclose(ours.theta, whole.theta, rtol=1e-9)
+    np.testing.assert_allclose(ours.err_all, whole.err_all, rtol=1e-6)
+
+
+def test_the_dictionary_is_never_there_as_a_whole():
+    n = 200_000
+    segment, samples, made = long_segment(n)
+    tracemalloc.start()
+    fit_segment(segment, samples, TERMS, made)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 0.6 * n * len(TERMS) * 8  # its columns sorted, and scaled: twelve of the dictionary's 21
+
+
+def test_a_wide_dictionary_is_read_as_a_whole(monkeypatch):
+    monkeypatch.setattr("mapmore_cli.modelling.pieces.build.frols_streamed", None)
+    assert all(curve.segments for curve in built().body.curves)
+
+
+def test_a_value_that_is_not_finite_is_found_in_any_block():
+    n = 60_000
+    segment, samples, made = long_segment(n)
+    samples["strain"][41_234] = 2.0
+    with pytest.raises(DataError, match=r"segment all/all: the term `log\(1.5 - strain\)` is not finite in row \d+ \(strain = 2\)"):
+        fit_segment(segment, samples, [*TERMS, parse("log(1.5 - strain)")], made)
