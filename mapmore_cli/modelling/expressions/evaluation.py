@@ -5,15 +5,28 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from types import MappingProxyType
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns, Value
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.modelling.expressions.errors import NotFinite
 from mapmore_cli.modelling.expressions.functions import FUNCTIONS
 from mapmore_cli.modelling.expressions.printing import to_text
 from mapmore_cli.modelling.expressions.syntax import Call, Expression, Name, Number, Power, Product, Sum
+
+
+class NotFinite(DataError, ValueError):
+    """A term without a finite value on a row of the data: `term` is its text, `row` the 0-based row."""
+
+    def __init__(self, term: str, row: int, inputs: str) -> None:
+        super().__init__(
+            f"the term `{term}` is not finite in row {row} ({inputs})",
+            "leave the term out of the dictionary, or keep only samples on which it is defined",
+        )
+        self.term = term
+        self.row = row
+
 
 BLOCK = 8192
 """Rows at a time in a dictionary: shared powers of a block stay in the processor's cache, and memory stays bounded."""
@@ -28,11 +41,14 @@ def evaluate(expression: Expression, columns: Columns, n: int | None = None) -> 
     Values that are not finite (a logarithm of a negative number, a division by zero) are left in, without a warning.
     Raises `DataError` where a column is absent or of another length.
     """
-    rows = _length(columns) if n is None else n
-    values = _needed(expression.names, columns, rows)
+    if n is None:
+        n = next((len(column) for column in columns.values() if np.ndim(column)), None)
+        if n is None:
+            raise DataError("the number of rows is unknown: there is no column of samples")
+    values = _needed((expression,), columns, n)
     with np.errstate(all="ignore"):
         (value,) = compiled((expression,)).values(values)
-        return np.array(np.broadcast_to(value, (rows,)), dtype=float)
+        return np.array(np.broadcast_to(value, (n,)), dtype=float)
 
 
 def dictionary_matrix(terms: Sequence[Expression], columns: Columns, n: int) -> Array:
@@ -49,7 +65,7 @@ def dictionary_matrix(terms: Sequence[Expression], columns: Columns, n: int) -> 
 
 def dictionary_blocks(terms: Sequence[Expression], columns: Columns, n: int) -> Iterator[tuple[slice, Array]]:
     """Yield the rows of `dictionary_matrix` in blocks, `(b, M)`, with where they stand; the whole is never there. Raises as it does."""
-    values = _needed(frozenset[str]().union(*(term.names for term in terms)), columns, n)
+    values = _needed(terms, columns, n)
     program = compiled(tuple(terms))
     for start in range(0, n, BLOCK):
         rows = slice(start, min(start + BLOCK, n))
@@ -68,8 +84,8 @@ def stacked_matrices(terms: Sequence[Expression], columns: Columns, parameters: 
     `columns` are `(n,)` each, `parameters` `(s,)` each. Raises `DataError` where a column is absent or of another length.
     """
     (sets,) = {len(values) for values in parameters.values()}
-    names = frozenset[str]().union(*(term.names for term in terms))
-    values = _needed(names - parameters.keys(), columns, n) | {name: parameters[name][:, None] for name in names & parameters.keys()}
+    of_set = {name: values[:, None] for name, values in parameters.items()}
+    values = _needed(terms, columns, n, of_set)
     stack = np.empty((sets, n, len(terms)))
     with np.errstate(all="ignore"):
         for place, value in enumerate(compiled(tuple(terms)).values(values)):
@@ -77,30 +93,15 @@ def stacked_matrices(terms: Sequence[Expression], columns: Columns, parameters: 
     return stack
 
 
-def constant_value(expression: Expression) -> float:
-    """Value of an expression without names; NaN or infinite where it has none."""
-    if isinstance(expression, Number):
-        return expression.value
-    with np.errstate(all="ignore"):
-        (value,) = compiled((expression,)).values({})
-        return float(value)
-
-
-def _length(columns: Columns) -> int:
-    lengths = [len(column) for column in columns.values() if np.ndim(column)]
-    if not lengths:
-        raise DataError("the number of rows is unknown: there is no column of samples")
-    return lengths[0]
-
-
-def _needed(names: frozenset[str], columns: Columns, n: int) -> dict[str, Array]:
-    missing = sorted(names - columns.keys())
-    if missing:
-        raise DataError(f"there is no column `{missing[0]}`", f"there are: {', '.join(columns) or 'none'}")
-    needed = {name: np.asarray(columns[name], dtype=float) for name in sorted(names)}
-    for name, column in needed.items():
-        if column.shape not in ((n,), ()):
-            raise DataError(f"the column `{name}` has the shape {column.shape}, expected ({n},)")
+def _needed(terms: Sequence[Expression], columns: Columns, n: int, known: Columns = MappingProxyType({})) -> dict[str, Array]:
+    """Return what the terms are evaluated on: columns of n rows, and what is `known` in other shapes."""
+    needed = dict(known)
+    for name in sorted(frozenset[str]().union(*(term.names for term in terms)) - known.keys()):
+        if name not in columns:
+            raise DataError(f"there is no column `{name}`", f"there are: {', '.join(columns) or 'none'}")
+        needed[name] = np.asarray(columns[name], dtype=float)
+        if needed[name].shape not in ((n,), ()):
+            raise DataError(f"the column `{name}` has the shape {needed[name].shape}, expected ({n},)")
     return needed
 
 
@@ -108,10 +109,8 @@ def _refuse_not_finite(block: Array, terms: Sequence[Expression], columns: Colum
     for term, column in zip(terms, block.T, strict=True):
         if not np.isfinite(column).all():
             row = start + int(np.argmin(np.isfinite(column)))
-            inputs = ", ".join(
-                f"{name} = {columns[name] if columns[name].ndim == 0 else columns[name][row]:.6g}" for name in sorted(term.names)
-            )
-            raise NotFinite(to_text(term), row, inputs)
+            values = {name: columns[name][row] if columns[name].ndim else columns[name] for name in sorted(term.names)}
+            raise NotFinite(to_text(term), row, ", ".join(f"{name} = {value:.6g}" for name, value in values.items()))
 
 
 Shared = list[Value | None]
@@ -176,7 +175,12 @@ def _sum(terms: Sequence[Part]) -> Part:
 
 def _product(factors: Sequence[Expression], known: Known) -> Part:
     first = part_of(factors[0], known)
-    others = [(_divides(factor), _divisor(factor, known) if _divides(factor) else part_of(factor, known)) for factor in factors[1:]]
+    others: list[tuple[bool, Part]] = []
+    for factor in factors[1:]:
+        divides = isinstance(factor, Power) and factor.exponent < 0
+        others.append(
+            (divides, _power(factor.base, -factor.exponent, known) if isinstance(factor, Power) and divides else part_of(factor, known))
+        )
 
     def total(columns: Mapping[str, Value], shared: Shared) -> Value:
         value = first(columns, shared)
@@ -185,15 +189,6 @@ def _product(factors: Sequence[Expression], known: Known) -> Part:
         return value
 
     return total
-
-
-def _divides(factor: Expression) -> bool:
-    return isinstance(factor, Power) and factor.exponent < 0
-
-
-def _divisor(factor: Expression, known: Known) -> Part:
-    assert isinstance(factor, Power)
-    return _power(factor.base, -factor.exponent, known)
 
 
 def _once(expression: Power | Call, known: Known) -> Part:

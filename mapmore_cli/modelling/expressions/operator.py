@@ -179,11 +179,11 @@ COLUMNS: Arithmetic = _Columns()
 
 def along(operator: Operator, x: Array, setting: Setting) -> Array:
     """Return the state along one uninterrupted piece, (n,); NaN where the source x is NaN at the beginning, at rest then."""
-    begin = _beginning(x)
     values = np.full(len(x), np.nan)
-    if begin < len(x):
-        known = x[begin:]
-        values[begin:] = operator.along(known, setting) if operator.along else followed(operator.recursion(setting), known)
+    known = ~np.isnan(x)
+    if known.any():
+        begin = int(np.argmax(known))
+        values[begin:] = operator.along(x[begin:], setting) if operator.along else followed(operator.recursion(setting), x[begin:])
     return values
 
 
@@ -192,31 +192,19 @@ def followed(rule: Recursion, x: Array) -> Array:
 
     A linear one is a filter, one without memory is computed for all samples at once, any other sample by sample.
     """
-    rest = float(rule.rest(float(x[0])))
     if rule.own == 0:
         delayed = [np.concatenate([np.full(min(lag, len(x)), x[0]), x[: len(x) - lag]]) for lag in range(rule.source + 1)]
         return np.asarray(rule.next(COLUMNS, *delayed))
+    rest = float(rule.rest(float(x[0])))
     if rule.weights is not None:
-        return np.concatenate([[rest], _filtered(rule, x, rest)])
+        from scipy.signal import lfilter, lfiltic
+
+        a, b = [1.0, *(-weight for weight in rule.weights[: rule.own])], rule.weights[rule.own :]
+        start = lfiltic(b, a, [rest] * rule.own, [x[0]] * rule.source)
+        return np.concatenate([[rest], lfilter(b, a, x[1:], zi=start)[0]])
     own, past, values = [rest] * rule.own, [float(x[0])] * rule.source, [rest]
     for now in x[1:].tolist():
         value = rule.next(FLOATS, *own, now, *past)
         values.append(value)
         own, past = [value, *own[:-1]], [now, *past][: rule.source]
     return np.array(values)
-
-
-def _filtered(rule: Recursion, x: Array, rest: float) -> Array:
-    """Return the samples after the first."""
-    from scipy.signal import lfilter, lfiltic
-
-    assert rule.weights is not None
-    a, b = [1.0, *(-weight for weight in rule.weights[: rule.own])], rule.weights[rule.own :]
-    start = lfiltic(b, a, [rest] * rule.own, [x[0]] * rule.source)
-    return np.asarray(lfilter(b, a, x[1:], zi=start)[0])
-
-
-def _beginning(x: Array) -> int:
-    """Return the index of the first sample that is not empty; the length where there is none."""
-    known = ~np.isnan(x)
-    return int(np.argmax(known)) if known.any() else len(x)

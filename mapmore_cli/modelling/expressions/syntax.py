@@ -8,19 +8,15 @@ never changes a value that is finite without it, but for rounding.
 from __future__ import annotations
 
 import math
-import re
 import sys
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeVar, dataclass_transform
 
-from mapmore_cli.modelling.expressions.errors import ExpressionError
 from mapmore_cli.modelling.expressions.functions import FUNCTIONS
-from mapmore_cli.modelling.expressions.states import state
+from mapmore_cli.modelling.expressions.states import IDENTIFIER, ExpressionError, state
 
 MAX_EXPONENT = 20
-IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-
 
 Class = TypeVar("Class", bound=type)
 
@@ -49,15 +45,17 @@ class Expression:
         """Without the hash, which is another one in another process."""
         return {name: value for name, value in self.__dict__.items() if name != "_hash"}
 
-    @property
-    def parts(self) -> tuple[Expression, ...]:
-        """The expressions that this one is made of."""
-        return ()
-
     @cached_property
     def names(self) -> frozenset[str]:
         """Every quantity that occurs."""
-        return frozenset[str]().union(*(part.names for part in self.parts))
+        match self:
+            case Name(name):
+                return frozenset({name})
+            case Sum(parts) | Product(parts):
+                return frozenset[str]().union(*(part.names for part in parts))
+            case Power(part) | Call(_, part):
+                return part.names
+        return frozenset()
 
     __array_ufunc__ = None  # a number of NumPy's leaves arithmetic with an expression to the expression
 
@@ -129,11 +127,6 @@ class Name(Expression):
         elif self.name in FUNCTIONS:
             raise ExpressionError(f"`{self.name}` cannot name a quantity in an expression")
 
-    @cached_property
-    def names(self) -> frozenset[str]:
-        """The name itself."""
-        return frozenset({self.name})
-
 
 @_node
 class Sum(Expression):
@@ -141,22 +134,12 @@ class Sum(Expression):
 
     terms: tuple[Expression, ...]
 
-    @property
-    def parts(self) -> tuple[Expression, ...]:
-        """The terms."""
-        return self.terms
-
 
 @_node
 class Product(Expression):
     """Two or more factors; a factor with a negative exponent divides."""
 
     factors: tuple[Expression, ...]
-
-    @property
-    def parts(self) -> tuple[Expression, ...]:
-        """The factors."""
-        return self.factors
 
 
 @_node
@@ -170,11 +153,6 @@ class Power(Expression):
         if not abs(self.exponent) <= MAX_EXPONENT:
             raise ExpressionError(f"the exponent {self.exponent:g} is beyond {MAX_EXPONENT} in magnitude")
 
-    @property
-    def parts(self) -> tuple[Expression, ...]:
-        """The base."""
-        return (self.base,)
-
 
 @_node
 class Call(Expression):
@@ -182,11 +160,6 @@ class Call(Expression):
 
     function: str
     argument: Expression
-
-    @property
-    def parts(self) -> tuple[Expression, ...]:
-        """The argument."""
-        return (self.argument,)
 
 
 @dataclass(frozen=True)

@@ -10,13 +10,14 @@ from surfaces import QUANTITIES, curves, recipe
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Segment
-from mapmore_cli.modelling.expressions import dictionary_matrix, monomials, parse, to_text
+from mapmore_cli.modelling.expressions import dictionary_matrix, parse, to_text
+from mapmore_cli.modelling.expressions.families import products
 from mapmore_cli.modelling.frols import frols, reads_once
 from mapmore_cli.modelling.pieces import fit as regression
 from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.fit import fit_segment
 
-TERMS = monomials(["pressure", "strain"], 5)
+TERMS = products(["pressure", "strain"], 5)
 
 
 def long_segment(n, **changes):

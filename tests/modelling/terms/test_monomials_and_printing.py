@@ -10,14 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.mathtext import MathTextParser
 
-from mapmore_cli.modelling.expressions import ExpressionError, Name, Number, add, call, monomials, multiply, parse, power, to_latex, to_text
+from mapmore_cli.modelling.expressions import ExpressionError, Name, Number, add, call, multiply, parse, power, to_latex, to_text
+from mapmore_cli.modelling.expressions.families import products
 
 
 @settings(deadline=None)
 @given(st.integers(1, 4), st.integers(0, 5), st.booleans())
 def test_number_and_degrees_of_monomials(count: int, order: int, constant: bool) -> None:
     names = ["strain", "pressure", "strain_rate", "pressure_rate"][:count]
-    found = [to_text(term) for term in monomials(names, order, constant)]
+    found = [to_text(term) for term in products(names, order, constant=constant)]
     assert len(found) == math.comb(count + order, order) - (not constant)
     assert len(set(found)) == len(found)
     degrees = [sum(int(factor.partition("^")[2] or factor != "1") for factor in text.split("*")) for text in found]
@@ -25,16 +26,16 @@ def test_number_and_degrees_of_monomials(count: int, order: int, constant: bool)
 
 
 def test_monomials_are_written_as_a_person_would() -> None:
-    found = [to_text(term) for term in monomials(["strain", "pressure"], 3)]
+    found = [to_text(term) for term in products(["strain", "pressure"], 3)]
     assert found[:6] == ["1", "strain", "pressure", "strain^2", "pressure*strain", "pressure^2"]
     assert found[6:] == ["strain^3", "pressure*strain^2", "pressure^2*strain", "pressure^3"]
-    assert set(monomials(["strain", "pressure"], 3)) == set(monomials(["pressure", "strain"], 3))
+    assert set(products(["strain", "pressure"], 3)) == set(products(["pressure", "strain"], 3))
 
 
 @pytest.mark.parametrize("arguments", [(["x"], -1), (["x"], 21), (["x", "x"], 2)])
 def test_impossible_families_are_refused(arguments: tuple[list[str], int]) -> None:
     with pytest.raises(ValueError, match=r"order|twice"):
-        monomials(*arguments)
+        products(*arguments)
 
 
 @pytest.mark.parametrize("name", ["exp", "two words", "", "1x", "ε", "a-b"])
