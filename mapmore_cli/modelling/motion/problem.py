@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Interval, Len
 
-from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.declared import Contradiction, Either, Pair, Seconds, Settings, of_sibling
 from mapmore_cli.domain.motion import REST
 from mapmore_cli.modelling.motion.sections import radius, stable
@@ -99,11 +99,16 @@ PENALTY = 1e3
 
 @dataclass(frozen=True)
 class Piece:
-    """One piece of a record: drives (n, m), the input first, output (n,), and the samples that count, (n,)."""
+    """One piece of a record: drives (n, m), the input first, output (n,), the samples that count (n,), and the section that holds, (n,)."""
 
     drives: Array
     y: Array
     counts: BoolArray
+    holds: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+
+    def of_section(self, number: int) -> Piece:
+        """Return the piece with only the samples of a section counting."""
+        return replace(self, counts=self.counts & (self.holds == number))
 
 
 @dataclass(frozen=True)
@@ -144,7 +149,7 @@ class Problem:
     def rmse(self, p1: float, p2: float, weights: Array) -> float:
         """Root mean squared error; large and finite for unstable sections."""
         if not stable(p1, p2):
-            return PENALTY * self.size * max(radius(p1, p2), 1.0)
+            return self._penalty(p1, p2)
         return _root_mean_square(_weighted(self.responses(p1, p2), weights) - self.y)
 
     def projected(self, p1: float, p2: float) -> tuple[Array, Array]:
@@ -161,8 +166,11 @@ class Problem:
     def projected_rmse(self, p1: float, p2: float) -> float:
         """Root mean squared error with the best weights; large and finite for sections beyond the reach."""
         if not stable(p1, p2, self.reach):
-            return PENALTY * self.size * max(radius(p1, p2), 1.0)
+            return self._penalty(p1, p2)
         return _root_mean_square(self.projected(p1, p2)[1])
+
+    def _penalty(self, p1: float, p2: float) -> float:
+        return PENALTY * self.size * max(radius(p1, p2), 1.0)
 
     def found(self, p1: float, p2: float, history: Sequence[float]) -> Found:
         """Return what a search has come to, with the best weights for its poles."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.motion import ALL, BUMPLESS, FALL, RISE, Motion
+from mapmore_cli.domain.motion import BUMPLESS, Motion
 from mapmore_cli.modelling.expressions.operators.play import play
 
 SLOWEST, FASTEST = 1e-4, 0.5
@@ -75,11 +75,6 @@ def angles(p1: float, p2: float, reach: float, inmost: float = EDGE) -> list[flo
     return [math.atanh(min(max(k, -inmost), inmost)) for k in reflections(p1, p2, reach)]
 
 
-def unstable_sections(motion: Motion) -> list[str]:
-    """Ids of the sections whose output grows without bound."""
-    return [section.id for section in motion.sections if not stable(section.p1, section.p2)]
-
-
 def spread(u: Array, count: int) -> tuple[float, ...]:
     """Boundaries between `count` sections with equal shares of the samples u (n,).
 
@@ -119,13 +114,6 @@ def active(motion: Motion, u: Array, moving: Array | None = None) -> IntArray:
         return place.astype(np.int64)
     falls = ~rising(u if moving is None else moving, motion.dead_band, latched=motion.switching == BUMPLESS)
     return (2 * place + falls).astype(np.int64)
-
-
-def named(count: int, *, directed: bool) -> list[tuple[str, int, str]]:
-    """Id, place and direction of every section of a model, in its order."""
-    if not directed:
-        return [(str(place), place, ALL) for place in range(1, count + 1)]
-    return [(f"{way} {place}", place, way) for place in range(1, count + 1) for way in (RISE, FALL)]
 
 
 def extent(boundaries: Sequence[float], place: int) -> str:

@@ -11,7 +11,7 @@ from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.motion import HARD, REST, Motion
 from mapmore_cli.modelling.expressions import evaluate, parse
 from mapmore_cli.modelling.memory.records import uninterrupted
-from mapmore_cli.modelling.motion.sections import active, unstable_sections
+from mapmore_cli.modelling.motion.sections import active, stable
 
 
 def simulate(motion: Motion, columns: Columns) -> Array:
@@ -21,19 +21,15 @@ def simulate(motion: Motion, columns: Columns) -> Array:
 
     Raises FitError where a section is unstable; AtSample where the stamps are neither the model's step apart nor a gap.
     """
-    loose = unstable_sections(motion)
-    if loose:
-        raise FitError(
-            f"section {loose[0]} of the model of `{motion.output}` is unstable: a pole lies at "
-            f"{next(section.radius for section in motion.sections if section.id == loose[0]):.6g}, outside of the unit circle",
-            "fit it again: every solver gives stable sections",
-        )
-    n = len(columns[motion.input])
-    parts = uninterrupted(columns["time"], motion.step) if "time" in columns else [slice(0, n)]
-    values = np.empty(n)
-    for part in parts:
-        values[part] = _along({name: column[part] for name, column in columns.items()}, motion)
-    return values
+    for section in motion.sections:
+        if not stable(section.p1, section.p2):
+            raise FitError(
+                f"section {section.id} of the model of `{motion.output}` is unstable: a pole lies at {section.radius:.6g}, outside of the "
+                "unit circle",
+                "fit it again: every solver gives stable sections",
+            )
+    parts = uninterrupted(columns["time"], motion.step) if "time" in columns else [slice(None)]
+    return np.concatenate([_along({name: column[part] for name, column in columns.items()}, motion) for part in parts])
 
 
 def driven(drives: tuple[str, ...], columns: Columns) -> Array:

@@ -10,12 +10,11 @@ from motion_samples import BOUNDARIES, ROWS, STEP, looped, made_by, published, r
 
 from mapmore_cli.domain.errors import DataError, FitError, SpecError
 from mapmore_cli.domain.motion import BUMPLESS
-from mapmore_cli.modelling.motion.fitting import fit_motion
+from mapmore_cli.modelling.motion.fitting import continued, fit_motion
 from mapmore_cli.modelling.motion.problem import Bounds
 from mapmore_cli.modelling.motion.sections import stable
 from mapmore_cli.modelling.motion.simulation import simulate
-from mapmore_cli.modelling.motion.solvers import NAMES
-from mapmore_cli.modelling.motion.solvers.swarm import fly
+from mapmore_cli.modelling.motion.solvers import SOLVERS, fly
 
 NOISE = 0.05
 SEEDS = range(10)
@@ -57,7 +56,7 @@ def test_differential_evolution_comes_near():
     assert max(errors) < 1.05 * least
 
 
-@pytest.mark.parametrize("solver", NAMES)
+@pytest.mark.parametrize("solver", SOLVERS)
 def test_every_solver_tells_its_way(solver):
     records = [made_by(ROWS[0], 200, NOISE)]
     section, search = one(records, solver=solver, seed=3)
@@ -120,8 +119,6 @@ def test_hard_sections_come_back_from_what_they_made(model):
 
 def meeting(directed):
     """A model whose sections meet, with offsets."""
-    from mapmore_cli.modelling.motion.bumpless import continued
-
     return continued(published("piecewise_inflate_deflate" if directed else "piecewise"))
 
 
@@ -180,7 +177,7 @@ def test_a_section_is_no_slower_than_its_bound():
     assert section.radius <= np.exp(-STEP / 0.5) + 1e-9
 
 
-@pytest.mark.parametrize("solver", NAMES)
+@pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize(
     ("records", "settings", "message"),
     [
