@@ -50,6 +50,11 @@ class _State:
         """The measured quantity that the state is made of."""
         return self.parts[0].name
 
+    @property
+    def lag(self) -> int:
+        """Samples that it looks back at least, and so without a value at the beginning."""
+        return sum(part.steps for part in self.parts if isinstance(part, Lagged))
+
 
 @dataclass(frozen=True)
 class Measured(_State):

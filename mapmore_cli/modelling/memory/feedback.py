@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,7 +14,7 @@ from mapmore_cli.domain.memory import StateSet
 from mapmore_cli.modelling.expressions import Expression, Name, compiled, derivative, multiply, parse, to_text
 from mapmore_cli.modelling.expressions.operator import Recursion
 from mapmore_cli.modelling.expressions.operators import OPERATORS
-from mapmore_cli.modelling.expressions.states import Lagged, Measured, Operated, State, state
+from mapmore_cli.modelling.expressions.states import Lagged, Measured, State, state
 from mapmore_cli.modelling.expressions.syntax import ONE, Power, Product
 from mapmore_cli.modelling.memory.states import setting_of
 
@@ -59,8 +59,8 @@ class Feedback:
         """Every fed-back state and all that it is made of, sources before what is made of them."""
         places: dict[State, int] = {}
         nodes: list[Node] = []
-        for part in (part for name in self.names for part in _parts(state(name))):
-            if part in places:
+        for part in (part for name in self.names for part in state(name).parts):
+            if part in places or isinstance(part, Measured):
                 continue
             source = places.get(part.source, OUTPUT)
             places[part] = len(nodes)
@@ -142,24 +142,13 @@ def fed_back_states(states: StateSet, output: str) -> dict[str, int]:
                 f"the state `{name}` depends on the output {output} as it is now",
                 f"let it look back: operators of the output work on {output}[k-1]",
             )
-        found[name] = sum(part.steps for part in _parts(one) if isinstance(part, Lagged))
+        found[name] = one.lag
     return found
 
 
 def looks_back(found: State) -> bool:
     """Whether the quantity that a state is made of enters it delayed: `stop(force[k-1], 0.1)` does, `stop(force, 0.1)[k-1]` does not."""
-    while not isinstance(found, Measured):
-        if isinstance(found, Lagged) and isinstance(found.source, Measured):
-            return True
-        found = found.source
-    return False
-
-
-def _parts(found: State) -> Iterator[Lagged | Operated]:
-    """Yield the state and all that it is made of but the quantity, the innermost first."""
-    if not isinstance(found, Measured):
-        yield from _parts(found.source)
-        yield found
+    return any(isinstance(part, Lagged) for part in found.parts[1:2])
 
 
 def parted(term: Expression, fed_back: Container[str]) -> tuple[Expression, Expression]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
-from mapmore_cli.modelling.signals.sampling import UNEVEN, find_resets, pieces
+from mapmore_cli.modelling.signals.sampling import UNEVEN, pieces
 
 
 class AtSample(DataError):
@@ -30,6 +30,11 @@ def numbered(rows: IntArray) -> Iterator[None]:
         yield
     except AtSample as error:
         raise AtSample(int(rows[error.sample]), error.fault, error.remedy) from error
+
+
+def complete(columns: Iterable[Array], n: int) -> BoolArray:
+    """Return the rows, of n, on which every column has a value."""
+    return np.asarray(np.logical_and.reduce([np.ones(n, dtype=np.bool_), *map(np.isfinite, columns)]))
 
 
 @dataclass(frozen=True)
@@ -55,15 +60,15 @@ def uninterrupted(time: Array, step: float) -> list[slice]:
     """
     distances = np.diff(time)
     slack = UNEVEN * step + 4 * np.finfo(np.float64).eps * float(np.abs(time).max(initial=0.0))
-    early = np.flatnonzero((distances >= 0) & (distances < step - slack))
-    if len(early):
+    early = (distances >= 0) & (distances < step - slack)
+    if early.any():
+        first = int(np.argmax(early))
         raise AtSample(
-            int(early[0]) + 1,
-            f"only {distances[early[0]]:.6g} s after the one before; a model with memory needs even steps of {step:.6g} s",
+            first + 1,
+            f"only {distances[first]:.6g} s after the one before; a model with memory needs even steps of {step:.6g} s",
             f"bring the recording onto even steps of {step:.6g} s",
         )
-    breaks = np.union1d(np.flatnonzero(distances > step + slack), find_resets(time))
-    return pieces(len(time), breaks)
+    return pieces(len(time), np.flatnonzero((distances > step + slack) | (distances < 0)))
 
 
 def time_step(curves: Sequence[Curve]) -> float:

@@ -7,7 +7,7 @@ tame as one step ahead; each horizon starts from the coefficients of the one bef
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -62,6 +62,13 @@ class Coefficients:
     def error(self) -> float:
         """What is minimised."""
         return self.sse + self.penalty
+
+    def ordered(self, chosen: Iterable[int], wanted: Iterable[int]) -> Coefficients:
+        """Return the coefficients of the terms `chosen`, which these are, in the order `wanted`."""
+        places = list(chosen)
+        return Coefficients(
+            self.theta[[places.index(term) for term in wanted]], self.constant, self.sse, self.penalty, numbers=self.numbers
+        )
 
 
 @dataclass(frozen=True)
@@ -198,8 +205,7 @@ def _step(
     """Return the next point, None where there is no better one; and the damping to go on with."""
     curvature, downhill = normal
     free = problem.free(point, downhill)
-    size = np.sqrt(np.maximum(np.diag(curvature)[free], np.finfo(np.float64).tiny))
-    alike = curvature[np.ix_(free, free)] / size / size[:, None]  # of unit diagonal: coefficients differ by orders of magnitude
+    alike, size = _of_unit_diagonal(curvature[np.ix_(free, free)])
     while damping <= MOST_DAMPING:
         move = np.zeros(len(downhill))
         move[free] = np.linalg.lstsq(alike + damping * np.eye(len(size)), downhill[free] / size, rcond=None)[0] / size
@@ -208,6 +214,12 @@ def _step(
             return found, damping / 10
         damping *= 10
     return None, damping
+
+
+def _of_unit_diagonal(curvature: Array) -> tuple[Array, Array]:
+    """Return the curvature by coefficients that are divided by their sizes, and these: coefficients differ by orders of magnitude."""
+    size = np.sqrt(np.maximum(np.diag(curvature), np.finfo(np.float64).tiny))
+    return curvature / size / size[:, None], size
 
 
 def standard_errors(problem: Problem, point: Coefficients) -> tuple[Array, Array]:
@@ -221,7 +233,7 @@ def standard_errors(problem: Problem, point: Coefficients) -> tuple[Array, Array
     errors = np.full(len(free), np.nan)
     freedom = problem.samples - int(free.sum())
     if freedom > 0 and np.isfinite(curvature).all():
-        size = np.sqrt(np.maximum(np.diag(curvature)[free], np.finfo(np.float64).tiny))
-        spread = np.diag(np.linalg.pinv(curvature[np.ix_(free, free)] / size / size[:, None], hermitian=True)) / size**2
+        alike, size = _of_unit_diagonal(curvature[np.ix_(free, free)])
+        spread = np.diag(np.linalg.pinv(alike, hermitian=True)) / size**2
         errors[free] = np.sqrt(np.maximum(spread, 0.0) * point.sse / freedom)
     return errors[: len(point.theta)], errors[len(point.theta) + 1 :]

@@ -20,7 +20,7 @@ from mapmore_cli.modelling.frols import frols, frols_streamed
 from mapmore_cli.modelling.frols.moments import Moments, Standard, moments, standard, standardised, uncentred
 from mapmore_cli.modelling.frols.ridge import LEAST_RIDGE, Regularised, choose_ridge, prune, ridge_press, select, substitutes
 from mapmore_cli.modelling.frols.select import fewest, information_criterion
-from mapmore_cli.modelling.memory.records import Record
+from mapmore_cli.modelling.memory.records import Record, complete
 from mapmore_cli.modelling.memory.states import evaluate_states
 from mapmore_cli.modelling.selection import MemoryRecipe, Stop
 
@@ -41,10 +41,6 @@ class Regressors:
     def rows(self, part: slice) -> Regressors:
         """Return some of the samples."""
         return Regressors(self.terms, {name: values[part] for name, values in self.states.items()}, self.y[part])
-
-    def whole(self) -> Array:
-        """Return the dictionary as one matrix, (n, M)."""
-        return dictionary_matrix(self.terms, self.states, self.samples)
 
     def blocks(self) -> Iterator[tuple[Array, Array]]:
         """Yield the dictionary and the output, block by block."""
@@ -69,7 +65,7 @@ def _part(record: Record, states: StateSet, target: str) -> tuple[dict[str, Arra
     if target not in record.columns:
         raise DataError(f"there is no column `{target}`", f"there are: {', '.join(record.columns)}")
     values = evaluate_states(states, record.columns)
-    known = np.logical_and.reduce([record.training, *(np.isfinite(column) for column in values.values())])
+    known = record.training & complete(values.values(), record.size)
     return {name: column[known] for name, column in values.items()}, record.columns[target][known]
 
 
@@ -92,35 +88,30 @@ class Choice:
 class Selector(Protocol):
     """Gives a model of any number of terms."""
 
-    def best(self, stop: Stop, tolerance: float) -> Choice:
-        """Return the model whose number of terms the rule prefers."""
-        ...
+    def best(self) -> Choice:
+        """Return the model whose number of terms the recipe's rule prefers; the largest where free runs decide on it."""
 
     def of_size(self, terms: int) -> Choice:
         """Return the model of so many terms, or of as many as there can be."""
-        ...
 
     def among(self, chosen: IntArray) -> Choice:
         """Return the model of these candidates, in the order of their error reduction."""
-        ...
 
     def penalty(self, chosen: IntArray) -> Array:
-        """(k,) what the ridge adds to the sum of squared errors for each squared coefficient of these candidates."""
-        ...
+        """(k,) what the ridge, a part of each candidate's variance, adds to the squared error for each squared coefficient."""
 
     @property
     def ranking(self) -> Regularised:
-        """The covariance of all candidates by which they are ranked beside chosen ones."""
-        ...
+        """The covariance of all candidates, divided by their spread or root mean square, by which they are ranked beside chosen ones."""
 
 
 def selector(data: Regressors, recipe: MemoryRecipe) -> Selector:
-    """Plain where the recipe has no ridge."""
-    return Plain(data, recipe) if recipe.ridge == 0.0 else Ridged(data, recipe)
+    """Return plain FROLS where the recipe has no ridge, else regularised FROLS."""
+    return _Plain(data, recipe) if recipe.ridge == 0.0 else _Ridged(data, recipe)
 
 
 @dataclass(frozen=True)
-class Plain:
+class _Plain:
     """FROLS on the candidates as they are, in one piece where they fit into memory."""
 
     data: Regressors
@@ -129,7 +120,7 @@ class Plain:
     @cached_property
     def _whole(self) -> Array | None:
         if fits_whole(self.data.samples, len(self.data.terms)):
-            return self.data.whole()
+            return dictionary_matrix(self.data.terms, self.data.states, self.data.samples)
         refuse_beyond_memory(len(self.data.terms))
         return None
 
@@ -139,24 +130,22 @@ class Plain:
 
     @cached_property
     def ranking(self) -> Regularised:
-        """See `Selector`: of candidates divided by their root mean squares."""
         total = moments(standardised(self.data.blocks, uncentred(self.data.blocks)))
         return Regularised(total.products / total.samples, total.samples, LEAST_RIDGE)
 
-    def best(self, stop: Stop, tolerance: float) -> Choice:
-        """See `Selector`."""
-        return _plain(self._selection(np.arange(len(self.data.terms)), self.recipe.most_terms, tolerance, stop))
+    def best(self) -> Choice:
+        recipe = self.recipe
+        if recipe.stop == "free_run":
+            return self.of_size(recipe.most_terms)
+        return _plain(self._selection(np.arange(len(self.data.terms)), recipe.most_terms, recipe.tolerance, recipe.stop))
 
     def of_size(self, terms: int) -> Choice:
-        """See `Selector`."""
         return self.among(self._largest.chosen[:terms])
 
     def among(self, chosen: IntArray) -> Choice:
-        """See `Selector`."""
         return _plain(self._selection(chosen, len(chosen)))
 
     def penalty(self, chosen: IntArray) -> Array:
-        """See `Selector`: there is none."""
         return np.zeros(len(chosen))
 
     def _selection(self, among: IntArray, terms: int, tolerance: float = 0.0, stop: Stop = "tolerance") -> Selection:
@@ -167,7 +156,7 @@ class Plain:
         return found if len(among) == len(self.data.terms) else _widened(found, among, len(self.data.terms))
 
 
-class Ridged:
+class _Ridged:
     """Regularised FROLS: forward, then backward; everything but PRESS from sums of products, which are formed block by block.
 
     The ridge is chosen here where the recipe leaves that open. Raises DataError where no candidate explains anything.
@@ -175,6 +164,7 @@ class Ridged:
 
     def __init__(self, data: Regressors, recipe: MemoryRecipe) -> None:
         refuse_beyond_memory(len(data.terms))
+        self.recipe = recipe
         self.standard = standard(data.blocks)
         self.blocks = standardised(data.blocks, self.standard)
         total = moments(self.blocks)
@@ -189,31 +179,29 @@ class Ridged:
             )
         self.subsets = prune(self.problem, self.forward)[: recipe.most_terms]
 
-    def best(self, stop: Stop, tolerance: float) -> Choice:
-        """See `Selector`."""
+    def best(self) -> Choice:
+        stop = self.recipe.stop
+        if stop == "free_run":
+            return self.of_size(len(self.subsets))
         if stop == "press":
             return self._choice(fewest(ridge_press(self.blocks, self.problem, self.subsets)), stop)
         unexplained = np.array([self.problem.unexplained(kept, self.problem.coefficients(kept)) for kept in self.subsets])
         if stop != "tolerance":
             return self._choice(fewest(information_criterion(stop, unexplained, self.problem.samples)), stop)
-        enough = np.flatnonzero(unexplained <= tolerance)
+        enough = np.flatnonzero(unexplained <= self.recipe.tolerance)
         return self._choice(int(enough[0]) + 1, stop) if len(enough) else self.of_size(len(self.subsets))
 
     def of_size(self, terms: int) -> Choice:
-        """See `Selector`."""
         return self._choice(min(terms, len(self.subsets)), "pruned")
 
     def among(self, chosen: IntArray) -> Choice:
-        """See `Selector`."""
         return self._of(chosen, "pruned")
 
     def penalty(self, chosen: IntArray) -> Array:
-        """See `Selector`: the ridge is a part of each candidate's variance."""
         return self.problem.ridge * self.problem.samples * self.standard.spread[chosen] ** 2
 
     @property
     def ranking(self) -> Regularised:
-        """See `Selector`."""
         return self.problem
 
     def _choice(self, terms: int, stop: str) -> Choice:

@@ -15,8 +15,8 @@ from mapmore_cli.domain.memory import StateSet
 from mapmore_cli.modelling.expressions import evaluate
 from mapmore_cli.modelling.expressions.operator import FLOATS, Recursion
 from mapmore_cli.modelling.memory.feedback import OUTPUT, Feedback, fed_back_states
-from mapmore_cli.modelling.memory.records import AtSample
-from mapmore_cli.modelling.memory.states import Known, evaluate_states, value_of
+from mapmore_cli.modelling.memory.records import AtSample, complete
+from mapmore_cli.modelling.memory.states import evaluate_states, value_of
 
 DIVERGED = 100.0
 """Training ranges by which a free run may leave the training range before it counts as diverged."""
@@ -170,7 +170,7 @@ class Piece:
 
     measured: Array
     driven: Columns
-    known: Known
+    known: dict[str, Array]
 
 
 def piece_of(states: StateSet, output: str, columns: Columns) -> Piece:
@@ -193,7 +193,7 @@ def course_of(feedback: Feedback, piece: Piece, end: int | None = None) -> Cours
     measured = piece.measured[:end]
     n = len(measured)
     driven = {name: piece.driven[name][:end] for name in feedback.states.names if name not in feedback.names}
-    ready = np.logical_and.reduce([np.ones(n, dtype=np.bool_), *(np.isfinite(values) for values in driven.values())])
+    ready = complete(driven.values(), n)
     start = min(n, max(feedback.longest, int(np.argmax(ready)) if ready.any() else n))
     rows = {name: values[start:] for name, values in driven.items()}
     inputs = np.empty((n - start, len(feedback.inputs)), order="F")

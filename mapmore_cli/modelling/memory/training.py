@@ -22,17 +22,22 @@ from mapmore_cli.modelling.memory.states import resolve
 from mapmore_cli.modelling.selection import MemoryRecipe
 
 
+def left_open(records: Sequence[Record], terms: Sequence[str], step: float) -> Unknown:
+    """Return the numbers that terms leave open; `step` is the time between the samples of the records, s."""
+    return unknown(terms, step, step * max((int(record.training.sum()) for record in records), default=1))
+
+
 class Training:
-    """One set of training samples.
+    """One set of training samples, and the `numbers` of operators that the recipe's dictionary leaves open.
 
     Raises DataError where a quantity is missing, too few samples have a history, or a state cannot be fed back.
     """
 
-    def __init__(self, records: Sequence[Record], recipe: MemoryRecipe) -> None:
-        self.terms = tuple(parse(text) for text in recipe.dictionary)
-        names = sorted(frozenset[str]().union(*(term.names for term in self.terms)))
+    def __init__(self, records: Sequence[Record], recipe: MemoryRecipe, numbers: Sequence[float] = ()) -> None:
         self.records, self.recipe = records, recipe
-        self.states = resolve(names, records, recipe.target, recipe.step, scale=recipe.scaling == "range", margin=recipe.margin)
+        self.dictionary = left_open(records, recipe.dictionary, recipe.step).filled(recipe.dictionary, numbers)
+        self.terms = tuple(map(parse, self.dictionary))
+        self.states = resolve(_names_in(self.dictionary), records, recipe)
         fed_back = fed_back_states(self.states, recipe.target)
         for term in self.terms:
             parted(term, fed_back)  # refuses what no free run could feed back
@@ -45,41 +50,40 @@ class Training:
         self.limits = (float(self.data.y.min()), float(self.data.y.max()))
         self.selector = selector(self.data, recipe)
 
-    # one step ahead ------------------------------------------------------------------------------------------------------------------
-
     def fit(self, choice: Choice) -> MemoryFit:
         """Return the model of a choice, with its coefficients of one step ahead."""
-        found = choice.selection
+        found, recipe = choice.selection, self.recipe
+        terms = tuple(self.dictionary[i] for i in found.chosen)
         states = self._states_of(found.chosen)
-        terms = tuple(self.recipe.dictionary[i] for i in found.chosen)
-        model = MemoryModel(
-            self.recipe.target, states, terms, found.theta, found.theta_error, choice.constant, self.limits, self.recipe.start
-        )
-        return MemoryFit(model, self.recipe.dictionary, found, choice.ridge, choice.forward, choice.substitutes, choice.shares)
+        model = MemoryModel(recipe.target, states, terms, found.theta, found.theta_error, choice.constant, self.limits, recipe.start)
+        return MemoryFit(model, self.dictionary, found, choice.ridge, choice.forward, choice.substitutes, choice.shares)
 
-    # free run ------------------------------------------------------------------------------------------------------------------------
+    def refined(self, choice: Choice, point: Coefficients) -> MemoryFit:
+        """Return the model of a choice with coefficients and numbers found in free run, and their standard errors.
 
-    def refined(self, choice: Choice, point: Coefficients, open_terms: Sequence[str]) -> MemoryFit:
-        """Return the model of a choice with coefficients found in free run, and standard errors; theta are in the order of the choice.
-
-        `open_terms` are its terms as the dictionary names them, where numbers of their operators were searched as well.
+        theta are in the order of the choice.
         """
-        errors, of_numbers = standard_errors(self.problem(choice.selection.chosen, open_terms=open_terms), point)
+        chosen = choice.selection.chosen
+        errors, of_numbers = standard_errors(self.problem(chosen, search=True), point)
         selection = replace(choice.selection, theta=point.theta, theta_error=errors)
         fit = self.fit(replace(choice, selection=selection, constant=point.constant))
-        numbers = self.unknown(open_terms)
+        numbers = self.open_in(chosen)
         return replace(fit, identified=numbers.found(point.numbers, of_numbers)) if numbers.places else fit
 
-    def problem(self, chosen: IntArray, counted: Sequence[BoolArray] | None = None, open_terms: Sequence[str] | None = None) -> Problem:
+    def open_in(self, chosen: IntArray) -> Unknown:
+        """Return the numbers that some candidates leave open."""
+        return left_open(self.records, [self.recipe.dictionary[i] for i in chosen], self.recipe.step)
+
+    def problem(self, chosen: IntArray, counted: Sequence[BoolArray] | None = None, *, search: bool = False) -> Problem:
         """Return the simulation error of some candidates, over the training samples or those that are `counted`, (n,) for each record.
 
-        `open_terms` are the candidates as the dictionary names them, where numbers of their operators are to be searched as well.
+        `search` says whether the numbers that they leave open are to be searched as well.
 
         Raises DataError where no sample has a history, or a first output is missing.
         """
         wanted = [record.training for record in self.records] if counted is None else counted
-        terms = [self.recipe.dictionary[i] for i in chosen]
-        courses = self._courses(feedback_of(terms, self._states_of(chosen), self.recipe.target), self._pieces, wanted)
+        terms = [self.dictionary[i] for i in chosen]
+        courses = _courses(feedback_of(terms, self._states_of(chosen), self.recipe.target), self.pieces, wanted)
         rows = [_counted(course, mask) for course, mask in zip(courses, wanted, strict=True)]
         counts = [place for place, own in enumerate(rows) if own.any()]
         if not counts:
@@ -93,41 +97,26 @@ class Training:
             self.selector.penalty(chosen),
             self.recipe.ridge != 0.0,
         )
-        numbers = self.unknown(open_terms or ())
-        if not numbers.places:
+        if not search or not (numbers := self.open_in(chosen)).places:
             return problem
+        open_terms = [self.recipe.dictionary[i] for i in chosen]
 
         @lru_cache(maxsize=2)
         def moved(at: tuple[float, ...]) -> tuple[Course, ...]:
-            feedback = self._feedback(numbers.filled(open_terms or (), numbers.numbers(np.array(at))))
-            pieces = [piece_of(feedback.states, self.recipe.target, record.columns) for record in self.records]
-            courses = self._courses(feedback, pieces, wanted)
+            terms = numbers.filled(open_terms, numbers.numbers(np.array(at)))
+            states = resolve(_names_in(terms), self.records, self.recipe, self.states.resonances)
+            courses = _courses(feedback_of(terms, states, self.recipe.target), self._pieces(states), wanted)
             return tuple(courses[place] for place in counts)
 
         return replace(problem, moved=lambda at: moved(tuple(at.tolist())), between=numbers.bounds)
 
-    def unknown(self, terms: Sequence[str]) -> Unknown:
-        """Return what terms leave open."""
-        longest = max((int(record.training.sum()) for record in self.records), default=1)
-        return unknown(terms, self.recipe.step, longest * self.recipe.step)
-
-    def _feedback(self, terms: Sequence[str]) -> Feedback:
-        """Terms taken apart, with everything that their states need found from the training samples."""
-        names = sorted(frozenset[str]().union(*(parse(text).names for text in terms)))
-        recipe = self.recipe
-        known = self.states.resonances
-        states = resolve(
-            names, self.records, recipe.target, recipe.step, scale=recipe.scaling == "range", margin=recipe.margin, resonances=known
-        )
-        return feedback_of(terms, states, recipe.target)
-
-    def _courses(self, feedback: Feedback, pieces: Sequence[Piece], wanted: Sequence[BoolArray]) -> list[Course]:
-        ends = (int(np.flatnonzero(mask)[-1]) + 1 if mask.any() else 0 for mask in wanted)
-        return [course_of(feedback, piece, end) for piece, end in zip(pieces, ends, strict=True)]
-
     @cached_property
-    def _pieces(self) -> tuple[Piece, ...]:
-        return tuple(piece_of(self.states, self.recipe.target, record.columns) for record in self.records)
+    def pieces(self) -> list[Piece]:
+        """The records with the states of all candidates."""
+        return self._pieces(self.states)
+
+    def _pieces(self, states: StateSet) -> list[Piece]:
+        return [piece_of(states, self.recipe.target, record.columns) for record in self.records]
 
     def _states_of(self, chosen: IntArray) -> StateSet:
         """Return the states that some candidates need, with their numbers."""
@@ -135,6 +124,16 @@ class Training:
         places = [place for place, name in enumerate(self.states.names) if name in used]
         scales = (self.states.low[places], self.states.high[places]) if self.states.scaled else (self.states.low, self.states.high)
         return replace(self.states, names=tuple(self.states.names[place] for place in places), low=scales[0], high=scales[1])
+
+
+def _names_in(terms: Sequence[str]) -> list[str]:
+    return sorted(frozenset[str]().union(*(parse(text).names for text in terms)))
+
+
+def _courses(feedback: Feedback, pieces: Sequence[Piece], wanted: Sequence[BoolArray]) -> list[Course]:
+    """Return the pieces ready to be run, up to the last sample that is wanted of each."""
+    ends = (int(np.flatnonzero(mask)[-1]) + 1 if mask.any() else 0 for mask in wanted)
+    return [course_of(feedback, piece, end) for piece, end in zip(pieces, ends, strict=True)]
 
 
 def _counted(course: Course, mask: BoolArray) -> BoolArray:

@@ -53,7 +53,10 @@ def split_cycles(over: Array, columns: Columns, samples: int) -> Branches:
     """
     turns = turning_points(over, SWING * float(np.ptp(over))) if len(over) else np.zeros(0, dtype=np.int64)
     runs = _trimmed_runs(over, turns)
-    rising, falling = (_pooled(runs[direction], name) for direction, name in ((1, "contraction"), (-1, "extension")))
+    for direction, name in ((1, "contraction"), (-1, "extension")):
+        if not runs[direction]:
+            raise DataError(f"there is no full load cycle: the {name} branch is missing")
+    rising, falling = np.concatenate(runs[1]), np.concatenate(runs[-1])
     low = max(over[rising].min(), over[falling].min())
     high = min(over[rising].max(), over[falling].max())
     if not low < high:
@@ -121,12 +124,6 @@ def _noise(values: Array) -> float:
     if len(values) < 3:
         return 0.0
     return 1.4826 * float(np.median(np.abs(np.diff(values, 2)))) / math.sqrt(6.0)
-
-
-def _pooled(runs: list[IntArray], name: str) -> IntArray:
-    if not runs:
-        raise DataError(f"there is no full load cycle: the {name} branch is missing")
-    return np.concatenate(runs)
 
 
 WHOLE_SWING = 0.4  # of the range: a smaller rise or fall is part of a cycle

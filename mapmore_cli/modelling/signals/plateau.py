@@ -116,18 +116,17 @@ def find_plateau(time: Array, pressure: Array, others: Mapping[str, Array]) -> t
 
 def _settled(signal: Array, later: IntArray, span: float) -> BoolArray:
     """Where a signal is within the band around its median over the samples `later`."""
-    within: BoolArray = np.abs(signal - np.median(signal[later])) <= BAND * span
-    return within
+    return np.asarray(np.abs(signal - np.median(signal[later])) <= BAND * span)
 
 
 def _first(mask: BoolArray) -> int:
     """Return number of the first True, the length where there is none."""
-    return int(np.argmax(mask)) if mask.any() else len(mask)
+    return int(np.argmax(np.append(mask, True)))
 
 
 def _last(mask: BoolArray) -> int:
     """Return number of the last True, -1 where there is none."""
-    return len(mask) - 1 - int(np.argmax(mask[::-1])) if mask.any() else -1
+    return len(mask) - 1 - _first(mask[::-1])
 
 
 def without_steady_state(component: Array, plateau: BoolArray) -> Array:

@@ -28,12 +28,10 @@ def running_median(x: Array, y: Array, window: float) -> tuple[Array, Array]:
     grid = np.linspace(x[0], x[-1], max(1, round(STEPS * float(x[-1] - x[0]) / window)) + 1)
     reach = window / 4 * (1 + 1e-9)  # a sample right on the rim counts, whatever the unit
     first, last = np.searchsorted(x, grid - reach, "left"), np.searchsorted(x, grid + reach, "right")
-    medians = np.full((2, len(grid)), np.nan)
-    for place in np.flatnonzero(last > first):
-        near = slice(first[place], last[place])
-        medians[:, place] = np.median(x[near]), np.median(y[near])
     known = last > first
-    return np.interp(grid, grid[known], medians[0, known]), np.interp(grid, grid[known], medians[1, known])
+    near = [slice(begin, end) for begin, end in zip(first[known], last[known], strict=True)]
+    over_x, over_y = (np.interp(grid, grid[known], [np.median(values[rows]) for rows in near]) for values in (x, y))
+    return over_x, over_y
 
 
 BLOCK = 100_000  # samples gathered into windows at one time: a few MB, which stay in the cache
@@ -58,14 +56,6 @@ def rate(time: Array, values: Array, window: float, order: int) -> Array:
     begin = np.clip(time - window / 2, time[0], max(time[0], time[-1] - window))
     start = np.searchsorted(time, begin - slack, side="left")
     stop = np.searchsorted(time, begin + window + slack, side="right")
-    _check_windows(time, start, stop, window, order)
-    longest = int((stop - start).max())
-    rows = max(1, BLOCK // longest)
-    blocks = [slice(i, i + rows) for i in range(0, len(time), rows)]
-    return np.concatenate([_slopes(time, values, time[b], start[b], stop[b], window, order) for b in blocks])
-
-
-def _check_windows(time: Array, start: IntArray, stop: IntArray, window: float, order: int) -> None:
     rank = np.concatenate([[0], np.cumsum(np.diff(time) > 0)])
     different = rank[stop - 1] - rank[start] + 1
     worst = int(np.argmin(different))
@@ -75,6 +65,9 @@ def _check_windows(time: Array, start: IntArray, stop: IntArray, window: float, 
             f"a rate of order {order} needs {order + 1}",
             "Give a wider `window` or a lower `order`.",
         )
+    rows = max(1, BLOCK // int((stop - start).max()))
+    blocks = [slice(i, i + rows) for i in range(0, len(time), rows)]
+    return np.concatenate([_slopes(time, values, time[b], start[b], stop[b], window, order) for b in blocks])
 
 
 def _slopes(time: Array, values: Array, at: Array, start: IntArray, stop: IntArray, window: float, order: int) -> Array:

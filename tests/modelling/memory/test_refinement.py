@@ -10,8 +10,7 @@ from memory_samples import memory_model, narx_truth, recipe_of, record, state_se
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.frols import frols
-from mapmore_cli.modelling.memory import beam as beams
-from mapmore_cli.modelling.memory import selectors
+from mapmore_cli.modelling.memory import fitting, selectors
 from mapmore_cli.modelling.memory.feedback import feedback_of
 from mapmore_cli.modelling.memory.fitting import fit_with_memory
 from mapmore_cli.modelling.memory.free_run import free_run, one_step_ahead
@@ -162,17 +161,17 @@ DICTIONARY = ("y[k-1]", "x[k-1]", "y[k-1]^2", "y[k-1]^3", "x[k-1]*y[k-1]", "x[k-
 
 def test_a_divergent_candidate_is_refused_and_not_followed(monkeypatch):
     tried = []
-    original = beams._grown
+    original = fitting._grown
 
     def grown(training, member, chosen):
         assert np.isfinite(member.point.error) or not member.chosen  # nothing is built on a model that diverges
         found = original(training, member, chosen)
         if 3 in chosen:  # every model with the cube is said to diverge
-            found = beams.Member(found.chosen, Coefficients(found.point.theta, found.point.constant))
+            found = fitting.Member(found.chosen, Coefficients(found.point.theta, found.point.constant))
         tried.append(chosen)
         return found
 
-    monkeypatch.setattr(beams, "_grown", grown)
+    monkeypatch.setattr(fitting, "_grown", grown)
     recipe = recipe_of("y", DICTIONARY, max_terms=3, criterion="free_run", stop="free_run", select="free_run")
     fit = fit_with_memory([logistic()], recipe)
     assert any(3 in chosen for chosen in tried)
@@ -181,7 +180,9 @@ def test_a_divergent_candidate_is_refused_and_not_followed(monkeypatch):
 
 
 def test_no_model_that_stays_finite_is_an_error(monkeypatch):
-    monkeypatch.setattr(beams, "_grown", lambda _training, _member, chosen: beams.Member(chosen, Coefficients(np.zeros(len(chosen)), 0.0)))
+    monkeypatch.setattr(
+        fitting, "_grown", lambda _training, _member, chosen: fitting.Member(chosen, Coefficients(np.zeros(len(chosen)), 0.0))
+    )
     recipe = recipe_of("y", DICTIONARY, max_terms=3, criterion="free_run", stop="free_run", select="free_run")
     with pytest.raises(DataError, match="free run of every model diverges"):
         fit_with_memory([logistic()], recipe)

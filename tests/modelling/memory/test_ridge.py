@@ -13,7 +13,7 @@ from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.modelling.frols import frols
 from mapmore_cli.modelling.frols.moments import moments, standard, standardised
 from mapmore_cli.modelling.frols.ridge import RIDGES, Regularised, choose_ridge, prune, ridge_press, select, substitutes
-from mapmore_cli.modelling.memory.selectors import Plain, Regressors
+from mapmore_cli.modelling.memory.selectors import Regressors, selector
 from mapmore_cli.modelling.selection import MemoryRecipe
 
 
@@ -77,7 +77,7 @@ def test_candidates_without_a_ridge_are_ranked_the_same_in_any_unit(power):
 
     def ranking(units):
         states = dict(zip("abc", (P * units).T, strict=True))
-        return Plain(Regressors(terms, states, y), recipe).ranking.covariance
+        return selector(Regressors(terms, states, y), recipe).ranking.covariance
 
     near = ranking(np.ones(3))
     columns = np.column_stack([P, y])
