@@ -28,8 +28,7 @@ class NotFinite(DataError, ValueError):
         self.row = row
 
 
-BLOCK = 8192
-"""Rows at a time in a dictionary: shared powers of a block stay in the processor's cache, and memory stays bounded."""
+BLOCK = 8192  # rows at a time in a dictionary: shared powers of a block stay in the processor's cache, and memory stays bounded
 
 
 def evaluate(expression: Expression, columns: Columns, n: int | None = None) -> Array:
@@ -113,11 +112,8 @@ def _refuse_not_finite(block: Array, terms: Sequence[Expression], columns: Colum
             raise NotFinite(to_text(term), row, ", ".join(f"{name} = {value:.6g}" for name, value in values.items()))
 
 
-Shared = list[Value | None]
-"""What was computed so far of the parts that may occur again."""
-
-Part = Callable[[Mapping[str, Value], Shared], Value]
-"""A node with everything below it, as a function of columns."""
+Shared = list[Value | None]  # what was computed so far of the parts that may occur again
+Part = Callable[[Mapping[str, Value], Shared], Value]  # a node with everything below it, as a function of columns
 
 Known = dict[Expression, Part]
 

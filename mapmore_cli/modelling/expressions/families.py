@@ -74,16 +74,8 @@ def count_products(states: int, order: int, partners: int) -> int:
     return math.comb(states + order, order) if partners == states else of_partners + (states - partners) * with_another
 
 
-SHARE = 0.5
-"""Of the installed memory, what one fit may take: other programs need some as well."""
-
-ASSUMED = 4_000_000_000
-"""Bytes of memory where the system does not say."""
-
-
-def dictionary_bytes(samples: int, candidates: int) -> int:
-    """Bytes of a whole dictionary, (n, M)."""
-    return 8 * samples * candidates
+SHARE = 0.5  # of the installed memory, what one fit may take: other programs need some as well
+ASSUMED = 4_000_000_000  # bytes of memory where the system does not say
 
 
 def products_bytes(candidates: int) -> int:
@@ -102,7 +94,7 @@ def usable_memory() -> int:
 
 def fits_whole(samples: int, candidates: int) -> bool:
     """Whether the whole dictionary may be in memory at once; else it is built block by block."""
-    return dictionary_bytes(samples, candidates) <= usable_memory()
+    return 8 * samples * candidates <= usable_memory()
 
 
 def refuse_beyond_memory(candidates: int) -> None:

@@ -9,8 +9,7 @@ from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.expressions.states import Lagged, Measured, State, number_text, state
 from mapmore_cli.modelling.expressions.syntax import ONE, Call, Expression, Name, Number, Power, Product, Sum, negate, power
 
-_SUM, _PRODUCT, _POWER, _ATOM = range(4)
-"""How tightly a text binds; an operand that binds less than its place needs is put in brackets."""
+_SUM, _PRODUCT, _POWER, _ATOM = range(4)  # how tightly a text binds; an operand that binds less than its place needs is put in brackets
 
 _Bound = tuple[str, int]
 

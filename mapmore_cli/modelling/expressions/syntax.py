@@ -174,8 +174,7 @@ class Condition:
         raise TypeError("a condition of a program is neither true nor false before the program runs: branch by `where`")
 
 
-Operand = Expression | float
-"""What stands beside an expression in arithmetic."""
+Operand = Expression | float  # what stands beside an expression in arithmetic
 
 ZERO, ONE = Number(0.0), Number(1.0)
 

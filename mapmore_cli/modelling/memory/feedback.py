@@ -18,11 +18,8 @@ from mapmore_cli.modelling.expressions.states import Lagged, Measured, State, st
 from mapmore_cli.modelling.expressions.syntax import ONE, Power, Product
 from mapmore_cli.modelling.memory.states import setting_of
 
-Own = Callable[[Sequence[float]], float]
-"""The part of a term that depends on fed-back states, as a function of their values at one sample."""
-
-OUTPUT = -1
-"""Place of the output itself, where others are places of nodes."""
+Own = Callable[[Sequence[float]], float]  # the part of a term that depends on fed-back states, as a function of their values at one sample
+OUTPUT = -1  # place of the output itself, where others are places of nodes
 
 
 @dataclass(frozen=True)

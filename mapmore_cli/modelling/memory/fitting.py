@@ -23,28 +23,16 @@ from mapmore_cli.modelling.memory.selectors import Choice
 from mapmore_cli.modelling.memory.training import Training, left_open
 from mapmore_cli.modelling.selection import MemoryRecipe
 
-LATE = 0.25
-"""Share of each piece's training samples on which free runs compete, where they decide on the number of terms."""
-
-STARTS = 3
-"""Sets of numbers of operators that are refined."""
-
-SHORT = 2048
-"""Training samples on which they compete."""
-
-WIDTH = 3
-"""Models of each size that the beam carries on."""
-
-SHORTLIST = 5
-"""Candidates that are tried beside each of them: the best of a step one step ahead."""
+LATE = 0.25  # share of each piece's training samples on which free runs compete, where they decide on the number of terms
+STARTS = 3  # sets of numbers of operators that are refined
+SHORT = 2048  # training samples on which they compete
+WIDTH = 3  # models of each size that the beam carries on
+SHORTLIST = 5  # candidates that are tried beside each of them: the best of a step one step ahead
 
 DIVERGES = "use another `fit.stop`, fewer delayed outputs, or a ridge"
 
-Progress = Callable[[int, int], None]
-"""Called with how many models were tried in free run, and of how many at most."""
-
-Tick = Callable[[], None]
-"""Called for every model that is tried."""
+Progress = Callable[[int, int], None]  # called with how many models were tried in free run, and of how many at most
+Tick = Callable[[], None]  # called for every model that is tried
 
 
 @dataclass(frozen=True)

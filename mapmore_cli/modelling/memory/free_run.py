@@ -18,8 +18,7 @@ from mapmore_cli.modelling.memory.simulation import Course, Piece, bounds_of, co
 from mapmore_cli.modelling.memory.states import evaluate_states, memory_inputs
 from mapmore_cli.modelling.signals.sampling import UNEVEN
 
-FEW = 2
-"""Samples up to which a longer step is taken for a gap."""
+FEW = 2  # samples up to which a longer step is taken for a gap
 
 
 def one_step_ahead(model: MemoryModel, columns: Columns) -> Array:
@@ -95,17 +94,10 @@ def _outputs(model: MemoryModel, course: Course) -> Array:
 
 # How a run begins --------------------------------------------------------------------------------------------------------------------
 
-FIRST = 0.05
-"""Share of a run over which first outputs are identified, and errors of the beginning are told."""
-
-STEPS = 60
-"""Steps of a search for the first outputs."""
-
-SETTLED = 1e-12
-"""Of the training range: a smaller step is the last."""
-
-NUDGE = 1e-6
-"""Of the training range, over which an output is moved for a difference quotient."""
+FIRST = 0.05  # share of a run over which first outputs are identified, and errors of the beginning are told
+STEPS = 60  # steps of a search for the first outputs
+SETTLED = 1e-12  # of the training range: a smaller step is the last
+NUDGE = 1e-6  # of the training range, over which an output is moved for a difference quotient
 
 
 def started(model: MemoryModel) -> str:

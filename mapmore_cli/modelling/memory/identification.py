@@ -20,14 +20,9 @@ from mapmore_cli.modelling.expressions import Name, parse, substitute, to_text
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.expressions.states import Measured, Operated, State, state
 
-DIGITS = 10
-"""Significant digits of a number that was found; its standard error is far larger."""
-
-ALL = 64
-"""Sets of starting numbers up to which every one is tried."""
-
-AT_BOUND = 1e-6
-"""Of the way between the bounds: a number so near to one lies on it."""
+DIGITS = 10  # significant digits of a number that was found; its standard error is far larger
+ALL = 64  # sets of starting numbers up to which every one is tried
+AT_BOUND = 1e-6  # of the way between the bounds: a number so near to one lies on it
 
 
 class _Place(NamedTuple):

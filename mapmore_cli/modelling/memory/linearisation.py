@@ -18,11 +18,8 @@ from mapmore_cli.modelling.memory.feedback import OUTPUT
 from mapmore_cli.modelling.memory.simulation import Course, Trajectory
 from mapmore_cli.modelling.program.slopes import recursion_slopes
 
-STEPS = 12
-"""Newton steps after which a run is computed sample by sample instead."""
-
-EXACT = 1e-11
-"""Of the largest output: a smaller Newton step is the last."""
+STEPS = 12  # newton steps after which a run is computed sample by sample instead
+EXACT = 1e-11  # of the largest output: a smaller Newton step is the last
 
 Coupling = tuple[int, int, int, Array]
 """Row and column (places among the unknowns of one sample), samples between them, and (n,) the factor."""

@@ -94,19 +94,16 @@ def records_of(curves: Sequence[Curve], step: float) -> tuple[Record, ...]:
 
     Raises DataError where samples are not at even time steps.
     """
-    return tuple(
-        Record({name: values[rows][piece] for name, values in curve.columns.items()}, curve.training[rows][piece])
-        for curve in curves
-        for log, rows in enumerate(curve.logs)
-        for piece in _pieces(curve.recordings[log], curve.columns["time"][rows], step)
-    )
-
-
-def _pieces(recording: str, time: Array, step: float) -> list[slice]:
-    try:
-        return uninterrupted(time, step)
-    except AtSample as error:
-        raise DataError(
-            f"{recording}: sample {error.sample} (at {time[error.sample]:.9g} s): {error.fault}",
-            f"add `resample: {step:.6g} s` to `data`, with `gaps: {{longer_than: ..., action: split}}` where recordings break off",
-        ) from error
+    records: list[Record] = []
+    for curve in curves:
+        for name, rows in zip(curve.recordings, curve.logs, strict=True):
+            time = curve.columns["time"][rows]
+            try:
+                parts = [rows[part] for part in uninterrupted(time, step)]
+            except AtSample as error:
+                raise DataError(
+                    f"{name}: sample {error.sample} (at {time[error.sample]:.9g} s): {error.fault}",
+                    f"add `resample: {step:.6g} s` to `data`, with `gaps: {{longer_than: ..., action: split}}` where recordings break off",
+                ) from error
+            records += [Record({name: x[part] for name, x in curve.columns.items()}, curve.training[part]) for part in parts]
+    return tuple(records)

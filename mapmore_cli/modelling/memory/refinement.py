@@ -16,17 +16,10 @@ from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.modelling.memory.linearisation import Linearised, run_at_once
 from mapmore_cli.modelling.memory.simulation import Course, Trajectory
 
-FIRST, GROWTH = 16, 8
-"""Samples of the shortest horizon, and how many times longer the next one is."""
-
-LEAST_GROWTH = 1.2
-"""Where a run over the next horizon explodes a nearer one is tried, down to this many times the last."""
-
-DAMPING, MOST_DAMPING = 1e-3, 1e8
-"""Levenberg-Marquardt's factor at the start, and where a step is given up."""
-
-NUDGE = 1e-5
-"""Way, in the search, over which a number of an operator is moved for its difference quotient."""
+FIRST, GROWTH = 16, 8  # samples of the shortest horizon, and how many times longer the next one is
+LEAST_GROWTH = 1.2  # where a run over the next horizon explodes a nearer one is tried, down to this many times the last
+DAMPING, MOST_DAMPING = 1e-3, 1e8  # Levenberg-Marquardt's factor at the start, and where a step is given up
+NUDGE = 1e-5  # way, in the search, over which a number of an operator is moved for its difference quotient
 
 
 @dataclass(frozen=True)

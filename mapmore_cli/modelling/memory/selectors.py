@@ -17,7 +17,7 @@ from mapmore_cli.domain.memory import StateSet
 from mapmore_cli.modelling.expressions import Expression, dictionary_blocks, dictionary_matrix
 from mapmore_cli.modelling.expressions.families import fits_whole, refuse_beyond_memory
 from mapmore_cli.modelling.frols import frols, frols_streamed
-from mapmore_cli.modelling.frols.moments import Moments, Standard, moments, standard, standardised, uncentred
+from mapmore_cli.modelling.frols.moments import Standard, moments, standard, standardised, uncentred
 from mapmore_cli.modelling.frols.ridge import LEAST_RIDGE, Regularised, choose_ridge, prune, ridge_press, select, substitutes
 from mapmore_cli.modelling.frols.select import fewest, information_criterion
 from mapmore_cli.modelling.memory.records import Record, complete
@@ -53,7 +53,13 @@ def regressors(records: Sequence[Record], states: StateSet, terms: Sequence[Expr
 
     Raises DataError where there are none, or the output is missing.
     """
-    parts = [_part(record, states, target) for record in records]
+    parts: list[tuple[Columns, Array]] = []
+    for record in records:
+        if target not in record.columns:
+            raise DataError(f"there is no column `{target}`", f"there are: {', '.join(record.columns)}")
+        values = evaluate_states(states, record.columns)
+        known = record.training & complete(values.values(), record.size)
+        parts.append(({name: column[known] for name, column in values.items()}, record.columns[target][known]))
     pooled = {name: np.concatenate([values[name] for values, _ in parts]) for name in states.names}
     y = np.concatenate([output for _, output in parts])
     if not len(y):
@@ -61,16 +67,7 @@ def regressors(records: Sequence[Record], states: StateSet, terms: Sequence[Expr
     return Regressors(tuple(terms), pooled, y)
 
 
-def _part(record: Record, states: StateSet, target: str) -> tuple[dict[str, Array], Array]:
-    if target not in record.columns:
-        raise DataError(f"there is no column `{target}`", f"there are: {', '.join(record.columns)}")
-    values = evaluate_states(states, record.columns)
-    known = record.training & complete(values.values(), record.size)
-    return {name: column[known] for name, column in values.items()}, record.columns[target][known]
-
-
-FOLDS = 4
-"""Blocks of samples that are left out in turn where the ridge is chosen."""
+FOLDS = 4  # blocks of samples that are left out in turn where the ridge is chosen
 
 
 @dataclass(frozen=True)
@@ -110,23 +107,22 @@ def selector(data: Regressors, recipe: MemoryRecipe) -> Selector:
     return _Plain(data, recipe) if recipe.ridge == 0.0 else _Ridged(data, recipe)
 
 
-@dataclass(frozen=True)
 class _Plain:
     """FROLS on the candidates as they are, in one piece where they fit into memory."""
 
-    data: Regressors
-    recipe: MemoryRecipe
+    def __init__(self, data: Regressors, recipe: MemoryRecipe) -> None:
+        self.data, self.recipe, self.all = data, recipe, np.arange(len(data.terms))
 
     @cached_property
     def _whole(self) -> Array | None:
-        if fits_whole(self.data.samples, len(self.data.terms)):
+        if fits_whole(self.data.samples, len(self.all)):
             return dictionary_matrix(self.data.terms, self.data.states, self.data.samples)
-        refuse_beyond_memory(len(self.data.terms))
+        refuse_beyond_memory(len(self.all))
         return None
 
     @cached_property
-    def _largest(self) -> Selection:
-        return self._selection(np.arange(len(self.data.terms)), self.recipe.most_terms)
+    def _largest(self) -> Choice:
+        return self._selected(self.all, self.recipe.most_terms)
 
     @cached_property
     def ranking(self) -> Regularised:
@@ -137,23 +133,28 @@ class _Plain:
         recipe = self.recipe
         if recipe.stop == "free_run":
             return self.of_size(recipe.most_terms)
-        return _plain(self._selection(np.arange(len(self.data.terms)), recipe.most_terms, recipe.tolerance, recipe.stop))
+        return self._selected(self.all, recipe.most_terms, recipe.tolerance, recipe.stop)
 
     def of_size(self, terms: int) -> Choice:
-        return self.among(self._largest.chosen[:terms])
+        return self.among(self._largest.selection.chosen[:terms])
 
     def among(self, chosen: IntArray) -> Choice:
-        return _plain(self._selection(chosen, len(chosen)))
+        return self._selected(chosen, len(chosen))
 
     def penalty(self, chosen: IntArray) -> Array:
         return np.zeros(len(chosen))
 
-    def _selection(self, among: IntArray, terms: int, tolerance: float = 0.0, stop: Stop = "tolerance") -> Selection:
+    def _selected(self, among: IntArray, terms: int, tolerance: float = 0.0, stop: Stop = "tolerance") -> Choice:
         if self._whole is None:
             found = frols_streamed(lambda: ((P[:, among], y) for P, y in self.data.blocks()), terms, tolerance, stop=stop)
         else:
             found = frols(self._whole[:, among], self.data.y, terms, tolerance, stop=stop)
-        return found if len(among) == len(self.data.terms) else _widened(found, among, len(self.data.terms))
+        if len(among) < len(self.all):  # the tables are empty (NaN) for all others
+            tables = np.full((2, len(found.chosen), len(self.all)), np.nan)
+            tables[:, :, among] = found.g_all, found.err_all
+            runner_up = np.where(found.runner_up >= 0, among[found.runner_up], -1)
+            found = replace(found, chosen=among[found.chosen], g_all=tables[0], err_all=tables[1], runner_up=runner_up)
+        return Choice(found, 0.0, 0.0, found.chosen, np.empty(0, dtype=np.int64), np.empty(0))
 
 
 class _Ridged:
@@ -170,66 +171,45 @@ class _Ridged:
         total = moments(self.blocks)
         ridge = recipe.ridge
         if ridge == "auto":
-            ridge = choose_ridge(total, _folds(data, self.standard), recipe.forward_terms, recipe.most_terms)
-        self.problem = Regularised(total.covariance, total.samples, ridge)
-        self.forward = select(self.problem, recipe.forward_terms).chosen
+            edges = np.linspace(0, data.samples, min(FOLDS, data.samples) + 1).astype(np.int64)
+            parts = [data.rows(slice(begin, end)) for begin, end in pairwise(edges)]
+            folds = [moments(standardised(part.blocks, self.standard)) for part in parts]
+            ridge = choose_ridge(total, folds, recipe.forward_terms, recipe.most_terms)
+        self.ranking = Regularised(total.covariance, total.samples, ridge)
+        self.forward = select(self.ranking, recipe.forward_terms).chosen
         if not len(self.forward):
             raise DataError(
                 "no candidate explains anything of the output", "look whether the output and the inputs vary in the training samples"
             )
-        self.subsets = prune(self.problem, self.forward)[: recipe.most_terms]
+        self.subsets = prune(self.ranking, self.forward)[: recipe.most_terms]
 
     def best(self) -> Choice:
         stop = self.recipe.stop
         if stop == "free_run":
             return self.of_size(len(self.subsets))
         if stop == "press":
-            return self._choice(fewest(ridge_press(self.blocks, self.problem, self.subsets)), stop)
-        unexplained = np.array([self.problem.unexplained(kept, self.problem.coefficients(kept)) for kept in self.subsets])
+            return self._of(self.subsets[fewest(ridge_press(self.blocks, self.ranking, self.subsets)) - 1], stop)
+        unexplained = np.array([self.ranking.unexplained(kept, self.ranking.coefficients(kept)) for kept in self.subsets])
         if stop != "tolerance":
-            return self._choice(fewest(information_criterion(stop, unexplained, self.problem.samples)), stop)
+            return self._of(self.subsets[fewest(information_criterion(stop, unexplained, self.ranking.samples)) - 1], stop)
         enough = np.flatnonzero(unexplained <= self.recipe.tolerance)
-        return self._choice(int(enough[0]) + 1, stop) if len(enough) else self.of_size(len(self.subsets))
+        return self._of(self.subsets[enough[0]], stop) if len(enough) else self.of_size(len(self.subsets))
 
     def of_size(self, terms: int) -> Choice:
-        return self._choice(min(terms, len(self.subsets)), "pruned")
+        return self.among(self.subsets[min(terms, len(self.subsets)) - 1])
 
     def among(self, chosen: IntArray) -> Choice:
         return self._of(chosen, "pruned")
 
     def penalty(self, chosen: IntArray) -> Array:
-        return self.problem.ridge * self.problem.samples * self.standard.spread[chosen] ** 2
-
-    @property
-    def ranking(self) -> Regularised:
-        return self.problem
-
-    def _choice(self, terms: int, stop: str) -> Choice:
-        return self._of(self.subsets[terms - 1], stop)
+        return self.ranking.ridge * self.ranking.samples * self.standard.spread[chosen] ** 2
 
     def _of(self, chosen: IntArray, stop: str) -> Choice:
-        found = replace(select(self.problem, len(chosen), chosen), stop=stop)
-        best, shares = substitutes(self.problem, found.chosen)
+        found = replace(select(self.ranking, len(chosen), chosen), stop=stop)
+        best, shares = substitutes(self.ranking, found.chosen)
         selection = _in_units(found, self.standard)
         constant = float(self.standard.centre[-1] - selection.theta @ self.standard.centre[selection.chosen])
-        return Choice(selection, constant, self.problem.ridge, self.forward, best, shares)
-
-
-def _plain(found: Selection) -> Choice:
-    return Choice(found, 0.0, 0.0, found.chosen, np.empty(0, dtype=np.int64), np.empty(0))
-
-
-def _widened(found: Selection, among: IntArray, candidates: int) -> Selection:
-    """Return a selection among some candidates as one among all; the tables are empty (NaN) for all others."""
-    tables = np.full((2, len(found.chosen), candidates), np.nan)
-    tables[:, :, among] = found.g_all, found.err_all
-    runner_up = np.where(found.runner_up >= 0, among[found.runner_up], -1)
-    return replace(found, chosen=among[found.chosen], g_all=tables[0], err_all=tables[1], runner_up=runner_up)
-
-
-def _folds(data: Regressors, by: Standard) -> list[Moments]:
-    edges = np.linspace(0, data.samples, min(FOLDS, data.samples) + 1).astype(np.int64)
-    return [moments(standardised(data.rows(slice(begin, end)).blocks, by)) for begin, end in pairwise(edges)]
+        return Choice(selection, constant, self.ranking.ridge, self.forward, best, shares)
 
 
 def _in_units(found: Selection, by: Standard) -> Selection:

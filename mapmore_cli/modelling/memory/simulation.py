@@ -18,8 +18,7 @@ from mapmore_cli.modelling.memory.feedback import OUTPUT, Feedback, fed_back_sta
 from mapmore_cli.modelling.memory.records import AtSample, complete
 from mapmore_cli.modelling.memory.states import evaluate_states, value_of
 
-DIVERGED = 100.0
-"""Training ranges by which a free run may leave the training range before it counts as diverged."""
+DIVERGED = 100.0  # training ranges by which a free run may leave the training range before it counts as diverged
 
 
 @dataclass(frozen=True)

@@ -123,22 +123,14 @@ def _pooled(values: Sequence[Array], training: Sequence[BoolArray]) -> Array:
     return np.concatenate([one[rows] for one, rows in zip(values, training, strict=True)])
 
 
-FREQUENCIES = tuple(np.geomspace(1.0, 15.0, 30).tolist())
-"""Hz: what a load on a soft muscle rings with."""
+FREQUENCIES = tuple(np.geomspace(1.0, 15.0, 30).tolist())  # Hz: what a load on a soft muscle rings with
 
 DAMPINGS = (0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7)
 
-FASTEST = 0.2
-"""Cycles per sample: a faster oscillation is not resolved."""
-
-TIE = 1e-9
-"""An oscillator must explain more than another by this fraction to be preferred."""
-
-RANK = 1e-10
-"""Relative to the larger, a direction of the oscillator with so little of its own explains nothing."""
-
-CREEP = 0.3
-"""Time constant of the slow state that stands for everything else with memory, s."""
+FASTEST = 0.2  # cycles per sample: a faster oscillation is not resolved
+TIE = 1e-9  # an oscillator must explain more than another by this fraction to be preferred
+RANK = 1e-10  # relative to the larger, a direction of the oscillator with so little of its own explains nothing
+CREEP = 0.3  # time constant of the slow state that stands for everything else with memory, s
 
 
 def find_resonance(driving: Sequence[Array], output: Sequence[Array], training: Sequence[BoolArray], step: float) -> tuple[float, float]:

@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from mapmore_cli.domain.arrays import Array, IntArray
+from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.motion import ALL, BUMPLESS, FALL, RISE, Motion, MotionFit, MotionSection, SectionSearch
 from mapmore_cli.modelling.memory.records import Record
@@ -24,13 +24,11 @@ from mapmore_cli.modelling.motion.sections import active, angles, extent, of_ang
 from mapmore_cli.modelling.motion.simulation import driven, shared
 from mapmore_cli.modelling.motion.solvers import solve
 
-REFINEMENTS = 20
-"""Steps that refine the poles of all sections together, at most."""
+REFINEMENTS = 20  # steps that refine the poles of all sections together, at most
 
 TOLERANCE = 1e-8
 
-INMOST = 0.999
-"""Largest reflection coefficient to begin with."""
+INMOST = 0.999  # largest reflection coefficient to begin with
 
 
 def fit_motion(
@@ -113,7 +111,7 @@ def joined(motion: Motion, pieces: Sequence[Piece], reach: float) -> Motion:
 
     Raises DataError where a boundary lies at an end of the training range: the section beyond it would have no width.
     """
-    if np.any(np.diff(_knots(motion)) <= 0):
+    if np.any(np.diff(_knots(motion)[0]) <= 0):
         low, high = motion.limits
         raise DataError(
             f"a boundary of the sections lies at an end of the training input, which goes from {low:.6g} to {high:.6g}",
@@ -146,37 +144,29 @@ def _poles(place: Array, reach: float) -> Array:
     return np.array([of_angles(pair, reach) for pair in place.reshape(-1, 2)])
 
 
-def _knots(motion: Motion) -> Array:
-    """Where the steady line has its heights: the ends of the training range, and the boundaries."""
-    return np.array([motion.limits[0], *motion.boundaries, motion.limits[1]])
+def _knots(motion: Motion) -> tuple[Array, int]:
+    """Where the steady line has its heights, the ends of the training range and the boundaries; and how many lines, one a direction."""
+    return np.array([motion.limits[0], *motion.boundaries, motion.limits[1]]), 2 if motion.directed else 1
 
 
-def _lines(motion: Motion) -> int:
-    """One steady line, or one for each direction."""
-    return 2 if motion.directed else 1
+def _heights_of(motion: Motion, run: Piece) -> Array:
+    """Drives (n, knots x lines) that give a steady output of one at each knot; straight on beyond the ends.
 
-
-def _shares(motion: Motion, u: Array, holds: IntArray) -> Array:
-    """Steady output (n, knots x lines) that a height of one at each knot gives; straight on beyond the ends."""
-    knots, lines = _knots(motion), _lines(motion)
-    place, line = holds // lines, holds % lines
+    With a load, a second set that is multiplied with it.
+    """
+    knots, lines = _knots(motion)
+    u, place, line = run.drives[:, 0], run.holds // lines, run.holds % lines
     along = (u - knots[place]) / (knots[place + 1] - knots[place])
     shares = np.zeros((len(u), len(knots) * lines))
     rows = np.arange(len(u))
     shares[rows, place * lines + line] = 1.0 - along
     shares[rows, (place + 1) * lines + line] = along
-    return shares
-
-
-def _heights_of(motion: Motion, run: Piece) -> Array:
-    """Drives (n, heights) of every height; with a load, a second set that is multiplied with it."""
-    shares = _shares(motion, run.drives[:, 0], run.holds)
     return shares if len(motion.drives) == 2 else np.column_stack([shares, shares * run.drives[:, 2:3]])
 
 
 def _with_heights(motion: Motion, poles: Array, heights: Array) -> Motion:
     """Return the weights of the drives `u, 1` (and `L, u L`) that the heights give in every section."""
-    knots, lines = _knots(motion), _lines(motion)
+    knots, lines = _knots(motion)
     sections = []
     for number, (section, (p1, p2)) in enumerate(zip(motion.sections, poles.tolist(), strict=True)):
         place, line = divmod(number, lines)
@@ -195,7 +185,7 @@ def continued(motion: Motion) -> Motion:
 
     For published sections, whose steady outputs disagree at the boundaries. Rise and fall are joined each for itself.
     """
-    lines, knots = _lines(motion), _knots(motion)
+    knots, lines = _knots(motion)
     sections: list[MotionSection] = []
     for number, section in enumerate(motion.sections):
         place = number // lines

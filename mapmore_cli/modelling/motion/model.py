@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import partial
+from operator import mul
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from mapmore_cli.domain.models import CurveRange, Equation, Model, StateSpace
 from mapmore_cli.domain.motion import BUMPLESS, HARD, REST, Motion, MotionSection
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.results import Run
-from mapmore_cli.modelling.expressions import Expression, Name, Number, add, multiply, parse, substitute
+from mapmore_cli.modelling.expressions import Expression, Name, Number, add, parse, substitute
 from mapmore_cli.modelling.expressions.syntax import ZERO, Condition
 from mapmore_cli.modelling.literature.model import printed
 from mapmore_cli.modelling.motion.simulation import simulate as simulated
@@ -54,23 +55,18 @@ def one_step(model: Model, columns: Columns) -> Array:
 def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
     """`y[k] = P2 y[k-1] + P1 y[k-2] + sum_m w_m d_m[k-2]` of every section; `units` as for `kinds.equations`."""
     motion = _motion(model)
-    return tuple(printed(section.id, _equation(motion, section, units)) for section in motion.sections)
+    delayed = {
+        name: Number(units[name]) * Name(f"{name}[k-2]") if name in units else Name(f"{name}[k-2]") for name in motion_inputs(motion)
+    }
+    drives = [substitute(parse(text), delayed) for text in motion.drives]
+    once, twice = (Name(f"{motion.output}[k-{lag}]") for lag in (1, 2))
+    sums = {section.id: (section.p2 * once, section.p1 * twice, *map(mul, section.weights.tolist(), drives)) for section in motion.sections}
+    return tuple(printed(name, add(*terms)) for name, terms in sums.items())
 
 
 def parameters(model: Model) -> int:
     """P1, P2 and the weights of every section."""
     return sum(2 + len(section.weights) for section in _motion(model).sections)
-
-
-def _equation(motion: Motion, section: MotionSection, units: Mapping[str, float]) -> Expression:
-    delayed: dict[str, Expression] = {name: Name(f"{name}[k-2]") for name in motion_inputs(motion)}
-    scaled = {name: multiply(Number(units[name]), past) if name in units else past for name, past in delayed.items()}
-    driven = (
-        multiply(Number(weight), substitute(parse(text), scaled))
-        for text, weight in zip(motion.drives, section.weights.tolist(), strict=True)
-    )
-    past = (multiply(Number(p), Name(f"{motion.output}[k-{lag}]")) for lag, p in ((1, section.p2), (2, section.p1)))
-    return add(*past, *driven)
 
 
 def _motion(model: Model) -> Motion:
@@ -79,15 +75,11 @@ def _motion(model: Model) -> Motion:
 
 
 def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
-    """Write a model of motion."""
+    """Write a model of motion; it begins at rest under the first input, or at zero."""
     assert isinstance(model.body, StateSpace)
+    motion = model.body.motion
     limit(m, model.body.ranges, None, inputs)
-    m.kept.steps.append(model.body.motion.step)
-    return motion_value(m, model.body.motion, inputs)
-
-
-def motion_value(m: Writer, motion: Motion, inputs: Mapping[str, Expression]) -> Expression:
-    """Write the model's output at a sample; it begins at rest under the first one's input, or at zero."""
+    m.kept.steps.append(motion.step)
     seen = m.number("seen")
     first = Condition(seen, "==", ZERO)
     drives = [m.let("drive", one) for one in renamed_all(map(parse, motion.drives), inputs)]
@@ -102,19 +94,19 @@ def _section(m: Writer, motion: Motion, u: Expression, first: Condition) -> Expr
     place = m.choose("place", [(u < boundary, place) for place, boundary in enumerate(motion.boundaries)], len(motion.boundaries))
     if not motion.directed:
         return place
-    return m.let("section", 2 * place + (_falls if motion.switching != BUMPLESS else _falls_latched)(m, motion, u, first))
+    return m.let("section", 2 * place + _falls(m, motion, u, first))
 
 
-def _falls(m: Writer, _motion: Motion, u: Expression, first: Condition) -> Expression:
-    """Write 1 unless the input is above the one before (P eq 16)."""
-    before = m.number("input")
-    falls = m.choose("falls", [(first, 1), (u > before, 0)], 1)
-    m.keep(before, u)
-    return falls
+def _falls(m: Writer, motion: Motion, u: Expression, first: Condition) -> Expression:
+    """Write 1 unless the input is above the one before (P eq 16).
 
-
-def _falls_latched(m: Writer, motion: Motion, u: Expression, first: Condition) -> Expression:
-    """Write 1 once the input has turned down by more than the dead band, up to when it has turned up as far."""
+    Of sections that meet, 1 once it has turned down by more than the dead band, up to when it has turned up as far.
+    """
+    if motion.switching != BUMPLESS:
+        before = m.number("input")
+        falls = m.choose("falls", [(first, 1), (u > before, 0)], 1)
+        m.keep(before, u)
+        return falls
     play, falling, half = m.number("play"), m.number("falling"), 0.5 * motion.dead_band
     low, high = m.let("low", u - half), m.let("high", u + half)
     moved = m.choose("play", [(first, u), (low > play, low), (high < play, high)], play)

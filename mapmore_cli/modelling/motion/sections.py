@@ -16,14 +16,9 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.motion import BUMPLESS, Motion
 from mapmore_cli.modelling.expressions.operators.play import play
 
-SLOWEST, FASTEST = 1e-4, 0.5
-"""Natural frequencies that are looked for, in cycles per sample."""
-
-LEAST_DAMPED, MOST_DAMPED = 0.02, 5.0
-"""Damping ratios that are looked for."""
-
-EDGE = 1.0 - 1e-9
-"""Largest reflection coefficient: nearer to the edge, rounding decides whether a section is stable."""
+SLOWEST, FASTEST = 1e-4, 0.5  # natural frequencies that are looked for, in cycles per sample
+LEAST_DAMPED, MOST_DAMPED = 0.02, 5.0  # damping ratios that are looked for
+EDGE = 1.0 - 1e-9  # largest reflection coefficient: nearer to the edge, rounding decides whether a section is stable
 
 
 def stable(p1: float, p2: float, reach: float = 1.0) -> bool:

@@ -81,8 +81,7 @@ def shared(poles: Array, drive: Array, holds: IntArray, start: str = REST) -> Ar
     return states[:n]
 
 
-REPEATS = 1e-3
-"""Two wavelengths of an input are the same where they differ by less than this share of its range."""
+REPEATS = 1e-3  # two wavelengths of an input are the same where they differ by less than this share of its range
 
 
 @dataclass(frozen=True)

@@ -32,8 +32,7 @@ from mapmore_cli.modelling.motion.sections import (
 STRIDES = (1, 3, 10, 30)
 """Samples between those that a linear start compares: noise hides in short strides what long ones show, and long ones miss fast poles."""
 
-NEAREST = 0.999
-"""Of the edge of stability: where a start may lie at most."""
+NEAREST = 0.999  # of the edge of stability: where a start may lie at most
 
 TOLERANCE = 1e-12
 
@@ -81,11 +80,6 @@ def linear_start(pieces: tuple[Piece, ...], stride: int) -> tuple[float, float] 
     if len(y) < matrix.shape[1] and stride > 1:
         return None
     p2, p1 = np.linalg.lstsq(matrix, y, rcond=None)[0][:2].tolist() if len(y) else (0.0, 0.0)
-    return _at_one_sample(p1, p2, stride)
-
-
-def _at_one_sample(p1: float, p2: float, stride: int) -> tuple[float, float]:
-    """P1 and P2 whose poles, taken to the power of `stride`, are those of the given ones."""
     if stride == 1:
         return p1, p2
     root = cmath.sqrt(0.25 * p2 * p2 + p1)
@@ -93,8 +87,7 @@ def _at_one_sample(p1: float, p2: float, stride: int) -> tuple[float, float]:
     return -(first * second).real, (first + second).real
 
 
-POPULATION = 10
-"""Members for each coordinate."""
+POPULATION = 10  # members for each coordinate
 
 
 def differential_evolution(problem: Problem, recipe: MotionRecipe) -> Found:
@@ -163,8 +156,7 @@ def fly(
     return Best(own[winner], float(own_cost[winner]), history)
 
 
-WIDE = 4.0
-"""`|P3| = |gain| |1 - P1 - P2| < 4 |gain|` for stable sections."""
+WIDE = 4.0  # `|P3| = |gain| |1 - P1 - P2| < 4 |gain|` for stable sections
 
 
 def swarm(problem: Problem, recipe: MotionRecipe) -> Found:
@@ -190,16 +182,14 @@ def swarm(problem: Problem, recipe: MotionRecipe) -> Found:
 
 
 def _walls(box: Bounds, problem: Problem) -> Array:
-    """Return the lower and the upper end of P1, P2, P3, (2, 3)."""
-    return np.transpose([box.p1, box.p2, box.p3 or _gains(problem)])
+    """Return the lower and the upper end of P1, P2, P3, (2, 3).
 
-
-def _gains(problem: Problem) -> tuple[float, float]:
-    """Where P3 is looked for: the span of the output over that of the input, fourfold, either sign."""
+    P3 is looked for up to the span of the output over that of the input, fourfold, either sign.
+    """
     inputs = np.concatenate([piece.drives[:, 0] for piece in problem.pieces])
     outputs = np.concatenate([piece.y for piece in problem.pieces])
     widest = WIDE * float(np.ptp(outputs)) / float(np.ptp(inputs))
-    return -widest, widest
+    return np.transpose([box.p1, box.p2, box.p3 or (-widest, widest)])
 
 
 def swarm_projected(problem: Problem, recipe: MotionRecipe) -> Found:
@@ -216,9 +206,9 @@ def swarm_projected(problem: Problem, recipe: MotionRecipe) -> Found:
     return problem.found(*poles(best.place), best.history)
 
 
-Solver = Callable[[Problem, MotionRecipe], Found]
-
-SOLVERS: Mapping[str, Solver] = {solver.__name__: solver for solver in (least_squares, differential_evolution, swarm, swarm_projected)}
+SOLVERS: Mapping[str, Callable[[Problem, MotionRecipe], Found]] = {
+    solver.__name__: solver for solver in (least_squares, differential_evolution, swarm, swarm_projected)
+}
 
 
 def solve(problem: Problem, recipe: MotionRecipe) -> Found:

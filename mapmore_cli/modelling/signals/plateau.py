@@ -65,17 +65,10 @@ def match_levels(values: Array, levels: Array, within: float) -> IntArray:
     return np.where(np.abs(values - levels[nearest]) <= reach, nearest, -1)
 
 
-BAND = 0.05
-"""A signal has settled where it stays within this share of its span around its final value."""
-
-RISEN = 0.9
-"""Share of its span at which the pressure has risen."""
-
-NOISE_SPANS = 20
-"""A pressure whose span is less than this many times its noise never rises."""
-
-SHORTEST = 0.5
-"""Least duration of a plateau as a share of the rise before it: the top of a triangle is none."""
+BAND = 0.05  # a signal has settled where it stays within this share of its span around its final value
+RISEN = 0.9  # share of its span at which the pressure has risen
+NOISE_SPANS = 20  # a pressure whose span is less than this many times its noise never rises
+SHORTEST = 0.5  # least duration of a plateau as a share of the rise before it: the top of a triangle is none
 
 REMEDY = "give the plateau, as `plateau: [2 s, 3 s]`, or leave the recording out"
 

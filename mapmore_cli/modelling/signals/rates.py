@@ -10,8 +10,7 @@ from mapmore_cli.domain.arrays import Array, Columns, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Signal
 
-STEPS = 10
-"""Points within one window."""
+STEPS = 10  # points within one window
 
 
 def running_median(x: Array, y: Array, window: float) -> tuple[Array, Array]:

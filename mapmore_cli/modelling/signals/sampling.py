@@ -43,8 +43,7 @@ def spread_repeated(time: Array) -> Array:
     return spread
 
 
-UNEVEN = 1e-3
-"""Of a time step: more than this apart from an even grid, samples are not evenly spaced. Stamps are often rounded so far."""
+UNEVEN = 1e-3  # of a time step: more than this apart from an even grid, samples are not evenly spaced. Stamps are often rounded so far
 
 ROUNDING = 1e-9  # relative: a step of exactly the limit is no gap, however it was rounded
 
@@ -75,8 +74,7 @@ def find_gaps(time: Array, longer_than: float) -> Gaps:
     return Gaps(after, lengths, missing)
 
 
-PARTS, PART = 8, 1 << 17
-"""A longer record is asked for its step in so many parts, evenly spread, of so many samples each."""
+PARTS, PART = 8, 1 << 17  # a longer record is asked for its step in so many parts, evenly spread, of so many samples each
 
 
 def typical_step(time: Array) -> float:

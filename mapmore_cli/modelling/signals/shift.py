@@ -15,20 +15,13 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.signals.sampling import typical_step
 
-WIDTHS = (1, 2, 4, 8, 16, 32, 64)
-"""Samples on either side of a change."""
-LEAST_OVERLAP = 0.5
-"""Of the shorter record: fewer samples agree by chance."""
-LEAST_EVENTS = 0.3
-"""Of the changes of either record, squared and summed: an overlap with less of them says nothing."""
-RATIO = 1.15
-"""What the best peak has to exceed the next one by."""
-SIGMAS = 7.0
-"""Fisher's z of the best peak, in standard deviations of noise; thousands of lags are looked at."""
-MOST = 2_000_000
-"""Grid points of the longer record."""
-FEWEST = 8
-"""Samples of a record."""
+WIDTHS = (1, 2, 4, 8, 16, 32, 64)  # samples on either side of a change
+LEAST_OVERLAP = 0.5  # of the shorter record: fewer samples agree by chance
+LEAST_EVENTS = 0.3  # of the changes of either record, squared and summed: an overlap with less of them says nothing
+RATIO = 1.15  # what the best peak has to exceed the next one by
+SIGMAS = 7.0  # Fisher's z of the best peak, in standard deviations of noise; thousands of lags are looked at
+MOST = 2_000_000  # grid points of the longer record
+FEWEST = 8  # samples of a record
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,7 @@ def _found() -> Iterator[Operator]:
         yield from importlib.import_module(f"{__name__}.{module}").OPERATORS
 
 
-OPERATORS: Mapping[str, Operator] = MappingProxyType({operator.name: operator for operator in _found()})
-"""Every operator by its name."""
+OPERATORS: Mapping[str, Operator] = MappingProxyType({operator.name: operator for operator in _found()})  # every operator by its name
 
 
 def families() -> Mapping[str, tuple[Operator, ...]]:
