@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.memory import MemoryModel, StateSet
 from mapmore_cli.modelling.expressions.operator import Setting, along
 from mapmore_cli.modelling.expressions.operators import OPERATORS
@@ -61,24 +60,17 @@ def resonance(x, frequency, damping, step, name="resonance"):
     return along(OPERATORS[name], x, Setting((frequency, damping), step))
 
 
-def rrse(measured: Array, predicted: Array) -> float:
-    """Root relative squared error, `sqrt(sum (y - yhat)^2 / sum (y - mean y)^2)`.
-
-    The first sum is over the samples with a prediction, the second over all, as it is usual: the history counts as predicted exactly.
-    NaN where nothing is predicted, or the measured values do not vary.
-    """
+def rrse(measured, predicted):
+    """Root relative squared error, `sqrt(sum (y - yhat)^2 / sum (y - mean y)^2)`; the history counts as predicted exactly, as is usual."""
     known = np.isfinite(predicted)
-    return relative((predicted - measured)[known], measured) if known.any() else float("nan")
+    return relative((predicted - measured)[known], measured)
 
 
-def rmse(measured: Array, predicted: Array) -> float:
-    """`sqrt(mean (y - yhat)^2)` over the samples with a prediction; NaN where there is none."""
-    error = (predicted - measured)[np.isfinite(predicted)]
-    return float(np.sqrt(np.mean(error**2))) if len(error) else float("nan")
+def rmse(measured, predicted):
+    """`sqrt(mean (y - yhat)^2)` over the samples with a prediction."""
+    return float(np.sqrt(np.nanmean((predicted - measured) ** 2)))
 
 
-def nrmse_by_range(measured: Array, predicted: Array) -> float:
-    """RMSE over the range of the measured values among the samples with a prediction; NaN where there is none."""
-    known = np.isfinite(predicted)
-    span = float(np.ptp(measured[known])) if known.any() else 0.0
-    return rmse(measured, predicted) / span if span > 0 else float("nan")
+def nrmse_by_range(measured, predicted):
+    """RMSE over the range of the measured values among the samples with a prediction."""
+    return rmse(measured, predicted) / float(np.ptp(measured[np.isfinite(predicted)]))

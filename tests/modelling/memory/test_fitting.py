@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from memory_samples import STEP, narx_truth, nrmse_by_range, recipe_of, record, rmse, rrse, slow, wandering
+from memory_samples import STEP, narx_truth, nrmse_by_range, recipe_of, record, slow, wandering
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.expressions import evaluate, families, to_text
@@ -166,14 +166,3 @@ def test_what_cannot_be_fitted_is_refused_with_what_to_do():
         fit_with_memory([record(x=x, y=y)], replace(LAGGED, dictionary=("slow(y, 1)",), max_terms=1))
     with pytest.raises(DataError, match="delayed outputs and inputs in one factor"):
         fit_with_memory([record(x=x, y=y)], replace(LAGGED, dictionary=("x[k-1]", "exp(x*y[k-1])"), max_terms=1))
-
-
-def test_errors_leave_out_samples_without_a_prediction():
-    measured, predicted = np.array([0.0, 1.0, 2.0, 5.0]), np.array([np.nan, 1.0, 3.0, 3.0])
-    assert rmse(measured, predicted) == pytest.approx(np.sqrt(5 / 3))
-    assert nrmse_by_range(measured, predicted) == pytest.approx(np.sqrt(5 / 3) / 4)
-    assert rrse(measured, predicted) == pytest.approx(np.sqrt(5 / 14))
-    for error in (rmse, nrmse_by_range, rrse):
-        assert np.isnan(error(measured, np.full(4, np.nan)))
-    assert np.isnan(rrse(np.ones(3), np.ones(3)))
-    assert np.isnan(nrmse_by_range(np.ones(3), np.ones(3)))

@@ -107,9 +107,3 @@ def test_what_the_source_leaves_empty_at_the_beginning_stays_empty(name, x, empt
     np.testing.assert_allclose(values[empty:], operator(x), atol=1e-9)
     assert np.isnan(operator(np.full(empty, np.nan))).all()
     assert len(operator(np.empty(0))) == 0
-
-
-@pytest.mark.parametrize("name", OPERATORS)
-def test_an_operator_rests_where_its_source_rests(name):
-    values = OPERATORS[name](np.full(200, 7.5))
-    np.testing.assert_allclose(values, 7.5 if name in ("slow", "play", "resonance") else 0.0, atol=1e-12)

@@ -59,11 +59,7 @@ def test_a_state_that_stood_still_in_training_is_zero():
 def test_the_resonance_of_a_recording_is_found(frequency, damping):
     x = np.repeat(np.random.default_rng(1).uniform(0, 1, 20), 100)
     y = 3 + 2 * x + x**2 + 0.5 * slow(x, 0.3, STEP) + 2 * resonance(x, frequency, damping, STEP)
-    states = resolve(
-        ["resonance(x)", "resonance_velocity(x)"],
-        [record(x=x[:900], y=y[:900]), record(x=x[900:], y=y[900:])],
-        RECIPE,
-    )
+    states = resolve(["resonance(x)", "resonance_velocity(x)"], [record(x=x[:900], y=y[:900]), record(x=x[900:], y=y[900:])], RECIPE)
     assert list(states.resonances) == ["x"]
     found = states.resonances["x"]
     assert found[0] == pytest.approx(frequency, rel=0.06)
@@ -102,12 +98,6 @@ def test_a_record_is_cut_at_gaps_and_where_the_clock_was_set_back():
     assert uninterrupted(np.empty(0), STEP) == [slice(0, 0)]
     rounded = np.round(np.arange(1000) * STEP, 5)
     assert uninterrupted(rounded, STEP) == [slice(0, 1000)]
-
-
-@pytest.mark.parametrize("time", [[0, 0.01, 0.015, 0.02], [0, 0.01, 0.01, 0.02]])
-def test_uneven_steps_are_refused(time):
-    with pytest.raises(DataError, match=r"needs even steps of 0\.01 s"):
-        uninterrupted(np.array(time), STEP)
 
 
 def test_pieces_of_curves_share_one_time_step():

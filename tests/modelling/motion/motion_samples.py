@@ -22,7 +22,7 @@ def recipe(**settings):
     return MotionRecipe(input="input", output="displacement", step=STEP, **settings)
 
 
-def published(model: str) -> Motion:
+def published(model):
     """One of P's four models, used directly."""
     rows = [row for row in ROWS if row["model"] == model]
     directed = rows[0]["direction"] != "all"
@@ -58,10 +58,7 @@ def sine(samples=240, low=0.0, high=5.0, frequency=0.25):
 
 def record(u, y, training=None):
     n = len(u)
-    return Record(
-        {"time": STEP * np.arange(n), "input": u, "displacement": y},
-        np.ones(n, dtype=bool) if training is None else training,
-    )
+    return Record({"time": STEP * np.arange(n), "input": u, "displacement": y}, np.ones(n, dtype=bool) if training is None else training)
 
 
 def made_by(row, samples=240, noise=0.0, seed=0):

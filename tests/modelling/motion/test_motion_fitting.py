@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from motion_samples import BOUNDARIES, ROWS, STEP, looped, made_by, published, recipe, record, sine
 
-from mapmore_cli.domain.errors import DataError, FitError, SpecError
+from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.motion import BUMPLESS
 from mapmore_cli.modelling.motion.fitting import continued, fit_motion
-from mapmore_cli.modelling.motion.problem import Bounds
 from mapmore_cli.modelling.motion.sections import stable
 from mapmore_cli.modelling.motion.simulation import simulate
 from mapmore_cli.modelling.motion.solvers import SOLVERS, fly
@@ -177,31 +176,9 @@ def test_a_section_is_no_slower_than_its_bound():
     assert section.radius <= np.exp(-STEP / 0.5) + 1e-9
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize(
-    ("records", "settings", "message"),
-    [
-        ([record(np.full(80, 2.0), np.arange(80.0))], {}, r"the input `input` is 2 at all 80 training samples"),
-        ([record(sine(2), np.zeros(2))], {}, r"section 1 .* 1 training sample|section 1 .* 2 training sample|at all 2 training"),
-        ([record(sine(), sine())], {"sections": (7.0, 9.0)}, r"section 2 \(input from 7 to 9\): 0 .* from 0 to 5"),
-        ([record(sine(), sine())], {"sections": (2.0,), "direction": True, "slowest": 1.0, "load": None, "offset": False}, None),
-        ([record(sine(), sine(), np.zeros(240, dtype=bool))], {}, "no training sample"),
-    ],
-    ids=["constant-input", "two-samples", "empty-section", "sound", "nothing-to-learn-from"],
-)
-def test_hostile_records(solver, records, settings, message):
-    if message is None:
-        assert fit_motion(records, recipe(solver=solver, **settings)).model.sections
-        return
-    with pytest.raises(DataError, match=message) as raised:
-        fit_motion(records, recipe(solver=solver, **settings))
-    assert raised.value.remedy
-
-
-def test_a_swarm_that_may_only_be_unstable_says_so():
-    with pytest.raises(FitError, match=r"no stable section with P1 in 0\.9\.\.1 and P2 in 0\.9\.\.2") as raised:
-        one([made_by(ROWS[0])], solver="swarm", bounds=Bounds((0.9, 1.0), (0.9, 2.0)))
-    assert "bounds" in str(raised.value.remedy)
+def test_a_record_without_training_samples_is_refused():
+    with pytest.raises(DataError, match="no training sample"):
+        one([record(sine(), sine(), np.zeros(240, dtype=bool))])
 
 
 @pytest.mark.parametrize("settings", [{"offset": True}, {"load": "load"}, {"switching": BUMPLESS}])

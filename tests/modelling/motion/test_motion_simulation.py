@@ -16,7 +16,7 @@ from mapmore_cli.domain.motion import BUMPLESS, CARRIED, REST, ZERO
 from mapmore_cli.modelling.memory.records import AtSample
 from mapmore_cli.modelling.motion.fitting import continued
 from mapmore_cli.modelling.motion.sections import EDGE, active, of_oscillator, of_reflections, radius, reflections, rising, spread, stable
-from mapmore_cli.modelling.motion.simulation import last_wavelength, motion_errors, response, shared, simulate, velocity
+from mapmore_cli.modelling.motion.simulation import last_wavelength, motion_errors, response, shared, simulate
 
 MODELS = ("linear", "inflate_deflate", "piecewise", "piecewise_inflate_deflate")
 coefficients = st.floats(-EDGE, EDGE)
@@ -218,8 +218,3 @@ def test_errors_are_those_of_the_last_wavelength():
     assert found.transient == pytest.approx(3.0)
     slopes = [(error[k + 1] - error[k - 1]) / (2 * STEP) for k in range(n - length + 1, n - 1)]
     assert found.max_velocity >= max(abs(slope) for slope in slopes) - 1e-12
-
-
-def test_velocity_of_a_ramp():
-    np.testing.assert_allclose(velocity(3.0 * STEP * np.arange(10), STEP), 3.0)
-    assert velocity(np.array([1.0]), STEP).tolist() == [0.0]
