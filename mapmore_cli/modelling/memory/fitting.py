@@ -31,8 +31,7 @@ SHORTLIST = 5  # candidates that are tried beside each of them: the best of a st
 
 DIVERGES = "use another `fit.stop`, fewer delayed outputs, or a ridge"
 
-Progress = Callable[[int, int], None]  # called with how many models were tried in free run, and of how many at most
-Tick = Callable[[], None]  # called for every model that is tried
+Tick = Callable[[], None]  # called for every model that is tried in free run
 
 
 @dataclass(frozen=True)
@@ -43,10 +42,13 @@ class Member:
     point: Coefficients
 
 
-def fit_with_memory(records: Sequence[Record], recipe: MemoryRecipe, progress: Progress = lambda _done, _total: None) -> MemoryFit:
+def fit_with_memory(
+    records: Sequence[Record], recipe: MemoryRecipe, progress: Callable[[int, int], None] = lambda _done, _total: None
+) -> MemoryFit:
     """Choose and fit the terms of one model to the training samples of all pieces.
 
     Numbers of operators that the dictionary leaves open are found first; they and the coefficients minimise the error in free run.
+    `progress` is told how many models were tried in free run, and of how many at most.
 
     Raises DataError where a quantity is missing, no sample has enough history, a state cannot be fed back, the dictionary needs more memory
     than there is, or no model's free run stays finite.
@@ -54,11 +56,12 @@ def fit_with_memory(records: Sequence[Record], recipe: MemoryRecipe, progress: P
     numbers = left_open(records, recipe.dictionary, recipe.step)
     tick = _counter(recipe, progress, refines=recipe.criterion == "free_run" or bool(numbers.states))
     start = _start(records, recipe, numbers) if numbers.states else np.empty(0)
-    best, held_out = None, None
-    if recipe.stop == "free_run":
-        best, held_out = _best_in_free_run(records, recipe, numbers.numbers(start), tick)
+    best, held_out = _best_in_free_run(records, recipe, numbers.numbers(start), tick) if recipe.stop == "free_run" else (None, None)
     training = Training(records, recipe, numbers.numbers(start))
-    choice = training.selector.best() if best is None else _chosen_in_free_run(training, best)
+    choice = training.selector.best() if best is None else training.selector.among(np.array(best.chosen))
+    if best is not None:
+        selection = replace(choice.selection, stop="free_run")
+        choice = replace(choice, selection=selection, forward=choice.forward if recipe.select == "one_step" else selection.chosen)
     chosen = choice.selection.chosen
     own = numbers.those_of(training.open_in(chosen))
     if recipe.criterion == "one_step" and not own.any():
@@ -80,7 +83,7 @@ def fit_with_memory(records: Sequence[Record], recipe: MemoryRecipe, progress: P
     return replace(training.refined(choice, point), held_out=held_out)
 
 
-def _counter(recipe: MemoryRecipe, progress: Progress, *, refines: bool) -> Tick:
+def _counter(recipe: MemoryRecipe, progress: Callable[[int, int], None], *, refines: bool) -> Tick:
     """Return what counts the models that are tried."""
     sizes = recipe.most_terms
     of_beam = SHORTLIST + (sizes - 1) * WIDTH * SHORTLIST + sizes * (sizes + 1) // 2 - 1
@@ -105,7 +108,8 @@ def _start(records: Sequence[Record], recipe: MemoryRecipe, numbers: Unknown) ->
                 return np.inf  # these numbers make the state grow without bound
 
     best, least = np.empty(0), np.inf
-    short = _short(records)
+    before = np.cumsum([0, *(record.training.sum() for record in records)])  # the first training samples of all pieces together compete
+    short = [one.training & (np.cumsum(one.training) <= SHORT - taken) for one, taken in zip(records, before, strict=False)]
     for own in numbers.scan(ahead, STARTS):
         training, searched = Training(records, recipe, own), numbers.searched(own)
         choice = training.selector.best()
@@ -118,15 +122,6 @@ def _start(records: Sequence[Record], recipe: MemoryRecipe, numbers: Unknown) ->
             best, least = searched, point.error
             best[part] = point.numbers
     return best
-
-
-def _short(records: Sequence[Record]) -> list[BoolArray]:
-    """Return the first training samples, up to `SHORT` of all pieces together."""
-    left, short = SHORT, []
-    for record in records:
-        short.append(record.training & (np.cumsum(record.training) <= left))
-        left -= int(short[-1].sum())
-    return short
 
 
 def _best_in_free_run(records: Sequence[Record], recipe: MemoryRecipe, numbers: Sequence[float], tick: Tick) -> tuple[Member, Array]:
@@ -150,14 +145,6 @@ def _late(record: Record) -> BoolArray:
     held = np.zeros(record.size, dtype=np.bool_)
     held[rows[len(rows) - int(LATE * len(rows)) :]] = True
     return held
-
-
-def _chosen_in_free_run(training: Training, best: Member) -> Choice:
-    """Return the choice of the terms of the model that was best in free run, from all training samples."""
-    choice = training.selector.among(np.array(best.chosen))
-    selection = replace(choice.selection, stop="free_run")
-    pruned = training.recipe.select == "one_step"
-    return replace(choice, selection=selection, forward=choice.forward if pruned else selection.chosen)
 
 
 def _one_step(training: Training, tick: Tick) -> list[Member]:

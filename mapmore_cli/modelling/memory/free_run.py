@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -78,12 +77,11 @@ def _pieces(model: MemoryModel, columns: Columns) -> Iterator[tuple[IntArray, Co
 
 def _refuse_other_steps(time: Array, step: float) -> None:
     """Refuse a record with longer steps than the model's, which would be all gaps."""
-    usual = float(np.median(np.diff(time))) if len(time) > FEW else step
-    if usual > step * (1 + UNEVEN):
+    usual, longest = float(np.median(np.diff(time))) if len(time) > FEW else step, step * (1 + UNEVEN)
+    if usual > longest:
         raise AtSample(
-            int(np.argmax(np.diff(time) > step * (1 + UNEVEN))) + 1,
-            f"{usual:.6g} s after the one before, as most are; those that the model was trained on are {step:.6g} s apart, and its memory "
-            "counts samples",
+            int(np.argmax(np.diff(time) > longest)) + 1,
+            f"{usual:.6g} s after the one before, as most are; the model was trained on steps of {step:.6g} s: its memory counts samples",
             f"bring the recording onto even steps of {step:.6g} s",
         )
 
@@ -121,19 +119,12 @@ def _begun(model: MemoryModel, feedback: Feedback, piece: Piece) -> Course:
     return beginning.steady() if model.start == "steady" else beginning.identified()
 
 
-@dataclass(frozen=True)
 class _Beginning:
-    """A piece whose run may begin with other outputs than the measured ones."""
+    """A piece whose run may begin with other outputs than the measured ones; `width` is the training range of the output."""
 
-    model: MemoryModel
-    piece: Piece
-    course: Course
-
-    @property
-    def width(self) -> float:
-        """The training range of the output."""
-        low, high = self.model.limits
-        return high - low or 1.0
+    def __init__(self, model: MemoryModel, piece: Piece, course: Course) -> None:
+        self.model, self.piece, self.course = model, piece, course
+        self.width = model.limits[1] - model.limits[0] or 1.0
 
     def with_first(self, first: Array, end: int | None = None) -> Course:
         """Return the course with other outputs before its first sample, up to the row `end` of the piece."""

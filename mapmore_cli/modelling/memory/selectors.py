@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Protocol
 
 import numpy as np
 
@@ -82,31 +81,6 @@ class Choice:
     shares: Array
 
 
-class Selector(Protocol):
-    """Gives a model of any number of terms."""
-
-    def best(self) -> Choice:
-        """Return the model whose number of terms the recipe's rule prefers; the largest where free runs decide on it."""
-
-    def of_size(self, terms: int) -> Choice:
-        """Return the model of so many terms, or of as many as there can be."""
-
-    def among(self, chosen: IntArray) -> Choice:
-        """Return the model of these candidates, in the order of their error reduction."""
-
-    def penalty(self, chosen: IntArray) -> Array:
-        """(k,) what the ridge, a part of each candidate's variance, adds to the squared error for each squared coefficient."""
-
-    @property
-    def ranking(self) -> Regularised:
-        """The covariance of all candidates, divided by their spread or root mean square, by which they are ranked beside chosen ones."""
-
-
-def selector(data: Regressors, recipe: MemoryRecipe) -> Selector:
-    """Return plain FROLS where the recipe has no ridge, else regularised FROLS."""
-    return _Plain(data, recipe) if recipe.ridge == 0.0 else _Ridged(data, recipe)
-
-
 class _Plain:
     """FROLS on the candidates as they are, in one piece where they fit into memory."""
 
@@ -121,27 +95,32 @@ class _Plain:
         return None
 
     @cached_property
-    def _largest(self) -> Choice:
-        return self._selected(self.all, self.recipe.most_terms)
+    def _largest(self) -> IntArray:
+        return self._selected(self.all, self.recipe.most_terms).selection.chosen
 
     @cached_property
     def ranking(self) -> Regularised:
+        """The covariance of all candidates, divided by their root mean squares, by which they are ranked beside chosen ones."""
         total = moments(standardised(self.data.blocks, uncentred(self.data.blocks)))
         return Regularised(total.products / total.samples, total.samples, LEAST_RIDGE)
 
     def best(self) -> Choice:
+        """Return the model whose number of terms the recipe's rule prefers; the largest where free runs decide on it."""
         recipe = self.recipe
         if recipe.stop == "free_run":
             return self.of_size(recipe.most_terms)
         return self._selected(self.all, recipe.most_terms, recipe.tolerance, recipe.stop)
 
     def of_size(self, terms: int) -> Choice:
-        return self.among(self._largest.selection.chosen[:terms])
+        """Return the model of so many terms, or of as many as there can be."""
+        return self.among(self._largest[:terms])
 
     def among(self, chosen: IntArray) -> Choice:
+        """Return the model of these candidates, in the order of their error reduction."""
         return self._selected(chosen, len(chosen))
 
     def penalty(self, chosen: IntArray) -> Array:
+        """(k,) what the ridge, a part of each candidate's variance, adds to the squared error for each squared coefficient."""
         return np.zeros(len(chosen))
 
     def _selected(self, among: IntArray, terms: int, tolerance: float = 0.0, stop: Stop = "tolerance") -> Choice:
@@ -160,7 +139,8 @@ class _Plain:
 class _Ridged:
     """Regularised FROLS: forward, then backward; everything but PRESS from sums of products, which are formed block by block.
 
-    The ridge is chosen here where the recipe leaves that open. Raises DataError where no candidate explains anything.
+    Its methods are those of `_Plain`, its `ranking` goes by standard deviations. The ridge is chosen here where the recipe leaves that
+    open. Raises DataError where no candidate explains anything.
     """
 
     def __init__(self, data: Regressors, recipe: MemoryRecipe) -> None:
@@ -178,38 +158,39 @@ class _Ridged:
         self.ranking = Regularised(total.covariance, total.samples, ridge)
         self.forward = select(self.ranking, recipe.forward_terms).chosen
         if not len(self.forward):
-            raise DataError(
-                "no candidate explains anything of the output", "look whether the output and the inputs vary in the training samples"
-            )
+            remedy = "look whether the output and the inputs vary in the training samples"
+            raise DataError("no candidate explains anything of the output", remedy)
         self.subsets = prune(self.ranking, self.forward)[: recipe.most_terms]
 
     def best(self) -> Choice:
-        stop = self.recipe.stop
+        stop, ranking, terms = self.recipe.stop, self.ranking, len(self.subsets)
         if stop == "free_run":
-            return self.of_size(len(self.subsets))
+            return self.of_size(terms)
         if stop == "press":
-            return self._of(self.subsets[fewest(ridge_press(self.blocks, self.ranking, self.subsets)) - 1], stop)
-        unexplained = np.array([self.ranking.unexplained(kept, self.ranking.coefficients(kept)) for kept in self.subsets])
+            return self.of_size(fewest(ridge_press(self.blocks, ranking, self.subsets)), stop)
+        unexplained = np.array([ranking.unexplained(kept, ranking.coefficients(kept)) for kept in self.subsets])
         if stop != "tolerance":
-            return self._of(self.subsets[fewest(information_criterion(stop, unexplained, self.ranking.samples)) - 1], stop)
+            return self.of_size(fewest(information_criterion(stop, unexplained, ranking.samples)), stop)
         enough = np.flatnonzero(unexplained <= self.recipe.tolerance)
-        return self._of(self.subsets[enough[0]], stop) if len(enough) else self.of_size(len(self.subsets))
+        return self.of_size(enough[0] + 1, stop) if len(enough) else self.of_size(terms)
 
-    def of_size(self, terms: int) -> Choice:
-        return self.among(self.subsets[min(terms, len(self.subsets)) - 1])
+    def of_size(self, terms: int, stop: str = "pruned") -> Choice:
+        return self.among(self.subsets[min(terms, len(self.subsets)) - 1], stop)
 
-    def among(self, chosen: IntArray) -> Choice:
-        return self._of(chosen, "pruned")
-
-    def penalty(self, chosen: IntArray) -> Array:
-        return self.ranking.ridge * self.ranking.samples * self.standard.spread[chosen] ** 2
-
-    def _of(self, chosen: IntArray, stop: str) -> Choice:
+    def among(self, chosen: IntArray, stop: str = "pruned") -> Choice:
         found = replace(select(self.ranking, len(chosen), chosen), stop=stop)
         best, shares = substitutes(self.ranking, found.chosen)
         selection = _in_units(found, self.standard)
         constant = float(self.standard.centre[-1] - selection.theta @ self.standard.centre[selection.chosen])
         return Choice(selection, constant, self.ranking.ridge, self.forward, best, shares)
+
+    def penalty(self, chosen: IntArray) -> Array:
+        return self.ranking.ridge * self.ranking.samples * self.standard.spread[chosen] ** 2
+
+
+def selector(data: Regressors, recipe: MemoryRecipe) -> _Plain | _Ridged:
+    """Return what gives a model of any number of terms: plain FROLS where the recipe has no ridge, else regularised FROLS."""
+    return _Plain(data, recipe) if recipe.ridge == 0.0 else _Ridged(data, recipe)
 
 
 def _in_units(found: Selection, by: Standard) -> Selection:

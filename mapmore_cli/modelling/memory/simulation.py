@@ -98,7 +98,10 @@ class Course:
         """Return outputs and nodes of the samples from `begin` up to `end`, or up to the first that leaves the bounds."""
         feedback, depth = self.feedback, self.feedback.depth
         past = np.maximum(np.arange(-depth, 0) + self.start + begin, 0)  # at rest before row 0
-        y = _at_rest_before(self.measured[past]).tolist()
+        outputs = self.measured[past]
+        first = int(np.argmax(np.isfinite(outputs)))
+        outputs[:first] = outputs[first]
+        y = outputs.tolist()
         places, advance = _wired(feedback, self.history[:, past], y)
         fed, owns = [places[place] for place in feedback.places], feedback.functions
         limits, least, greatest = feedback.limits, -feedback.states.margin, 1 + feedback.states.margin
@@ -117,21 +120,12 @@ class Course:
                     break
                 y.append(value)
         count = len(y) - depth
-        states = np.empty((len(places), count))
-        for row, (values, back) in zip(states, places, strict=True):
-            first = depth - back + (values is not y)
-            row[:] = values[first : first + count]
-        return np.array(y[depth:]), states
+        firsts = [depth - back + (values is not y) for values, back in places]
+        states = [values[first : first + count] for first, (values, _) in zip(firsts, places, strict=True)]
+        return np.array(y[depth:]), np.array(states).reshape(len(places), count)
 
 
-def _at_rest_before(measured: Array) -> Array:
-    """Return outputs with the first known one in place of those before it."""
-    known = np.isfinite(measured)
-    return np.where(np.arange(len(measured)) < np.argmax(known), measured[np.argmax(known)], measured)
-
-
-Read = tuple[list[float], int]
-"""A list of values and how far from its end the present value stands: delays are read further back, and need no list of their own."""
+Read = tuple[list[float], int]  # values, and how far from their end the present one stands: delays need no list of their own
 
 
 def _wired(feedback: Feedback, history: Array, y: list[float]) -> tuple[list[Read], list[Callable[[], None]]]:

@@ -25,15 +25,12 @@ def evaluate_states(states: StateSet, columns: Columns) -> dict[str, Array]:
     """
     known: dict[str, Array] = {}
     values = {name: value_of(state(name), columns, states, known) for name in states.names}
-    if not states.scaled:
-        return values
-    return {name: _scaled(values[name], low, high, states.margin) for name, low, high in zip(values, states.low, states.high, strict=True)}
-
-
-def _scaled(values: Array, low: float, high: float, margin: float) -> Array:
-    """`(values - low)/(high - low)`, clipped to `[-margin, 1 + margin]`; a state that stood still in training is zero."""
-    width = high - low
-    return np.clip((values - low) / width, -margin, 1 + margin) if width > 0 else np.where(np.isnan(values), np.nan, 0.0)
+    for name, low, high in zip(states.names, states.low, states.high, strict=states.scaled):
+        if high > low:
+            values[name] = np.clip((values[name] - low) / (high - low), -states.margin, 1 + states.margin)
+        else:  # it stood still in training
+            values[name] = np.where(np.isnan(values[name]), np.nan, 0.0)
+    return values
 
 
 def value_of(found: State, columns: Columns, numbers: StateSet, known: dict[str, Array]) -> Array:
@@ -124,9 +121,7 @@ def _pooled(values: Sequence[Array], training: Sequence[BoolArray]) -> Array:
 
 
 FREQUENCIES = tuple(np.geomspace(1.0, 15.0, 30).tolist())  # Hz: what a load on a soft muscle rings with
-
 DAMPINGS = (0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7)
-
 FASTEST = 0.2  # cycles per sample: a faster oscillation is not resolved
 TIE = 1e-9  # an oscillator must explain more than another by this fraction to be preferred
 RANK = 1e-10  # relative to the larger, a direction of the oscillator with so little of its own explains nothing
@@ -161,14 +156,9 @@ def find_resonance(driving: Sequence[Array], output: Sequence[Array], training: 
             positions = [along(OPERATORS["resonance"], one, Setting((frequency, damping), step)) for one in driving]
             velocities = [np.nan_to_num(np.diff(one, prepend=one[:1])) for one in positions]  # at rest where they begin
             moved = np.column_stack([_pooled(positions, training), _pooled(velocities, training)])[known]
-            gain = _explained(left, moved, basis)
+            along_basis, products = basis.T @ moved, moved.T @ left
+            gram = moved.T @ moved - along_basis.T @ along_basis
+            gain = float(products @ np.linalg.lstsq(gram, products, rcond=RANK)[0])  # by how much the squares that are left shrink
             if gain > best[0] * (1 + TIE):
                 best = (gain, frequency, damping)
     return best[1], best[2]
-
-
-def _explained(left: Array, moved: Array, basis: Array) -> float:
-    """By how much columns `moved` reduce the sum of squares of `left`, which is orthogonal to `basis`, beside the basis."""
-    along, products = basis.T @ moved, moved.T @ left
-    gram = moved.T @ moved - along.T @ along
-    return float(products @ np.linalg.lstsq(gram, products, rcond=RANK)[0])

@@ -12,7 +12,7 @@ from mapmore_cli.domain.arrays import BoolArray, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.memory import MemoryFit, MemoryModel, StateSet
 from mapmore_cli.modelling.expressions import parse
-from mapmore_cli.modelling.memory.feedback import Feedback, fed_back_states, feedback_of, parted
+from mapmore_cli.modelling.memory.feedback import fed_back_states, feedback_of, parted
 from mapmore_cli.modelling.memory.identification import Unknown, unknown
 from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.memory.refinement import Coefficients, Problem, standard_errors
@@ -82,17 +82,22 @@ class Training:
         Raises DataError where no sample has a history, or a first output is missing.
         """
         wanted = [record.training for record in self.records] if counted is None else counted
-        terms = [self.dictionary[i] for i in chosen]
-        courses = _courses(feedback_of(terms, self._states_of(chosen), self.recipe.target), self.pieces, wanted)
-        rows = [_counted(course, mask) for course, mask in zip(courses, wanted, strict=True)]
-        counts = [place for place, own in enumerate(rows) if own.any()]
-        if not counts:
+        ends = [int(np.flatnonzero(mask)[-1]) + 1 if mask.any() else 0 for mask in wanted]  # a run goes on to the last wanted sample
+
+        def made_ready(terms: Sequence[str], states: StateSet, pieces: Sequence[Piece]) -> list[Course]:
+            feedback = feedback_of(terms, states, self.recipe.target)
+            return [course_of(feedback, piece, end) for piece, end in zip(pieces, ends, strict=True)]
+
+        courses = made_ready([self.dictionary[i] for i in chosen], self._states_of(chosen), self.pieces)
+        rows = [mask[one.start :][: one.size] & np.isfinite(one.measured[one.start :]) for one, mask in zip(courses, wanted, strict=True)]
+        places = [place for place, own in enumerate(rows) if own.any()]
+        if not places:
             raise DataError("no sample has a history as long as a free run needs", "use fewer steps of delay, or longer recordings")
-        for place in counts:
+        for place in places:
             refuse_unknown_beginning(courses[place])
         problem = Problem(
-            tuple(courses[place] for place in counts),
-            tuple(rows[place] for place in counts),
+            tuple(courses[place] for place in places),
+            tuple(rows[place] for place in places),
             bounds_of(self.limits),
             self.selector.penalty(chosen),
             self.recipe.ridge != 0.0,
@@ -105,8 +110,8 @@ class Training:
         def moved(at: tuple[float, ...]) -> tuple[Course, ...]:
             terms = numbers.filled(open_terms, numbers.numbers(np.array(at)))
             states = resolve(_names_in(terms), self.records, self.recipe, self.states.resonances)
-            courses = _courses(feedback_of(terms, states, self.recipe.target), self._pieces(states), wanted)
-            return tuple(courses[place] for place in counts)
+            courses = made_ready(terms, states, self._pieces(states))
+            return tuple(courses[place] for place in places)
 
         return replace(problem, moved=lambda at: moved(tuple(at.tolist())), between=numbers.bounds)
 
@@ -120,23 +125,11 @@ class Training:
 
     def _states_of(self, chosen: IntArray) -> StateSet:
         """Return the states that some candidates need, with their numbers."""
-        used = frozenset[str]().union(*(self.terms[i].names for i in chosen))
-        places = [place for place, name in enumerate(self.states.names) if name in used]
-        scales = (self.states.low[places], self.states.high[places]) if self.states.scaled else (self.states.low, self.states.high)
-        return replace(self.states, names=tuple(self.states.names[place] for place in places), low=scales[0], high=scales[1])
+        states, used = self.states, frozenset[str]().union(*(self.terms[i].names for i in chosen))
+        places = [place for place, name in enumerate(states.names) if name in used]
+        kept = replace(states, names=tuple(states.names[place] for place in places))
+        return replace(kept, low=states.low[places], high=states.high[places]) if states.scaled else kept
 
 
 def _names_in(terms: Sequence[str]) -> list[str]:
     return sorted(frozenset[str]().union(*(parse(text).names for text in terms)))
-
-
-def _courses(feedback: Feedback, pieces: Sequence[Piece], wanted: Sequence[BoolArray]) -> list[Course]:
-    """Return the pieces ready to be run, up to the last sample that is wanted of each."""
-    ends = (int(np.flatnonzero(mask)[-1]) + 1 if mask.any() else 0 for mask in wanted)
-    return [course_of(feedback, piece, end) for piece, end in zip(pieces, ends, strict=True)]
-
-
-def _counted(course: Course, mask: BoolArray) -> BoolArray:
-    """(n - start,) the samples of a run that count: those of a mask whose output is known."""
-    end = course.start + course.size
-    return np.asarray(mask[course.start : end] & np.isfinite(course.measured[course.start : end]))

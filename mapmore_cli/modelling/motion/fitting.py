@@ -20,14 +20,11 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.motion import ALL, BUMPLESS, FALL, RISE, Motion, MotionFit, MotionSection, SectionSearch
 from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.motion.problem import Found, MotionRecipe, Piece, Problem
-from mapmore_cli.modelling.motion.sections import active, angles, extent, of_angles, spread
-from mapmore_cli.modelling.motion.simulation import driven, shared
+from mapmore_cli.modelling.motion.simulation import active, angles, driven, extent, of_angles, shared, spread
 from mapmore_cli.modelling.motion.solvers import solve
 
 REFINEMENTS = 20  # steps that refine the poles of all sections together, at most
-
 TOLERANCE = 1e-8
-
 INMOST = 0.999  # largest reflection coefficient to begin with
 
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Mapping, Sequence
 from operator import mul
 
 import numpy as np
@@ -19,6 +18,10 @@ from mapmore_cli.modelling.expressions.syntax import ZERO, Condition
 from mapmore_cli.modelling.literature.model import printed
 from mapmore_cli.modelling.motion.simulation import simulate as simulated
 from mapmore_cli.modelling.program.writing import Inputs, Side, Writer, limit, renamed_all, total
+
+OfSection = Callable[
+    [str, Sequence[Side]], Expression
+]  # writes, under a stem, that of several values which belongs to the section that holds
 
 
 def build(
@@ -83,18 +86,18 @@ def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
     seen = m.number("seen")
     first = Condition(seen, "==", ZERO)
     drives = [m.let("drive", one) for one in renamed_all(map(parse, motion.drives), inputs)]
-    section = _section(m, motion, inputs[motion.input], first)
-    value = (_separate if motion.switching == HARD else _shared)(m, motion, section, drives, first)
+    u = inputs[motion.input]
+    section = m.choose("place", [(u < boundary, place) for place, boundary in enumerate(motion.boundaries)], len(motion.boundaries))
+    if motion.directed:
+        section = m.let("section", 2 * section + _falls(m, motion, u, first))
+
+    def of_section(stem: str, values: Sequence[Side]) -> Expression:
+        """Write the value of the section that holds, as `simulation.active` numbers them."""
+        return m.choose(stem, [(Condition(section, "==", Number(float(i))), value) for i, value in enumerate(values[:-1])], values[-1])
+
+    value = (_separate if motion.switching == HARD else _shared)(m, motion, of_section, drives, first)
     m.keep(seen, 1)
     return value
-
-
-def _section(m: Writer, motion: Motion, u: Expression, first: Condition) -> Expression:
-    """Write the number of the section that holds, from 0, as `regimes.active` has it."""
-    place = m.choose("place", [(u < boundary, place) for place, boundary in enumerate(motion.boundaries)], len(motion.boundaries))
-    if not motion.directed:
-        return place
-    return m.let("section", 2 * place + _falls(m, motion, u, first))
 
 
 def _falls(m: Writer, motion: Motion, u: Expression, first: Condition) -> Expression:
@@ -116,7 +119,7 @@ def _falls(m: Writer, motion: Motion, u: Expression, first: Condition) -> Expres
     return falls
 
 
-def _separate(m: Writer, motion: Motion, section: Expression, drives: list[Expression], first: Condition) -> Expression:
+def _separate(m: Writer, motion: Motion, of_section: OfSection, drives: list[Expression], first: Condition) -> Expression:
     """Write the output of the section that holds; every section runs on the whole input."""
     outputs = []
     for one in motion.sections:
@@ -128,34 +131,21 @@ def _separate(m: Writer, motion: Motion, section: Expression, drives: list[Expre
         following, ahead = m.let("following", z + one.p2 * x1), m.let("coming", (drive - began) + one.p1 * x1)
         for name, value in ((origin, began), (now, following), (later, ahead)):
             m.keep(name, value)
-    return _of_section(m, "motion", section, outputs)
+    return of_section("motion", outputs)
 
 
-def _shared(m: Writer, motion: Motion, section: Expression, drives: list[Expression], first: Condition) -> Expression:
-    """Write the output where the section that holds drives one state on."""
+def _shared(m: Writer, motion: Motion, of_section: OfSection, drives: list[Expression], first: Condition) -> Expression:
+    """Write the output where the section that holds drives one state on: `x1[k+2] = P2 x1[k+1] + P1 x1[k] + d[k]` (P eq 10)."""
     now, later = m.number("now"), m.number("later")
-    resting = [partial(_resting, one, drives) for one in motion.sections]
-    rest = _of_section(m, "rest", section, resting) if motion.start == REST else ZERO
+    resting = [lambda one=one: _driven(one, drives) / (1.0 - one.p1 - one.p2) for one in motion.sections]
+    rest = of_section("rest", resting) if motion.start == REST else ZERO
     x1, x2 = (m.choose(stem, [(first, rest)], name) for stem, name in (("output", now), ("ahead", later)))
-    after = _of_section(m, "following", section, [partial(_following, one, drives, x1, x2) for one in motion.sections])
+    coming = [lambda one=one: total([_driven(one, drives), total([one.p2 * x2, one.p1 * x1])]) for one in motion.sections]
+    after = of_section("following", coming)
     m.keep(now, x2)
     m.keep(later, after)
     return x1
 
 
-def _resting(section: MotionSection, drives: list[Expression]) -> Expression:
-    return _driven(section, drives) / (1.0 - section.p1 - section.p2)
-
-
-def _following(section: MotionSection, drives: list[Expression], x1: Expression, x2: Expression) -> Expression:
-    """Write `x1[k+2] = P2 x1[k+1] + P1 x1[k] + d[k]` (P eq 10)."""
-    return total([_driven(section, drives), total([section.p2 * x2, section.p1 * x1])])
-
-
 def _driven(section: MotionSection, drives: list[Expression]) -> Expression:
     return total([weight * drive for weight, drive in zip(section.weights.tolist(), drives, strict=True)])
-
-
-def _of_section(m: Writer, stem: str, section: Expression, values: Sequence[Side]) -> Expression:
-    """Write the value of the section that holds."""
-    return m.choose(stem, [(Condition(section, "==", Number(float(i))), value) for i, value in enumerate(values[:-1])], values[-1])

@@ -8,7 +8,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from dataclasses import replace
 
 import numpy as np
 from scipy import optimize
@@ -16,24 +16,11 @@ from scipy import optimize
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import FitError, SpecError
 from mapmore_cli.modelling.motion.problem import Bounds, Found, MotionRecipe, Piece, Problem
-from mapmore_cli.modelling.motion.sections import (
-    EDGE,
-    FASTEST,
-    LEAST_DAMPED,
-    MOST_DAMPED,
-    SLOWEST,
-    angles,
-    of_angles,
-    of_oscillator,
-    of_reflections,
-    stable,
-)
+from mapmore_cli.modelling.motion.simulation import EDGE, angles, of_angles, of_oscillator, of_reflections, stable
 
 STRIDES = (1, 3, 10, 30)
 """Samples between those that a linear start compares: noise hides in short strides what long ones show, and long ones miss fast poles."""
-
 NEAREST = 0.999  # of the edge of stability: where a start may lie at most
-
 TOLERANCE = 1e-12
 
 
@@ -41,14 +28,8 @@ def least_squares(problem: Problem, recipe: MotionRecipe) -> Found:  # noqa: ARG
     """Return what Gauss and Newton find over the poles, from the best of the linear starts."""
     starts = [start for stride in STRIDES if (start := linear_start(problem.pieces, stride)) is not None]
     within = [of_angles(np.array(angles(*start, problem.reach, NEAREST)), problem.reach) for start in starts]
-    errors = [problem.projected_rmse(*start) for start in within]
+    errors = [problem.rmse(*start) for start in within]
     return _refined(problem, *within[int(np.argmin(errors))])
-
-
-def polish(problem: Problem, found: Found) -> Found:
-    """Go on from what another solver found, with its history before."""
-    better = _refined(problem, found.p1, found.p2)
-    return Found(better.p1, better.p2, better.weights, better.rmse, better.evaluations, np.concatenate([found.history, better.history]))
 
 
 def _refined(problem: Problem, p1: float, p2: float) -> Found:
@@ -98,7 +79,7 @@ def differential_evolution(problem: Problem, recipe: MotionRecipe) -> Found:
         return of_reflections(float(place[0]), float(place[1]), problem.reach)
 
     def cost(place: Array) -> float:
-        value = problem.projected_rmse(*poles(place))
+        value = problem.rmse(*poles(place))
         history.append(min(value, history[-1]) if history else value)
         return value
 
@@ -119,21 +100,13 @@ INERTIA, OWN, COMMON = 0.9, 2.0, 2.0
 """P's W, C1 and C2. They lie outside of the region in which a swarm settles: it needs `C1 + C2 < 24 (1 - W^2)/(7 - 5 W)`, here 1.8."""
 
 
-class Best(NamedTuple):
-    """The best place that a swarm found, its cost, and the lowest cost at the start and after every iteration."""
-
-    place: Array
-    cost: float
-    history: list[float]
-
-
 def fly(
     cost: Callable[[Array], float], walls: Array, particles: int, iterations: int, rng: np.random.Generator, begin: Array | None = None
-) -> Best:
-    """Find the lowest `cost` in the box between `walls`, (2, d); particles begin within `begin`, (2, d), by default everywhere.
+) -> tuple[Array, list[float]]:
+    """Return where `cost` is lowest in the box between `walls`, (2, d), and the lowest cost at the start and after every iteration.
 
     `v = W v + C1 r1 (own best - x) + C2 r2 (common best - x)`, `x = x + v`, with fresh r1, r2 in 0..1 for every coordinate. Particles begin
-    evenly spread and still; one that would leave the box stops at its wall.
+    still and evenly spread, within `begin` (2, d) where that is given; one that would leave the box stops at its wall.
     """
     low, high = walls
     first, last = walls if begin is None else begin
@@ -152,10 +125,11 @@ def fly(
         better = now < own_cost
         own[better], own_cost[better] = x[better], now[better]
         history.append(float(own_cost.min()))
-    winner = int(np.argmin(own_cost))
-    return Best(own[winner], float(own_cost[winner]), history)
+    return own[np.argmin(own_cost)], history
 
 
+SLOWEST, FASTEST = 1e-4, 0.5  # natural frequencies that are looked for, in cycles per sample
+LEAST_DAMPED, MOST_DAMPED = 0.02, 5.0  # damping ratios that are looked for
 WIDE = 4.0  # `|P3| = |gain| |1 - P1 - P2| < 4 |gain|` for stable sections
 
 
@@ -164,28 +138,25 @@ def swarm(problem: Problem, recipe: MotionRecipe) -> Found:
 
     Raises SpecError where a section has more parameters than P's three; FitError where no particle was stable.
     """
-    if problem.drives > 1:
+    if problem.pieces[0].drives.shape[1] > 1:
         raise SpecError(
             "`solver: swarm` looks for P1, P2 and P3 alone, which an offset, a load or bumpless switching are not",
             "use `swarm_projected`, `differential_evolution` or `least_squares`",
         )
     walls = _walls(recipe.bounds or Bounds(), problem)
     begin = None if recipe.begin is None else _walls(recipe.begin, problem)
-    best = fly(lambda x: problem.rmse(x[0], x[1], x[2:]), walls, recipe.particles, recipe.iterations, problem.random, begin)
-    p1, p2, p3 = best.place.tolist()
+    best, history = fly(lambda x: problem.rmse(x[0], x[1], x[2:]), walls, recipe.particles, recipe.iterations, problem.random, begin)
+    p1, p2, p3 = best.tolist()
     if not stable(p1, p2):
         raise FitError(
             f"the swarm found no stable section with P1 in {walls[0, 0]:g}..{walls[1, 0]:g} and P2 in {walls[0, 1]:g}..{walls[1, 1]:g}",
             "widen `bounds`: sections are stable where |P1| < 1 and |P2| < 1 - P1",
         )
-    return Found(p1, p2, np.array([p3]), best.cost, problem.evaluations, np.array(best.history))
+    return Found(p1, p2, np.array([p3]), history[-1], problem.evaluations, np.array(history))
 
 
 def _walls(box: Bounds, problem: Problem) -> Array:
-    """Return the lower and the upper end of P1, P2, P3, (2, 3).
-
-    P3 is looked for up to the span of the output over that of the input, fourfold, either sign.
-    """
+    """Return the lower and the upper end of P1, P2, P3, (2, 3)."""
     inputs = np.concatenate([piece.drives[:, 0] for piece in problem.pieces])
     outputs = np.concatenate([piece.y for piece in problem.pieces])
     widest = WIDE * float(np.ptp(outputs)) / float(np.ptp(inputs))
@@ -193,17 +164,14 @@ def _walls(box: Bounds, problem: Problem) -> Array:
 
 
 def swarm_projected(problem: Problem, recipe: MotionRecipe) -> Found:
-    """Return the best of `iterations` over all frequencies and dampings of `plane`."""
-    low = np.array([math.log(SLOWEST), LEAST_DAMPED])
-    high = np.array([math.log(FASTEST), MOST_DAMPED])
+    """Return the best of `iterations` over all frequencies and dampings."""
+    walls = np.array([[math.log(SLOWEST), LEAST_DAMPED], [math.log(FASTEST), MOST_DAMPED]])
 
     def poles(place: Array) -> tuple[float, float]:
         return of_oscillator(math.exp(place[0]), float(place[1]))
 
-    best = fly(
-        lambda place: problem.projected_rmse(*poles(place)), np.array([low, high]), recipe.particles, recipe.iterations, problem.random
-    )
-    return problem.found(*poles(best.place), best.history)
+    best, history = fly(lambda place: problem.rmse(*poles(place)), walls, recipe.particles, recipe.iterations, problem.random)
+    return problem.found(*poles(best), history)
 
 
 SOLVERS: Mapping[str, Callable[[Problem, MotionRecipe], Found]] = {
@@ -212,6 +180,9 @@ SOLVERS: Mapping[str, Callable[[Problem, MotionRecipe], Found]] = {
 
 
 def solve(problem: Problem, recipe: MotionRecipe) -> Found:
-    """Return what the recipe's solver finds, polished where it says so."""
+    """Return what the recipe's solver finds; where it says `polish`, least squares go on from there."""
     found = SOLVERS[recipe.solver](problem, recipe)
-    return polish(problem, found) if recipe.polish else found
+    if not recipe.polish:
+        return found
+    better = _refined(problem, found.p1, found.p2)
+    return replace(better, history=np.concatenate([found.history, better.history]))

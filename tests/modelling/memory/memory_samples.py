@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from mapmore_cli.domain.memory import MemoryModel, StateSet
+from mapmore_cli.modelling.expressions import to_text
+from mapmore_cli.modelling.expressions.families import products
 from mapmore_cli.modelling.expressions.operator import Setting, along
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.memory.records import Record
@@ -27,6 +29,11 @@ def recipe_of(target, dictionary, step=STEP, *, max_terms, **changed):
     """Plain FROLS of so many terms, but for what is `changed`."""
     plain = {"scaling": "none", "tolerance": 0.0}
     return MemoryRecipe(target=target, dictionary=tuple(dictionary), step=step, max_terms=max_terms, **{**plain, **changed})
+
+
+def texts(of, order, **options):
+    """Products as a dictionary has them."""
+    return tuple(to_text(term) for term in products(of, order, **options))
 
 
 def record(training=True, **columns):
@@ -55,9 +62,9 @@ def slow(x, tau, step):
     return along(OPERATORS["slow"], x, Setting((tau,), step))
 
 
-def resonance(x, frequency, damping, step, name="resonance"):
-    """Position of the oscillator that x drives, or its velocity by the other name."""
-    return along(OPERATORS[name], x, Setting((frequency, damping), step))
+def resonance(x, frequency, damping, step):
+    """Position of the oscillator that x drives."""
+    return along(OPERATORS["resonance"], x, Setting((frequency, damping), step))
 
 
 def rrse(measured, predicted):

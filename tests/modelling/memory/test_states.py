@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from memory_samples import STEP, recipe_of, record, resonance, slow, state_set, wandering
 
 from mapmore_cli.domain.errors import DataError
@@ -15,10 +16,17 @@ from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.expressions.operators.play import play
 from mapmore_cli.modelling.memory.feedback import fed_back_states
 from mapmore_cli.modelling.memory.records import records_of, time_step, uninterrupted
-from mapmore_cli.modelling.memory.states import evaluate_states, resolve
+from mapmore_cli.modelling.memory.states import delayed, evaluate_states, resolve
 
 RECIPE = recipe_of("y", (), max_terms=1)
 NAMES = ("x", "x[k-2]", "slow(play(x, 0.2), 0.05)", "stop(slow(x, 0.1), 0.1)", "slow(saturate(x), 0.1)", "resonance(x, 3, 0.2)")
+
+
+@given(arrays(float, st.integers(1, 60), elements=st.floats(-10, 10)), st.integers(1, 70))
+def test_delayed_values_are_those_of_earlier_samples(x, steps):
+    values = delayed(x, steps)
+    assert np.isnan(values[:steps]).all()
+    np.testing.assert_array_equal(values[steps:], x[: max(len(x) - steps, 0)])
 
 
 def test_widths_are_fractions_of_the_training_range_of_their_source():

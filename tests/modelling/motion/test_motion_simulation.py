@@ -15,8 +15,22 @@ from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.motion import BUMPLESS, CARRIED, REST, ZERO
 from mapmore_cli.modelling.memory.records import AtSample
 from mapmore_cli.modelling.motion.fitting import continued
-from mapmore_cli.modelling.motion.sections import EDGE, active, of_oscillator, of_reflections, radius, reflections, rising, spread, stable
-from mapmore_cli.modelling.motion.simulation import last_wavelength, motion_errors, response, shared, simulate
+from mapmore_cli.modelling.motion.simulation import (
+    EDGE,
+    active,
+    last_wavelength,
+    motion_errors,
+    of_oscillator,
+    of_reflections,
+    radius,
+    reflections,
+    response,
+    rising,
+    shared,
+    simulate,
+    spread,
+    stable,
+)
 
 MODELS = ("linear", "inflate_deflate", "piecewise", "piecewise_inflate_deflate")
 coefficients = st.floats(-EDGE, EDGE)
@@ -24,6 +38,21 @@ coefficients = st.floats(-EDGE, EDGE)
 
 def run(motion, u):
     return simulate(motion, {"time": STEP * np.arange(len(u)), "input": u})
+
+
+def switched(motion, u, start):
+    """Sections that hand one state on, sample by sample; an input that stands still falls (P eq 15-17)."""
+    numbers = [
+        2 * sum(now >= boundary for boundary in BOUNDARIES) + (not now > before) for now, before in zip(u, [u[0], *u[:-1]], strict=True)
+    ]
+    first = motion.sections[numbers[0]]
+    x1 = x2 = first.gain * u[0] if start == REST else 0.0
+    values = []
+    for now, number in zip(u, numbers, strict=True):
+        section = motion.sections[number]
+        values.append(x1)
+        x1, x2 = x2, section.p1 * x1 + section.p2 * x2 + section.p3 * now
+    return numbers, np.array(values)
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row['model']}-{row['printed_section']}")
@@ -49,15 +78,10 @@ def test_as_printed_in_continuous_time_every_row_is_unstable():
 
 
 def test_hard_switching_takes_the_active_one_of_parallel_sections():
-    """P eq 15-17, an input that stands still falls."""
     motion, u = published("piecewise_inflate_deflate"), sine(480)
-    parallel = [looped(u, (s.p1, s.p2, s.p3)) for s in motion.sections]
-    expected, last = [], u[0]
-    for k, now in enumerate(u):
-        place = sum(now >= boundary for boundary in BOUNDARIES)
-        expected.append(parallel[2 * place + (0 if now > last else 1)][k])
-        last = now
-    np.testing.assert_allclose(run(motion, u), expected, atol=1e-12)
+    parallel = np.array([looped(u, (s.p1, s.p2, s.p3)) for s in motion.sections])
+    numbers, _ = switched(motion, u, REST)
+    np.testing.assert_allclose(run(motion, u), parallel[numbers, np.arange(480)], atol=1e-12)
 
 
 def test_a_section_may_start_from_zero():
@@ -70,15 +94,7 @@ def test_a_section_may_start_from_zero():
 def test_a_carried_state_passes_from_section_to_section(start):
     """The section that holds drives one state on; nothing is joined."""
     motion, u = replace(published("piecewise_inflate_deflate"), switching=CARRIED, start=start), sine(480, 0.5, 5.0)
-    first = motion.sections[1]  # the first sample falls
-    x1 = x2 = first.gain * u[0] if start == REST else 0.0
-    expected, last = [], u[0]
-    for now in u:
-        section = motion.sections[2 * sum(now >= boundary for boundary in BOUNDARIES) + (0 if now > last else 1)]
-        expected.append(x1)
-        x1, x2 = x2, section.p1 * x1 + section.p2 * x2 + section.p3 * now
-        last = now
-    np.testing.assert_allclose(run(motion, u), expected, atol=1e-12)
+    np.testing.assert_allclose(run(motion, u), switched(motion, u, start)[1], atol=1e-12)
 
 
 def test_steady_outputs_of_published_sections_disagree_by_up_to_one_and_a_half_centimetres():
