@@ -11,14 +11,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
+from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.memory import MemoryFit
 from mapmore_cli.modelling.expressions import NotFinite
 from mapmore_cli.modelling.frols.ridge import Regularised
 from mapmore_cli.modelling.memory.identification import DIGITS, Unknown
 from mapmore_cli.modelling.memory.records import Record
-from mapmore_cli.modelling.memory.refinement import QUICK, THOROUGH, Coefficients, minimise, refine
+from mapmore_cli.modelling.memory.refinement import EMPTY, QUICK, THOROUGH, Coefficients, minimise, refine
 from mapmore_cli.modelling.memory.selectors import Choice
 from mapmore_cli.modelling.memory.training import Training, left_open
 from mapmore_cli.modelling.selection import MemoryRecipe
@@ -55,7 +55,7 @@ def fit_with_memory(
     """
     numbers = left_open(records, recipe.dictionary, recipe.step)
     tick = _counter(recipe, progress, refines=recipe.criterion == "free_run" or bool(numbers.states))
-    start = _start(records, recipe, numbers) if numbers.states else np.empty(0)
+    start = _start(records, recipe, numbers) if numbers.states else EMPTY
     best, held_out = _best_in_free_run(records, recipe, numbers.numbers(start), tick) if recipe.stop == "free_run" else (None, None)
     training = Training(records, recipe, numbers.numbers(start))
     choice = training.selector.best() if best is None else training.selector.among(np.array(best.chosen))
@@ -92,9 +92,9 @@ def _counter(recipe: MemoryRecipe, progress: Callable[[int, int], None], *, refi
     return lambda: progress(next(numbers), total)
 
 
-def _ahead(choice: Choice, numbers: Array | None = None) -> Coefficients:
+def _ahead(choice: Choice, numbers: Array = EMPTY) -> Coefficients:
     """Coefficients of one step ahead, and the operators' numbers that go with them."""
-    return Coefficients(choice.selection.theta, choice.constant, numbers=np.empty(0) if numbers is None else numbers)
+    return Coefficients(choice.selection.theta, choice.constant, numbers=numbers)
 
 
 def _start(records: Sequence[Record], recipe: MemoryRecipe, numbers: Unknown) -> Array:
@@ -107,7 +107,7 @@ def _start(records: Sequence[Record], recipe: MemoryRecipe, numbers: Unknown) ->
             except NotFinite:
                 return np.inf  # these numbers make the state grow without bound
 
-    best, least = np.empty(0), np.inf
+    best, least = EMPTY, np.inf
     before = np.cumsum([0, *(record.training.sum() for record in records)])  # the first training samples of all pieces together compete
     short = [one.training & (np.cumsum(one.training) <= SHORT - taken) for one, taken in zip(records, before, strict=False)]
     for own in numbers.scan(ahead, STARTS):
@@ -129,7 +129,10 @@ def _best_in_free_run(records: Sequence[Record], recipe: MemoryRecipe, numbers: 
 
     Returns the model of the least error, and the RMSE of the models of 1, 2, ... terms.
     """
-    late = [_late(record) for record in records]
+    late = []
+    for record in records:
+        rows = np.flatnonzero(record.training)
+        late.append(np.isin(np.arange(record.size), rows[len(rows) - int(LATE * len(rows)) :]))
     early = Training([Record(record.columns, record.training & ~held) for record, held in zip(records, late, strict=True)], recipe, numbers)
     members = beam(early, tick) if recipe.select == "free_run" else _one_step(early, tick)
     problems = [early.problem(np.array(member.chosen), late) for member in members]
@@ -139,18 +142,11 @@ def _best_in_free_run(records: Sequence[Record], recipe: MemoryRecipe, numbers: 
     return members[int(np.argmin(errors))], errors
 
 
-def _late(record: Record) -> BoolArray:
-    """Return the last training samples of a piece."""
-    rows = np.flatnonzero(record.training)
-    held = np.zeros(record.size, dtype=np.bool_)
-    held[rows[len(rows) - int(LATE * len(rows)) :]] = True
-    return held
-
-
 def _one_step(training: Training, tick: Tick) -> list[Member]:
     """Models of 1, 2, ... terms that were chosen one step ahead."""
     members = []
-    for choice in [training.selector.of_size(terms) for terms in range(1, training.recipe.most_terms + 1)]:
+    for terms in range(1, training.recipe.most_terms + 1):
+        choice = training.selector.of_size(terms)
         point = _ahead(choice)
         if training.recipe.criterion == "free_run":
             point = refine(training.problem(choice.selection.chosen), point, THOROUGH)
@@ -166,11 +162,11 @@ def beam(training: Training, tick: Tick) -> list[Member]:
     the largest gives up the term whose loss its free run feels least, and so on.
     """
     best: list[Member] = []
-    members = [Member((), Coefficients(np.empty(0), 0.0))]
+    members = [Member((), Coefficients(EMPTY, 0.0))]
     for _ in range(training.recipe.most_terms):
         tried: dict[frozenset[int], Member] = {}
         for member in members:
-            for candidate in _shortlist(training.selector.ranking, member.chosen):
+            for candidate in _shortlist(training.selector.ranking, np.array(member.chosen, dtype=np.int64)):
                 chosen = (*member.chosen, candidate)
                 if frozenset(chosen) not in tried:
                     tried[frozenset(chosen)] = _grown(training, member, chosen)
@@ -182,23 +178,14 @@ def beam(training: Training, tick: Tick) -> list[Member]:
     return _pruned(training, best, tick)
 
 
-def _shortlist(ranking: Regularised, chosen: Sequence[int]) -> list[int]:
-    """Return the candidates that reduce the error one step ahead most beside the chosen ones, the best first."""
-    gains = _reductions(ranking, np.array(chosen, dtype=np.int64))
-    order = np.argsort(-gains, kind="stable")[:SHORTLIST]
-    return [int(place) for place in order if gains[place] > 0]
-
-
-def _reductions(data: Regularised, chosen: IntArray) -> Array:
-    """(M,) by how much each candidate reduces the regularised error beside the chosen ones; zero for these."""
+def _shortlist(data: Regularised, chosen: IntArray) -> list[int]:
+    """Return the candidates that reduce the regularised error one step ahead most beside the chosen ones, the best first."""
     gram, products = data.gram, data.products
-    if not len(chosen):
-        return products**2 / np.maximum(np.diag(gram), data.ridge)
-    solved = cho_solve(cho_factor(gram[np.ix_(chosen, chosen)]), gram[chosen])
+    solved = cho_solve(cho_factor(gram[np.ix_(chosen, chosen)]), gram[chosen]) if len(chosen) else gram[chosen]
     squares = np.diag(gram) - np.einsum("ij,ij->j", gram[chosen], solved)
     gains = (products - products[chosen] @ solved) ** 2 / np.maximum(squares, data.ridge)
     gains[chosen] = 0.0
-    return np.asarray(gains)
+    return [int(place) for place in np.argsort(-gains, kind="stable")[:SHORTLIST] if gains[place] > 0]
 
 
 def _grown(training: Training, member: Member, chosen: tuple[int, ...]) -> Member:
@@ -212,8 +199,7 @@ def _grown(training: Training, member: Member, chosen: tuple[int, ...]) -> Membe
 
 
 def _best_of(members: Iterable[Member]) -> list[Member]:
-    finite = [member for member in members if np.isfinite(member.point.error)]
-    return sorted(finite, key=lambda member: member.point.error)[:WIDTH]
+    return sorted((one for one in members if np.isfinite(one.point.error)), key=lambda one: one.point.error)[:WIDTH]
 
 
 def _pruned(training: Training, best: list[Member], tick: Tick) -> list[Member]:

@@ -19,6 +19,7 @@ from mapmore_cli.modelling.memory.simulation import Course, Trajectory
 FIRST, GROWTH = 16, 8  # samples of the shortest horizon, and how many times longer the next one is
 LEAST_GROWTH = 1.2  # where a run over the next horizon explodes a nearer one is tried, down to this many times the last
 DAMPING, MOST_DAMPING = 1e-3, 1e8  # Levenberg-Marquardt's factor at the start, and where a step is given up
+EMPTY = np.empty(0)
 NUDGE = 1e-5  # way, in the search, over which a number of an operator is moved for its difference quotient
 
 
@@ -49,7 +50,7 @@ class Coefficients:
     sse: float = np.inf
     penalty: float = 0.0
     runs: tuple[Trajectory, ...] = ()
-    numbers: Array = field(default_factory=lambda: np.empty(0))
+    numbers: Array = field(default_factory=lambda: EMPTY)
 
     @property
     def error(self) -> float:
@@ -59,9 +60,7 @@ class Coefficients:
     def ordered(self, chosen: Iterable[int], wanted: Iterable[int]) -> Coefficients:
         """Return the coefficients of the terms `chosen`, which these are, in the order `wanted`."""
         places = list(chosen)
-        return Coefficients(
-            self.theta[[places.index(term) for term in wanted]], self.constant, self.sse, self.penalty, numbers=self.numbers
-        )
+        return replace(self, theta=self.theta[[places.index(term) for term in wanted]], runs=())
 
 
 @dataclass(frozen=True)
@@ -124,9 +123,10 @@ class Problem:
             jacobian = np.column_stack([own, *(slopes[place][rows] for slopes in by_numbers)])
             curvature += jacobian.T @ jacobian
             downhill += jacobian.T @ (course.measured[course.start :] - run.output)[rows]
-        ridge, theta = np.zeros(size), np.zeros(size)
-        ridge[: len(point.theta)], theta[: len(point.theta)] = self.ridge, point.theta
-        return curvature + np.diag(ridge), downhill - ridge * theta
+        terms = np.arange(len(point.theta))
+        curvature[terms, terms] += self.ridge
+        downhill[terms] -= self.ridge * point.theta
+        return curvature, downhill
 
     def _by_number(self, point: Coefficients, place: int, horizon: int | None) -> list[Array]:
         """Return derivatives of all runs by one number of an operator; one-sided at a bound, and where a run to the other side diverges."""
@@ -150,7 +150,7 @@ class Problem:
     def step(self, point: Coefficients, move: Array) -> Coefficients:
         """Return the point moved, numbers within their bounds."""
         k = len(point.theta)
-        numbers = np.clip(point.numbers + move[k + 1 :], *self.between.T) if len(point.numbers) else point.numbers
+        numbers = np.clip(point.numbers + move[k + 1 :], *self.between.T)
         return Coefficients(point.theta + move[:k], point.constant + float(move[k]), numbers=numbers)
 
 
@@ -182,31 +182,19 @@ def minimise(problem: Problem, start: Coefficients, horizon: int | None, effort:
         curvature, downhill = problem.normal(point, horizon)
         if not (np.isfinite(curvature).all() and np.isfinite(downhill).all()):
             return point
-        better, damping = _step(problem, point, horizon, (curvature, downhill), damping)
-        if better is None:
-            return point
+        free = problem.free(point, downhill)
+        alike, size = _of_unit_diagonal(curvature[np.ix_(free, free)])
+        better = point
+        while better is point and damping <= MOST_DAMPING:
+            move = np.zeros(len(downhill))
+            move[free] = np.linalg.lstsq(alike + damping * np.eye(len(size)), downhill[free] / size, rcond=None)[0] / size
+            found = problem.at(problem.step(point, move), horizon, point)
+            better, damping = (found, damping / 10) if found.error < point.error else (point, damping * 10)
         gained = point.error - better.error
         point = better
         if gained <= effort.gain * point.error:
             return point
     return point
-
-
-def _step(
-    problem: Problem, point: Coefficients, horizon: int | None, normal: tuple[Array, Array], damping: float
-) -> tuple[Coefficients | None, float]:
-    """Return the next point, None where there is no better one; and the damping to go on with."""
-    curvature, downhill = normal
-    free = problem.free(point, downhill)
-    alike, size = _of_unit_diagonal(curvature[np.ix_(free, free)])
-    while damping <= MOST_DAMPING:
-        move = np.zeros(len(downhill))
-        move[free] = np.linalg.lstsq(alike + damping * np.eye(len(size)), downhill[free] / size, rcond=None)[0] / size
-        found = problem.at(problem.step(point, move), horizon, point)
-        if found.error < point.error:
-            return found, damping / 10
-        damping *= 10
-    return None, damping
 
 
 def _of_unit_diagonal(curvature: Array) -> tuple[Array, Array]:
