@@ -16,11 +16,10 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.memory import MemoryFit
 from mapmore_cli.modelling.expressions import NotFinite
 from mapmore_cli.modelling.frols.ridge import Regularised
-from mapmore_cli.modelling.memory.identification import DIGITS, Unknown
 from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.memory.refinement import EMPTY, QUICK, THOROUGH, Coefficients, minimise, refine
 from mapmore_cli.modelling.memory.selectors import Choice
-from mapmore_cli.modelling.memory.training import Training, left_open
+from mapmore_cli.modelling.memory.training import DIGITS, Training, Unknown, left_open
 from mapmore_cli.modelling.selection import MemoryRecipe
 
 LATE = 0.25  # share of each piece's training samples on which free runs compete, where they decide on the number of terms

@@ -11,9 +11,9 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.memory import MemoryModel
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.expressions import dictionary_matrix, parse
-from mapmore_cli.modelling.memory.feedback import Feedback, feedback_of
+from mapmore_cli.modelling.memory.feedback import Feedback
 from mapmore_cli.modelling.memory.records import AtSample, complete, numbered, uninterrupted
-from mapmore_cli.modelling.memory.simulation import Course, Piece, bounds_of, course_of, piece_of, refuse_unknown_beginning
+from mapmore_cli.modelling.memory.simulation import Course, Piece, bounds_of, piece_of, refuse_unknown_beginning
 from mapmore_cli.modelling.memory.states import evaluate_states, memory_inputs
 from mapmore_cli.modelling.signals.sampling import UNEVEN
 
@@ -44,7 +44,7 @@ def free_run(model: MemoryModel, columns: Columns) -> Run:
 
     Raises DataError where an input is missing; as `AtSample` where a first output is, or samples are not at the model's time steps.
     """
-    feedback = feedback_of(model.terms, model.states, model.output)
+    feedback = Feedback(model.terms, model.states, model.output)
     if not feedback.names:
         return Run(one_step_ahead(model, columns))
     values, diverged = _nothing(columns), list[int]()
@@ -112,7 +112,7 @@ def _begun(model: MemoryModel, feedback: Feedback, piece: Piece) -> Course:
 
     Raises DataError where a steady start is asked for and the model has no steady output near its training range.
     """
-    course = course_of(feedback, piece)
+    course = Course(feedback, piece)
     if model.start == "measured" or not course.size:
         return course
     beginning = _Beginning(model, piece, course)
@@ -131,7 +131,7 @@ class _Beginning:
         measured = self.piece.measured.copy()
         measured[: self.course.start - len(first)] = first[:1].sum()
         measured[self.course.start - len(first) : self.course.start] = first
-        return course_of(self.course.feedback, Piece(measured, self.piece.driven, {}), end)
+        return Course(self.course.feedback, Piece(measured, self.piece.driven, {}), end)
 
     def steady(self) -> Course:
         """Begin with the output that the first inputs hold where it is: a root of (next output - output), by the secant."""

@@ -61,7 +61,7 @@ class Linearised:
     def _fed_values(self) -> dict[str, Array]:
         """Return the fed-back states, scaled."""
         feedback, margin = self.feedback, self.feedback.states.margin
-        values = dict(zip(feedback.names, self.trajectory.nodes[list(feedback.places)], strict=True))
+        values = dict(zip(feedback.names, self.trajectory.nodes[feedback.places], strict=True))
         for name, (low, width) in zip(feedback.names, feedback.limits, strict=bool(feedback.limits)):
             values[name] = np.clip((values[name] - low) / width, -margin, 1 + margin)
         return values
@@ -88,9 +88,8 @@ class Linearised:
     def _of_output(self) -> Iterator[Coupling]:
         feedback, margin = self.feedback, self.feedback.states.margin
         factors = {name: np.zeros(self.n) for name in feedback.names}
-        groups = np.asarray(feedback.groups)
         for name, group, slope in feedback.slopes:
-            terms = groups == group
+            terms = feedback.groups == group
             factors[name] += (self.inputs[:, terms] @ self.theta[terms]) * evaluate(slope, self.fed, self.n)
         for place, (name, factor) in enumerate(factors.items()):
             if feedback.limits:

@@ -36,25 +36,53 @@ class Trajectory:
 
 
 @dataclass(frozen=True)
-class Course:
-    """A piece of n rows, of which the rows from `start` on can be simulated.
+class Piece:
+    """One piece of n rows with what does not depend on the choice of terms.
 
-    - `feedback`: the model's terms taken apart.
+    - `measured`: (n,) output; NaN where it is not known.
+    - `driven`: (n,) each, the states of inputs alone, scaled as the model's are.
+    - `known`: fed-back states along the measured output that were computed already.
+    """
+
+    measured: Array
+    driven: Columns
+    known: dict[str, Array]
+
+
+def piece_of(states: StateSet, output: str, columns: Columns) -> Piece:
+    """Prepare one piece; `columns` hold the inputs, and the output where it is known.
+
+    Raises DataError where an input is missing.
+    """
+    n = len(next(iter(columns.values())))
+    measured = np.asarray(columns.get(output, np.full(n, np.nan)), dtype=np.float64)
+    fed_back = fed_back_states(states, output)
+    values = evaluate_states(states, {**columns, output: np.full(n, np.nan)})
+    return Piece(measured, {name: column for name, column in values.items() if name not in fed_back}, {})
+
+
+class Course:
+    """A piece made ready for one set of terms: its n rows up to `end`, of which the rows from `start` on can be simulated.
+
+    It starts where every state of inputs has a value, after the longest delay.
+
     - `inputs`: (n - start, k) input parts of the terms.
     - `measured`: (n,) output; NaN where it is not known.
     - `history`: (nodes, n) the fed-back states and what they are made of along the measured output, at rest before.
     """
 
-    feedback: Feedback
-    start: int
-    inputs: Array
-    measured: Array
-    history: Array
-
-    @property
-    def size(self) -> int:
-        """Samples that can be simulated."""
-        return len(self.inputs)
+    def __init__(self, feedback: Feedback, piece: Piece, end: int | None = None) -> None:
+        self.feedback, self.measured = feedback, piece.measured[:end]
+        n = len(self.measured)
+        driven = {name: piece.driven[name][:end] for name in feedback.states.names if name not in feedback.names}
+        ready = complete(driven.values(), n)
+        self.start = min(n, max(feedback.longest, int(np.argmax(ready)) if ready.any() else n))
+        self.size = n - self.start
+        rows = {name: values[self.start :] for name, values in driven.items()}
+        self.inputs = np.empty((self.size, len(feedback.inputs)), order="F")
+        for column, part in zip(self.inputs.T, feedback.inputs, strict=True):
+            column[:] = evaluate(part, rows, self.size)
+        self.history = _history(feedback, piece)[:, :end]
 
     @cached_property
     def restarts(self) -> BoolArray:
@@ -77,7 +105,7 @@ class Course:
 
         It ends at the first sample that leaves the `bounds`, which is left out.
         """
-        groups = np.asarray(self.feedback.groups)
+        groups = self.feedback.groups
         weighted = self.inputs * theta
         base = (constant + weighted[:, groups < 0].sum(axis=1)).tolist()
         weights = [weighted[:, groups == group].sum(axis=1).tolist() for group in range(len(self.feedback.owns))]
@@ -150,49 +178,6 @@ def _advanced(rule: Recursion, own: list[float], source: list[float], back: int)
     if (rule.own, rule.source) == (1, 1):
         return lambda: own.append(following(own[-1], source[-back], source[-back - 1]))
     return lambda: own.append(following(*[own[-i - 1] for i in range(rule.own)], *[source[-back - i] for i in range(rule.source + 1)]))
-
-
-@dataclass(frozen=True)
-class Piece:
-    """One piece of n rows with what does not depend on the choice of terms.
-
-    - `measured`: (n,) output; NaN where it is not known.
-    - `driven`: (n,) each, the states of inputs alone, scaled as the model's are.
-    - `known`: fed-back states along the measured output that were computed already.
-    """
-
-    measured: Array
-    driven: Columns
-    known: dict[str, Array]
-
-
-def piece_of(states: StateSet, output: str, columns: Columns) -> Piece:
-    """Prepare one piece; `columns` hold the inputs, and the output where it is known.
-
-    Raises DataError where an input is missing.
-    """
-    n = len(next(iter(columns.values())))
-    measured = np.asarray(columns.get(output, np.full(n, np.nan)), dtype=np.float64)
-    fed_back = fed_back_states(states, output)
-    values = evaluate_states(states, {**columns, output: np.full(n, np.nan)})
-    return Piece(measured, {name: column for name, column in values.items() if name not in fed_back}, {})
-
-
-def course_of(feedback: Feedback, piece: Piece, end: int | None = None) -> Course:
-    """Make a piece ready for one set of terms, up to the row `end`.
-
-    Its run starts where every state of inputs has a value, after the longest delay.
-    """
-    measured = piece.measured[:end]
-    n = len(measured)
-    driven = {name: piece.driven[name][:end] for name in feedback.states.names if name not in feedback.names}
-    ready = complete(driven.values(), n)
-    start = min(n, max(feedback.longest, int(np.argmax(ready)) if ready.any() else n))
-    rows = {name: values[start:] for name, values in driven.items()}
-    inputs = np.empty((n - start, len(feedback.inputs)), order="F")
-    for column, part in zip(inputs.T, feedback.inputs, strict=True):
-        column[:] = evaluate(part, rows, n - start)
-    return Course(feedback, start, inputs, measured, _history(feedback, piece)[:, :end])
 
 
 def _history(feedback: Feedback, piece: Piece) -> Array:

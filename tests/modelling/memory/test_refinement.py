@@ -11,12 +11,12 @@ from memory_samples import memory_model, narx_truth, recipe_of, record, state_se
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.frols import frols
 from mapmore_cli.modelling.memory import fitting, selectors
-from mapmore_cli.modelling.memory.feedback import feedback_of
+from mapmore_cli.modelling.memory.feedback import Feedback
 from mapmore_cli.modelling.memory.fitting import fit_with_memory
 from mapmore_cli.modelling.memory.free_run import free_run, one_step_ahead
 from mapmore_cli.modelling.memory.linearisation import Linearised, run_at_once
 from mapmore_cli.modelling.memory.refinement import THOROUGH, Coefficients, Problem, minimise, refine
-from mapmore_cli.modelling.memory.simulation import course_of, piece_of
+from mapmore_cli.modelling.memory.simulation import Course, piece_of
 
 TERMS = {
     "x": 0.5,
@@ -37,7 +37,7 @@ WIDE = (-1e9, 1e9)
 def course(terms, names, x, y, scaled=False):
     scales = {"low": [-0.7] * len(names), "high": [0.9] * len(names)} if scaled else {}
     states = state_set(*names, ranges={"y[k-1]": (-1.0, 1.0)}, **scales)
-    return course_of(feedback_of(list(terms), states, "y"), piece_of(states, "y", {"x": x, "y": y}))
+    return Course(Feedback(list(terms), states, "y"), piece_of(states, "y", {"x": x, "y": y}))
 
 
 @pytest.mark.parametrize("scaled", [False, True])
