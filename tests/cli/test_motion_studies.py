@@ -18,35 +18,6 @@ from mapmore_cli.storage.artefacts import read_dataset, read_model, read_validat
 CONFIGS = Path(__file__).parents[2] / "configs" / "m2"
 DAMPING = DOCS / "damping.md"
 
-NRMSE = {
-    "dmsp-20-88": {
-        "damping": {
-            "mapmore": 0.0677,
-            "none": 0.1880,
-            "reynolds": 0.0595,
-            "peternel": 0.0672,
-            "sarosi_hysteresis_loss": 0.1808,
-            "by_nothing_two_terms": 0.1514,
-            "with_lags_and_operators": 0.1028,
-        },
-        "dynamic": {"mapmore": 0.1662, "static_alone": 0.4468, "sarosi+reynolds": 0.1736},
-    },
-    "peano": {
-        "damping": {
-            "mapmore": 0.1193,
-            "none": 0.1522,
-            "reynolds": 0.1366,
-            "peternel": 0.1365,
-            "sarosi_hysteresis_loss": 0.1471,
-            "by_nothing_two_terms": 0.0843,
-            "with_lags_and_operators": 0.0842,
-        },
-        "dynamic": {"mapmore": 0.1707, "static_alone": 0.2136, "sarosi+reynolds": 0.1343},
-    },
-}
-"""Validation scores on the committed recordings, whole records; a change of these belongs in the changelog."""
-
-
 SHOWN = {
     "damping": {
         **{name: [name] for name in ("none", "linear_viscous", "pressure_viscous", "reynolds", "cao", "tondu_kinetic_friction")},
@@ -90,15 +61,6 @@ def muscle(request, tmp_path_factory, mapmore):
     result = mapmore("run", study, "--runs", runs, "-q")
     assert result.exit_code == 0, result.stderr
     return request.param, runs
-
-
-def test_one_command_makes_every_study_with_its_scores(muscle):
-    name, runs = muscle
-    for study, wanted in NRMSE[name].items():
-        found = pooled(runs / f"{name}-{study}")
-        for model, nrmse in wanted.items():
-            assert found[model] == pytest.approx(nrmse, abs=1e-4, rel=5e-3), (study, model)
-    assert {"by_direction_and_pressure", "by_nothing", "by_pressure"} <= set(pooled(runs / f"{name}-damping"))
 
 
 @pytest.mark.parametrize("study", SHOWN)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from types import MappingProxyType
 
@@ -46,7 +45,7 @@ def evaluate(expression: Expression, columns: Columns, n: int | None = None) -> 
             raise DataError("the number of rows is unknown: there is no column of samples")
     values = _needed((expression,), columns, n)
     with np.errstate(all="ignore"):
-        (value,) = compiled((expression,)).values(values)
+        (value,) = compiled((expression,))(values)
         return np.array(np.broadcast_to(value, (n,)), dtype=float)
 
 
@@ -71,7 +70,7 @@ def dictionary_blocks(terms: Sequence[Expression], columns: Columns, n: int) -> 
         block = np.empty((rows.stop - start, len(terms)), order="F")
         held = {name: value[rows] if value.ndim else value for name, value in values.items()}
         with np.errstate(all="ignore"):
-            for column, value in zip(block.T, program.values(held), strict=True):
+            for column, value in zip(block.T, program(held), strict=True):
                 column[:] = value
         _refuse_not_finite(block, terms, values, start)
         yield rows, block
@@ -87,7 +86,7 @@ def stacked_matrices(terms: Sequence[Expression], columns: Columns, parameters: 
     values = _needed(terms, columns, n, of_set)
     stack = np.empty((sets, n, len(terms)))
     with np.errstate(all="ignore"):
-        for place, value in enumerate(compiled(tuple(terms)).values(values)):
+        for place, value in enumerate(compiled(tuple(terms))(values)):
             stack[:, :, place] = value
     return stack
 
@@ -118,26 +117,21 @@ Part = Callable[[Mapping[str, Value], Shared], Value]  # a node with everything 
 Known = dict[Expression, Part]
 
 
-@dataclass(frozen=True)
-class Compiled:
-    """Several expressions, to be evaluated together; `slots` is the number of powers and function values in them."""
+@lru_cache(maxsize=4096)
+def compiled(expressions: tuple[Expression, ...]) -> Callable[[Mapping[str, Value]], Iterator[Value]]:
+    """Return what yields the values of `expressions` in order; powers and function values that several share are computed once.
 
-    parts: tuple[Part, ...]
-    slots: int
+    An array may be a column itself, or shared with a later value: do not change it.
+    """
+    known: Known = {}
+    parts = [part_of(expression, known) for expression in expressions]
 
-    def values(self, columns: Mapping[str, Value]) -> Iterator[Value]:
-        """Yield the expressions' values in order; an array may be a column itself, or shared with a later value: do not change it."""
-        shared: Shared = [None] * self.slots
-        for part in self.parts:
+    def values(columns: Mapping[str, Value]) -> Iterator[Value]:
+        shared: Shared = [None] * len(known)
+        for part in parts:
             yield part(columns, shared)
 
-
-@lru_cache(maxsize=4096)
-def compiled(expressions: tuple[Expression, ...]) -> Compiled:
-    """Return the program that evaluates `expressions`; powers and function values that several share are computed once."""
-    known: Known = {}
-    parts = tuple(part_of(expression, known) for expression in expressions)
-    return Compiled(parts, len(known))
+    return values
 
 
 def part_of(expression: Expression, known: Known) -> Part:
@@ -173,10 +167,10 @@ def _product(factors: Sequence[Expression], known: Known) -> Part:
     first = part_of(factors[0], known)
     others: list[tuple[bool, Part]] = []
     for factor in factors[1:]:
-        divides = isinstance(factor, Power) and factor.exponent < 0
-        others.append(
-            (divides, _power(factor.base, -factor.exponent, known) if isinstance(factor, Power) and divides else part_of(factor, known))
-        )
+        if isinstance(factor, Power) and factor.exponent < 0:
+            others.append((True, _power(factor.base, -factor.exponent, known)))
+        else:
+            others.append((False, part_of(factor, known)))
 
     def total(columns: Mapping[str, Value], shared: Shared) -> Value:
         value = first(columns, shared)

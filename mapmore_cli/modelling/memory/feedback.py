@@ -139,7 +139,7 @@ def _own(expression: Expression, places: Mapping[str, int]) -> Own:
         case [i, j, *rest]:
             return lambda y: math.prod([y[place] for place in rest], start=y[i] * y[j])
     program, names = compiled((expression,)), sorted(expression.names)
-    return lambda y: float(next(program.values({name: np.float64(y[places[name]]) for name in names})))
+    return lambda y: float(next(program({name: np.float64(y[places[name]]) for name in names})))
 
 
 def _monomial(expression: Expression, places: Mapping[str, int]) -> list[int]:

@@ -44,7 +44,7 @@ def fit_motion(
     sections: list[MotionSection] = []
     searches: list[SectionSearch] = []
     for number, section in enumerate(outline.sections):
-        own = [piece.of_section(number) for piece in pieces]
+        own = [replace(piece, counts=piece.counts & (piece.holds == number)) for piece in pieces]
         samples = int(sum(piece.counts.sum() for piece in own))
         _refuse_too_few(samples, outline, section)
         found: Found = solve(Problem(own, reach, recipe.start, (recipe.seed, number)), recipe)
@@ -119,11 +119,11 @@ def joined(motion: Motion, pieces: Sequence[Piece], reach: float) -> Motion:
     bases = [_heights_of(motion, run) for run in counted]
 
     def outputs(poles: Array) -> Array:
-        parts = [
-            shared(poles, basis * (1.0 - poles.sum(axis=1))[run.holds, None], run.holds, motion.start)
-            for run, basis in zip(counted, bases, strict=True)
-        ]
-        return np.concatenate([part[run.counts] for part, run in zip(parts, counted, strict=True)])
+        steady = 1.0 - poles.sum(axis=1)[:, None]
+        runs = (
+            shared(poles, basis * steady[run.holds], run.holds, motion.start)[run.counts] for run, basis in zip(counted, bases, strict=True)
+        )
+        return np.concatenate(list(runs))
 
     def residuals(place: Array) -> Array:
         moved = outputs(_poles(place, reach))

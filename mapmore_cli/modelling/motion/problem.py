@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 import numpy as np
@@ -104,10 +104,6 @@ class Piece:
     y: Array
     counts: BoolArray
     holds: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-
-    def of_section(self, number: int) -> Piece:
-        """Return the piece with only the samples of a section counting."""
-        return replace(self, counts=self.counts & (self.holds == number))
 
 
 @dataclass(frozen=True)

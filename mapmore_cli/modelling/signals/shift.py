@@ -8,7 +8,8 @@ one with the clearest peak is taken. A peak is sure where noise would not make i
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -86,7 +87,7 @@ def find_shift(
         return None
     best = max(found, key=lambda peak: (not (peak.ambiguous or peak.lost_in_noise), peak.sigmas))
     half_width = max(best.half_width, 0.5 * sum(steps))  # a jump may lie anywhere between two samples
-    return Shift(best.value, half_width, max(steps), best.correlation, best.next_best, best.rival, best.sigmas)
+    return replace(best, half_width=half_width, step=max(steps))
 
 
 def _peak(one: Array, other: Array, width: int, offset: float, step: float, within: float | None, same_sign: bool) -> Shift | None:
@@ -136,17 +137,10 @@ def correlation(u: Array, v: Array) -> tuple[Array, Array, Array]:
 
     Zero where the overlap is too short, or holds too little of the changes of either.
     """
-    from scipy.fft import irfft, next_fast_len, rfft  # takes long to load, and few specs need it
+    from scipy.signal import correlate  # takes long to load, and few specs need it
 
     n, m = len(u), len(v)
-    size = next_fast_len(n + m - 1, real=True)
-
-    def sums(a: Array, b: Array) -> Array:
-        """`sum_i a[i + lag] b[i]` for the lags -(m - 1) .. n - 1."""
-        whole = irfft(rfft(a, size) * np.conj(rfft(b, size)), size)
-        found: Array = np.concatenate([whole[size - (m - 1) :], whole[:n]])
-        return found
-
+    sums = partial(correlate, method="fft")  # `sum_i a[i + lag] b[i]` for the lags -(m - 1) .. n - 1
     ones_u, ones_v = np.ones(n), np.ones(m)
     count = np.rint(sums(ones_u, ones_v))
     at_least_one = np.maximum(count, 1.0)
