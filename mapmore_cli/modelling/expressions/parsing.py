@@ -99,7 +99,10 @@ class _Parser(Tokens):
 
     def _atom(self) -> Expression:
         if self.next.kind == "number":
-            return _number(self.take())
+            value, start = float(self.next.text), self.take().position
+            if not math.isfinite(value):
+                raise ExpressionError("the number is too large", start)
+            return Number(value)
         if self.next.kind == "name":
             return self._named(self.take())
         if self.next.kind == "(":
@@ -127,13 +130,6 @@ class _Parser(Tokens):
         self._depth += 1
         if self._depth > MAX_DEPTH:
             raise ExpressionError(f"more than {MAX_DEPTH} brackets and exponents inside each other", position)
-
-
-def _number(token: Token) -> Number:
-    value = float(token.text)
-    if not math.isfinite(value):
-        raise ExpressionError("the number is too large", token.position)
-    return Number(value)
 
 
 def _function(token: Token) -> str:

@@ -33,14 +33,11 @@ def one_step_ahead(model: MemoryModel, columns: Columns) -> Array:
 
 
 def free_run(model: MemoryModel, columns: Columns) -> Run:
-    """Return simulation from the first outputs, as the model's `start` says.
+    """Return simulation from the first outputs, as the model's `start` says; `columns`, (n,) each, as for `kinds.simulate`.
 
-    It starts anew at gaps of `time`, where that runs backwards, and after empty inputs. A model without delayed outputs needs none, and its
-    free run is its one-step-ahead prediction. Otherwise the output must be measured at the beginning of every piece, for as many samples as
-    the longest delay (over a twentieth of it to identify them; not for a steady start); measured outputs after them are not used.
-
-    - `columns`: the model's inputs, (n,) each, in its units; the output where it has a part; `time` in s, without which all samples are one
-      piece.
+    It starts anew at gaps of `time` (s), where that runs backwards, and after empty inputs. A model without delayed outputs needs none:
+    its free run is its one-step-ahead prediction. Otherwise the output must be measured at the beginning of every piece, over the longest
+    delay (over a twentieth of the piece to identify them; not for a steady start); measured outputs after that are not used.
 
     Raises DataError where an input is missing; as `AtSample` where a first output is, or samples are not at the model's time steps.
     """
@@ -50,7 +47,7 @@ def free_run(model: MemoryModel, columns: Columns) -> Run:
     values, diverged = _nothing(columns), list[int]()
     for rows, piece in _pieces(model, columns):
         with numbered(rows):
-            course = _begun(model, feedback, piece_of(model.states, model.output, piece))
+            course = _Beginning(model, feedback, piece_of(model.states, model.output, piece)).begun()
             refuse_unknown_beginning(course)
         simulated = _outputs(model, course)
         end = course.start + len(simulated)
@@ -107,24 +104,18 @@ def started(model: MemoryModel) -> str:
     }[model.start]
 
 
-def _begun(model: MemoryModel, feedback: Feedback, piece: Piece) -> Course:
-    """Return a piece ready to be run, with the first outputs as the model's `start` says.
-
-    Raises DataError where a steady start is asked for and the model has no steady output near its training range.
-    """
-    course = Course(feedback, piece)
-    if model.start == "measured" or not course.size:
-        return course
-    beginning = _Beginning(model, piece, course)
-    return beginning.steady() if model.start == "steady" else beginning.identified()
-
-
 class _Beginning:
     """A piece whose run may begin with other outputs than the measured ones; `width` is the training range of the output."""
 
-    def __init__(self, model: MemoryModel, piece: Piece, course: Course) -> None:
-        self.model, self.piece, self.course = model, piece, course
+    def __init__(self, model: MemoryModel, feedback: Feedback, piece: Piece) -> None:
+        self.model, self.piece, self.course = model, piece, Course(feedback, piece)
         self.width = model.limits[1] - model.limits[0] or 1.0
+
+    def begun(self) -> Course:
+        """Return the piece ready to be run, with the first outputs as the model's `start` says."""
+        if self.model.start == "measured" or not self.course.size:
+            return self.course
+        return self.steady() if self.model.start == "steady" else self.identified()
 
     def with_first(self, first: Array, end: int | None = None) -> Course:
         """Return the course with other outputs before its first sample, up to the row `end` of the piece."""
@@ -134,7 +125,10 @@ class _Beginning:
         return Course(self.course.feedback, Piece(measured, self.piece.driven, {}), end)
 
     def steady(self) -> Course:
-        """Begin with the output that the first inputs hold where it is: a root of (next output - output), by the secant."""
+        """Begin with the output that the first inputs hold where it is: a root of (next output - output), by the secant.
+
+        Raises DataError where there is none near the training range.
+        """
 
         def held(y: float, end: int | None) -> Course:
             return self.with_first(np.full(self.course.feedback.longest, y), end)

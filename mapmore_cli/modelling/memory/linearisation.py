@@ -36,7 +36,10 @@ class Linearised:
         self.course = course
         self.inputs, self.n = course.inputs[: len(trajectory.output)], len(trajectory.output)
         self.unknowns = [place for place, node in enumerate(self.feedback.nodes) if node.rule is not None]
-        self.fed = self._fed_values()
+        feedback, margin = self.feedback, self.feedback.states.margin
+        self.fed = dict(zip(feedback.names, trajectory.nodes[feedback.places], strict=True))
+        for name, (low, width) in zip(feedback.names, feedback.limits, strict=bool(feedback.limits)):
+            self.fed[name] = np.clip((self.fed[name] - low) / width, -margin, 1 + margin)
         own = [evaluate(part, self.fed, self.n) for part in self.feedback.owns]
         self.phi = np.ones((self.n, len(theta) + 1))
         for j, group in enumerate(self.feedback.groups):
@@ -57,14 +60,6 @@ class Linearised:
         whole[width - 1 :: width] = right
         solution, _ = dtbtrs(matrix, whole, uplo="L", diag="U", overwrite_b=1)
         return np.asarray(solution[width - 1 :: width])
-
-    def _fed_values(self) -> dict[str, Array]:
-        """Return the fed-back states, scaled."""
-        feedback, margin = self.feedback, self.feedback.states.margin
-        values = dict(zip(feedback.names, self.trajectory.nodes[feedback.places], strict=True))
-        for name, (low, width) in zip(feedback.names, feedback.limits, strict=bool(feedback.limits)):
-            values[name] = np.clip((values[name] - low) / width, -margin, 1 + margin)
-        return values
 
     def _of_rules(self) -> Iterator[Coupling]:
         nodes = self.feedback.nodes

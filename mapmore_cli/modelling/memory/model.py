@@ -127,7 +127,14 @@ class _Output:
             found = m.choose("memory", [(early, NOTHING)], lambda: self._sum(names))
         else:
             lost = m.number("lost")
-            found = m.choose("memory", [(early, NOTHING)], lambda: self._bounded(lost, self._sum(names)))
+            low, high = bounds_of(model.limits)
+
+            def bounded() -> Expression:
+                """Write the output while it stays within bounds; nothing from where it leaves them, up to a reset."""
+                value = self._sum(names)
+                return m.choose("within", [(lost > 0, NOTHING), (value < low, NOTHING), (value > high, NOTHING)], value)
+
+            found = m.choose("memory", [(early, NOTHING)], bounded)
             m.keep(lost, m.choose("lost", [(early, ZERO), (Condition(found, "==", found), ZERO)], ONE))
         for name, queue in self.queues.items():
             m.statements.append(Queue(queue, found if name == model.output else self._state(state(name))))
@@ -195,8 +202,3 @@ class _Output:
             (driven if own == ONE else weights.setdefault(own, [])).append(weight)
         fed = [times(m.let("weight", total(parts)), m.let("own", substitute(own, names))) for own, parts in weights.items()]
         return m.let("output", total([m.let("base", total(driven)), *fed]))
-
-    def _bounded(self, lost: Name, value: Expression) -> Expression:
-        """Write the output while it stays within bounds; nothing from where it leaves them, up to a reset."""
-        low, high = bounds_of(self.model.limits)
-        return self.m.choose("within", [(lost > 0, NOTHING), (value < low, NOTHING), (value > high, NOTHING)], value)

@@ -51,10 +51,7 @@ class Record:
 
 
 def uninterrupted(time: Array, step: float) -> list[slice]:
-    """Return the pieces of a record: it is cut where a step is longer than `step`, and where time runs backwards.
-
-    - `time`: stamps, (n,), s.
-    - `step`: time between samples, s.
+    """Return the pieces of a record with the stamps `time` (n,): cut where a step is longer than `step` (s), or time runs backwards.
 
     Raises AtSample where stamps are neither `step` apart nor a gap: the memory of the model counts samples.
     """

@@ -40,9 +40,7 @@ class Coefficients:
     """A point of the search: theta (k,), the constant, and the error there; infinite where a run diverges.
 
     - `numbers`: (m,) the operators' numbers that are searched as well, as `Unknown.searched` says.
-    - `sse`: sum of squared simulation errors over the counted samples.
-    - `penalty`: what the ridge adds.
-    - `runs`: the runs of all pieces.
+    - `sse`, `penalty`: sum of squared simulation errors over the counted samples, and what the ridge adds; `runs`: of all pieces.
     """
 
     theta: Array
@@ -71,8 +69,7 @@ class Problem:
     - `bounds`: least and greatest output of a run.
     - `ridge`: (k,) penalty of each squared coefficient.
     - `free_constant`: whether the model has a constant of its own.
-    - `moved`: the pieces with other numbers of operators, (m,).
-    - `between`: (m, 2) least and greatest of these numbers.
+    - `moved`: the pieces with other numbers of operators, (m,); `between`: (m, 2) least and greatest of these.
     """
 
     courses: tuple[Course, ...]

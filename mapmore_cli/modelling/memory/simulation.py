@@ -82,7 +82,12 @@ class Course:
         self.inputs = np.empty((self.size, len(feedback.inputs)), order="F")
         for column, part in zip(self.inputs.T, feedback.inputs, strict=True):
             column[:] = evaluate(part, rows, self.size)
-        self.history = _history(feedback, piece)[:, :end]
+        self.history = np.empty((len(feedback.nodes), n))
+        for row, node in zip(self.history, feedback.nodes, strict=True):
+            values = value_of(node.state, {feedback.output: piece.measured}, feedback.states, piece.known)
+            first = int(np.argmax(np.isfinite(values))) if len(values) else 0
+            row[:] = values[:n]
+            row[:first] = values[first : first + 1]  # each begins at rest
 
     @cached_property
     def restarts(self) -> BoolArray:
@@ -178,17 +183,6 @@ def _advanced(rule: Recursion, own: list[float], source: list[float], back: int)
     if (rule.own, rule.source) == (1, 1):
         return lambda: own.append(following(own[-1], source[-back], source[-back - 1]))
     return lambda: own.append(following(*[own[-i - 1] for i in range(rule.own)], *[source[-back - i] for i in range(rule.source + 1)]))
-
-
-def _history(feedback: Feedback, piece: Piece) -> Array:
-    """(nodes, n) every node along the measured output, with its first value before that: each begins at rest."""
-    history = np.empty((len(feedback.nodes), len(piece.measured)))
-    for place, node in enumerate(feedback.nodes):
-        values = value_of(node.state, {feedback.output: piece.measured}, feedback.states, piece.known)
-        first = int(np.argmax(np.isfinite(values))) if len(values) else 0
-        history[place] = values
-        history[place, :first] = values[first : first + 1]
-    return history
 
 
 def refuse_unknown_beginning(course: Course) -> None:

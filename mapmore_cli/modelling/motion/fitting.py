@@ -39,14 +39,24 @@ def fit_motion(
     where the solver refuses the sections, or finds no stable one.
     """
     outline = _outline(records, recipe)
-    pieces = [_piece(record, outline, recipe.mask) for record in records]
+    pieces = []
+    for record in records:
+        columns, mask = record.columns, recipe.output if recipe.mask == "displacement" else recipe.input
+        holds = active(outline, columns[recipe.input], columns[mask])
+        pieces.append(Piece(driven(outline.drives, columns), columns[recipe.output], record.training, holds))
     reach = recipe.reach(max(int(piece.counts.sum()) for piece in pieces))
     sections: list[MotionSection] = []
     searches: list[SectionSearch] = []
     for number, section in enumerate(outline.sections):
         own = [replace(piece, counts=piece.counts & (piece.holds == number)) for piece in pieces]
         samples = int(sum(piece.counts.sum() for piece in own))
-        _refuse_too_few(samples, outline, section)
+        if samples <= (needed := 2 + len(outline.drives)):
+            low, high = outline.limits
+            raise DataError(
+                f"section {section.id} ({outline.input} {extent(outline.boundaries, section.place)}): {samples} training sample(s), too few "
+                f"for {needed} parameters; the training input goes from {low:.6g} to {high:.6g}",
+                "move the boundaries of `model.sections` to where the input has been, or train on records that go there",
+            )
         found: Found = solve(Problem(own, reach, recipe.start, (recipe.seed, number)), recipe)
         sections.append(replace(section, p1=found.p1, p2=found.p2, weights=found.weights))
         searches.append(SectionSearch(section.id, samples, found.rmse, found.evaluations, found.history))
@@ -84,23 +94,6 @@ def _outline(records: Sequence[Record], recipe: MotionRecipe) -> Motion:
         limits=(float(u.min()), float(u.max())),
         start=recipe.start,
     )
-
-
-def _piece(record: Record, outline: Motion, mask: str) -> Piece:
-    columns = record.columns
-    moving = columns[outline.output if mask == "displacement" else outline.input]
-    return Piece(driven(outline.drives, columns), columns[outline.output], record.training, active(outline, columns[outline.input], moving))
-
-
-def _refuse_too_few(samples: int, outline: Motion, section: MotionSection) -> None:
-    needed = 2 + len(outline.drives)
-    if samples <= needed:
-        low, high = outline.limits
-        where = f"section {section.id} ({outline.input} {extent(outline.boundaries, section.place)})"
-        raise DataError(
-            f"{where}: {samples} training sample(s), too few for {needed} parameters; the training input goes from {low:.6g} to {high:.6g}",
-            "move the boundaries of `model.sections` to where the input has been, or train on records that go there",
-        )
 
 
 def joined(motion: Motion, pieces: Sequence[Piece], reach: float) -> Motion:

@@ -173,9 +173,7 @@ def response(p1: float, p2: float, drive: Array, start: str = REST) -> Array:
 def shared(poles: Array, drive: Array, holds: IntArray, start: str = REST) -> Array:
     """Return the output (n,) or (n, m) of sections that hand one state on, from rest under d[0] or from zero.
 
-    - `poles`: P1 and P2 of every section, (s, 2).
-    - `drive`: what drives the section that holds, (n,) or (n, m).
-    - `holds`: (n,) number of the section that holds.
+    `poles` are P1 and P2 of every section, (s, 2); `drive` what drives the one that holds, (n,) or (n, m); `holds` (n,) its number.
     """
     from scipy.signal import lfilter
 

@@ -79,8 +79,7 @@ def find_plateau(time: Array, pressure: Array, others: Mapping[str, Array]) -> t
     The plateau is where the pressure and all `others` (the strain) stay in bands around their final values: from when the last one has
     settled until the first one leaves. The final value of a signal is its median over the later half of the high pressure.
 
-    - `time`, `pressure`: `(n,)` each; the pressure rises once and may fall again.
-    - `others`: further signals `(n,)` that come to rest, by name.
+    - `pressure`, `others`: `(n,)` each; the pressure rises once and may fall again.
 
     Raises DataError where the pressure never rises, or nothing rests after it has.
     """

@@ -17,10 +17,7 @@ def running_median(x: Array, y: Array, window: float) -> tuple[Array, Array]:
     """Medians of x and of y over half a window around each point of an even grid over the range of x, (m,) each.
 
     For samples on a straight line the medians lie on it, and a spike narrower than a quarter of the window is not seen. Where no sample is
-    near, the line between the neighbours stands.
-
-    - `x`, `y`: samples in any order, (n,).
-    - `window`: in the unit of x.
+    near, the line between the neighbours stands. Samples x, y (n,) come in any order; the window is in the unit of x.
     """
     order = np.lexsort((y, x))
     x, y = x[order], y[order]
@@ -44,10 +41,8 @@ def rate(time: Array, values: Array, window: float, order: int) -> Array:
     this is `scipy.signal.savgol_filter(deriv=1, mode="interp")`. Loggers however round and repeat stamps; resampling such a
     record to even steps first would turn the rounding into noise of the rate, where the fit averages it.
 
-    - `time`: `(n,)` seconds, never decreasing.
-    - `values`: `(n,)` in any unit.
+    - `time`, `values`: `(n,)`; seconds, never decreasing, and any unit.
     - `window`: width in seconds, ends included.
-    - `order`: degree of the polynomial; the rate of a polynomial up to this degree is exact.
 
     Raises DataError where a window holds fewer than `order + 1` different stamps.
     """

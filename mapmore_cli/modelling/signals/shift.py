@@ -27,13 +27,12 @@ FEWEST = 8  # samples of a record
 
 @dataclass(frozen=True)
 class Shift:
-    """Hold what to add to the second log's time, and how sure that is.
+    """What to add to the second log's time, and how sure that is.
 
     - `value`, `half_width`: in the unit of the stamps; the latter of the 95 % interval.
     - `step`: the coarser of the two records' typical steps.
     - `correlation`: of the changes in both records at this shift; negative where one falls when the other rises.
-    - `next_best`: the absolute correlation of the next peak, and `rival` the shift that it stands for; 0 and None where there is no other
-      peak.
+    - `next_best`: the absolute correlation of the next peak, of the shift `rival`; 0 and None where there is none.
     - `sigmas`: how far the peak stands out of noise.
     """
 
@@ -64,17 +63,11 @@ class Shift:
 def find_shift(
     time: Array, first: Array, other_time: Array, second: Array, within: float | None = None, *, same_sign: bool = False
 ) -> Shift | None:
-    """Find the shift of a second log.
+    """Find the shift of a second log; None where nothing changes in one of the records, or no shift makes them overlap.
 
-    - `time`, `first`: stamps `(n,)`, strictly increasing, and values `(n,)` of the first log.
-    - `other_time`, `second`: the same of the second log, `(m,)`.
+    - `time`, `first`: stamps `(n,)`, strictly increasing, and values `(n,)` of the first log; `other_time`, `second`: `(m,)`, of the other.
     - `within`: shifts beyond this are not looked at.
     - `same_sign`: whether both rise together; else the one may fall while the other rises.
-
-    Returns
-    -------
-    Shift or None
-        None where nothing changes in one of the records, or no shift makes them overlap.
     """
     if min(len(time), len(other_time)) < FEWEST:
         return None
