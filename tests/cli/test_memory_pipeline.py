@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -175,27 +176,10 @@ def test_a_table_predicts_what_was_validated(name, finished, mapmore):
     assert np.isnan(wanted).sum() == {"narx": 12, "play": 0}[name]
 
 
-@pytest.mark.parametrize(
-    "changed",
-    [
-        lambda i, row: {**row, "displacement": row["displacement"] if i % GAP < 2 else ""},
-        lambda _, row: {key: cell for key, cell in row.items() if key != "recording"},
-    ],
-    ids=["only the first measured outputs are used", "a clock that is set back begins a recording"],
-)
-def test_what_changes_no_prediction(changed, narx_table):
+def test_only_the_first_measured_outputs_are_used(narx_table):
     rows, predict_rows = narx_table
-    found, _ = predict_rows([changed(i, row) for i, row in enumerate(rows)])
+    found, _ = predict_rows([{**row, "displacement": row["displacement"] if i % GAP < 2 else ""} for i, row in enumerate(rows)])
     np.testing.assert_array_equal(found, predict_rows(rows)[0])
-
-
-def test_a_run_starts_anew_after_an_empty_input(narx_table):
-    rows, predict_rows = narx_table
-    rows = rows[:GAP]
-    rows[70] = {**rows[70], "pressure": ""}
-    found, _ = predict_rows(rows)
-    assert [i for i, value in enumerate(found) if math.isnan(value)] == [0, 1, 70, 71, 72]
-    np.testing.assert_array_equal(found[71:], predict_rows(rows[71:])[0])
 
 
 @pytest.mark.parametrize(
@@ -285,17 +269,15 @@ def test_uneven_recordings_are_refused_with_the_remedy(tmp_path, mapmore):
 @pytest.mark.parametrize(
     "family",
     [
-        f"products: {{of: [{{lags: {{of: [pressure], steps: {list(range(400))}}}}}], order: 3}}",
         f"lags: {{of: [pressure], steps: {list(range(400))}, order: 3}}",
         "products: {of: [{play: {of: [pressure], count: 99}}, {slow: {of: [load], count: 99}}], order: 12}",
     ],
-    ids=["products", "lags", "order 12"],
+    ids=["lags", "products"],
 )
 def test_a_dictionary_beyond_memory_is_refused_with_numbers(family, finished, tmp_path, mapmore):
     result = mapmore("fit", finished["play"][0], "--runs", tmp_path, "-q", "--set", f"dictionary=[{{{family}}}]")
     assert result.exit_code == 4
-    assert "GB of memory for their products alone" in result.stderr
-    assert "may be used" in result.stderr
+    assert re.search("GB of memory for their products alone; .* may be used", result.stderr)
     assert not (tmp_path / "play" / "fit.h5").exists()
 
 

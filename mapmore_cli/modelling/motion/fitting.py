@@ -51,10 +51,10 @@ def fit_motion(
         own = [replace(piece, counts=piece.counts & (piece.holds == number)) for piece in pieces]
         samples = int(sum(piece.counts.sum() for piece in own))
         if samples <= (needed := 2 + len(outline.drives)):
-            low, high = outline.limits
+            where, (low, high) = f"{outline.input} {extent(outline.boundaries, section.place)}", outline.limits
             raise DataError(
-                f"section {section.id} ({outline.input} {extent(outline.boundaries, section.place)}): {samples} training sample(s), too few "
-                f"for {needed} parameters; the training input goes from {low:.6g} to {high:.6g}",
+                f"section {section.id} ({where}): {samples} training sample(s), too few for {needed} parameters; the training input goes "
+                f"from {low:.6g} to {high:.6g}",
                 "move the boundaries of `model.sections` to where the input has been, or train on records that go there",
             )
         found: Found = solve(Problem(own, reach, recipe.start, (recipe.seed, number)), recipe)
@@ -157,16 +157,17 @@ def _heights_of(motion: Motion, run: Piece) -> Array:
 def _with_heights(motion: Motion, poles: Array, heights: Array) -> Motion:
     """Return the weights of the drives `u, 1` (and `L, u L`) that the heights give in every section."""
     knots, lines = _knots(motion)
-    sections = []
-    for number, (section, (p1, p2)) in enumerate(zip(motion.sections, poles.tolist(), strict=True)):
-        place, line = divmod(number, lines)
-        weights = []
-        for heights_of_one in heights.reshape(-1, len(knots) * lines):
-            low, high = heights_of_one[place * lines + line], heights_of_one[(place + 1) * lines + line]
-            slope = (high - low) / (knots[place + 1] - knots[place])
-            weights.append((slope, low - slope * knots[place]))
-        flat = [*weights[0], *(weights[1][::-1] if len(weights) > 1 else ())]
-        sections.append(replace(section, p1=p1, p2=p2, weights=(1.0 - p1 - p2) * np.array(flat)))
+
+    def straight(heights_of_one: Array) -> list[Array]:
+        """Slopes and constants of the straight pieces, (sections,) each."""
+        table = heights_of_one.reshape(len(knots), lines)
+        slopes = np.diff(table, axis=0) / np.diff(knots)[:, None]
+        return [slopes.ravel(), (table[:-1] - slopes * knots[:-1, None]).ravel()]
+
+    own, *loaded = (straight(part) for part in heights.reshape(-1, len(knots) * lines))
+    weights = np.column_stack([*own, *(column for part in loaded for column in part[::-1])])
+    found = zip(motion.sections, poles.tolist(), weights, strict=True)
+    sections = (replace(section, p1=p1, p2=p2, weights=(1.0 - p1 - p2) * drives) for section, (p1, p2), drives in found)
     return replace(motion, sections=tuple(sections))
 
 

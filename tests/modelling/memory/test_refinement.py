@@ -14,8 +14,7 @@ from mapmore_cli.modelling.memory import fitting, selectors
 from mapmore_cli.modelling.memory.feedback import Feedback
 from mapmore_cli.modelling.memory.fitting import fit_with_memory
 from mapmore_cli.modelling.memory.free_run import free_run, one_step_ahead
-from mapmore_cli.modelling.memory.linearisation import Linearised, run_at_once
-from mapmore_cli.modelling.memory.refinement import THOROUGH, Coefficients, Problem, minimise, refine
+from mapmore_cli.modelling.memory.refinement import THOROUGH, Coefficients, Linearised, Problem, minimise, refine, run_at_once
 from mapmore_cli.modelling.memory.simulation import Course, piece_of
 
 TERMS = {
@@ -46,7 +45,8 @@ def test_derivatives_of_a_run_are_those_of_central_differences(scaled, horizon):
     rng = np.random.default_rng(0)
     ready = course(TERMS, NAMES, rng.uniform(-1, 1, 200), rng.uniform(-1, 1, 200), scaled)
     theta, h = np.array(list(TERMS.values())), 1e-6
-    found = Linearised(ready, ready.run(theta, 0.1, WIDE, horizon), theta).sensitivities()
+    line = Linearised(ready, ready.run(theta, 0.1, WIDE, horizon), theta)
+    found = line.solve(line.phi)
     for place in range(len(theta) + 1):
         move = h * np.eye(len(theta) + 1)[place]
         above, below = (ready.run(theta + sign * move[:-1], 0.1 + sign * move[-1], WIDE, horizon).output for sign in (1, -1))
