@@ -72,7 +72,11 @@ def dictionary_blocks(terms: Sequence[Expression], columns: Columns, n: int) -> 
         with np.errstate(all="ignore"):
             for column, value in zip(block.T, program(held), strict=True):
                 column[:] = value
-        _refuse_not_finite(block, terms, values, start)
+        for term, column in zip(terms, block.T, strict=True):
+            if not np.isfinite(column).all():
+                row = start + int(np.argmin(np.isfinite(column)))
+                inputs = {name: values[name][row] if values[name].ndim else values[name] for name in sorted(term.names)}
+                raise NotFinite(to_text(term), row, ", ".join(f"{name} = {value:.6g}" for name, value in inputs.items()))
         yield rows, block
 
 
@@ -103,17 +107,8 @@ def _needed(terms: Sequence[Expression], columns: Columns, n: int, known: Column
     return needed
 
 
-def _refuse_not_finite(block: Array, terms: Sequence[Expression], columns: Columns, start: int) -> None:
-    for term, column in zip(terms, block.T, strict=True):
-        if not np.isfinite(column).all():
-            row = start + int(np.argmin(np.isfinite(column)))
-            values = {name: columns[name][row] if columns[name].ndim else columns[name] for name in sorted(term.names)}
-            raise NotFinite(to_text(term), row, ", ".join(f"{name} = {value:.6g}" for name, value in values.items()))
-
-
 Shared = list[Value | None]  # what was computed so far of the parts that may occur again
 Part = Callable[[Mapping[str, Value], Shared], Value]  # a node with everything below it, as a function of columns
-
 Known = dict[Expression, Part]
 
 

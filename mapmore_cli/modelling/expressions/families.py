@@ -101,11 +101,8 @@ def refuse_beyond_memory(candidates: int) -> None:
     """Raise DataError where so many candidates are too many even block by block, saying what they would need and what there is."""
     needed, room = products_bytes(candidates), usable_memory()
     if needed > room:
+        sizes = [f"{size / 1e9:.3g} GB" if size >= 1e8 else f"{size / 1e6:.3g} MB" for size in (needed, room)]
         raise DataError(
-            f"a dictionary of {candidates} candidates needs {_size(needed)} of memory for their products alone; {_size(room)} may be used",
+            f"a dictionary of {candidates} candidates needs {sizes[0]} of memory for their products alone; {sizes[1]} may be used",
             "lower the order of the products, use fewer states, or restrict the products by `with`",
         )
-
-
-def _size(count: float) -> str:
-    return f"{count / 1e9:.3g} GB" if count >= 1e8 else f"{count / 1e6:.3g} MB"

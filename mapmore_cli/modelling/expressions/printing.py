@@ -142,16 +142,11 @@ def _state_latex(found: State) -> _Bound:
     """Return the numbers of an operator as an index."""
     match found:
         case Measured(name):
-            return _latex_name(name), _ATOM
+            indexed = re.fullmatch(r"([A-Za-z])([0-9]*)", name)
+            if indexed is None:
+                return rf"\mathrm{{{name.replace('_', chr(92) + '_')}}}", _ATOM
+            return indexed[1] + f"_{{{indexed[2]}}}" * bool(indexed[2]), _ATOM
         case Lagged(source, steps):
             return f"{_state_latex(source)[0]}[k-{steps}]", _ATOM
     index = ", ".join(f"{number:g}" for number in found.numbers)
     return OPERATORS[found.operator].latex + f"_{{{index}}}" * bool(index) + rf"\left({_state_latex(found.source)[0]}\right)", _POWER
-
-
-def _latex_name(name: str) -> str:
-    indexed = re.fullmatch(r"([A-Za-z])([0-9]*)", name)
-    if indexed is None:
-        upright = name.replace("_", r"\_")
-        return rf"\mathrm{{{upright}}}"
-    return indexed[1] + (f"_{{{indexed[2]}}}" if indexed[2] else "")

@@ -37,8 +37,6 @@ class ExpressionError(ValueError):
 
 
 class _State:
-    """What all states have in common."""
-
     @property
     def parts(self) -> tuple[State, ...]:
         """The state and all that it is made of, the innermost first."""
@@ -107,10 +105,7 @@ class Token(NamedTuple):
 
 
 class Tokens:
-    """The tokens of a text, read one after the other; `next` is the one to be read.
-
-    Raises ExpressionError for a character that begins none.
-    """
+    """The tokens of a text, read one after the other; `next` is the one to be read. Raises ExpressionError where none begins."""
 
     def __init__(self, text: str) -> None:
         self._rest = iter([_token(match) for match in _TOKEN.finditer(text)])
@@ -150,10 +145,7 @@ def opens_state(name: Token, mark: Token) -> bool:
 
 
 def read_state(tokens: Tokens, name: Token, depth: int = 0) -> State:
-    """Return the state that begins with the token `name` and goes on with `tokens`.
-
-    Raises ExpressionError with the place of the first character that does not fit.
-    """
+    """Return the state that begins with the token `name` and goes on with `tokens`; raises ExpressionError at what does not fit."""
     if name.kind != "name" or name.text in FUNCTIONS:
         raise ExpressionError("expected the name of a quantity or of an operator with memory", name.position)
     if depth > MAX_NESTING:

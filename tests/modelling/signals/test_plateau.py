@@ -45,23 +45,14 @@ def test_holds_between_ramps_are_found_and_ramps_are_not():
     np.testing.assert_allclose(find_levels(np.concatenate(pieces) + noise), holds, atol=1e-3)
 
 
-def test_steady_sweep_has_no_level():
-    assert find_levels(np.linspace(0, 600, 15_000)).size == 0
-
-
-def test_small_ripple_about_one_pressure_is_one_level():
-    np.testing.assert_array_equal(find_levels(held([150.0], 1.5, seed=1)), [150.0])
-
-
-def test_single_glitch_does_not_hide_the_levels():
-    values = held([80.0, 150.0, 250.0], 1.0, seed=2)
-    values[[7, 900]] = [1e6, -1e6]
-    np.testing.assert_allclose(find_levels(values), [80, 150, 250], atol=1)
-
-
-def test_level_is_written_no_finer_than_its_noise():
-    found = find_levels(held([149.734, 351.2], 1.0, seed=5))
-    np.testing.assert_array_equal(found, np.round(found, 1))
+def test_what_is_a_level_and_what_is_none():
+    assert find_levels(np.linspace(0, 600, 15_000)).size == 0  # a steady sweep
+    np.testing.assert_array_equal(find_levels(held([150.0], 1.5, seed=1)), [150.0])  # with a small ripple
+    glitches = held([80.0, 150.0, 250.0], 1.0, seed=2)
+    glitches[[7, 900]] = [1e6, -1e6]
+    np.testing.assert_allclose(find_levels(glitches), [80, 150, 250], atol=1)
+    noisy = find_levels(held([149.734, 351.2], 1.0, seed=5))
+    np.testing.assert_array_equal(noisy, np.round(noisy, 1))  # written no finer than its noise
 
 
 @settings(deadline=None)
@@ -81,13 +72,10 @@ def test_every_value_goes_to_its_nearest_level_or_to_none(levels, values, within
     np.testing.assert_allclose(nearest[matched], distance.min(axis=1)[matched], atol=1e-9)
 
 
-def test_half_way_belongs_to_the_lower_level():
+def test_half_way_belongs_to_the_lower_level_and_a_single_one_takes_everything():
     levels = np.array([250.0, 150.0])
     assert default_within(levels) == 50.0
     np.testing.assert_array_equal(match_levels(np.array([200.0, 200.001, 100.0, 99.9, 300.0]), levels, 50.0), [1, 0, 1, -1, 0])
-
-
-def test_single_level_takes_everything():
     assert default_within(np.array([3.0])) == math.inf
     np.testing.assert_array_equal(match_levels(np.array([-1e9, 1e9]), np.array([3.0]), math.inf), [0, 0])
 
@@ -147,23 +135,19 @@ def test_the_slower_signal_settles_last():
 
 
 @pytest.mark.parametrize(
-    ("pressure", "words"),
+    ("pressure", "others", "words"),
     [
-        (np.full(len(TIME), 250.0), "never rises"),
-        (100 + np.random.default_rng(1).normal(0, 0.5, len(TIME)), "never rises"),
-        (250 - np.abs(TIME - 2) * 125, "no plateau"),
+        (np.full(len(TIME), 250.0), {}, "never rises"),
+        (100 + np.random.default_rng(1).normal(0, 0.5, len(TIME)), {}, "never rises"),
+        (250 - np.abs(TIME - 2) * 125, {}, "no plateau"),
+        (step(), {"strain": np.sin(9 * TIME)}, "no plateau: pressure and strain rest"),
     ],
-    ids=["constant", "noise", "triangle"],
+    ids=["constant", "noise", "triangle", "a strain that never rests"],
 )
-def test_what_has_no_plateau_is_refused(pressure, words):
+def test_what_has_no_plateau_is_refused(pressure, others, words):
     with pytest.raises(DataError, match=words) as error:
-        find_plateau(TIME, pressure, {})
+        find_plateau(TIME, pressure, others)
     assert "plateau: [" in str(error.value.remedy)
-
-
-def test_a_strain_that_never_rests_leaves_no_plateau():
-    with pytest.raises(DataError, match="no plateau: pressure and strain rest"):
-        find_plateau(TIME, step(), {"strain": np.sin(9 * TIME)})
 
 
 def test_the_steady_state_is_the_mean_on_the_plateau():

@@ -63,11 +63,6 @@ def test_products_are_those_monomials_that_have_few_states_beside_the_partners(c
     assert len(found) == count_products(count, order, len(free)) - (not constant)
 
 
-def test_all_states_all_squares_and_one_partner_times_every_state():
-    found = [to_text(term) for term in products(["p", "a", "b"], 2, partners=["p"], constant=False)]
-    assert sorted(found) == ["a", "a*p", "a^2", "b", "b*p", "b^2", "p", "p^2"]
-
-
 @pytest.mark.parametrize(("of", "order", "partners"), [(["p", "p"], 2, None), (["p"], 21, None), (["p"], -1, None), (["p"], 2, ["q"])])
 def test_impossible_products_are_refused(of, order, partners):
     with pytest.raises(ValueError, match=r"order|twice|none of the states"):
