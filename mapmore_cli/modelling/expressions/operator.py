@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from operator import mul
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 import numpy as np
 
@@ -57,20 +57,40 @@ class Setting:
         return self.numbers[0] * (high - low)
 
 
-class Arithmetic(Protocol):
-    """What a recursion computes with beside `+ - * / **` and comparisons: floats, columns, or the statements of a program.
+class Arithmetic:
+    """What a recursion computes with beside `+ - * / **` and comparisons: whole columns here; floats, and statements of a program, elsewhere.
 
-    `then` and `otherwise` are values, or functions without arguments that compute one; floats call only the one that counts.
+    `then` and `otherwise` are values, or functions without arguments that compute one; for columns both are computed.
     """
 
     def where(self, condition: Any, then: Any, otherwise: Any) -> Any:
         """Return `then` where the condition holds, else `otherwise`."""
+        return np.where(condition, *(side() if callable(side) else side for side in (then, otherwise)))
 
     def clip(self, x: Any, low: Any, high: Any) -> Any:
         """Return x, held at low and high."""
+        return np.clip(x, low, high)
 
     def call(self, function: str, x: Any) -> Any:
         """Return one of `FUNCTIONS` of x."""
+        return FUNCTIONS[function].compute(x)
+
+
+class _Floats(Arithmetic):
+    """One number at a time; of a branch only the side that counts is computed."""
+
+    def where(self, condition: Any, then: Any, otherwise: Any) -> Any:
+        chosen = then if condition else otherwise
+        return chosen() if callable(chosen) else chosen
+
+    def clip(self, x: Any, low: Any, high: Any) -> Any:
+        return low if low is not None and x < low else high if high is not None and x > high else x
+
+    def call(self, function: str, x: Any) -> Any:
+        return float(FUNCTIONS[function].compute(x))
+
+
+COLUMNS, FLOATS = Arithmetic(), _Floats()
 
 
 @dataclass(frozen=True)
@@ -144,37 +164,6 @@ class Operator:
 
 
 # Run along a piece of a recording -------------------------------------------------------------------------------------------------
-
-
-class _Floats:
-    """One number at a time; of a branch only the side that counts is computed."""
-
-    def where(self, condition: Any, then: Any, otherwise: Any) -> Any:
-        chosen = then if condition else otherwise
-        return chosen() if callable(chosen) else chosen
-
-    def clip(self, x: Any, low: Any, high: Any) -> Any:
-        return low if low is not None and x < low else high if high is not None and x > high else x
-
-    def call(self, function: str, x: Any) -> Any:
-        return float(FUNCTIONS[function].compute(x))
-
-
-class _Columns:
-    """Whole columns; both sides of a branch are computed."""
-
-    def where(self, condition: Any, then: Any, otherwise: Any) -> Any:
-        return np.where(condition, *(side() if callable(side) else side for side in (then, otherwise)))
-
-    def clip(self, x: Any, low: Any, high: Any) -> Any:
-        return np.clip(x, low, high)
-
-    def call(self, function: str, x: Any) -> Any:
-        return FUNCTIONS[function].compute(x)
-
-
-FLOATS: Arithmetic = _Floats()
-COLUMNS: Arithmetic = _Columns()
 
 
 def along(operator: Operator, x: Array, setting: Setting) -> Array:

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeVar, dataclass_transform
+from typing import Any, TypeVar, Union, dataclass_transform
 
 from mapmore_cli.modelling.expressions.functions import FUNCTIONS
 from mapmore_cli.modelling.expressions.states import IDENTIFIER, ExpressionError, state
@@ -19,6 +20,8 @@ from mapmore_cli.modelling.expressions.states import IDENTIFIER, ExpressionError
 MAX_EXPONENT = 20
 
 Class = TypeVar("Class", bound=type)
+Operand = Union["Expression", float]  # what stands beside an expression in arithmetic
+Operation = Callable[[Any, Operand], "Expression"]
 
 
 @dataclass_transform(frozen_default=True)
@@ -35,6 +38,15 @@ def _node(cls: Class) -> Class:
 
     made.__hash__ = kept
     return cls  # which the decorator of dataclasses has changed in place
+
+
+def _both_ways(made: Callable[[Expression, Expression], Expression]) -> tuple[Operation, Operation]:
+    """Return an operation whose other operand, an expression or a number, stands on the right, and one where it stands on the left."""
+    return lambda left, right: made(left, expression(right)), lambda right, left: made(expression(left), right)
+
+
+def _compared(comparison: str) -> Callable[[Any, Operand], Condition]:
+    return lambda left, right: Condition(left, comparison, expression(right))
 
 
 @_node
@@ -59,47 +71,17 @@ class Expression:
 
     __array_ufunc__ = None  # a number of NumPy's leaves arithmetic with an expression to the expression
 
-    def __add__(self, other: Operand) -> Expression:
-        return add(self, expression(other))
-
-    def __radd__(self, other: Operand) -> Expression:
-        return add(expression(other), self)
-
-    def __sub__(self, other: Operand) -> Expression:
-        return add(self, negate(expression(other)))
-
-    def __rsub__(self, other: Operand) -> Expression:
-        return add(expression(other), negate(self))
-
-    def __mul__(self, other: Operand) -> Expression:
-        return multiply(self, expression(other))
-
-    def __rmul__(self, other: Operand) -> Expression:
-        return multiply(expression(other), self)
-
-    def __truediv__(self, other: Operand) -> Expression:
-        return multiply(self, power(expression(other), -1))
-
-    def __rtruediv__(self, other: Operand) -> Expression:
-        return multiply(expression(other), power(self, -1))
+    __add__, __radd__ = _both_ways(lambda left, right: add(left, right))
+    __sub__, __rsub__ = _both_ways(lambda left, right: add(left, negate(right)))
+    __mul__, __rmul__ = _both_ways(lambda left, right: multiply(left, right))
+    __truediv__, __rtruediv__ = _both_ways(lambda left, right: multiply(left, power(right, -1)))
+    __lt__, __le__, __gt__, __ge__ = _compared("<"), _compared("<="), _compared(">"), _compared(">=")
 
     def __pow__(self, exponent: float) -> Expression:
         return power(self, exponent)
 
     def __neg__(self) -> Expression:
         return negate(self)
-
-    def __lt__(self, other: Operand) -> Condition:
-        return Condition(self, "<", expression(other))
-
-    def __le__(self, other: Operand) -> Condition:
-        return Condition(self, "<=", expression(other))
-
-    def __gt__(self, other: Operand) -> Condition:
-        return Condition(self, ">", expression(other))
-
-    def __ge__(self, other: Operand) -> Condition:
-        return Condition(self, ">=", expression(other))
 
 
 @_node
@@ -173,8 +155,6 @@ class Condition:
     def __bool__(self) -> bool:
         raise TypeError("a condition of a program is neither true nor false before the program runs: branch by `where`")
 
-
-Operand = Expression | float  # what stands beside an expression in arithmetic
 
 ZERO, ONE = Number(0.0), Number(1.0)
 

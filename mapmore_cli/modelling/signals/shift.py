@@ -97,7 +97,9 @@ def _peak(one: Array, other: Array, width: int, offset: float, step: float, with
     if size[top] == 0:
         return None
     rises_on = not 0 < top < len(r) - 1 or r[top - 1] == 0.0 or r[top + 1] == 0.0  # the edge of what is looked at is no peak
-    below, above = _lobe(size, top)
+    before, after = (np.flatnonzero(np.diff(side) > 0) for side in (size[top::-1], size[top:]))  # where the peak ends on either side
+    below = top - int(before[0]) if len(before) else 0
+    above = top + int(after[0]) if len(after) else len(size) - 1
     outside = size.copy()
     outside[below : above + 1] = 0.0
     rival = int(np.argmax(outside))
@@ -145,17 +147,6 @@ def correlation(u: Array, v: Array) -> tuple[Array, Array, Array]:
     speaks &= (count >= LEAST_OVERLAP * min(n, m)) & (spread > 1e-18 * np.sum(u * u) * np.sum(v * v))
     r = np.where(speaks, covariance / np.sqrt(np.where(speaks, spread, 1.0)), 0.0)
     return r.clip(-1.0, 1.0), np.arange(-(m - 1.0), n), count
-
-
-def _lobe(size: Array, top: int) -> tuple[int, int]:
-    """Return the first and last lag of the peak itself: down to its feet on either side."""
-    below = top
-    while below > 0 and size[below - 1] <= size[below]:
-        below -= 1
-    above = top
-    while above < len(size) - 1 and size[above + 1] <= size[above]:
-        above += 1
-    return below, above
 
 
 def _vertex(size: Array, top: int) -> float:
