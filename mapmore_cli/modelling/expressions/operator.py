@@ -58,7 +58,7 @@ class Setting:
 
 
 class Arithmetic:
-    """What a recursion computes with beside `+ - * / **` and comparisons: whole columns here; floats, and statements of a program, elsewhere.
+    """What a recursion computes with beside `+ - * / **` and comparisons: here whole columns, elsewhere floats or statements of a program.
 
     `then` and `otherwise` are values, or functions without arguments that compute one; for columns both are computed.
     """
