@@ -17,7 +17,7 @@ import math
 from functools import lru_cache
 
 from mapmore_cli.modelling.expressions.evaluation import evaluate
-from mapmore_cli.modelling.expressions.functions import FUNCTIONS
+from mapmore_cli.modelling.expressions.operator import FUNCTIONS
 from mapmore_cli.modelling.expressions.printing import to_text
 from mapmore_cli.modelling.expressions.states import ExpressionError, Token, Tokens, opens_state, read_state
 from mapmore_cli.modelling.expressions.syntax import MAX_EXPONENT, Expression, Name, Number, add, call, multiply, negate, power

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from mapmore_cli.modelling.expressions.functions import FUNCTIONS
+from mapmore_cli.modelling.expressions.operator import FUNCTIONS
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.expressions.states import Lagged, Measured, State, number_text, state
 from mapmore_cli.modelling.expressions.syntax import ONE, Call, Expression, Name, Number, Power, Product, Sum, negate, power

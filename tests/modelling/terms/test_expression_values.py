@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.expressions import Name, NotFinite, affine, derivative, dictionary_matrix, evaluate, parse, substitute, to_text
 from mapmore_cli.modelling.expressions.families import products
-from mapmore_cli.modelling.expressions.functions import FUNCTIONS
+from mapmore_cli.modelling.expressions.operator import FUNCTIONS
 
 POINTS = st.fixed_dictionaries({name: st.floats(-3, 3).map(lambda v: round(v, 3)) for name in NAMES})
 
