@@ -79,10 +79,7 @@ class Linearised:
                 yield (row, row, number + 1, factor) if past else (row, column, lag + number - rule.own, factor)
 
     def _past(self, place: int, lag: int) -> Array:
-        """Return a node so many samples ago, (n,); measured where that is before the beginning of a stretch."""
-        back = np.arange(self.n) - lag
-        measured = self.course.history[place, np.maximum(self.course.start + back, 0)]
-        return np.asarray(np.where(back >= self.trajectory.begins, self.trajectory.nodes[place, np.maximum(back, 0)], measured))
+        return _ago(self.trajectory.nodes[place], self.course.history[place], lag, self.course.start, self.trajectory.begins)
 
     def _of_output(self) -> Iterator[Coupling]:
         feedback, margin = self.feedback, self.feedback.states.margin
@@ -142,13 +139,15 @@ def run_at_once(
 
 
 def _delayed(course: Course, y: Array, begins: IntArray) -> Trajectory:
-    """Return the trajectory of outputs `y`: what a delay reaches before the beginning of a stretch is measured."""
-    nodes = np.empty((len(course.feedback.nodes), len(y)))
-    rows = np.arange(len(y))
-    for values, node in zip(nodes, course.feedback.nodes, strict=True):
-        back = rows - node.steps
-        values[:] = np.where(back >= begins, y[np.maximum(back, 0)], course.measured[course.start + back])
-    return Trajectory(y, nodes, begins)
+    """Return the trajectory of outputs `y`."""
+    nodes = [_ago(y, course.measured, node.steps, course.start, begins) for node in course.feedback.nodes]
+    return Trajectory(y, np.array(nodes).reshape(len(nodes), len(y)), begins)
+
+
+def _ago(now: Array, measured: Array, lag: int, start: int, begins: IntArray) -> Array:
+    """Return values so many samples ago, (n,); measured, from the row `start` on, where that is before the beginning of a stretch."""
+    back = np.arange(len(now)) - lag
+    return np.asarray(np.where(back >= begins, now[np.maximum(back, 0)], measured[np.maximum(start + back, 0)]))
 
 
 FIRST, GROWTH = 16, 8  # samples of the shortest horizon, and how many times longer the next one is

@@ -155,10 +155,10 @@ class Problem:
             weights = np.linalg.lstsq(moved, self.y, rcond=None)[0]
         return weights, _weighted(moved, weights) - self.y
 
-    def found(self, p1: float, p2: float, history: Sequence[float]) -> Found:
-        """Return what a search has come to, with the best weights for its poles."""
+    def found(self, p1: float, p2: float, history: Sequence[float] | Array) -> Found:
+        """Return what a search has come to, with the best weights for its poles; `history` are its errors in turn."""
         weights, residuals = self.projected(p1, p2)
-        return Found(p1, p2, weights, _root_mean_square(residuals), self.evaluations, np.asarray(history, dtype=np.float64))
+        return Found(p1, p2, weights, _root_mean_square(residuals), self.evaluations, np.minimum.accumulate(history))
 
 
 def _weighted(moved: Array, weights: Array) -> Array:

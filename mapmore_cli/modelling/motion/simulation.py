@@ -35,16 +35,20 @@ def radius(p1: float, p2: float) -> float:
     return max(abs(0.5 * p2 + root), abs(0.5 * p2 - root))
 
 
+def of_poles(first: complex, second: complex) -> tuple[float, float]:
+    """P1 and P2, `P1 = -z1 z2`, `P2 = z1 + z2`, of real or conjugate poles."""
+    return -(first * second).real, (first + second).real
+
+
 def of_oscillator(frequency: float, damping: float) -> tuple[float, float]:
     """P1 and P2 whose poles are those of `x'' + 2 d w x' + w^2 x`, sampled; `frequency` `w/(2 pi)` in cycles per sample.
 
-    `P1 = -z1 z2`, `P2 = z1 + z2`, `z = exp(w (-d +- sqrt(d^2 - 1)))`. Such poles never lie on the negative axis but at the highest
+    They are `z = exp(w (-d +- sqrt(d^2 - 1)))`. Such poles never lie on the negative axis but at the highest
     frequency, where P has some (`P1 > 0`): sampling has no oscillator for them.
     """
     w = 2.0 * math.pi * frequency
     root = cmath.sqrt(damping * damping - 1.0)
-    first, second = cmath.exp(w * (-damping + root)), cmath.exp(w * (-damping - root))
-    return -(first * second).real, (first + second).real
+    return of_poles(cmath.exp(w * (-damping + root)), cmath.exp(w * (-damping - root)))
 
 
 def of_reflections(k1: float, k2: float, reach: float) -> tuple[float, float]:

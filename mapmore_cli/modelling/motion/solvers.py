@@ -16,7 +16,7 @@ from scipy import optimize
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import FitError, SpecError
 from mapmore_cli.modelling.motion.problem import Bounds, Found, MotionRecipe, Piece, Problem
-from mapmore_cli.modelling.motion.simulation import EDGE, angles, of_angles, of_oscillator, of_reflections, stable
+from mapmore_cli.modelling.motion.simulation import EDGE, angles, of_angles, of_oscillator, of_poles, of_reflections, stable
 
 STRIDES = (1, 3, 10, 30)
 """Samples between those that a linear start compares: noise hides in short strides what long ones show, and long ones miss fast poles."""
@@ -37,8 +37,7 @@ def _refined(problem: Problem, p1: float, p2: float) -> Found:
 
     def residuals(place: Array) -> Array:
         left = problem.projected(*of_angles(place, problem.reach))[1]
-        rmse = float(np.sqrt(np.mean(left**2)))
-        history.append(min(rmse, history[-1]) if history else rmse)
+        history.append(float(np.sqrt(np.mean(left**2))))
         return left
 
     start = angles(p1, p2, problem.reach, NEAREST)
@@ -65,7 +64,7 @@ def linear_start(pieces: tuple[Piece, ...], stride: int) -> tuple[float, float] 
         return p1, p2
     root = cmath.sqrt(0.25 * p2 * p2 + p1)
     first, second = ((0.5 * p2 + part) ** (1.0 / stride) for part in (root, -root))
-    return -(first * second).real, (first + second).real
+    return of_poles(first, second)
 
 
 POPULATION = 10  # members for each coordinate
@@ -79,9 +78,8 @@ def differential_evolution(problem: Problem, recipe: MotionRecipe) -> Found:
         return of_reflections(float(place[0]), float(place[1]), problem.reach)
 
     def cost(place: Array) -> float:
-        value = problem.rmse(*poles(place))
-        history.append(min(value, history[-1]) if history else value)
-        return value
+        history.append(problem.rmse(*poles(place)))
+        return history[-1]
 
     members = POPULATION * 2
     best = optimize.differential_evolution(
@@ -93,7 +91,7 @@ def differential_evolution(problem: Problem, recipe: MotionRecipe) -> Found:
         polish=False,
         seed=problem.random,
     )
-    return problem.found(*poles(best.x), history[members - 1 :: members])
+    return problem.found(*poles(best.x), np.minimum.accumulate(history)[members - 1 :: members])
 
 
 INERTIA, OWN, COMMON = 0.9, 2.0, 2.0
