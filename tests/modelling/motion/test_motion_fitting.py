@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from motion_samples import BOUNDARIES, ROWS, STEP, looped, made_by, published, recipe, record, sine
+from motion_samples import BOUNDARIES, ROWS, STEP, coefficients, looped, made_by, published, recipe, record, sine
 
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.motion import BUMPLESS
@@ -25,8 +25,7 @@ def one(records, **settings):
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row['model']}-{row['printed_section']}")
 def test_least_squares_recovers_every_published_row(row):
     section, search = one([made_by(row)])
-    told = [float(row[name]) for name in ("p1", "p2", "p3")]
-    assert [section.p1, section.p2, section.p3] == pytest.approx(told, abs=1e-6)
+    assert [section.p1, section.p2, section.p3] == pytest.approx(coefficients(row), abs=1e-6)
     assert search.rmse < 1e-9
 
 

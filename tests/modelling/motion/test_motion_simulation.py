@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from motion_samples import BOUNDARIES, ROWS, STEP, looped, published, sine
+from motion_samples import BOUNDARIES, ROWS, STEP, coefficients, looped, published, sine
 
 from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.motion import BUMPLESS, CARRIED, REST, ZERO
@@ -33,7 +33,7 @@ from mapmore_cli.modelling.motion.simulation import (
 )
 
 MODELS = ("linear", "inflate_deflate", "piecewise", "piecewise_inflate_deflate")
-coefficients = st.floats(-EDGE, EDGE)
+reflected = st.floats(-EDGE, EDGE)
 
 
 def run(motion, u):
@@ -57,7 +57,7 @@ def switched(motion, u, start):
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row['model']}-{row['printed_section']}")
 def test_every_published_row_is_stable_and_filters_as_a_loop_does(row):
-    p1, p2, p3 = (float(row[name]) for name in ("p1", "p2", "p3"))
+    p1, p2, p3 = coefficients(row)
     matrix = np.array([[0.0, 1.0], [p1, p2]])
     assert np.abs(np.linalg.eigvals(matrix)).max() < 0.8895
     u = sine()
@@ -73,7 +73,7 @@ def test_poles_and_gains_of_the_published_rows():
 
 def test_as_printed_in_continuous_time_every_row_is_unstable():
     for row in ROWS:
-        poles = np.linalg.eigvals([[0.0, 1.0], [float(row["p1"]), float(row["p2"])]])
+        poles = np.linalg.eigvals([[0.0, 1.0], coefficients(row)[:2]])
         assert poles.real.max() > 0
 
 
@@ -115,7 +115,7 @@ def test_a_slow_ramp_over_a_boundary_jumps_hard_and_never_with_a_shared_state(mo
     assert smooth < 0.05
 
 
-@given(st.lists(st.tuples(coefficients, coefficients), min_size=2, max_size=4), st.integers(0, 2**32 - 1))
+@given(st.lists(st.tuples(reflected, reflected), min_size=2, max_size=4), st.integers(0, 2**32 - 1))
 def test_a_shared_state_is_handed_on(poles, seed):
     rng = np.random.default_rng(seed)
     pairs = np.array([of_reflections(k1, k2, 0.98) for k1, k2 in poles])
@@ -133,7 +133,7 @@ def test_a_shared_state_is_handed_on(poles, seed):
     np.testing.assert_allclose(columns[:, 1], 2 * columns[:, 0], atol=1e-9 * scale)
 
 
-@given(coefficients, coefficients, st.floats(0.3, 1.0))
+@given(reflected, reflected, st.floats(0.3, 1.0))
 def test_reflections_are_all_sections_within_reach(k1, k2, reach):
     p1, p2 = of_reflections(k1, k2, reach)
     assert radius(p1, p2) <= reach * (1 + 1e-6)
