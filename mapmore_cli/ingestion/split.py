@@ -13,10 +13,10 @@ from mapmore_cli.domain.arrays import BoolArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.ingestion.curves import LevelSet, Part
+from mapmore_cli.ingestion.files import relative_name
 from mapmore_cli.ingestion.samples import located
 from mapmore_cli.modelling.signals.cycles import last_cycles
 from mapmore_cli.spec.sections.data import Between, Holdout
-from mapmore_cli.storage.globs import relative_name
 from mapmore_cli.storage.spool import by_blocks
 
 Masks = list[BoolArray]

@@ -24,11 +24,11 @@ from cli_samples import write_study
 import mapmore_cli
 from mapmore_cli.domain.errors import DataError, WriteError
 from mapmore_cli.domain.foreign import csv_cell, printable
+from mapmore_cli.ingestion.files import expand
 from mapmore_cli.storage.atomic import write_text
-from mapmore_cli.storage.globs import expand
 from mapmore_cli.storage.readers import READERS, TableRequest
+from mapmore_cli.storage.tables import reading
 from mapmore_cli.storage.tables.lines import lines_of, replaced
-from mapmore_cli.storage.tables.table import reading
 
 
 def read(path: Path, *columns: str, **keys: object) -> object:

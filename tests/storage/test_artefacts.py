@@ -23,8 +23,7 @@ from mapmore_cli.domain.models import CurveFunction, Fusion, Model, Pieces, Segm
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
 from mapmore_cli.domain.results import FitResult, PiecesFit, Validation
 from mapmore_cli.storage import artefacts
-from mapmore_cli.storage.artefacts.codecs import escaped
-from mapmore_cli.storage.artefacts.label import NO_UNIT, Label
+from mapmore_cli.storage.artefacts.codecs import NO_UNIT, Label, escaped
 from mapmore_cli.storage.artefacts.layout import SegmentationFile
 
 KINDS: dict[str, tuple[Callable[..., None], Callable[[Path], Any], st.SearchStrategy[Any]]] = {

@@ -17,7 +17,7 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.models import Fusion
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.kinds import kinds
-from mapmore_cli.storage.artefacts.label import Label
+from mapmore_cli.storage.artefacts.codecs import Label
 from mapmore_cli.storage.artefacts.layout import stored_types
 from mapmore_cli.storage.artefacts.schema import LAYOUTS, check_lengths, schema_of
 

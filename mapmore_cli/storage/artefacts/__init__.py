@@ -29,8 +29,8 @@ from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import FitResult, Validation
+from mapmore_cli.storage.artefacts.codecs import NO_UNIT, Label
 from mapmore_cli.storage.artefacts.integrity import CHECKSUM, Digest, Invalid, look_over, stored_at
-from mapmore_cli.storage.artefacts.label import Label
 from mapmore_cli.storage.artefacts.layout import SegmentationFile
 from mapmore_cli.storage.artefacts.schema import check_lengths, schema_of
 from mapmore_cli.storage.atomic import replacing
@@ -40,6 +40,7 @@ FORMAT_VERSION = "2.1"
 
 _ALTERED = "its values are not those that were written: the checksum does not match"
 _GET_ANOTHER = "get a fresh copy, or make it again with `mapmore run CONFIG`"
+_GIVE_OURS = "give a file out of a run folder, as runs/NAME/model.h5"
 
 Warn = Callable[[str], None]
 T = TypeVar("T")
@@ -72,9 +73,7 @@ class FileKind(Generic[T]):
                     file.attrs["format_version"] = FORMAT_VERSION
                     file.attrs["creator"] = "mapmore"
                     schema_of(self.type).write_into(file, record, Label(scope=units))
-                    digest = Digest()
-                    schema_of(self.type).feed(digest, "", record)
-                    file.attrs[CHECKSUM] = digest.text
+                    file.attrs[CHECKSUM] = self._checksum(record)
                     if provenance is not None:
                         _write_provenance(file, provenance)
             finally:
@@ -84,8 +83,7 @@ class FileKind(Generic[T]):
     def read(self, path: Path, warn: Warn = silent, unverified: bool = False) -> T:
         """Return the record in a file; `warn` is told where nothing says that it is as it was written.
 
-        Raises DataError where the file is missing, no regular file, damaged, of another kind or of a newer format; where it holds what the
-        format does not know, or values of another type or shape; where its checksum does not match (but not where it may be `unverified`).
+        Raises DataError as the module says, for a checksum that does not match only where it may not be `unverified`.
         """
         with _opened(path) as file:
             found, version = _kind_and_version(path, file)
@@ -104,7 +102,7 @@ class FileKind(Generic[T]):
             warn(Doubt.of(str(path), doubt))
         return record
 
-    def _doubt(self, file: h5py.File, version: str, record: Any) -> str | None:
+    def _doubt(self, file: h5py.File, version: str, record: T) -> str | None:
         """Why the values may not be those that were written; None where the checksum says that they are."""
         with stored_at(CHECKSUM):
             stored = file.attrs.get(CHECKSUM)
@@ -112,9 +110,12 @@ class FileKind(Generic[T]):
             return "has no checksum: nothing shows whether its values are those that were written"
         if _as_numbers(version) > _as_numbers(FORMAT_VERSION):
             return f"is of the newer format {version}: its checksum cannot be verified here"
+        return None if isinstance(stored, str) and stored == self._checksum(record) else _ALTERED
+
+    def _checksum(self, record: T) -> str:
         digest = Digest()
         schema_of(self.type).feed(digest, "", record)
-        return None if isinstance(stored, str) and stored == digest.text else _ALTERED
+        return digest.text
 
 
 DATASET_FILE = FileKind("dataset", "ingest", Dataset)
@@ -164,7 +165,7 @@ def _write_provenance(file: h5py.File, provenance: Mapping[str, str]) -> None:
     group = file.create_group("provenance")
     for name, text in provenance.items():
         dataset = group.create_dataset(name, data=text.replace("\0", ""), dtype=h5py.string_dtype(), track_times=False)
-        Label("where the file comes from").without_unit().put_on(dataset)
+        Label("where the file comes from", NO_UNIT).put_on(dataset)
 
 
 def _kind_and_version(path: Path, file: h5py.File) -> tuple[str, str]:
@@ -174,7 +175,7 @@ def _kind_and_version(path: Path, file: h5py.File) -> tuple[str, str]:
     except Invalid as fault:
         raise DataError(f"{path}: {fault}", _GET_ANOTHER) from fault
     if not isinstance(kind, str) or kind not in {known.name for known in KINDS} or not isinstance(version, str):
-        raise DataError(f"{path}: is an HDF5 file, but not one of mapmore's", "give a file out of a run folder, as runs/NAME/model.h5")
+        raise DataError(f"{path}: is an HDF5 file, but not one of mapmore's", _GIVE_OURS)
     refuse_newer(path, version, FORMAT_VERSION)
     if _as_numbers(version) < (2,):
         raise DataError(f"{path}: is of the format {version}, from before the first release", _GET_ANOTHER)
@@ -191,7 +192,7 @@ def _opened(path: Path) -> Iterator[h5py.File]:
     if not path.exists():
         raise DataError(f"{path}: no such file", "`mapmore run CONFIG` makes it")
     if not path.is_file():
-        raise DataError(f"{path}: is a folder or a special file, not a file", "give a file out of a run folder, as runs/NAME/model.h5")
+        raise DataError(f"{path}: is a folder or a special file, not a file", _GIVE_OURS)
     try:
         file = h5py.File(path, "r")
     except OSError as fault:

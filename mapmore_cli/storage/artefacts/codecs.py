@@ -10,8 +10,9 @@ from __future__ import annotations
 import math
 import mmap
 import os
+import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 from weakref import WeakValueDictionary
@@ -23,12 +24,55 @@ from numpy.typing import NDArray
 from mapmore_cli.domain.arrays import give_back, row_blocks
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.foreign import is_one_line
-from mapmore_cli.storage.artefacts.integrity import MOST_KEYS, Digest, Invalid, is_unicode, stored_at, texts_of, valid_text
-from mapmore_cli.storage.artefacts.label import Label
+from mapmore_cli.storage.artefacts.integrity import MOST_KEYS, Digest, Invalid, stored_at, texts_of, valid_text
+
+NO_UNIT = "-"
+"""Unit of texts, identifiers and row numbers."""
 
 LONG, HUGE = 4096, 1 << 20
 """Elements from which on an array is compressed, and from which on it is so no more. Shorter ones stay contiguous, so that any reader finds
 them at once; huge ones, so that they can be mapped, and because compressing them takes longer than all else."""
+
+WORDS = {"<f8": "float", "<i8": "int", "|u1": "flag"}
+"""What the documentation calls types of numbers."""
+
+
+@dataclass(frozen=True)
+class Label:
+    """Description and unit of a field, and the units known where it stands.
+
+    `unit` may name quantities in square brackets: `[target]^2` is the square of the target's unit. `[*]` stands for the key or number of
+    the part being written. What `scope` does not know stays in brackets, as documented in docs/file-format.md.
+    """
+
+    description: str = ""
+    unit: str = "1"
+    scope: Mapping[str, str] = field(default_factory=dict)
+
+    def of_part(self, key: str) -> Label:
+        """Return the label of one part of a sequence or mapping."""
+        return replace(self, unit=self.unit.replace("*", key)) if "*" in self.unit else self
+
+    def within(self, units: Mapping[str, str]) -> Label:
+        """Return the label with the units that an object knows added to the scope."""
+        every = {**self.scope, **units}
+        return replace(self, scope={**self.scope, **{name: _resolved(unit, every) for name, unit in units.items()}})
+
+    def put_on(self, dataset: h5py.Dataset) -> None:
+        """Write the two attributes."""
+        dataset.attrs["unit"] = _resolved(self.unit, self.scope)
+        dataset.attrs["description"] = self.description
+
+
+def _resolved(unit: str, scope: Mapping[str, str]) -> str:
+    """Return the unit with every known `[name]` replaced; a compound unit gets parentheses before a power."""
+
+    def known(match: re.Match[str]) -> str:
+        name, power = match.groups()
+        found = scope.get(name, f"[{name}]")
+        return f"({found}){power}" if power and re.search(r"[*/ ^]", found) else f"{found}{power}"
+
+    return re.sub(r"\[([^\]]*)\](\^?)", known, unit)
 
 
 @dataclass(frozen=True)
@@ -50,24 +94,20 @@ class Codec:
     types: tuple[type, ...] = ()
 
 
-def place_of(group: h5py.Group, name: str) -> str:
-    """Return the path of something in a group, without the slash of the root."""
-    return f"{group.name}/{name}".lstrip("/")
-
-
 def stored(group: h5py.Group, name: str, kind: str) -> Any:
     """Return what stands under a name: the `kind` is `Group` or `Dataset`."""
-    with stored_at(place_of(group, name)):
+    where = f"{group.name}/{name}"
+    with stored_at(where):
         found = group.get(name)
     if found is None:
-        raise Invalid(place_of(group, name), "is missing")
+        raise Invalid(where, "is missing")
     if not isinstance(found, getattr(h5py, kind)):
-        raise Invalid(place_of(group, name), f"is no {kind.lower()}")
+        raise Invalid(where, f"is no {kind.lower()}")
     return found
 
 
 def _attribute(group: h5py.Group, name: str) -> Any:
-    where = place_of(group, name)
+    where = f"{group.name}/{name}"
     with stored_at(where):
         if name not in group.attrs:
             raise Invalid(where, "is missing")
@@ -77,12 +117,8 @@ def _attribute(group: h5py.Group, name: str) -> Any:
 
 
 def _present(group: h5py.Group, name: str) -> bool:
-    with stored_at(place_of(group, name)):
+    with stored_at(f"{group.name}/{name}"):
         return name in group or name in group.attrs
-
-
-WORDS = {"<f8": "float", "<i8": "int", "|u1": "flag"}
-"""What the documentation calls types of numbers."""
 
 
 def numbers(dtype: str, ndim: int = 1, load_dtype: str | None = None) -> Codec:
@@ -103,21 +139,23 @@ def numbers(dtype: str, ndim: int = 1, load_dtype: str | None = None) -> Codec:
         label.put_on(dataset)
 
     def read(group: h5py.Group, name: str) -> Any:
-        dataset, where = stored(group, name, "Dataset"), place_of(group, name)
-        with stored_at(where):
+        dataset = stored(group, name, "Dataset")
+        with stored_at(dataset.name):
             shape, found = dataset.shape, dataset.dtype
         if len(shape) != ndim or not np.can_cast(found, dtype, casting="same_kind"):
-            raise Invalid(where, f"is a {len(shape)}-D array of {found}, not a {form}")
-        with stored_at(where):
+            raise Invalid(dataset.name, f"is a {len(shape)}-D array of {found}, not a {form}")
+        with stored_at(dataset.name):
             values = mapped(dataset) if dataset.size >= HUGE and dataset.chunks is None else dataset[()]
-            found = values.astype(loaded, copy=False)
-        found.setflags(write=False)  # several stages may be given the same
-        return found
+            values = values.astype(loaded, copy=False)
+        values.setflags(write=False)  # several stages may be given the same
+        return values
 
-    def feed(digest: Digest, where: str, value: Any) -> None:
-        digest.add(where, value, dtype)
+    return Codec(form, write, read, _fed(dtype))
 
-    return Codec(form, write, read, feed)
+
+def _fed(dtype: str | None) -> Callable[[Digest, str, Any], None]:
+    """Return how numbers of a type, or texts (None), are fed to a checksum."""
+    return lambda digest, where, value: digest.add(where, value, dtype)
 
 
 _mappings: WeakValueDictionary[tuple[int, ...], mmap.mmap] = WeakValueDictionary()
@@ -139,54 +177,44 @@ def texts() -> Codec:
 
     def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
         data = list(map(checked_text, value))
-        label.without_unit().put_on(group.create_dataset(name, data=data, dtype=h5py.string_dtype(), track_times=False))
+        dataset = group.create_dataset(name, data=data, dtype=h5py.string_dtype(), track_times=False)
+        replace(label, unit=NO_UNIT).put_on(dataset)
 
     def read(group: h5py.Group, name: str) -> tuple[str, ...]:
-        return texts_of(stored(group, name, "Dataset"), place_of(group, name))
+        return texts_of(stored(group, name, "Dataset"), f"{group.name}/{name}")
 
-    def feed(digest: Digest, where: str, value: Any) -> None:
-        digest.add(where, list(value), None)
-
-    return Codec("`text[]`", write, read, feed)
+    return Codec("`text[]`", write, read, _fed(None))
 
 
 def number(kind: type[float] | type[int]) -> Codec:
-    """Return a real number or an integer, as attribute of the group."""
+    """Return a real number or an integer, as attribute of the group: it has no unit and description, which the documentation has."""
     dtype = "<f8" if kind is float else "<i8"
 
-    def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
-        del label  # attributes cannot carry attributes; the documentation has unit and description
+    def write(group: h5py.Group, name: str, value: Any, _label: Label) -> None:
         group.attrs.create(name, value, dtype=dtype)
 
     def read(group: h5py.Group, name: str) -> Any:
         value = np.asarray(_attribute(group, name))
         if not np.can_cast(value.dtype, dtype, casting="same_kind"):
-            raise Invalid(place_of(group, name), f"is no {np.dtype(dtype).name}")
+            raise Invalid(f"{group.name}/{name}", f"is no {np.dtype(dtype).name}")
         return kind(value)
 
-    def feed(digest: Digest, where: str, value: Any) -> None:
-        digest.add(where, value, dtype)
-
-    return Codec(f"`{WORDS[dtype]}`", write, read, feed, numbers(dtype))
+    return Codec(f"`{WORDS[dtype]}`", write, read, _fed(dtype), numbers(dtype))
 
 
 def text() -> Codec:
     """Return a short text, as attribute of the group."""
 
-    def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
-        del label
+    def write(group: h5py.Group, name: str, value: Any, _label: Label) -> None:
         group.attrs[name] = checked_text(value)
 
     def read(group: h5py.Group, name: str) -> str:
         value = _attribute(group, name)
         if not isinstance(value, str):
-            raise Invalid(place_of(group, name), "is no text")
-        return valid_text(value, place_of(group, name))
+            raise Invalid(f"{group.name}/{name}", "is no text")
+        return valid_text(value, f"{group.name}/{name}")
 
-    def feed(digest: Digest, where: str, value: Any) -> None:
-        digest.add(where, value, None)
-
-    return Codec("`text`", write, read, feed, texts())
+    return Codec("`text`", write, read, _fed(None), texts())
 
 
 def plain(values: Any) -> Any:
@@ -196,7 +224,7 @@ def plain(values: Any) -> Any:
 
 def checked_text(value: str) -> str:
     """Return the text, if it is one that `valid_text` reads again; DataError for control characters and undecodable bytes."""
-    if not is_unicode(value) or not is_one_line(value):
+    if not is_one_line(value):
         raise DataError(f"the name {value!r} cannot be stored: it is not one line of valid text", "rename the file or column that it is of")
     return value
 
@@ -208,14 +236,7 @@ def optional(codec: Codec) -> Codec:
         if value is not None:
             codec.write(group, name, value, label)
 
-    def feed(digest: Digest, where: str, value: Any) -> None:
-        if value is not None:
-            codec.feed(digest, where, value)
-
-    def read(group: h5py.Group, name: str) -> Any:
-        return codec.read(group, name) if _present(group, name) else None
-
-    return replace(codec, form=f"{codec.form} ?", write=write, read=read, feed=feed, column=None)
+    return replace(added(codec, None), form=f"{codec.form} ?", write=write, column=None)
 
 
 def added(codec: Codec, default: Any) -> Codec:
@@ -225,7 +246,7 @@ def added(codec: Codec, default: Any) -> Codec:
         return codec.read(group, name) if _present(group, name) else default
 
     def feed(digest: Digest, where: str, value: Any) -> None:
-        if value != default:
+        if value is not None and (default is None or value != default):
             codec.feed(digest, where, value)
 
     return replace(codec, read=read, feed=feed)
@@ -233,7 +254,6 @@ def added(codec: Codec, default: Any) -> Codec:
 
 def adapted(codec: Codec, store: Callable[[Any], Any], load: Callable[[Any], Any]) -> Codec:
     """Return the same for a value that is changed to what `codec` stores, and back."""
-
     return replace(
         codec,
         write=lambda group, name, value, label: codec.write(group, name, store(value), label),
@@ -273,14 +293,13 @@ def named(codec: Codec) -> Codec:
             codec.write(parts, escaped(key), part, label.of_part(key))
 
     def read(group: h5py.Group, name: str) -> dict[str, Any]:
-        parts, where = stored(group, name, "Group"), place_of(group, name)
-        with stored_at(where):
-            count = parts.attrs.get_id("order").shape
-            if count != (len(parts),) or len(parts) > MOST_KEYS:
-                raise Invalid(where, "has not as many members as its `order` names")
-            keys = [valid_text(str(key), where) for key in parts.attrs["order"]]
+        parts = stored(group, name, "Group")
+        with stored_at(parts.name):
+            if parts.attrs.get_id("order").shape != (len(parts),) or len(parts) > MOST_KEYS:
+                raise Invalid(parts.name, "has not as many members as its `order` names")
+            keys = [valid_text(str(key), parts.name) for key in parts.attrs["order"]]
         if len(set(keys)) < len(keys):
-            raise Invalid(where, "names a member twice in its `order`")
+            raise Invalid(parts.name, "names a member twice in its `order`")
         return {key: codec.read(parts, escaped(key)) for key in keys}
 
     def feed(digest: Digest, where: str, value: Mapping[str, Any]) -> None:
@@ -303,7 +322,7 @@ def pairs(codec: Codec) -> Codec:
         parts = stored(group, name, "Group")
         values, names = codec.read(parts, "values"), texts().read(parts, "names")
         if len(values) != len(names) or len(set(names)) < len(names):
-            raise Invalid(place_of(group, name), f"has {len(values)} values for {len(set(names))} names")
+            raise Invalid(parts.name, f"has {len(values)} values for {len(set(names))} names")
         return dict(zip(names, plain(values), strict=True))
 
     def feed(digest: Digest, where: str, value: Mapping[str, Any]) -> None:
@@ -316,6 +335,4 @@ def pairs(codec: Codec) -> Codec:
 def escaped(key: str) -> str:
     """Return the key as one component of an HDF5 path: not empty, without `/`, and not `.`."""
     component = key.replace("%", "%25").replace("/", "%2F")
-    if not component:
-        return "%"
-    return f"%2E{component[1:]}" if component.startswith(".") else component
+    return f"%2E{component[1:]}" if component.startswith(".") else component or "%"

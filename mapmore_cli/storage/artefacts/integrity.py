@@ -66,11 +66,11 @@ def look_over(file: h5py.File, size: int) -> None:
     No value is read. Refused are links of all kinds but one hard link to every object, data in other files (external storage, virtual
     datasets), filters other than gzip and byte shuffle, types other than numbers and texts, and groups too deep.
     """
-    _texts_left.set(ROOM + RATIO * size)
+    most = room = ROOM + RATIO * size
+    _texts_left.set(most)
     _texts_at_once.set(max(1, ROOM // max(size, 1)))
     with stored_at(""):
         seen = {h5o.get_info(file.id).addr}
-    room = ROOM + RATIO * size
     open_groups: list[tuple[str, Any, int]] = [("", h5g.open(file.id, b"/"), 0)]
     while open_groups:
         path, group, depth = open_groups.pop()
@@ -88,31 +88,28 @@ def look_over(file: h5py.File, size: int) -> None:
             seen.add(info.addr)
             if info.num_attrs > MOST_ATTRIBUTES:
                 raise Invalid(where, f"has {info.num_attrs} attributes")
-            if info.type == h5o.TYPE_GROUP:
-                if depth == DEEPEST:
-                    raise Invalid(where, f"lies more than {DEEPEST} groups deep")
-                with stored_at(where):
-                    open_groups.append((where, h5g.open(group, name), depth + 1))
-            elif info.type == h5o.TYPE_DATASET:
-                with stored_at(where):
-                    room -= _bytes_of(h5d.open(group, name), where)
-            else:
+            if info.type not in (h5o.TYPE_GROUP, h5o.TYPE_DATASET):
                 raise Invalid(where, "is neither a group nor a dataset")
+            if info.type == h5o.TYPE_GROUP and depth == DEEPEST:
+                raise Invalid(where, f"lies more than {DEEPEST} groups deep")
+            with stored_at(where):
+                if info.type == h5o.TYPE_GROUP:
+                    open_groups.append((where, h5g.open(group, name), depth + 1))
+                else:
+                    room -= _bytes_of(h5d.open(group, name), where)
             if room < 0:
-                raise Invalid(where, f"brings the file of {size} bytes to more than {(ROOM + RATIO * size) / 1e6:.0f} MB of values")
+                raise Invalid(where, f"brings the file of {size} bytes to more than {most / 1e6:.0f} MB of values")
 
 
 def _bytes_of(dataset: Any, where: str) -> int:
     """Bytes of the values of a dataset; Invalid where they do not lie plainly in this file."""
-    plist = dataset.get_create_plist()
-    layout = plist.get_layout()
+    plist, kind = dataset.get_create_plist(), dataset.get_type()
+    layout, width = plist.get_layout(), int(kind.get_size())
     if layout not in (h5d.COMPACT, h5d.CONTIGUOUS, h5d.CHUNKED) or plist.get_external_count():
         raise Invalid(where, "takes its values from other files or datasets")
     if {plist.get_filter(place)[0] for place in range(plist.get_nfilters())} - {h5z.FILTER_DEFLATE, h5z.FILTER_SHUFFLE}:
         raise Invalid(where, "is packed by a filter other than gzip and byte shuffle")
-    stored = dataset.get_type()
-    width = int(stored.get_size())
-    if stored.get_class() not in (h5t.FLOAT, h5t.INTEGER, h5t.STRING):
+    if kind.get_class() not in (h5t.FLOAT, h5t.INTEGER, h5t.STRING):
         raise Invalid(where, "holds neither numbers nor texts")
     if layout == h5d.CHUNKED and math.prod(plist.get_chunk()) * width > ROOM:
         raise Invalid(where, f"is cut into chunks of more than {ROOM // 10**6} MB")
@@ -121,37 +118,24 @@ def _bytes_of(dataset: Any, where: str) -> int:
 
 def texts_of(dataset: h5py.Dataset, where: str) -> tuple[str, ...]:
     """Return the texts of a 1-D dataset, few at a time: many can point at one and the same text of the file."""
+    found: list[str] = []
     with stored_at(where):
         if dataset.ndim != 1 or dataset.dtype.kind not in "OS":
             raise Invalid(where, "is no list of texts")
-        count, step = len(dataset), _texts_at_once.get()
-        found: list[str] = []
-        for start in range(0, count, step):
+        for start in range(0, len(dataset), step := _texts_at_once.get()):
             part = [valid_text(str(text), where) for text in dataset.asstr()[start : start + step]]
-            left = _texts_left.get() - sum(map(len, part))
-            if left < 0:
+            _texts_left.set(_texts_left.get() - sum(map(len, part)))
+            if _texts_left.get() < 0:
                 raise Invalid(where, "holds more text than the file can")
-            _texts_left.set(left)
             found += part
-        return tuple(found)
+    return tuple(found)
 
 
 def valid_text(text: str, where: str) -> str:
     """Return the text; Invalid where it is no line of UTF-8, whose bad bytes h5py passes on as lone surrogates."""
-    if not is_unicode(text):
-        raise Invalid(where, "is no text in UTF-8")
     if not is_one_line(text):
-        raise Invalid(where, f"has control characters or line breaks: {text[:60]!r}")
+        raise Invalid(where, f"has control characters or line breaks, or is no UTF-8: {text[:60]!r}")
     return text
-
-
-def is_unicode(text: str) -> bool:
-    """Whether a text is free of lone surrogates."""
-    try:
-        text.encode()
-    except UnicodeEncodeError:
-        return False
-    return True
 
 
 class Digest:

@@ -19,11 +19,9 @@ from mapmore_cli.domain.results import FitResult, Validation
 from mapmore_cli.domain.scores import Score
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import kinds
-from mapmore_cli.storage.artefacts.codecs import adapted, named, optional
-from mapmore_cli.storage.artefacts.field import Field
+from mapmore_cli.storage.artefacts.codecs import NO_UNIT, adapted, named, optional
 from mapmore_cli.storage.artefacts.integrity import Invalid
-from mapmore_cli.storage.artefacts.label import NO_UNIT
-from mapmore_cli.storage.artefacts.schema import LAYOUTS, REALS, TEXT, TEXTS, Layout, Schema, rows, schema_of, variant
+from mapmore_cli.storage.artefacts.schema import LAYOUTS, REALS, TEXT, TEXTS, Field, Layout, Schema, rows, schema_of, variant
 
 
 @dataclass(frozen=True)
@@ -40,11 +38,11 @@ def _side(word: str) -> Side:
         return word
 
 
-SIDES = adapted(
-    TEXTS,
-    store=lambda sides: [side if isinstance(side, str) else repr(float(side)) for side in sides],
-    load=lambda words: tuple(map(_side, words)),
-)
+def _side_text(side: Side) -> str:
+    return side if isinstance(side, str) else repr(float(side))
+
+
+SIDES = adapted(TEXTS, store=lambda sides: list(map(_side_text, sides)), load=lambda words: tuple(map(_side, words)))
 
 
 def _defining(text: str) -> str:
@@ -113,17 +111,15 @@ LAYOUTS |= {
 def stored_types() -> list[Schema]:
     """Return the schemas of what files hold, and of all that these are made of, each once, parts before wholes."""
     seen: set[type] = set()
+    in_order: list[Schema] = []
 
     def walk(type_: type) -> None:
         if type_ not in seen:
             seen.add(type_)
-            schema = schema_of(type_)
-            for field in schema.fields:
-                for part in field.codec.types:
-                    walk(part)
-            in_order.append(schema)
+            for part in (part for field in schema_of(type_).fields for part in field.codec.types):
+                walk(part)
+            in_order.append(schema_of(type_))
 
-    in_order: list[Schema] = []
     for root in (Dataset, SegmentationFile, FitResult, Model, Validation):
         walk(root)
     return in_order
@@ -131,16 +127,13 @@ def stored_types() -> list[Schema]:
 
 def described() -> str:
     """Return a section for every stored type; docs/file-format.md says what the short words mean."""
-    return "".join(map(_section, stored_types()))
-
-
-def _section(schema: Schema) -> str:
-    rows_ = "".join(map(_row, schema.fields))
-    return f"### {schema.type.__name__}\n\n{schema.summary}\n\n| name | stored as | unit | what it is |\n|---|---|---|---|\n{rows_}\n"
+    head = "| name | stored as | unit | what it is |\n|---|---|---|---|\n"
+    return "".join(
+        f"### {schema.type.__name__}\n\n{schema.summary}\n\n{head}{''.join(map(_row, schema.fields))}\n" for schema in stored_types()
+    )
 
 
 def _row(field: Field) -> str:
     unit = NO_UNIT if field.unit == NO_UNIT else f"`{field.unit}`"
-    remark = " (derived)" if field.derived else ""
-    what = f"{field.description}{remark}".replace("|", "\\|")
+    what = f"{field.description}{' (derived)' if field.derived else ''}".replace("|", "\\|")
     return f"| `{field.name}` | {field.codec.form} | {unit} | {what} |\n"

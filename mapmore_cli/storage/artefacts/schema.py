@@ -7,9 +7,10 @@ read as. What a type says beyond that stands in `layout.py`.
 
 from __future__ import annotations
 
+import re
 import types
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import MISSING, dataclass, fields, is_dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
 from dataclasses import field as default
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
@@ -17,7 +18,9 @@ import h5py
 import numpy as np
 
 from mapmore_cli.storage.artefacts.codecs import (
+    NO_UNIT,
     Codec,
+    Label,
     adapted,
     added,
     escaped,
@@ -27,25 +30,74 @@ from mapmore_cli.storage.artefacts.codecs import (
     numbers,
     optional,
     pairs,
-    place_of,
     plain,
     stored,
     text,
     texts,
 )
-from mapmore_cli.storage.artefacts.field import Field, Sizes, dimensions
 from mapmore_cli.storage.artefacts.integrity import Digest, Invalid, stored_at
-from mapmore_cli.storage.artefacts.label import NO_UNIT, Label
+
+_DIMENSIONS = re.compile(r"\((\w+(?: or 0)?(?:, \w+)*)\) ")
+
+Sizes = dict[str, tuple[int, str]]
+"""Lengths of the dimensions seen so far in an object, by their letters, and where each was seen first."""
+
+Units = Callable[[Any], Mapping[str, str]]
+"""Units that an object knows, by the names used in brackets."""
+
+
+@dataclass(frozen=True)
+class Field:
+    """A field of a stored type, under the name that it has in Python.
+
+    A description that begins with letters in brackets declares the dimensions: within an object, and the objects inside of it, all that is
+    called `(k)` has one length; `(k, M)` is a table, and `(k or 0)` may also be empty. `unit` may name quantities in brackets (see
+    `Label`). A field with `derived` is computed for readers of the file and ignored when the object is read back.
+    """
+
+    name: str
+    codec: Codec
+    description: str
+    unit: str = "1"
+    derived: Callable[[Any], Any] | None = None
+
+    def value_of(self, record: Any) -> Any:
+        """Return what to store for this field."""
+        return self.derived(record) if self.derived else getattr(record, self.name)
+
+    def label(self, outer: Label) -> Label:
+        """Return the attributes of this field, within an object that stands where `outer` says."""
+        return replace(outer, description=self.description, unit=self.unit)
+
+    def check(self, value: Any, where: str, sizes: Sizes) -> None:
+        """Raise Invalid where a value is not as long as others that have the same dimension."""
+        letters = dimensions(self.description)
+        if not letters or value is None:
+            return
+        for part in value.values() if isinstance(value, Mapping) else [value]:
+            shape = part.shape if isinstance(part, np.ndarray) else (len(part),)
+            if shape == (0,) and letters[0].endswith(" or 0"):
+                continue
+            for length, letter in zip(shape, letters, strict=True):
+                known, first = sizes.setdefault(letter.removesuffix(" or 0"), (length, where))
+                if length != known:
+                    raise Invalid(where, f"has {length} values, where {first} has {known}")
+
+
+def dimensions(description: str) -> tuple[str, ...]:
+    """Return the letters of the dimensions that a description declares; empty where it declares none."""
+    match = _DIMENSIONS.match(description)
+    return tuple(match[1].split(", ")) if match else ()
 
 
 @dataclass(frozen=True)
 class Schema:
-    """How a dataclass is stored in a group; `units` gives the units that an object knows, by the names used in brackets."""
+    """How a dataclass is stored in a group."""
 
     type: type
     summary: str
     fields: tuple[Field, ...]
-    units: Callable[[Any], Mapping[str, str]] = lambda _record: {}
+    units: Units
 
     def write_into(self, group: h5py.Group, record: Any, label: Label) -> None:
         """Write every field of `record` into `group`."""
@@ -121,7 +173,7 @@ class Layout:
     always: tuple[str, ...] = ()
     first: tuple[str, ...] = ()
     derived: tuple[Field, ...] = ()
-    units: Callable[[Any], Mapping[str, str]] = lambda _record: {}
+    units: Units = lambda _record: {}
 
 
 LAYOUTS: dict[type, Layout] = {}
@@ -142,8 +194,7 @@ def _laid_out(type_: type) -> Schema:
     layout = LAYOUTS.get(type_, Layout())
     hints = get_type_hints(type_, include_extras=True)
     kept = {field.name: field for field in fields(type_) if field.metadata.get("stored", True)}
-    in_order = dict.fromkeys((*layout.first, *kept))
-    found = [_field(kept[name], hints[name], layout) for name in in_order]
+    found = [_field(kept[name], hints[name], layout) for name in dict.fromkeys((*layout.first, *kept))]
     return Schema(type_, str(type_.__doc__).partition("\n")[0], (*found, *layout.derived), layout.units)
 
 
@@ -185,17 +236,13 @@ def _link(schema_type: type) -> str:
 
 def nested(type_: type) -> Codec:
     """One object, as a group of its own."""
-
-    def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
-        schema_of(type_).write_into(group.create_group(name), value, label)
-
-    def read(group: h5py.Group, name: str) -> Any:
-        return schema_of(type_).read_from(stored(group, name, "Group"))
-
-    def feed(digest: Digest, where: str, value: Any) -> None:
-        schema_of(type_).feed(digest, where, value)
-
-    return Codec(_link(type_), write, read, feed, types=(type_,))
+    return Codec(
+        _link(type_),
+        write=lambda group, name, value, label: schema_of(type_).write_into(group.create_group(name), value, label),
+        read=lambda group, name: schema_of(type_).read_from(stored(group, name, "Group")),
+        feed=lambda digest, where, value: schema_of(type_).feed(digest, where, value),
+        types=(type_,),
+    )
 
 
 def variant(kinds: Mapping[str, type]) -> Codec:
@@ -208,11 +255,11 @@ def variant(kinds: Mapping[str, type]) -> Codec:
         schema_of(type(value)).write_into(body, value, label)
 
     def read(group: h5py.Group, name: str) -> Any:
-        body, where = stored(group, name, "Group"), place_of(group, name)
-        with stored_at(where):
+        body = stored(group, name, "Group")
+        with stored_at(body.name):
             word = body.attrs.get("kind")
         if not isinstance(word, str) or word not in kinds:
-            raise Invalid(where, f"is of the kind {str(word)[:60]!r}, which is none of {', '.join(kinds)}")
+            raise Invalid(body.name, f"is of the kind {str(word)[:60]!r}, which is none of {', '.join(kinds)}")
         return schema_of(kinds[word]).read_from(body)
 
     def feed(digest: Digest, where: str, value: Any) -> None:
@@ -229,34 +276,29 @@ def rows(type_: type) -> Codec:
     A column that files of earlier versions lack is read as the default of its field, which no checksum counts.
     """
     schema = schema_of(type_)
-    columns = {field: field.codec.column for field in schema.fields}
-    defaults = {field.name: getattr(schema.type, field.name, None) for field in schema.fields}
+    columns = {field: field.codec.column for field in schema.fields if field.codec.column is not None}
+    defaults = {field.name: getattr(type_, field.name, None) for field in schema.fields}
 
     def write(group: h5py.Group, name: str, value: Any, label: Label) -> None:
         table = group.create_group(name)
         for field, column in columns.items():
-            assert column is not None
             column.write(table, field.name, [field.value_of(row) for row in value], field.label(label))
 
     def read(group: h5py.Group, name: str) -> tuple[Any, ...]:
-        table, where = stored(group, name, "Group"), place_of(group, name)
-        there = {field: column for field, column in columns.items() if defaults[field.name] is None or field.name in table}
-        cells = {field.name: plain(column.read(table, field.name)) for field, column in there.items() if column is not None}
+        table = stored(group, name, "Group")
+        there = {field.name: column for field, column in columns.items() if defaults[field.name] is None or field.name in table}
+        cells = {key: plain(column.read(table, key)) for key, column in there.items()}
         lengths = {len(column) for column in cells.values()}
         if len(lengths) > 1:
-            raise Invalid(where, f"has columns of {min(lengths)} and of {max(lengths)} rows")
-        return tuple(schema.type(**dict(zip(cells, row, strict=True))) for row in zip(*cells.values(), strict=True))
+            raise Invalid(table.name, f"has columns of {min(lengths)} and of {max(lengths)} rows")
+        return tuple(type_(**dict(zip(cells, row, strict=True))) for row in zip(*cells.values(), strict=True))
 
     def feed(digest: Digest, where: str, value: Any) -> None:
         digest.add(where, len(value), "<i8")
         for place, row in enumerate(value):
             for field in schema.fields:
-                if not same(field.value_of(row), defaults[field.name]):
-                    field.codec.feed(digest, f"{where}/{field.name}/{place}", field.value_of(row))
+                cell, default = field.value_of(row), defaults[field.name]
+                if cell != default and (cell == cell or default == default):  # NaN is the same as NaN
+                    field.codec.feed(digest, f"{where}/{field.name}/{place}", cell)
 
     return Codec(f"table of {_link(type_)}", write, read, feed, types=(type_,))
-
-
-def same(value: Any, default: Any) -> bool:
-    """Whether a scalar is its default, NaN included."""
-    return bool(value == default or (value != value and default != default))

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.globs import expand, relative_name
+from mapmore_cli.ingestion.files import expand, relative_name
 from mapmore_cli.storage.readers import READERS, reader_of, suffix_of
 from mapmore_cli.storage.tables.lines import lines_of
 from mapmore_cli.study.drafting.preview import UNIT, Preview, preview, shared_start

@@ -16,11 +16,10 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.ingestion.dataset import build_dataset
-from mapmore_cli.ingestion.files import IngestSlice
+from mapmore_cli.ingestion.files import IngestSlice, relative_name
 from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.spec.units import convert, default_unit, is_canonical
-from mapmore_cli.storage.globs import relative_name
-from mapmore_cli.storage.tables.text import NotANumber
+from mapmore_cli.storage.tables import NotANumber
 from mapmore_cli.study.drafting.columns import LARGEST_FRACTION, Guess, Raw
 from mapmore_cli.study.drafting.draft import Draft
 from mapmore_cli.study.drafting.groups import Group, number_in, patterns

@@ -13,7 +13,7 @@ from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.ingestion.samples import unwrapped
 from mapmore_cli.spec.units import parse_quantity
-from mapmore_cli.storage.tables.table import remembered
+from mapmore_cli.storage.tables import remembered
 from mapmore_cli.study.drafting.answers import NOTHING_SAID, Answers
 from mapmore_cli.study.drafting.columns import Guess, Raw, guess_columns, told_guesses, turn_of, twins_of, with_turns
 from mapmore_cli.study.drafting.draft import Draft

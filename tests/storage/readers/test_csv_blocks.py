@@ -13,7 +13,7 @@ from reading import csv_table
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import TableRequest
-from mapmore_cli.storage.tables.text import Layout, values_of_lines, values_of_records
+from mapmore_cli.storage.readers.csv import Layout, values_of_lines, values_of_records
 
 PLAIN = [
     "0",

@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from reading import csv_table, refusal
 
-from mapmore_cli.storage.tables.text import DELIMITERS
+from mapmore_cli.storage.readers.csv import DELIMITERS
 
 EXPECTED = np.array([[0.0, 1.5], [0.5, -2000.25], [1.0, np.nan]])
 NAMES: tuple[str | int, ...] = ("t", "F")

@@ -11,7 +11,7 @@ import scipy.io
 from reading import refusal, tables_of
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.tables.table import SourceColumn
+from mapmore_cli.storage.tables import SourceColumn
 
 T = np.arange(6.0)
 

@@ -16,7 +16,7 @@ from reading import opaque_mat, refusal, tables_of
 from scipy import sparse
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.tables.table import SourceColumn
+from mapmore_cli.storage.tables import SourceColumn
 
 BY_MATLAB = Path(scipy.io.__file__).parent / "matlab" / "tests" / "data"
 T = np.arange(5.0)

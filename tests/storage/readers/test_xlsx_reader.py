@@ -11,7 +11,7 @@ import pytest
 from reading import refusal, table_of
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.tables.table import SourceColumn
+from mapmore_cli.storage.tables import SourceColumn
 
 openpyxl = pytest.importorskip("openpyxl")
 

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mapmore_cli.ingestion.files import expand
 from mapmore_cli.pipeline.search import reads
 from mapmore_cli.spec.loader import load
-from mapmore_cli.storage.globs import expand
 from mapmore_cli.study.drafting import start as drafting
 from mapmore_cli.study.drafting.answers import Answers
 from mapmore_cli.study.drafting.draft import Draft
