@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray, in_blocks
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, in_blocks
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import DAMPING, STATIC_FORCE, Curve, Quantity, Recording, united
@@ -49,11 +49,9 @@ def with_plateau(recording: Recording, plateau: Plateau, units: Mapping[str, str
         start, end = plateau
     on: BoolArray = (seconds >= start) & (seconds <= end)
     if not on.any():
-        raise DataError(
-            f"{recording.source}: no sample from {start:g} s to {end:g} s, where the spec puts the plateau; the recording runs from "
-            f"{seconds[0]:g} s to {seconds[-1]:g} s",
-            "give another `plateau`, or write `plateau: auto`",
-        )
+        what = f"no sample from {start:g} s to {end:g} s, where the spec puts the plateau; the recording runs from"
+        place = f"{seconds[0]:g} s to {seconds[-1]:g} s"
+        raise DataError(f"{recording.source}: {what} {place}", "give another `plateau`, or write `plateau: auto`")
     step = np.full(len(on), columns[STEP_OF][on].mean())
     return replace(recording, columns={**columns, PLATEAU: on.astype(float), STEP_PRESSURE: step})
 
@@ -164,15 +162,14 @@ def level_set(levels: Levels, recordings: Sequence[Recording]) -> LevelSet:
 
 def with_scatter(levels: LevelSet, parts: Sequence[Part]) -> LevelSet:
     """Return the levels with the scatter of the samples of `parts`."""
-    pools = [[part.columns[levels.of] for part in parts if part.level == level] for level in levels.at]
-    return replace(levels, scatter=np.array([_deviation(pool) for pool in pools]))
 
+    def deviation(level: float) -> float:
+        columns = [part.columns[levels.of] for part in parts if part.level == level]
+        size = sum(map(len, columns))
+        mean = sum(float(block.sum()) for column in columns for (block,) in in_blocks(column)) / size
+        return math.sqrt(sum(float(((block - mean) ** 2).sum()) for column in columns for (block,) in in_blocks(column)) / size)
 
-def _deviation(columns: Sequence[Array]) -> float:
-    """Return the standard deviation of the values of all columns."""
-    size = sum(map(len, columns))
-    mean = sum(float(block.sum()) for column in columns for (block,) in in_blocks(column)) / size
-    return math.sqrt(sum(float(((block - mean) ** 2).sum()) for column in columns for (block,) in in_blocks(column)) / size)
+    return replace(levels, scatter=np.array([deviation(level) for level in levels.at]))
 
 
 def cut_by_level(logs: Sequence[Sequence[Recording]], levels: LevelSet | None) -> tuple[list[Recording], list[Part]]:
@@ -215,13 +212,8 @@ def _cut(recording: Recording, place: Array, log: int, levels: LevelSet) -> tupl
 def _places(log: Sequence[Recording]) -> list[Array]:
     """Where each sample stands in its log, from 0 to 1 over all pieces."""
     sizes = [piece.rows_kept for piece in log]
-    whole, starts = max(sum(sizes), 1), np.cumsum([0, *sizes[:-1]])
-    return [counted(partial(_place, start, whole), size) for start, size in zip(starts.tolist(), sizes, strict=True)]
-
-
-def _place(start: int, whole: int, rows: IntArray) -> Array:
-    place: Array = (start + rows + 0.5) / whole
-    return place
+    whole, starts = max(sum(sizes), 1), np.cumsum([0, *sizes[:-1]]).tolist()
+    return [counted(lambda rows, start=start: (start + rows + 0.5) / whole, size) for start, size in zip(starts, sizes, strict=True)]
 
 
 def join_branches(part: Part, cycles: Cycles, target: str) -> Part:
@@ -251,9 +243,8 @@ def joined_curves(parts: Sequence[Part], held_out: Sequence[BoolArray], levels: 
 
 def _at_level(curve: Curve, of: str) -> Curve:
     """Return the curve with the value of its level in the place of what was measured."""
-    assert curve.level is not None
     ranges = {name: known for name, known in curve.measured.items() if name != of}
-    return replace(curve, columns={**curve.columns, of: np.full(curve.size, curve.level)}, measured=ranges)
+    return replace(curve, columns={**curve.columns, of: np.full(curve.size, curve.level, dtype=float)}, measured=ranges)
 
 
 def _joined(key: str, parts: Sequence[Part], masks: Sequence[BoolArray]) -> Curve:

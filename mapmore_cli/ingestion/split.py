@@ -43,17 +43,16 @@ def held_out(parts: Sequence[Part], choice: Holdout | None, levels: LevelSet | N
 def _conditions(parts: Sequence[Part], choice: Holdout, levels: LevelSet | None, folder: Path) -> list[Masks]:
     conditions = []
     if choice.files is not None:
-        patterns = {pattern: relative_name(folder / pattern, folder) for pattern in choice.files}
-        conditions.append(_matching(parts, choice.files, "files", lambda r, p: _names_file(r.source, p, patterns[p])))
+        conditions.append(
+            _matching(parts, choice.files, "files", lambda recording, pattern: _names_file(recording.source, pattern, folder))
+        )
     if choice.recordings is not None:
         conditions.append(_matching(parts, choice.recordings, "recordings", lambda r, p: fnmatchcase(r.id, p)))
     for name, values in choice.quantities.items():
-        if isinstance(values, Between):
-            conditions.append(_between(parts, name, values))
-        elif levels is not None and name == levels.of:
+        if levels is not None and name == levels.of and not isinstance(values, Between):
             conditions.append(_at_levels(parts, values, levels))
         else:
-            conditions.append(_at_values(parts, name, values))
+            conditions.append(_within(parts, name, values))
     if choice.last is not None:
         conditions.append([by_blocks(partial(np.less, 1 - choice.last), part.position) for part in parts])
     if choice.last_cycles is not None and choice.of is not None:
@@ -71,8 +70,8 @@ def _matching(parts: Sequence[Part], patterns: Sequence[str], kind: str, matches
     return [np.full(part.size, any(matches(part.recording, pattern) for pattern in patterns)) for part in parts]
 
 
-def _names_file(source: str, pattern: str, from_folder: str) -> bool:
-    return fnmatchcase(source, from_folder) or fnmatchcase(PurePosixPath(source).name, pattern)
+def _names_file(source: str, pattern: str, folder: Path) -> bool:
+    return fnmatchcase(source, relative_name(folder / pattern, folder)) or fnmatchcase(PurePosixPath(source).name, pattern)
 
 
 def _at_levels(parts: Sequence[Part], values: Sequence[float], levels: LevelSet) -> Masks:
@@ -83,24 +82,20 @@ def _at_levels(parts: Sequence[Part], values: Sequence[float], levels: LevelSet)
     return [np.full(part.size, part.level in held) for part in parts]
 
 
-def _at_values(parts: Sequence[Part], name: str, values: Sequence[float]) -> Masks:
+def _within(parts: Sequence[Part], name: str, choice: Sequence[float] | Between) -> Masks:
+    """Hold out the samples whose quantity is in one of the intervals, or has one of the values, of which each has to be found somewhere."""
+    if isinstance(choice, Between):
+        wanted = [(low, high, f"no sample has {name} between {low:g} and {high:g}") for low, high in choice.between]
+    else:
+        reach = [1e-12 + 1e-9 * abs(value) for value in choice]
+        wanted = [(value - r, value + r, f"{name} is nowhere {value:g}") for value, r in zip(choice, reach, strict=True)]
     masks = [np.zeros(part.size, dtype=np.bool_) for part in parts]
-    for value in values:
-        hits = [by_blocks(partial(np.isclose, b=value, rtol=1e-9, atol=1e-12), part.columns[name]) for part in parts]
-        if not any(hit.any() for hit in hits):
-            raise DataError(
-                f"split.validate: {name} is nowhere {value:g}; {_range(parts, name)}", f"Give an interval: `{name}: {{between: ...}}`."
-            )
-        masks = [mask | hit for mask, hit in zip(masks, hits, strict=True)]
-    return masks
-
-
-def _between(parts: Sequence[Part], name: str, intervals: Between) -> Masks:
-    masks = [np.zeros(part.size, dtype=np.bool_) for part in parts]
-    for low, high in intervals.between:
+    for low, high, complaint in wanted:
         hits = [by_blocks(lambda x, low=low, high=high: (x >= low) & (x <= high), part.columns[name]) for part in parts]
         if not any(hit.any() for hit in hits):
-            raise DataError(f"split.validate: no sample has {name} between {low:g} and {high:g}", f"{_range(parts, name).capitalize()}.")
+            least, most = min(part.columns[name].min() for part in parts), max(part.columns[name].max() for part in parts)
+            remedy = f"{name} runs from {least:g} to {most:g}; give an interval: `{name}: {{between: ...}}`"
+            raise DataError(f"split.validate: {complaint}", remedy)
         masks = [mask | hit for mask, hit in zip(masks, hits, strict=True)]
     return masks
 
@@ -129,15 +124,9 @@ def _random(parts: Sequence[Part], fraction: float, seed: int) -> Masks:
     return np.split(chosen, edges[:-1])
 
 
-def _range(parts: Sequence[Part], name: str) -> str:
-    low, high = min(part.columns[name].min() for part in parts), max(part.columns[name].max() for part in parts)
-    return f"it runs from {low:g} to {high:g}"
-
-
 def meant_levels(choice: Holdout | None, levels: LevelSet | None) -> tuple[str, ...]:
     """Return a note for every level that `validate` names by another number than was measured."""
-    values = choice.quantities.get(levels.of) if choice is not None and levels is not None else None
-    if levels is None or not isinstance(values, list):
+    if choice is None or levels is None or not isinstance(values := choice.quantities.get(levels.of), list):
         return ()
     named = [(value, levels.named(value)) for value in values]
     return tuple(
@@ -148,9 +137,5 @@ def meant_levels(choice: Holdout | None, levels: LevelSet | None) -> tuple[str, 
 
 
 def _levels_and_recordings(parts: Sequence[Part], levels: LevelSet | None) -> str:
-    recordings = f"recordings {', '.join(dict.fromkeys(part.recording.id for part in parts))}"
-    return (
-        f"The data have {recordings}."
-        if levels is None
-        else (f"The data have {levels.of} levels {', '.join(f'{level:g}' for level in levels.at)} and {recordings}.")
-    )
+    have = "" if levels is None else f"{levels.of} levels {', '.join(f'{level:g}' for level in levels.at)} and "
+    return f"The data have {have}recordings {', '.join(dict.fromkeys(part.recording.id for part in parts))}."

@@ -47,10 +47,6 @@ T = TypeVar("T")
 NO_UNITS: Mapping[str, str] = {}
 
 
-def silent(_message: str) -> None:
-    """Tell nobody."""
-
-
 @dataclass(frozen=True)
 class FileKind(Generic[T]):
     """A kind of file: its name in the attribute `kind`, the stage that makes it, and the type of what its root holds."""
@@ -80,7 +76,7 @@ class FileKind(Generic[T]):
                 if steady.fault is not None:
                     raise steady.fault
 
-    def read(self, path: Path, warn: Warn = silent, unverified: bool = False) -> T:
+    def read(self, path: Path, warn: Warn = lambda _message: None, unverified: bool = False) -> T:
         """Return the record in a file; `warn` is told where nothing says that it is as it was written.
 
         Raises DataError as the module says, for a checksum that does not match only where it may not be `unverified`.
@@ -155,7 +151,7 @@ def write_segmentation(path: Path, curves: tuple[SegmentedCurve, ...], units: Ma
     SEGMENTATION_FILE.write(path, SegmentationFile(tuple(curves)), units)
 
 
-def read_segmentation(path: Path, warn: Warn = silent, unverified: bool = False) -> tuple[SegmentedCurve, ...]:
+def read_segmentation(path: Path, warn: Warn = lambda _message: None, unverified: bool = False) -> tuple[SegmentedCurve, ...]:
     """Read where the training curves are cut."""
     return SEGMENTATION_FILE.read(path, warn, unverified).curves
 

@@ -17,24 +17,8 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 import h5py
 import numpy as np
 
-from mapmore_cli.storage.artefacts.codecs import (
-    NO_UNIT,
-    Codec,
-    Label,
-    adapted,
-    added,
-    escaped,
-    named,
-    number,
-    numbered,
-    numbers,
-    optional,
-    pairs,
-    plain,
-    stored,
-    text,
-    texts,
-)
+from mapmore_cli.storage.artefacts import codecs
+from mapmore_cli.storage.artefacts.codecs import NO_UNIT, Codec, Label
 from mapmore_cli.storage.artefacts.integrity import Digest, Invalid, stored_at
 
 _DIMENSIONS = re.compile(r"\((\w+(?: or 0)?(?:, \w+)*)\) ")
@@ -116,21 +100,21 @@ class Schema:
                 field.codec.feed(digest, f"{where}/{field.name}", getattr(record, field.name))
 
 
-TEXT, REAL, COUNT, TEXTS = text(), number(float), number(int), texts()
-REALS, INDICES = numbers("<f8"), numbers("<i8")
-PAIR = adapted(REALS, store=list, load=lambda array: tuple(array.tolist()))
+TEXT, REAL, COUNT, TEXTS = codecs.text(), codecs.number(float), codecs.number(int), codecs.texts()
+REALS, INDICES = codecs.numbers("<f8"), codecs.numbers("<i8")
+PAIR = codecs.adapted(REALS, store=list, load=lambda array: tuple(array.tolist()))
 PLAIN: Mapping[Any, Codec] = {
     str: TEXT,
     float: REAL,
     int: COUNT,
-    bool: adapted(COUNT, store=int, load=bool),
+    bool: codecs.adapted(COUNT, store=int, load=bool),
     tuple[str, ...]: TEXTS,
     tuple[float, ...]: PAIR,
     tuple[float, float]: PAIR,
-    tuple[int, ...]: adapted(INDICES, store=list, load=lambda array: tuple(array.tolist())),
-    Mapping[str, float]: pairs(REALS),
-    Mapping[str, int]: pairs(INDICES),
-    Mapping[str, str]: pairs(TEXTS),
+    tuple[int, ...]: codecs.adapted(INDICES, store=list, load=lambda array: tuple(array.tolist())),
+    Mapping[str, float]: codecs.pairs(REALS),
+    Mapping[str, int]: codecs.pairs(INDICES),
+    Mapping[str, str]: codecs.pairs(TEXTS),
 }
 ARRAYS = {np.float64: "<f8", np.int64: "<i8", np.bool_: "|u1"}  # flags are not HDF5's enumeration, which MATLAB reads as text
 
@@ -145,14 +129,14 @@ def form_of(hint: Any, ndim: int = 1) -> Codec:
     if origin is Literal:
         return TEXT
     if origin in (Union, types.UnionType) and len(arguments) == 2 and arguments[1] is type(None):
-        return optional(form_of(arguments[0], ndim))
+        return codecs.optional(form_of(arguments[0], ndim))
     if origin is np.ndarray:
         number_of = get_args(arguments[1])[0]
-        return numbers(ARRAYS[number_of], ndim, "bool" if number_of is np.bool_ else None)
+        return codecs.numbers(ARRAYS[number_of], ndim, "bool" if number_of is np.bool_ else None)
     if origin is tuple and arguments[1:] == (...,):
-        return numbered(form_of(arguments[0]))
+        return codecs.numbered(form_of(arguments[0]))
     if origin in (dict, Mapping):
-        return named(form_of(arguments[1], ndim))
+        return codecs.named(form_of(arguments[1], ndim))
     if is_dataclass(hint):
         return nested(hint)  # type: ignore[arg-type]
     raise TypeError(f"values of {hint} cannot be stored")
@@ -204,7 +188,7 @@ def _field(declared: Any, hint: Any, layout: Layout) -> Field:
     codec = layout.codecs.get(declared.name) or form_of(hint, len(dimensions(description)) or 1)
     otherwise = declared.default_factory() if declared.default_factory is not MISSING else declared.default
     if otherwise is not MISSING and otherwise is not None and declared.name not in layout.always:
-        codec = added(codec, otherwise)
+        codec = codecs.added(codec, otherwise)
     unit = "1" if codec.form.startswith(("`float", "`int")) else NO_UNIT
     return Field(declared.name, codec, description, words[1] if words[1:] else unit)
 
@@ -225,7 +209,7 @@ def _parts_of(value: Any) -> Iterator[tuple[str, Any]]:
     if is_dataclass(value):
         yield "", value
     elif isinstance(value, Mapping):
-        yield from ((f"/{escaped(key)}", part) for key, part in value.items() if is_dataclass(part))
+        yield from ((f"/{codecs.escaped(key)}", part) for key, part in value.items() if is_dataclass(part))
     elif isinstance(value, tuple):
         yield from ((f"/{place:03d}", part) for place, part in enumerate(value) if is_dataclass(part))
 
@@ -239,7 +223,7 @@ def nested(type_: type) -> Codec:
     return Codec(
         _link(type_),
         write=lambda group, name, value, label: schema_of(type_).write_into(group.create_group(name), value, label),
-        read=lambda group, name: schema_of(type_).read_from(stored(group, name, "Group")),
+        read=lambda group, name: schema_of(type_).read_from(codecs.stored(group, name, "Group")),
         feed=lambda digest, where, value: schema_of(type_).feed(digest, where, value),
         types=(type_,),
     )
@@ -255,7 +239,7 @@ def variant(kinds: Mapping[str, type]) -> Codec:
         schema_of(type(value)).write_into(body, value, label)
 
     def read(group: h5py.Group, name: str) -> Any:
-        body = stored(group, name, "Group")
+        body = codecs.stored(group, name, "Group")
         with stored_at(body.name):
             word = body.attrs.get("kind")
         if not isinstance(word, str) or word not in kinds:
@@ -285,9 +269,9 @@ def rows(type_: type) -> Codec:
             column.write(table, field.name, [field.value_of(row) for row in value], field.label(label))
 
     def read(group: h5py.Group, name: str) -> tuple[Any, ...]:
-        table = stored(group, name, "Group")
+        table = codecs.stored(group, name, "Group")
         there = {field.name: column for field, column in columns.items() if defaults[field.name] is None or field.name in table}
-        cells = {key: plain(column.read(table, key)) for key, column in there.items()}
+        cells = {key: codecs.plain(column.read(table, key)) for key, column in there.items()}
         lengths = {len(column) for column in cells.values()}
         if len(lengths) > 1:
             raise Invalid(table.name, f"has columns of {min(lengths)} and of {max(lengths)} rows")

@@ -5,12 +5,13 @@ from __future__ import annotations
 import csv
 import math
 import warnings
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence, Set
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from itertools import chain, product, repeat
+from itertools import chain, islice, product, repeat
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -30,11 +31,10 @@ from mapmore_cli.storage.tables import (
     shortened,
 )
 from mapmore_cli.storage.tables.lines import (
-    Lines,
     faults_told,
     guess_encoding,
     is_number,
-    last_lines,
+    is_zipped,
     open_lines,
     open_quote,
     quote_left_open,
@@ -44,8 +44,8 @@ WHITESPACE = "whitespace"
 DELIMITERS = {"tab": "\t"}
 MARKS = ((";", "a semicolon"), ("\t", "a tab"))
 
-COMPARED, FEWEST_BEFORE = 50, 10
-"""Lines before the last one with which it is compared, and how many of them must hold numbers."""
+LAST, COMPARED, FEWEST_BEFORE = 200, 50, 10
+"""Last lines of a file that are looked at, those before the last one with which it is compared, and how many of these must be numbers."""
 
 CHUNK = 8192
 """Lines held as text at one time; where one of them is out of order, all of them are read record by record."""
@@ -74,8 +74,8 @@ def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
     DataError
         Empty, damaged or binary file; a missing column; a record with too few or too many fields; a field that is not a number.
     """
-    with faults_told(request.label), _decoding(path, request), open_lines(path, request.encoding, request.label) as lines:
-        return [_whole(_parse(lines, request), path, request)]
+    with faults_told(request.label), _decoding(path, request), open_lines(path, request.encoding, request.label) as (lines, raw):
+        return [_parse(lines, raw, request)]
 
 
 @contextmanager
@@ -90,31 +90,54 @@ def _decoding(path: Path, request: TableRequest) -> Iterator[None]:
         ) from error
 
 
-def _parse(lines: Lines, request: TableRequest) -> RawTable:
-    lines.take(request.skip_rows)
-    records = _records(lines, request)
+def _parse(lines: Iterator[str], raw: BinaryIO, request: TableRequest) -> RawTable:
+    deque(islice(lines, request.skip_rows), maxlen=0)
+    records = _records(lines, request, request.skip_rows)
     first = next((record for record in records if record[1]), None)
     if first is None:
         raise DataError(f"{request.label}: the file is empty")
     layout = _layout(first[1], request)
-    for _ in range(request.header - 1):
-        next(records, None)
-    parts = _parts(lines, records, [] if request.header else [first], layout, request)
-    begin = next(parts, None)
+    *_, (row, _) = [first, *islice(records, max(request.header - 1, 0))]
+    leading = [] if request.header else [values_of_records([first], layout, request)]
+    last: deque[str] = deque(maxlen=LAST)
+    blocks = chain(leading, _blocks(lines, row, layout, request, lambda: request.progress(raw.tell()), last))
+    begin = next(blocks, None)
     if begin is None:
         raise DataError(f"{request.label}: the file has a header but no data")
-    table = in_a_row(chain([begin], parts))
+    table = in_a_row(chain([begin], blocks))
     columns = np.ascontiguousarray(table.T) if table.flags.writeable else table.T  # what was spooled stays where it is
     rows = by_blocks(lambda numbers: numbers.astype(np.int64), columns[0])
-    return RawTable(dict(zip(request.columns, columns[1:], strict=True)), rows, request.label)
+    found = RawTable(dict(zip(request.columns, columns[1:], strict=True)), rows, request.label)
+    return found if is_zipped(raw) else _whole(found, last, request)
 
 
-def _records(lines: Lines, request: TableRequest) -> Iterator[Numbered]:
-    """Yield the records that begin with the next line, blank lines as records without fields; no line is taken before it is needed."""
-    if request.delimiter == WHITESPACE:
-        yield from ((lines.taken, line.split()) for line in lines)
-        return
+def _blocks(
+    lines: Iterator[str], row: int, layout: Layout, request: TableRequest, told: Callable[[], None], last: deque[str]
+) -> Iterator[Array]:
+    """Yield numbers and values of the lines after `row`, (n, 1 + columns), block by block; `last` gets the last lines."""
+    while block := list(islice(lines, CHUNK)):
+        last.extend(block)
+        end, values = row + len(block), values_of_lines(block, layout, request)
+        if values is not None:
+            yield np.column_stack([np.arange(row + 1, end + 1), values])
+            row = end
+        else:
+            found: list[Numbered] = []
+            for number, cells in _records(chain(block, lines), request, row):
+                found += [(number, cells)] if cells else []
+                if (row := number) >= end:
+                    break
+            if found:
+                yield values_of_records(found, layout, request)
+        told()
+
+
+def _records(lines: Iterator[str], request: TableRequest, row: int) -> Iterator[Numbered]:
+    """Yield the records of lines, of which `row` came before; blank lines are records without fields. No line is taken before its time."""
     delimiter = DELIMITERS.get(request.delimiter, request.delimiter)
+    if delimiter == WHITESPACE:
+        yield from ((number, line.split()) for number, line in enumerate(lines, start=row + 1))
+        return
     taken: list[str] = []
 
     def remembered() -> Iterator[str]:
@@ -125,11 +148,12 @@ def _records(lines: Lines, request: TableRequest) -> Iterator[Numbered]:
     try:
         for record in csv.reader(remembered(), delimiter=delimiter):
             if quote_left_open(taken, record, delimiter):
-                raise open_quote(request.label, lines.taken - len(taken) + 1)
+                raise open_quote(request.label, row + 1)
+            row += len(taken)
             taken.clear()
-            yield lines.taken, record if len(record) > 1 or (record and record[0].strip()) else []
+            yield row, record if len(record) > 1 or (record and record[0].strip()) else []
     except csv.Error as error:  # a field that is longer than any number
-        raise open_quote(request.label, lines.taken - len(taken) + 1) from error
+        raise open_quote(request.label, row + 1) from error
 
 
 def _layout(first: Sequence[str], request: TableRequest) -> Layout:
@@ -139,30 +163,6 @@ def _layout(first: Sequence[str], request: TableRequest) -> Layout:
         hint = "The first line holds numbers: give 0-based indices and say `header: false`."
     places = locate_columns(request, names, len(first), hint)
     return Layout(len(first), tuple(places.values()), tuple(column if names is None else names[at] for column, at in places.items()))
-
-
-def _parts(
-    lines: Lines, records: Iterator[Numbered], leading: Sequence[Numbered], layout: Layout, request: TableRequest
-) -> Iterator[Array]:
-    """Line numbers and values of the data, (n, 1 + columns), piece by piece; `leading` are records that have been taken already."""
-    if leading:
-        yield values_of_records(leading, layout, request)
-    while block := lines.take(CHUNK):
-        values, last = values_of_lines(block, layout, request), lines.taken
-        if values is not None:
-            yield np.column_stack([np.arange(last - len(values) + 1, last + 1), values])
-        else:
-            lines.put_back(block)
-            if found := list(_filled_until(last, lines, records)):
-                yield values_of_records(found, layout, request)
-        request.progress(lines.position)
-
-
-def _filled_until(end: int, lines: Lines, records: Iterator[Numbered]) -> Iterator[Numbered]:
-    """Yield records that are not blank, up to that which holds line `end`."""
-    while lines.taken < end and (record := next(records, None)):
-        if record[1]:
-            yield record
 
 
 def values_of_lines(lines: Sequence[str], layout: Layout, request: TableRequest) -> Array | None:
@@ -254,12 +254,11 @@ def _decimal_hint(cell: str) -> str | None:
     return 'Say `decimal: ","`.' if "," in cell else 'Say `decimal: "."`.' if "." in cell else None
 
 
-def _whole(table: RawTable, path: Path, request: TableRequest) -> RawTable:
+def _whole(table: RawTable, lines: Sequence[str], request: TableRequest) -> RawTable:
     """Return the table, without a last line that has no end and whose last number is shorter than all before it: 254.126 was cut to 2.
 
     Raises DataError for such a line where missing values are errors.
     """
-    lines = last_lines(path, request.encoding)
     if not lines or lines[-1].endswith(("\n", "\r")):
         return table
     delimiter = None if request.delimiter == WHITESPACE else DELIMITERS.get(request.delimiter, request.delimiter)
@@ -297,8 +296,8 @@ def peek_csv(path: Path, most: int) -> Iterable[Top]:
     """Return the first lines of a text file, cut in every way that is usual; those with decimal points first."""
     with faults_told(path.name):
         encoding = guess_encoding(path)
-        with open_lines(path, encoding, path.name, errors="replace") as taken:
-            lines = [line.rstrip("\r\n") for line in taken.take(most)]
+        with open_lines(path, encoding, path.name, errors="replace") as (taken, _):
+            lines = [line.rstrip("\r\n") for line in islice(taken, most)]
     if any("\0" in line for line in lines):
         raise DataError(f"{path.name}: is no text", "save the table as CSV")
     told = {} if encoding == "utf-8" else {"encoding": encoding}

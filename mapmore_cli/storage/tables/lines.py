@@ -1,4 +1,4 @@
-"""A text file from bytes to lines with their numbers, taken one by one or many at once; and text files written line by line."""
+"""A text file from bytes to lines with their numbers, one by one; and text files written line by line."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import zlib
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from itertools import islice
 from pathlib import Path
 from typing import IO, BinaryIO, TextIO, cast
 
@@ -20,7 +19,6 @@ from mapmore_cli.storage.atomic import written
 
 GZIP_MAGIC = b"\x1f\x8b"
 HEAD = 65536  # bytes by which the encoding is guessed
-TAIL = 16384  # bytes of the last lines
 MOSTLY = 0.7  # of every second byte, that is zero where plain letters are written in UTF-16
 UNDEFINED = bytes((0x81, 0x8D, 0x8F, 0x90, 0x9D))  # in cp1252
 
@@ -37,41 +35,6 @@ TEXT_ERRORS = "surrogateescape"
 TOLD_EVERY = 4096  # lines
 
 
-class Lines:
-    """An iterator over the lines of an open file, with their ends; `taken` counts them, so it is the number of the last one, from 1."""
-
-    def __init__(self, lines: Iterator[str], raw: IO[bytes]) -> None:
-        self.taken = 0
-        self._lines = lines
-        self._raw = raw
-        self._back: list[str] = []  # the next one last
-
-    def __iter__(self) -> Lines:
-        return self
-
-    def __next__(self) -> str:
-        line = self._back.pop() if self._back else next(self._lines)
-        self.taken += 1
-        return line
-
-    @property
-    def position(self) -> int:
-        """How many bytes of the file have been read."""
-        return self._raw.tell()
-
-    def take(self, count: int) -> list[str]:
-        """Return the next `count` lines, or as many as there are."""
-        lines = [self._back.pop() for _ in range(min(count, len(self._back)))]
-        lines += islice(self._lines, count - len(lines))
-        self.taken += len(lines)
-        return lines
-
-    def put_back(self, lines: list[str]) -> None:
-        """Have these, the last ones that were taken, taken again."""
-        self._back += reversed(lines)
-        self.taken -= len(lines)
-
-
 @contextmanager
 def faults_told(label: str) -> Iterator[None]:
     """Turn what opening, reading and unpacking say of a file into a DataError."""
@@ -83,7 +46,9 @@ def faults_told(label: str) -> Iterator[None]:
         raise DataError(f"{label}: cannot be read: {fault.strerror or fault}", "check the path") from fault
 
 
-def _is_zipped(raw: BinaryIO) -> bool:
+def is_zipped(raw: BinaryIO) -> bool:
+    """Whether an open file is gzipped, by its content."""
+    raw.seek(0)
     magic = raw.read(2)
     raw.seek(0)
     return magic == GZIP_MAGIC
@@ -94,14 +59,14 @@ def _unzipped(raw: BinaryIO, zipped: bool) -> IO[bytes]:
 
 
 @contextmanager
-def open_lines(path: Path, encoding: str, label: str, errors: str = "strict") -> Iterator[Lines]:
-    """Open the lines of a file, plain or gzipped (recognised by content), which end in LF, CR LF or CR."""
+def open_lines(path: Path, encoding: str, label: str, errors: str = "strict") -> Iterator[tuple[Iterator[str], BinaryIO]]:
+    """Open the lines of a file, plain or gzipped (recognised by content), which end in LF, CR LF or CR; and the file itself."""
     # utf-8-sig swallows a byte order mark; newline="" leaves CR, LF and CRLF to the parser
     encoding = "utf-8-sig" if codecs.lookup(encoding).name == "utf-8" else encoding
     with path.open("rb") as raw:
-        zipped = _is_zipped(raw)
+        zipped = is_zipped(raw)
         with io.TextIOWrapper(_unzipped(raw, zipped), encoding=encoding, errors=errors, newline="") as text:
-            yield Lines(bounded_lines(text, label, os.fstat(raw.fileno()).st_size if zipped else None), raw)
+            yield bounded_lines(text, label, os.fstat(raw.fileno()).st_size if zipped else None), raw
 
 
 def lines_of(path: Path, told: Callable[[int, int], None] = lambda _read, _size: None) -> Iterator[str]:
@@ -150,7 +115,7 @@ def bounded_lines(text: TextIO, label: str, packed: int | None = None) -> Iterat
 def guess_encoding(path: Path) -> str:
     """Return the encoding of a text file, plain or gzipped, as its beginning tells."""
     with path.open("rb") as raw:
-        return encoding_of(_unzipped(raw, _is_zipped(raw)).read(HEAD))
+        return encoding_of(_unzipped(raw, is_zipped(raw)).read(HEAD))
 
 
 def encoding_of(head: bytes) -> str:
@@ -166,16 +131,6 @@ def encoding_of(head: bytes) -> str:
     except UnicodeDecodeError:
         return "cp1252" if all(byte not in head for byte in UNDEFINED) else "latin-1"
     return "utf-8"
-
-
-def last_lines(path: Path, encoding: str) -> list[str]:
-    """Return some last lines of a text file, whole, with their ends; none of a gzipped file, which tells by itself where it was cut."""
-    with path.open("rb") as raw:
-        if _is_zipped(raw):
-            return []
-        # a whole number of characters of every encoding but UTF-8, whose first ones are left out
-        start = raw.seek(max(0, raw.seek(0, os.SEEK_END) - TAIL) // 4 * 4)
-        return raw.read().decode(encoding, "replace").splitlines(keepends=True)[1 if start else 0 :]
 
 
 def quote_left_open(lines: Sequence[str], cells: Sequence[str], delimiter: str) -> bool:
