@@ -213,7 +213,12 @@ def _places(log: Sequence[Recording]) -> list[Array]:
     """Where each sample stands in its log, from 0 to 1 over all pieces."""
     sizes = [piece.rows_kept for piece in log]
     whole, starts = max(sum(sizes), 1), np.cumsum([0, *sizes[:-1]]).tolist()
-    return [counted(lambda rows, start=start: (start + rows + 0.5) / whole, size) for start, size in zip(starts, sizes, strict=True)]
+
+    def shares(start: int, size: int) -> Array:
+        found: Array = counted(lambda rows: (start + rows + 0.5) / whole, size)
+        return found
+
+    return list(map(shares, starts, sizes))
 
 
 def join_branches(part: Part, cycles: Cycles, target: str) -> Part:

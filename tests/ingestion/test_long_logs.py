@@ -25,7 +25,7 @@ from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.spec.loader import load
 from mapmore_cli.storage import spool
 from mapmore_cli.storage.artefacts import codecs, read_dataset, write_dataset
-from mapmore_cli.storage.artefacts.integrity import Digest
+from mapmore_cli.storage.artefacts.codecs import Digest, Label
 from mapmore_cli.storage.artefacts.schema import schema_of
 from mapmore_cli.storage.run_record import load_records
 from mapmore_cli.storage.tables import lines
@@ -92,8 +92,8 @@ def outcome(folder: Path, data: dict[str, Any]) -> tuple[str, list[str]]:
     except MapmoreError as error:
         return str(error), []
     digest = Digest()
-    schema_of(Dataset).feed(digest, "", dataset)
-    return digest.text, warnings
+    schema_of(Dataset).store(digest, dataset, Label())
+    return digest.hash.hexdigest(), warnings
 
 
 @pytest.fixture

@@ -26,9 +26,8 @@ from mapmore_cli.domain.models import CurveFunction, Fusion, Model, Pieces, Segm
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
 from mapmore_cli.domain.results import FitResult, PiecesFit, Validation
 from mapmore_cli.storage import artefacts
-from mapmore_cli.storage.artefacts.codecs import NO_UNIT, Label, escaped
-from mapmore_cli.storage.artefacts.layout import SegmentationFile, described
-from mapmore_cli.storage.artefacts.schema import LAYOUTS, schema_of
+from mapmore_cli.storage.artefacts.codecs import NO_UNIT, Label, Writer, escaped
+from mapmore_cli.storage.artefacts.schema import LAYOUTS, SegmentationFile, described, schema_of
 
 KINDS: dict[str, tuple[Callable[..., None], Callable[[Path], Any], st.SearchStrategy[Any]]] = {
     "dataset": (artefacts.write_dataset, artefacts.read_dataset, records(Dataset)),
@@ -333,9 +332,9 @@ def stored(tmp_path: Path, record: Any) -> Any:
     """What comes back of a record from a file."""
     schema = schema_of(type(record))
     with h5py.File(tmp_path / "record.h5", "w") as file:
-        schema.write_into(file, record, Label())
+        schema.store(Writer(file), record, Label())
     with h5py.File(tmp_path / "record.h5") as file:
-        return schema.read_from(file)
+        return schema.read(file)
 
 
 def test_every_form_comes_back_and_what_is_not_stored_has_its_default(tmp_path: Path) -> None:
@@ -344,7 +343,7 @@ def test_every_form_comes_back_and_what_is_not_stored_has_its_default(tmp_path: 
     assert same(stored(tmp_path, spring), spring)
     with h5py.File(tmp_path / "record.h5", "a") as file:
         del file.attrs["turns"], file["sizes"]
-        found = schema_of(Spring).read_from(file)
+        found = schema_of(Spring).read(file)
     assert (found.turns, found.sizes) == (1, {})
 
 

@@ -27,7 +27,6 @@ from mapmore_cli.domain.motion import Motion, MotionSection
 from mapmore_cli.domain.recording import Signal
 from mapmore_cli.domain.results import PiecesFit
 from mapmore_cli.storage import artefacts
-from mapmore_cli.storage.artefacts import integrity
 from mapmore_cli.storage.artefacts.schema import Schema
 
 CURVE = "body/curves/000"
@@ -172,7 +171,7 @@ def test_what_the_format_does_not_know_is_refused_before_it_is_read(
     def read(*_: Any) -> Any:
         raise AssertionError("a value was read")
 
-    monkeypatch.setattr(Schema, "read_from", read)
+    monkeypatch.setattr(Schema, "read", read)
     with pytest.raises(DataError, match="is not a valid model: ") as caught:
         artefacts.read_model(model)
     assert words in caught.value.message
@@ -180,7 +179,7 @@ def test_what_the_format_does_not_know_is_refused_before_it_is_read(
 
 def test_many_texts_that_are_one_text_in_the_file_do_not_fill_the_memory(model: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With less room than the program gives them, which is quicker."""
-    monkeypatch.setattr(integrity, "ROOM", 1_000_000)
+    monkeypatch.setattr(artefacts, "ROOM", 1_000_000)
     many = put("notes", shape=(40_000,), dtype=h5py.string_dtype(), fillvalue="x" * 20_000)
     with pytest.raises(DataError, match="holds more text than the file can"):
         artefacts.read_model(changed(model, many))

@@ -7,6 +7,10 @@ files without a checksum.
 
 `units` of `write_segmentation` and `write_fit` are those of `units_of(dataset)`: the types written there do not know them.
 
+A file from a stranger is looked over before any value is read: HDF5 can point into other files of the computer, at one object a million
+times, or at gigabytes that take a kilobyte on the disk. The files of a run are plain trees of small arrays, so whatever else is in a file
+is refused by name.
+
 Format versions are read like semantic versions: a new major is refused by older programs, a new minor only adds fields.
 
 2.0  first released version: fits and models have a body of one kind; sums have signs and renamed inputs.
@@ -15,6 +19,7 @@ Format versions are read like semantic versions: a new major is refused by older
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -23,20 +28,29 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 import h5py
+from h5py import h5d, h5g, h5l, h5o, h5t, h5z
 
 from mapmore_cli.domain.errors import DataError, Doubt
 from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import FitResult, Validation
-from mapmore_cli.storage.artefacts.codecs import NO_UNIT, Label
-from mapmore_cli.storage.artefacts.integrity import CHECKSUM, Digest, Invalid, look_over, stored_at
-from mapmore_cli.storage.artefacts.layout import SegmentationFile
-from mapmore_cli.storage.artefacts.schema import check_lengths, schema_of
+from mapmore_cli.storage.artefacts.codecs import NO_UNIT, Digest, Invalid, Label, Writer, stored_at, texts_at_once, texts_left
+from mapmore_cli.storage.artefacts.schema import SegmentationFile, check_lengths, schema_of
 from mapmore_cli.storage.atomic import replacing
 from mapmore_cli.storage.run_record import refuse_newer
 
 FORMAT_VERSION = "2.1"
+
+CHECKSUM = "checksum"
+"""Attribute of the root: SHA-256 (hexadecimal) of all values in the file."""
+
+DEEPEST, MOST_ATTRIBUTES = 60, 100
+"""Groups within groups (ten sums of sums), and attributes of one object."""
+
+ROOM, RATIO = 64_000_000, 300
+"""Bytes that a file of any size may unpack to, and that one chunk may have; and beyond that, how many times its own size: columns that
+stand still shrink a thousandfold, whole recordings tenfold."""
 
 _ALTERED = "its values are not those that were written: the checksum does not match"
 _GET_ANOTHER = "get a fresh copy, or make it again with `mapmore run CONFIG`"
@@ -68,7 +82,7 @@ class FileKind(Generic[T]):
                     file.attrs["kind"] = self.name
                     file.attrs["format_version"] = FORMAT_VERSION
                     file.attrs["creator"] = "mapmore"
-                    schema_of(self.type).write_into(file, record, Label(scope=units))
+                    schema_of(self.type).store(Writer(file), record, Label(scope=units))
                     file.attrs[CHECKSUM] = self._checksum(record)
                     if provenance is not None:
                         _write_provenance(file, provenance)
@@ -86,8 +100,8 @@ class FileKind(Generic[T]):
             if found != self.name:
                 raise DataError(f"{path}: is a {found} file, not a {self.name} file", f"give a file that `mapmore {self.stage}` wrote")
             try:
-                look_over(file, path.stat().st_size)
-                record: T = schema_of(self.type).read_from(file)
+                _look_over(file, path.stat().st_size)
+                record: T = schema_of(self.type).read(file)
                 check_lengths(record)
                 doubt = self._doubt(file, version, record)
             except Invalid as fault:
@@ -110,8 +124,8 @@ class FileKind(Generic[T]):
 
     def _checksum(self, record: T) -> str:
         digest = Digest()
-        schema_of(self.type).feed(digest, "", record)
-        return digest.text
+        schema_of(self.type).store(digest, record, Label())
+        return str(digest.hash.hexdigest())
 
 
 DATASET_FILE = FileKind("dataset", "ingest", Dataset)
@@ -196,6 +210,62 @@ def _opened(path: Path) -> Iterator[h5py.File]:
         raise DataError(f"{path}: cannot be read ({why})", f"give a file that mapmore wrote; {_GET_ANOTHER}") from fault
     with file:
         yield file
+
+
+def _look_over(file: h5py.File, size: int) -> None:
+    """Raise Invalid for a file that is no plain tree of numbers and texts, or that unpacks to far more than its `size` in bytes.
+
+    No value is read. Refused are links of all kinds but one hard link to every object, data in other files (external storage, virtual
+    datasets), filters other than gzip and byte shuffle, types other than numbers and texts, and groups too deep.
+    """
+    most = room = ROOM + RATIO * size
+    texts_left.set(most)
+    texts_at_once.set(max(1, ROOM // max(size, 1)))
+    with stored_at(""):
+        seen = {h5o.get_info(file.id).addr}
+    open_groups: list[tuple[str, Any, int]] = [("", h5g.open(file.id, b"/"), 0)]
+    while open_groups:
+        path, group, depth = open_groups.pop()
+        links: list[tuple[bytes, int]] = []
+        with stored_at(path):
+            group.links.iterate(lambda name, info, links=links: links.append((name, info.type)), info=True)
+        for name, kind in links:
+            where = f"{path}/{name.decode(errors='replace')}"
+            if kind != h5l.TYPE_HARD:
+                raise Invalid(where, "is a link to somewhere else")
+            with stored_at(where):
+                info = h5o.get_info(group, name)
+            if info.addr in seen:
+                raise Invalid(where, "is linked more than once")
+            seen.add(info.addr)
+            if info.num_attrs > MOST_ATTRIBUTES:
+                raise Invalid(where, f"has {info.num_attrs} attributes")
+            if info.type not in (h5o.TYPE_GROUP, h5o.TYPE_DATASET):
+                raise Invalid(where, "is neither a group nor a dataset")
+            if info.type == h5o.TYPE_GROUP and depth == DEEPEST:
+                raise Invalid(where, f"lies more than {DEEPEST} groups deep")
+            with stored_at(where):
+                if info.type == h5o.TYPE_GROUP:
+                    open_groups.append((where, h5g.open(group, name), depth + 1))
+                else:
+                    room -= _bytes_of(h5d.open(group, name), where)
+            if room < 0:
+                raise Invalid(where, f"brings the file of {size} bytes to more than {most / 1e6:.0f} MB of values")
+
+
+def _bytes_of(dataset: Any, where: str) -> int:
+    """Bytes of the values of a dataset; Invalid where they do not lie plainly in this file."""
+    plist, kind = dataset.get_create_plist(), dataset.get_type()
+    layout, width = plist.get_layout(), int(kind.get_size())
+    if layout not in (h5d.COMPACT, h5d.CONTIGUOUS, h5d.CHUNKED) or plist.get_external_count():
+        raise Invalid(where, "takes its values from other files or datasets")
+    if {plist.get_filter(place)[0] for place in range(plist.get_nfilters())} - {h5z.FILTER_DEFLATE, h5z.FILTER_SHUFFLE}:
+        raise Invalid(where, "is packed by a filter other than gzip and byte shuffle")
+    if kind.get_class() not in (h5t.FLOAT, h5t.INTEGER, h5t.STRING):
+        raise Invalid(where, "holds neither numbers nor texts")
+    if layout == h5d.CHUNKED and math.prod(plist.get_chunk()) * width > ROOM:
+        raise Invalid(where, f"is cut into chunks of more than {ROOM // 10**6} MB")
+    return int(math.prod(dataset.shape)) * width
 
 
 class SteadyFile(FileIO):
