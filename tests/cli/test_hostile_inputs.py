@@ -81,7 +81,7 @@ def test_a_very_long_line_is_refused(tmp_path: Path) -> None:
 def test_a_packed_file_that_unpacks_to_hundreds_of_times_its_size_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import gzip
 
-    monkeypatch.setattr("mapmore_cli.storage.tables.lines.BOMB_SIZE", 1_000_000)
+    monkeypatch.setattr("mapmore_cli.storage.tables.BOMB_SIZE", 1_000_000)
     path = tmp_path / "a.csv.gz"
     path.write_bytes(gzip.compress(b"strain,force\n" + b"0,1\n" * 1_000_000))
     with pytest.raises(DataError, match="unpacks from"):

@@ -7,7 +7,6 @@ import math
 import warnings
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence, Set
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import chain, islice, product, repeat
 from pathlib import Path
@@ -27,11 +26,12 @@ from mapmore_cli.storage.tables import (
     Top,
     locate_columns,
     number_of,
+    reading,
     seconds_of_stamp,
     shortened,
 )
 from mapmore_cli.storage.tables.lines import (
-    faults_told,
+    UNREADABLE,
     guess_encoding,
     is_number,
     is_zipped,
@@ -74,20 +74,16 @@ def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
     DataError
         Empty, damaged or binary file; a missing column; a record with too few or too many fields; a field that is not a number.
     """
-    with faults_told(request.label), _decoding(path, request), open_lines(path, request.encoding, request.label) as (lines, raw):
-        return [_parse(lines, raw, request)]
-
-
-@contextmanager
-def _decoding(path: Path, request: TableRequest) -> Iterator[None]:
-    try:
-        yield
-    except UnicodeError as error:
-        byte = f" (byte 0x{error.object[error.start]:02x})" if isinstance(error, UnicodeDecodeError) else f" ({error})"
-        raise DataError(
-            f"{request.label}: not a text file in {request.encoding.upper()}{byte}",
-            f"say `encoding: {guess_encoding(path)}`, which its bytes look like, or save the table in UTF-8",
-        ) from error
+    with reading(request.label, "gzip file", UNREADABLE):
+        try:
+            with open_lines(path, request.encoding, request.label) as (lines, raw):
+                return [_parse(lines, raw, request)]
+        except UnicodeError as error:
+            byte = f" (byte 0x{error.object[error.start]:02x})" if isinstance(error, UnicodeDecodeError) else f" ({error})"
+            raise DataError(
+                f"{request.label}: not a text file in {request.encoding.upper()}{byte}",
+                f"say `encoding: {guess_encoding(path)}`, which its bytes look like, or save the table in UTF-8",
+            ) from error
 
 
 def _parse(lines: Iterator[str], raw: BinaryIO, request: TableRequest) -> RawTable:
@@ -294,7 +290,7 @@ def _is_cut_short(last: str, before: Sequence[str], decimal: str) -> bool:
 
 def peek_csv(path: Path, most: int) -> Iterable[Top]:
     """Return the first lines of a text file, cut in every way that is usual; those with decimal points first."""
-    with faults_told(path.name):
+    with reading(path.name, "gzip file", UNREADABLE):
         encoding = guess_encoding(path)
         with open_lines(path, encoding, path.name, errors="replace") as (taken, _):
             lines = [line.rstrip("\r\n") for line in islice(taken, most)]

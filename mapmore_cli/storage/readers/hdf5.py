@@ -16,11 +16,8 @@ from typing import Any
 import numpy as np
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.tables import TableRequest, reading
+from mapmore_cli.storage.tables import TableRequest, reading, refuse_bombs
 from mapmore_cli.storage.tables.members import Member, Selection, group_of, tree_reader
-
-MOST_VALUES, RATIO = 32_000_000, 100
-"""Bytes of all arrays of a file that unpacks, and beyond that how many times its own size; logs shrink to a tenth, at most a fiftieth."""
 
 
 @contextmanager
@@ -136,12 +133,6 @@ def object_of_matlab(name: str, of_class: str) -> DataError:
 
 _read: ContextVar[dict[str, int]] = ContextVar("_read")
 """Bytes of each array of the open file that was read so far, by its name."""
-
-
-def refuse_bombs(label: str, unpacked: float, packed: int) -> None:
-    """Raise DataError for a file whose arrays declare to be far more than it holds, before a value is read."""
-    if unpacked > max(MOST_VALUES, RATIO * packed):
-        raise DataError(f"{label}: unpacks from {packed / 1e6:.2g} MB to {unpacked / 1e6:.0f} MB", "save the measurements alone")
 
 
 def _refuse_other_files(file: Any, label: str) -> None:

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from mapmore_cli.storage.readers.hdf5 import object_of_matlab, opened_hdf5, refuse_bombs
-from mapmore_cli.storage.tables import TableRequest, reading
+from mapmore_cli.storage.readers.hdf5 import object_of_matlab, opened_hdf5
+from mapmore_cli.storage.tables import TableRequest, reading, refuse_bombs
 from mapmore_cli.storage.tables.members import EVERY, Member, group_of, parse_address, tree_reader
 
 KIND = "MAT file"
@@ -81,7 +81,7 @@ def _refuse_packed(stream: Any, label: str) -> None:
         while rest and not unpacker.eof:
             unpacked += len(unpacker.decompress(rest, 1 << 20))
             rest = unpacker.unconsumed_tail
-            refuse_bombs(label, unpacked, size)
+            refuse_bombs(f"{label}: the file", unpacked, size)
     stream.seek(0)
 
 

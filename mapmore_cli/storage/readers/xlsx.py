@@ -26,10 +26,8 @@ from mapmore_cli.storage.tables import (
     number_of,
     optional_library,
     reading,
+    refuse_bombs,
 )
-
-BOMB_RATIO = 200  # sheets of measurements shrink to a fifth or a tenth when zipped
-BOMB_SIZE = 100_000_000  # bytes unpacked, from which the ratio matters
 
 MOST_ROWS = 1_048_576  # of a sheet, as Excel has it
 MOST_SHEETS = 1000
@@ -86,10 +84,7 @@ def _refuse_bombs(path: Path, label: str) -> None:
         if sheets > MOST_SHEETS:
             raise DataError(f"{label}: has {sheets} sheets, more than {MOST_SHEETS}", "split the workbook, or save the tables as CSV")
         for member in archive.infolist():
-            if member.file_size > max(BOMB_SIZE, BOMB_RATIO * member.compress_size):
-                sizes = f"{member.compress_size / 1e6:.2g} MB to {member.file_size / 1e6:.2g} MB"
-                remedy = "Such a workbook does not hold measurements; save the table as CSV."
-                raise DataError(f"{label}: {member.filename} unpacks from {sizes}", remedy)
+            refuse_bombs(f"{label}: {member.filename}", member.file_size, member.compress_size)
 
 
 def _sheets(book: Any, request: TableRequest) -> list[tuple[str | None, Any]]:

@@ -21,15 +21,11 @@ SourceColumn = str | int
 """A column of a file: the name in its header, its 0-based index, or an address as `run.P`."""
 
 
-def _untold(_bytes: int) -> None:
-    """Nobody waits for what was read."""
-
-
 @dataclass(frozen=True)
 class TableRequest:
-    """Which columns of a file are wanted, and what its reader has to know; `label` is how messages name the file.
+    """Which columns of a file are wanted, and what its reader has to know; requests are equal that read a file in the same way.
 
-    - `columns`: the wanted columns.
+    - `label`, `columns`: how messages name the file, and the wanted columns.
     - `header`: number of header lines, the first of which holds the names (text, sheets).
     - `skip_rows`: lines before the header (text, sheets).
     - `delimiter`: one character, `tab`, or `whitespace`: any run of blanks and tabs (text).
@@ -42,8 +38,8 @@ class TableRequest:
     - `progress`: told now and then how many bytes of the file have been read (text, the only format of which a long file takes long).
     """
 
-    label: str
-    columns: tuple[SourceColumn, ...]
+    label: str = field(compare=False)
+    columns: tuple[SourceColumn, ...] = field(compare=False)
     header: int = 1
     skip_rows: int = 0
     delimiter: str = ","
@@ -53,7 +49,7 @@ class TableRequest:
     root: str | None = None
     missing: frozenset[str] = frozenset()
     incomplete: bool = False
-    progress: Callable[[int], None] = _untold
+    progress: Callable[[int], None] = field(default=lambda _bytes: None, compare=False)
 
 
 @dataclass(frozen=True)
@@ -152,9 +148,12 @@ def known_names(name: str, known: Sequence[str], introduction: str, most: int = 
     return f"{guess}{introduction}: {', '.join(known[:most])}{more}."
 
 
+Faults = type[Exception] | tuple[type[Exception], ...]
+
+
 @contextmanager
-def reading(label: str, kind: str) -> Iterator[None]:
-    """Turn whatever a parser raises on a damaged file into a DataError that names the file; one that lacks the name gets it.
+def reading(label: str, kind: str, damage: Faults = Exception) -> Iterator[None]:
+    """Turn what a parser raises on a damaged file into a DataError that names the file; one that lacks the name gets it.
 
     The parsers of binary formats raise a dozen kinds (KeyError, struct.error, zlib.error, XML errors, MemoryError for a length that
     is nonsense), all of which mean the same to the user. A NameError or an ImportError is a fault of the program, and passes.
@@ -165,16 +164,27 @@ def reading(label: str, kind: str) -> Iterator[None]:
         if label not in error.message:
             error.message = f"{label}: {error.message}"
         raise
-    except Exception as error:
+    except damage as error:
         if isinstance(error, ImportError) or type(error) is NameError:  # SciPy has an UnboundLocalError for some damaged files
             raise
         if isinstance(error, OSError) and error.errno is not None:
-            raise DataError(f"{label}: cannot be read: {error.strerror or error}") from error
+            raise DataError(f"{label}: cannot be read: {error.strerror or error}", "check the path") from error
         reason = " ".join(str(error).split()) or type(error).__name__
         raise DataError(
             f"{label}: the file is damaged, or is no {kind}: {reason[:150]}",
             "open it in the program that wrote it and save it again; if it was cut off while copying, get it again",
         ) from error
+
+
+BOMB_SIZE, BOMB_RATIO = 100_000_000, 200
+"""Bytes unpacked from which on it matters how many times larger they are than packed: logs shrink to a tenth, at most to a fiftieth."""
+
+
+def refuse_bombs(where: str, unpacked: float, packed: int) -> None:
+    """Raise DataError for what unpacks, or declares to, to far more than a log that was packed."""
+    if unpacked > max(BOMB_SIZE, BOMB_RATIO * packed):
+        sizes = f"from {packed / 1e6:.2g} MB to {unpacked / 1e6:.0f} MB or more"
+        raise DataError(f"{where} unpacks {sizes}", "save the measurements alone, or unpack them, if that is right")
 
 
 def optional_library(module: str, package: str, label: str) -> ModuleType:
@@ -284,7 +294,7 @@ def read_with(reader: Reader, path: Path, request: TableRequest) -> list[RawTabl
     path = path.resolve()
     for place, before, tables in kept:
         enough = before.columns == request.columns or ("header" in reader.keys and {*request.columns} <= {*before.columns})
-        if place == path and enough and _bare(before) == _bare(request):
+        if place == path and enough and before == request:
             request.progress(path.stat().st_size)
             labels = (request.label + table.label[len(before.label) :] for table in tables)
             wanted = ({name: table.columns[name] for name in request.columns} for table in tables)
@@ -293,8 +303,3 @@ def read_with(reader: Reader, path: Path, request: TableRequest) -> list[RawTabl
     if sum(table.size * (1 + len(table.columns)) for *_, tables in [*kept, (path, request, found)] for table in tables) <= MOST_NUMBERS:
         kept.append((path, request, found))
     return list(found)
-
-
-def _bare(request: TableRequest) -> TableRequest:
-    """Return the request without what does not change how a file is read."""
-    return replace(request, columns=(), label="", progress=_untold)

@@ -16,8 +16,8 @@ from typing import IO, BinaryIO, TextIO, cast
 
 from mapmore_cli.domain.errors import DataError, WriteError
 from mapmore_cli.storage.atomic import written
+from mapmore_cli.storage.tables import reading, refuse_bombs
 
-GZIP_MAGIC = b"\x1f\x8b"
 HEAD = 65536  # bytes by which the encoding is guessed
 MOSTLY = 0.7  # of every second byte, that is zero where plain letters are written in UTF-16
 UNDEFINED = bytes((0x81, 0x8D, 0x8F, 0x90, 0x9D))  # in cp1252
@@ -25,25 +25,14 @@ UNDEFINED = bytes((0x81, 0x8D, 0x8F, 0x90, 0x9D))  # in cp1252
 LONGEST = 10_000_000
 """Characters of a line; a file of megabytes without a line end is no table."""
 
-BOMB_SIZE, BOMB_RATIO = 100_000_000, 200
-"""Bytes unpacked from which on it matters how many times larger they are than packed: logs shrink to a tenth, at most to a fiftieth."""
-
 BLOCK = 1 << 17
 """Characters that are read at once: what is computed of them stays in the processor's cache."""
 
 TEXT_ERRORS = "surrogateescape"
 TOLD_EVERY = 4096  # lines
 
-
-@contextmanager
-def faults_told(label: str) -> Iterator[None]:
-    """Turn what opening, reading and unpacking say of a file into a DataError."""
-    try:
-        yield
-    except (EOFError, zlib.error, gzip.BadGzipFile) as fault:
-        raise DataError(f"{label}: the file is damaged: {fault}", "it may have been cut off while copying; get it again") from fault
-    except OSError as fault:
-        raise DataError(f"{label}: cannot be read: {fault.strerror or fault}", "check the path") from fault
+UNREADABLE = (OSError, EOFError, zlib.error)
+"""What opening, reading and unpacking raise."""
 
 
 def is_zipped(raw: BinaryIO) -> bool:
@@ -51,7 +40,7 @@ def is_zipped(raw: BinaryIO) -> bool:
     raw.seek(0)
     magic = raw.read(2)
     raw.seek(0)
-    return magic == GZIP_MAGIC
+    return magic == b"\x1f\x8b"
 
 
 def _unzipped(raw: BinaryIO, zipped: bool) -> IO[bytes]:
@@ -74,7 +63,7 @@ def lines_of(path: Path, told: Callable[[int, int], None] = lambda _read, _size:
 
     `told` is told now and then how many bytes of the file have been read, and how many it has.
     """
-    with faults_told(str(path)), path.open("rb") as raw:
+    with reading(str(path), "gzip file", UNREADABLE), path.open("rb") as raw:
         size = os.fstat(raw.fileno()).st_size if raw.seekable() else 0  # a pipe has no size and no place
         with as_text(_unzipped(raw, path.suffix == ".gz")) as text:
             for number, line in enumerate(bounded_lines(text, str(path))):
@@ -96,8 +85,8 @@ def bounded_lines(text: TextIO, label: str, packed: int | None = None) -> Iterat
     rest, number, size = "", 0, 0
     while chunk := text.read(BLOCK):
         size += len(chunk)
-        if packed is not None and size > max(BOMB_SIZE, BOMB_RATIO * packed):
-            raise DataError(f"{label}: unpacks from {packed / 1e6:.2g} MB to more than {size / 1e6:.0f} MB", "unpack it, if it is right so")
+        if packed is not None:
+            refuse_bombs(f"{label}: the file", size, packed)
         end = chunk.rfind("\n") + 1 or chunk.rfind("\r", 0, -1) + 1  # a CR at the end may go on with LF
         if not end:
             rest += chunk
