@@ -242,27 +242,25 @@ def joined_curves(parts: Sequence[Part], held_out: Sequence[BoolArray], levels: 
     for number, part in sorted(enumerate(parts), key=lambda pair: 0.0 if pair[1].level is None else pair[1].level):
         key = part.recording.id if levels is None or part.level is None else f"{levels.of}={part.level:g}"
         groups.setdefault(key, []).append(number)
-    curves = (_joined(key, [parts[i] for i in group], [held_out[i] for i in group]) for key, group in groups.items())
-    return tuple(_at_level(curve, levels.of) if levels is not None and levels.nominal else curve for curve in curves)
+    nominal = levels.of if levels is not None and levels.nominal else None
+    return tuple(_joined(key, [parts[i] for i in group], [held_out[i] for i in group], nominal) for key, group in groups.items())
 
 
-def _at_level(curve: Curve, of: str) -> Curve:
-    """Return the curve with the value of its level in the place of what was measured."""
-    ranges = {name: known for name, known in curve.measured.items() if name != of}
-    return replace(curve, columns={**curve.columns, of: np.full(curve.size, curve.level, dtype=float)}, measured=ranges)
-
-
-def _joined(key: str, parts: Sequence[Part], masks: Sequence[BoolArray]) -> Curve:
+def _joined(key: str, parts: Sequence[Part], masks: Sequence[BoolArray], nominal: str | None) -> Curve:
+    """Return the curve of some parts; the value of their level takes the place of what was measured of the quantity `nominal`."""
     columns = dict(parts[0].columns)
     if len(parts) > 1:  # else the samples themselves: a long recording is not copied without need
         columns = {name: joined([part.columns[name] for part in parts]) for name in columns}
     plateau = columns.pop(PLATEAU, None)
     at_rest = None if plateau is None else plateau == 1.0
     ends = np.cumsum([part.size for part in parts])
+    if nominal is not None:
+        columns[nominal] = np.full(int(ends[-1]), parts[0].level, dtype=float)
     origin = counted(lambda rows: np.searchsorted(ends, rows, side="right"), int(ends[-1]))
     training = [part.measured for part, mask in zip(parts, masks, strict=True) if not mask.all()]
+    measured = {name: known for name, known in united(training).items() if name != nominal}
     names = tuple(part.recording.id for part in parts)
-    return Curve(key, parts[0].level, columns, np.concatenate(masks), names, at_rest, origin, united(training))
+    return Curve(key, parts[0].level, columns, np.concatenate(masks), names, at_rest, origin, measured)
 
 
 # Offsets of groups: what a specimen or a session adds to the target, whatever the inputs --------------------------------------------------

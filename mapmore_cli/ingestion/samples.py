@@ -117,10 +117,12 @@ def _in_model_units(raw: RawTable, table: Logs, missing: Sequence[float], units:
         columns["time"] = counted(lambda rows: table.every * rows * step, len(raw.rows[taken]))
     for name, column in table.columns.items():
         if column.rest is not None:
-            rest = _mean_at_rest(columns[name], columns["time"], convert(column.rest, "s", units["time"]))
-            if rest is None:
+            time, values = columns["time"], columns[name]
+            since = time - next(iter(time[np.isfinite(time)]), np.nan)
+            resting = np.isfinite(values) & (since <= convert(column.rest, "s", units["time"]))
+            if not resting.any():
                 raise DataError(f"{raw.label}: {name} has no value in the first {column.rest:g} s", "Lengthen `rest`, or mend the file.")
-            columns[name] = by_blocks(partial(np.add, -rest), columns[name])
+            columns[name] = by_blocks(partial(np.add, -float(values[resting].mean())), values)
     return Samples(columns, raw.rows[taken], raw.label, raw.place, raw.element, raw.doubts)
 
 
@@ -137,13 +139,6 @@ def unwrapped(values: Array, period: float) -> Array:
     found, known = values.copy(), np.isfinite(values)
     found[known] = np.unwrap(values[known], period=period)
     return found
-
-
-def _mean_at_rest(values: Array, time: Array, rest: float) -> float | None:
-    """Return the mean over the first `rest` of a recording; None where there is no value in it."""
-    first = next(iter(time[np.isfinite(time)]), np.nan)
-    resting = np.isfinite(values) & (time - first <= rest)
-    return float(values[resting].mean()) if resting.any() else None
 
 
 def without_missing(samples: Samples, table: Logs, missing: str) -> Samples:
@@ -186,11 +181,13 @@ def _evaluated(expression: terms.Expression, samples: Samples) -> Array:
     return values
 
 
-def kept(samples: Samples, condition: Keep, units: Mapping[str, str]) -> Samples:
-    """Return the samples that fulfil a condition."""
-    name = condition.quantity
-    fulfils, reason = _condition(condition, name, "" if units[name] == "1" else f" {units[name]}")
-    return samples.keep(by_blocks(fulfils, samples.columns[name]), reason)
+def kept(samples: Samples, conditions: Sequence[Keep], units: Mapping[str, str]) -> Samples:
+    """Return the samples that fulfil all conditions, the others noted under the first that they do not."""
+    for condition in conditions:
+        name = condition.quantity
+        fulfils, reason = _condition(condition, name, "" if units[name] == "1" else f" {units[name]}")
+        samples = samples.keep(by_blocks(fulfils, samples.columns[name]), reason)
+    return samples
 
 
 def _condition(condition: Keep, name: str, unit: str) -> tuple[Callable[[Array], BoolArray], str]:
