@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.ingestion.files import expand, relative_name
 from mapmore_cli.spec.units import convert, default_unit
-from mapmore_cli.storage.globs import expand, relative_name
 from mapmore_cli.storage.readers import READERS, reader_of
 from mapmore_cli.storage.tables.lines import lines_of
 from mapmore_cli.study.drafting.columns import LARGEST_FRACTION, POSITIONS

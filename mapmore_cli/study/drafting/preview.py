@@ -14,7 +14,7 @@ from typing import Any
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import reader_of, suffix_of
-from mapmore_cli.storage.tables.table import Top
+from mapmore_cli.storage.tables import Top
 from mapmore_cli.study.inspection.names import UNIT
 
 WIDEST, LINES = 2000, 200  # columns, and lines of a table, that `init` looks at

@@ -16,12 +16,11 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.ingestion.dataset import build_dataset
-from mapmore_cli.ingestion.files import IngestSlice
+from mapmore_cli.ingestion.files import IngestSlice, relative_name
 from mapmore_cli.ingestion.samples import unwrapped
 from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.spec.units import convert, default_unit, is_canonical
-from mapmore_cli.storage.globs import relative_name
-from mapmore_cli.storage.tables.text import NotANumber
+from mapmore_cli.storage.tables import NotANumber
 from mapmore_cli.study.drafting.answers import Answers
 from mapmore_cli.study.drafting.columns import Table, guess_columns, names_of, span, told_guesses, turn_of
 from mapmore_cli.study.drafting.draft import Column, Draft, Guess, range_of

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.spec.units import convert, parse_quantity
-from mapmore_cli.storage.tables.table import remembered
+from mapmore_cli.storage.tables import remembered
 from mapmore_cli.study.drafting.answers import NOTHING_SAID, Answers, Ask, asked_columns, asked_length, asked_rest
 from mapmore_cli.study.drafting.columns import POSITIONS, Table, count_pressures, guess_columns, guess_others, span, told_guesses
 from mapmore_cli.study.drafting.draft import Draft, Guess

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from recorded import checked, drafted, drafts, write
 
+from mapmore_cli.ingestion.files import expand
 from mapmore_cli.pipeline.search import reads
-from mapmore_cli.storage.globs import expand
 from mapmore_cli.study.drafting.answers import Answers
 from mapmore_cli.study.drafting.draft import Draft
 
