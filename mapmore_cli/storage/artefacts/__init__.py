@@ -20,6 +20,8 @@ Format versions are read like semantic versions: a new major is refused by older
 from __future__ import annotations
 
 import math
+import signal
+import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -74,7 +76,7 @@ class FileKind(Generic[T]):
 
         Raises WriteError where the disk is full.
         """
-        with replacing(path) as place:
+        with replacing(path) as place, _interrupted_later():
             steady = SteadyFile(place.fileno(), "r+b", closefd=False)
             try:
                 # Settled versions and no times: two writes give the same bytes, and old readers understand them.
@@ -266,6 +268,21 @@ def _bytes_of(dataset: Any, where: str) -> int:
     if layout == h5d.CHUNKED and math.prod(plist.get_chunk()) * width > ROOM:
         raise Invalid(where, f"is cut into chunks of more than {ROOM // 10**6} MB")
     return int(math.prod(dataset.shape)) * width
+
+
+@contextmanager
+def _interrupted_later() -> Iterator[None]:
+    """Let Ctrl-C wait: what is raised while HDF5 calls back is lost, and the program goes on as if nobody had asked it to end."""
+    ours = threading.current_thread() is threading.main_thread() and callable(signal.getsignal(signal.SIGINT))
+    heard: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _frame: heard.append(number)) if ours else None
+    try:
+        yield
+    finally:
+        if before is not None:
+            signal.signal(signal.SIGINT, before)
+    for number in heard[:1]:
+        signal.raise_signal(number)
 
 
 class SteadyFile(FileIO):
