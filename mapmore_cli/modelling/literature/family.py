@@ -135,9 +135,6 @@ class Family(Formula):
         text = f"zero + ({_scale_text(self.settings, self.metres)})*({PRINTED})"
         return substitute(parse(text), {name: Number(value) for name, value in fit.parameters.items()})
 
-    def _check_linearity(self) -> None:
-        """Accept all: nothing needs to be linear for a fit of its own."""
-
 
 def _ends(y: Array) -> tuple[float, float]:
     """Force when slack, and the largest force beyond it."""

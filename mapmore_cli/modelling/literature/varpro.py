@@ -7,15 +7,15 @@ taken, and those that are nearly as deep are its rivals.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
-from functools import cache
+from collections.abc import Callable, Sequence
+from functools import cache, partial
+from typing import Any
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.literature import linear
-from mapmore_cli.modelling.literature.descent import DISTINCT, RIVAL, STARTS, Bounds, End, descend, draw, lowest, onto_bounds, rivals
+from mapmore_cli.modelling.literature.descent import DISTINCT, RIVAL, STARTS, End, descend, draw, lowest, onto_bounds, rivals
 from mapmore_cli.modelling.literature.problem import Problem, Solution, at_limit, failure
 
 METHOD = "variable projection"
@@ -23,11 +23,8 @@ METHOD = "variable projection"
 SCAN_POINTS = 24  # in each interval of the coordinate
 STACK = 2**18  # rows times places of the scan that are computed at once
 HALF_DIGITS = 1e-4  # relative distance within which the lowest sum of squares surely places the minimum
-DIGITS = 1e-13  # relative length of a step below which a place has all the digits that it can have
-NOISY = 1e-6  # relative length of a step below which the slopes at its ends differ by little more than rounding
-FAR = 1e-2  # relative length of a step to the minimum of all samples that is not to be trusted
-TINY = 1e-300  # no absolute end of the digits
-STEPS = 30  # most of them: a dozen do, and more only go about in rounding
+DIGITS = 1e-13  # relative distance within which a place has all the digits that it can have
+FAR = 1e-3  # relative distance from the minimum of means to that of all samples, beyond which it is looked for anew
 WORTH_REFINING = 4.0  # times the lowest sum of squares of the scan, up to which a valley is refined
 FLAT = 1e-10  # relative change of the sum of squares over the whole scan
 ROUNDING = 1e-24  # of y'y: sums of squares below are rounding
@@ -47,9 +44,10 @@ def fit(problem: Problem) -> Solution:
     parameter, few = problem.nonlinear[0], problem.condensed()
     grids = np.array([np.geomspace(*interval, SCAN_POINTS) for interval in parameter.intervals])
     sse = _sse(few, grids.ravel()).reshape(grids.shape)
-    if _flat(sse, problem.y):
+    if float(np.ptp(sse)) <= FLAT * float(sse.min()) + ROUNDING * float(problem.y @ problem.y):
         c = min(grids.flat, key=lambda c: abs(np.log(abs(c))))
-        return _solution(problem, c, "converged", (f"{parameter.name} is arbitrary: every value fits these data equally well",))
+        arbitrary = f"{parameter.name} is arbitrary: every value fits these data equally well"
+        return Solution(_project(problem, c).beta, np.array([c]), "converged", METHOD, (arbitrary,))
     places = _valleys(sse)
     valleys = [_refine(few, grids[number], i) for number, i in places]
     depths = _sse(few, np.array([c for c, _ in valleys]))
@@ -57,11 +55,12 @@ def fit(problem: Problem) -> Solution:
     c, status = valleys[deepest]
     if few is not problem and status == "converged":
         number, i = places[deepest]
-        c = _finished(problem, few, c) or _refine(problem, grids[number], i)[0]
-    solution = _solution(problem, c, status, (at_limit(parameter, c),) if status == "at_bound" else ())
-    least, rivals = depths[deepest], np.argsort(depths, kind="stable")
-    near = [valleys[other][0] for other in rivals if (1 + DISTINCT) * least < depths[other] <= RIVAL * least]
-    return replace(solution, rivals=tuple((_project(problem, other).beta, np.array([other])) for other in near))
+        c = _zero(partial(_slope, problem), c - FAR * abs(c), c + FAR * abs(c)) or _refine(problem, grids[number], i)[0]
+    notes = (at_limit(parameter, c),) if status == "at_bound" else ()
+    least, by_depth = depths[deepest], np.argsort(depths, kind="stable")
+    near = [valleys[other][0] for other in by_depth if (1 + DISTINCT) * least < depths[other] <= RIVAL * least]
+    (beta, at), *others = ((_project(problem, place).beta, np.array([place])) for place in (c, *near))
+    return Solution(beta, at, status, METHOD, notes, tuple(others))
 
 
 def _valleys(sse: Array) -> list[tuple[int, int]]:
@@ -72,59 +71,29 @@ def _valleys(sse: Array) -> list[tuple[int, int]]:
     return sorted(places, key=lambda at: float(sse[at]))
 
 
-def _flat(sse: Array, y: Array) -> bool:
-    return float(np.ptp(sse)) <= FLAT * float(sse.min()) + ROUNDING * float(y @ y)
-
-
 def _refine(problem: Problem, grid: Array, i: int) -> tuple[float, str]:
     """Return the lowest point of the valley around `grid[i]`, and the status of having got there."""
-    from scipy.optimize import brentq
+    from scipy.optimize import minimize_scalar
 
     lower, c, upper = float(grid[max(i - 1, 0)]), float(grid[i]), float(grid[min(i + 1, len(grid) - 1)])
-
-    @cache
-    def slope(place: float) -> float:
-        return _slope(problem, place)
-
+    slope = cache(partial(_slope, problem))
     outward = slope(c)
     if (i == 0 and outward >= 0) or (i == len(grid) - 1 and outward <= 0):
         return c, "at_bound"
-    left, right = (lower, c) if outward > 0 else (c, upper)
-    if not slope(left) < 0 < slope(right):
-        c = _lowest(problem, lower, upper, 1e-8 * abs(c))
+    found = _zero(slope, lower, c) if outward > 0 else _zero(slope, c, upper)
+    if found is None:
+        options: Any = {"xatol": 1e-8 * abs(c)}
+        c = float(minimize_scalar(lambda at: _sse(problem, np.array([at]))[0], bounds=(lower, upper), method="bounded", options=options).x)
         # A lowest value shows only half the digits of its place; the zero of the slope shows the rest, where it stands out of the rounding.
-        left, right = max(lower, c - HALF_DIGITS * abs(c)), min(upper, c + HALF_DIGITS * abs(c))
-    return float(brentq(slope, left, right, xtol=TINY, rtol=DIGITS)) if slope(left) < 0 < slope(right) else c, "converged"
+        found = _zero(slope, max(lower, c - HALF_DIGITS * abs(c)), min(upper, c + HALF_DIGITS * abs(c)))
+    return c if found is None else found, "converged"
 
 
-def _lowest(problem: Problem, lower: float, upper: float, within: float) -> float:
-    """Return the place with the lowest sum of squares."""
-    from scipy.optimize import minimize_scalar
+def _zero(slope: Callable[[float], float], left: float, right: float) -> float | None:
+    """Return where a slope rises through zero between two places; None where it is not below zero at one and above at the other."""
+    from scipy.optimize import brentq
 
-    return float(
-        minimize_scalar(lambda c: _sse(problem, np.array([c]))[0], bounds=(lower, upper), method="bounded", options={"xatol": within}).x
-    )
-
-
-def _finished(problem: Problem, few: Problem, c: float) -> float | None:
-    """Where the slope of all samples is zero, near `c`, where that of their means is: secants, the first one with the curvature of the
-    means. None where they do not lead there."""
-    apart = HALF_DIGITS * abs(c)
-    curvature = (_slope(few, c + apart) - _slope(few, c - apart)) / (2 * apart)
-    slope = _slope(problem, c)
-    for _ in range(STEPS):
-        step = -slope / curvature if curvature > 0 else np.inf
-        if abs(step) > FAR * abs(c):
-            return None
-        c, before = c + step, slope
-        if abs(step) <= DIGITS * abs(c):
-            return c
-        slope = _slope(problem, c)
-        if abs(step) > NOISY * abs(c):
-            curvature = (slope - before) / step
-        elif abs(slope) > 0.1 * abs(before):  # rounding is all that is left of it
-            return c
-    return None
+    return float(brentq(slope, left, right, xtol=1e-300, rtol=DIGITS)) if slope(left) < 0 < slope(right) else None
 
 
 def _sse(problem: Problem, places: Array) -> Array:
@@ -142,10 +111,6 @@ def _slope(problem: Problem, c: float) -> float:
 def _project(problem: Problem, c: float) -> linear.LinearFit:
     at = np.array([c])
     return linear.solve(problem.regressors(at), problem.target(at))
-
-
-def _solution(problem: Problem, c: float, status: str, notes: tuple[str, ...]) -> Solution:
-    return Solution(_project(problem, c).beta, np.array([c]), status, METHOD, notes)
 
 
 STARTS_TOLERANCE = 1e-12  # of the starts (W section III)
@@ -167,10 +132,10 @@ def fit_several(problem: Problem) -> Solution:
     if not finished:
         return failure(problem, METHOD)
     end = finished[0]
-    c, touched = onto_bounds(end.x, _bounds(problem))
+    c, touched = onto_bounds(end.x, problem.bounds)
     limits = [at_limit(problem.nonlinear[i], c[i]) for i in touched]
     status = "at_bound" if limits else "converged" if end.converged else "stopped_by_limit"
-    others = [other.x for other in rivals([end for end in ends if end.converged], best)]
+    others = [other.x for other in rivals(ends, best)]
     places = np.array([c, *others])
     betas = _projected(problem, places).beta
     return Solution(betas[0], c, status, METHOD, (agreement, *limits), tuple(zip(betas[1:], others, strict=True)))
@@ -187,13 +152,8 @@ def _descents(problem: Problem, starts: Sequence[Array], tolerance: float) -> li
         outside = jacobian - found.basis @ (found.basis.transpose(0, 2, 1) @ jacobian)
         return found.residual / unit, outside / unit
 
-    return descend(system, starts, _bounds(problem), tolerance)
+    return descend(system, starts, problem.bounds, tolerance)
 
 
-def _projected(problem: Problem, c: Array) -> linear.LinearFits:
+def _projected(problem: Problem, c: Array) -> linear.LinearFit:
     return linear.solve_each(problem.each_regressors(c), problem.each_target(c))
-
-
-def _bounds(problem: Problem) -> Bounds:
-    lowest, highest = zip(*(parameter.bounds for parameter in problem.nonlinear), strict=True)
-    return np.array(lowest), np.array(highest)

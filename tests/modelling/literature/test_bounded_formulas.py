@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from literature_cases import grid
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.modelling.literature import cells, get
+from mapmore_cli.modelling.literature import get, problem
 from mapmore_cli.modelling.literature.problem import Problem
 
 PLANTED = {
@@ -113,9 +113,9 @@ def test_a_parameter_that_ends_at_its_bound_is_put_there_and_named() -> None:
 
 @pytest.mark.parametrize("name", SEVERAL)
 def test_starts_over_cells_end_at_the_minimum_of_all_samples(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    columns, y = noisy(name, 5, rows=3 * cells.LIMIT)
+    columns, y = noisy(name, 5, rows=3 * problem.LIMIT)
     quick = get(name).fit(columns, y)
-    monkeypatch.setattr(cells, "LIMIT", len(y))
+    monkeypatch.setattr(problem, "LIMIT", len(y))
     assert quick.sse == pytest.approx(get(name).fit(columns, y).sse, rel=1e-12)
 
 
@@ -142,11 +142,11 @@ def test_a_condensed_problem_weighs_its_rows_by_their_samples() -> None:
     y = formula.predict(PLANTED["kerscher"], columns)
     full = Problem(formula.expression, formula.linear, formula.nonlinear, formula.gradient, columns, y)
     few = full.condensed()
-    assert len(few.y) <= cells.LIMIT < len(y)
+    assert len(few.y) <= problem.LIMIT < len(y)
     beta, c = np.array([0.5, -0.4]), np.array([0.9, 1.0, -0.5])
-    for problem in (full, few):
-        jacobian = problem.jacobian(beta, c)
-        slope = problem.residual(beta + np.array([1.0, 0.0]), c) - problem.residual(beta, c)  # exact, as the formula is linear in it
+    for one in (full, few):
+        jacobian = one.jacobian(beta, c)
+        slope = one.residual(beta + np.array([1.0, 0.0]), c) - one.residual(beta, c)  # exact, as the formula is linear in it
         np.testing.assert_allclose(jacobian[:, 0], slope, rtol=1e-8, atol=1e-8 * np.abs(slope).max())
     assert np.sum(few.residual(beta, c) ** 2) == pytest.approx(np.sum(full.residual(beta, c) ** 2), rel=2e-3)
     assert np.sum(few.target(c) ** 2) == pytest.approx(np.sum(y**2), rel=2e-3)
@@ -159,8 +159,8 @@ def test_cells_keep_sums_and_ranges(seed: int, inputs: int, rows: int, levels: b
     rng = np.random.default_rng(seed)
     columns = {str(i): rng.choice([0.0, 0.1, 0.5], rows) if levels and i == 0 else rng.standard_normal(rows) for i in range(inputs)}
     y = rng.standard_normal(rows)
-    few = cells.condensed(columns, y)
-    assert len(few.y) <= cells.LIMIT
+    few = problem.condensed(columns, y)
+    assert len(few.y) <= problem.LIMIT
     assert few.counts.sum() == rows
     assert few.counts @ few.y == pytest.approx(y.sum(), abs=1e-9 * rows)
     for name, column in columns.items():
@@ -168,5 +168,5 @@ def test_cells_keep_sums_and_ranges(seed: int, inputs: int, rows: int, levels: b
         assert column.min() - 1e-12 <= few.columns[name].min() <= few.columns[name].max() <= column.max() + 1e-12
     if levels:
         np.testing.assert_allclose(np.unique(few.columns["0"].round(12)), np.unique(columns["0"]))
-    if rows <= cells.LIMIT:
+    if rows <= problem.LIMIT:
         assert few.y is y

@@ -5,13 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.literature.reference import reference
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "formulas.md"
 
 
 def test_every_formula_is_on_the_page_and_in_the_reference() -> None:
-    page, text = PAGE.read_text(encoding="utf-8"), reference()
+    page, text = PAGE.read_text(encoding="utf-8"), literature.reference()
     for name in literature.names():
         assert f"`{name}`" in page
         assert f"### {name}\n" in text

@@ -179,4 +179,4 @@ def test_a_formula_that_overflows_everywhere_has_failed(method: str) -> None:
 )
 def test_a_formula_that_is_not_what_it_declares_cannot_be_made(text: str, nonlinear, message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        Formula("wrong", "-", ("x",), ("a", "b"), text, nonlinear)
+        Formula("wrong", "-", ("x",), ("a", "b"), text, nonlinear).checked()

@@ -17,7 +17,7 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling.expressions import evaluate, to_text
 from mapmore_cli.modelling.literature import get
-from mapmore_cli.modelling.literature.hysteresis_loss import ForceCurve, stroke, zeta
+from mapmore_cli.modelling.literature.formulas.sarosi_hysteresis_loss import ForceCurve, stroke, zeta
 
 LOSS, PRINTED = get("sarosi_hysteresis_loss"), get("sarosi_hysteresis_loss_printed")
 UPPER = {"a1": 0.39, "a2": 217.0, "a3": -37.0, "a4": -8.3, "a5": 2.5, "a6": -240.0}

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling.expressions import evaluate, to_latex, to_text
-from mapmore_cli.modelling.literature import UnknownFormula, get, names
+from mapmore_cli.modelling.literature import Formula, UnknownFormula, get, names
 
 WRIST_GRID = grid(np.arange(1.0, 8.0), np.linspace(0.0, 0.2, 13))
 
@@ -22,6 +22,9 @@ def test_there_is_a_formula_for_every_name() -> None:
     geometric = {"chou_hannaford", "tondu_lopez", "tondu_lopez_corrected", "kerscher"}
     assert {"sarosi", "sarosi_hinged", "polynomial_2", "polynomial_5", *geometric} <= set(names())
     assert [get(name).name for name in names()] == list(names())
+    for formula in map(get, names()):
+        if type(formula) is Formula:
+            formula.checked()
 
 
 def test_an_unknown_formula_is_a_key_error_with_the_nearest_name() -> None:

@@ -21,7 +21,6 @@ from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.fits import FormulaFit, Optimum
 from mapmore_cli.modelling.expressions import Expression, Number, parse, substitute
 from mapmore_cli.modelling.literature import hinge
-from mapmore_cli.modelling.literature import hinge as hinge_fit
 from mapmore_cli.modelling.literature.formula import Formula, dependence
 from mapmore_cli.modelling.literature.formulas.sarosi import FORMULA as PLAIN
 from mapmore_cli.modelling.literature.hinge import HingeFit
@@ -44,10 +43,10 @@ COMPUTED = (  # the same, but cannot overflow: ln(1 + exp(z)) = (z + |z|)/2 + ln
 class SarosiHinged(Formula):
     """A formula with a fit of its own, whose equation is printed in another form than it is computed in."""
 
-    side_by_side = hinge_fit.SIDE_BY_SIDE
+    side_by_side = hinge.SIDE_BY_SIDE
 
     def fit(self, columns: Columns, y: Array, method: str | None = None, *, advice: bool = True) -> FormulaFit:
-        """Penalised least-squares fit of the hinged part (`hinge_fit.fit`), blended with the plain formula.
+        """Penalised least-squares fit of the hinged part (`hinge.fit`), blended with the plain formula.
 
         `method` is that of the plain formula. Standard errors are those of the two parts, the share's is unknown; status and condition are
         those of the part with the larger share. Raises as `Formula.fit`.
@@ -65,7 +64,7 @@ class SarosiHinged(Formula):
         problems = [self._problem(*table) for table in tables]
         ordered = [(problem.columns, problem.y) for problem in problems]
         plain = [PLAIN.fit(*table, method, advice=False) for table in ordered]
-        return [self._blended(*parts) for parts in zip(hinge_fit.fit_each(ordered), plain, ordered, strict=True)]
+        return [self._blended(*parts) for parts in zip(hinge.fit_each(ordered), plain, ordered, strict=True)]
 
     def _blended(self, hinged: HingeFit, plain: FormulaFit, table: tuple[Columns, Array]) -> FormulaFit:
         columns, y = table
@@ -97,9 +96,6 @@ class SarosiHinged(Formula):
     def equation(self, fit: FormulaFit) -> Expression:
         """Return the formula as a person would write it; where `hi - lo` is beyond 700 w it overflows, which `predict` does not."""
         return substitute(parse(PRINTED), {name: Number(value) for name, value in fit.parameters.items()})
-
-    def _check_linearity(self) -> None:
-        """Accept all: nothing needs to be linear for a fit of its own."""
 
 
 def _both(hinged: HingeFit, plain: FormulaFit) -> tuple[dict[str, float], dict[str, float]]:
