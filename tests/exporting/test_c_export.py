@@ -13,7 +13,7 @@ from agreement import FLAGS, compare, compiled, difference, points, recording
 from export_samples import FORMULAS, STATIC, WITH_MEMORY, formula, memory, pieces
 
 from mapmore_cli.domain.errors import DataError, UsageError
-from mapmore_cli.exporting.c_inverse import c_source
+from mapmore_cli.exporting.c_source import c_source
 from mapmore_cli.modelling.kinds import predict
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no C compiler here")

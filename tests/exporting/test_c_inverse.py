@@ -13,7 +13,7 @@ from agreement import FLAGS, compiled, points, sanitized
 from export_samples import FORMULAS, STATIC, WITH_MEMORY, pieces
 from inverse_agreement import inversion
 
-from mapmore_cli.exporting.c_inverse import c_source
+from mapmore_cli.exporting.c_source import c_source
 from mapmore_cli.modelling.inverse import LOWEST, NEAREST, invert
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.program.model import slopes
