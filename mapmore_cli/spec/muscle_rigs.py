@@ -7,14 +7,15 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from mapmore_cli.domain.declared import NonNegative, Positive
-from mapmore_cli.rig.closed_muscle import Air, Tendon
-from mapmore_cli.rig.wet_muscle import Rubber
+from mapmore_cli.rig.air import Air
+from mapmore_cli.rig.muscle import Rubber
+from mapmore_cli.rig.random_velocity import Tendon
 from mapmore_cli.spec.fields import Section
 from mapmore_cli.spec.simulated_experiments import Pressure, RegulatorSpec, once
 
 
 class McKibbenMuscle(Section):
-    """A braided cylinder around a rubber tube (see `mapmore_cli.rig.mckibben`); defaults: DMSP-20-88N."""
+    """A braided cylinder around a rubber tube (see `mapmore_cli.rig.static_muscles`); defaults: DMSP-20-88N."""
 
     kind: Literal["mckibben"]
     length: Positive = 0.088  # m
@@ -35,7 +36,7 @@ class McKibbenMuscle(Section):
 
 
 class PeanoMuscle(Section):
-    """Flat tubes side by side (see `mapmore_cli.rig.chamber`); defaults: the four-tube muscle of M2."""
+    """Flat tubes side by side (see `mapmore_cli.rig.static_muscles`); defaults: the four-tube muscle of M2."""
 
     kind: Literal["peano"]
     tube_width: Positive = 0.01725  # along the pull, m

@@ -8,10 +8,11 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from mapmore_cli.domain.declared import NonNegative, Positive
-from mapmore_cli.rig.chamber import Reservoir
+from mapmore_cli.rig.air import Reservoir
 from mapmore_cli.rig.load_cycle import Regulation
+from mapmore_cli.rig.muscle import Rubber
 from mapmore_cli.rig.step_response import Bumper
-from mapmore_cli.rig.wet_muscle import Pipe, Rubber, Wall
+from mapmore_cli.rig.water import Pipe, Wall
 from mapmore_cli.spec.fields import Name, Section
 
 Command = Annotated[float, Field(ge=0, le=10)]  # V

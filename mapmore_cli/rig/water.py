@@ -6,19 +6,17 @@ way to the muscle.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from math import pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.declared import NonNegative, Positive, Settings
-from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.rig.chamber import Chamber, bubble_compliance
-from mapmore_cli.rig.muscle import SLACK_WIDTH, Hysteresis, softplus, stop_rates
+from mapmore_cli.rig.air import ATMOSPHERE
+from mapmore_cli.rig.muscle import SLACK_WIDTH, MovingMuscle, softplus
+from mapmore_cli.rig.sensors import low_pass
 
 WATER_DENSITY = 998.0
 """kg/m3."""
@@ -60,21 +58,6 @@ class Pipe(Settings):
         return friction + 0.5 * self.loss * WATER_DENSITY * speed * abs(speed)
 
 
-TOLERANCE = 1e-6
-"""Of each step of the integration, relative to a state and to its scale."""
-
-LONGEST_STEP = 0.01
-"""s; so that no step of the integration passes over a short motion."""
-
-
-@dataclass(frozen=True)
-class Rubber(Settings):
-    """Maxwell element beside the muscle: `s' = E e' - s/tau`, s in N."""
-
-    stiffness: NonNegative  # E, N per strain
-    relaxation_time: Positive  # tau, s
-
-
 @dataclass(frozen=True)
 class Wall(Settings):
     """Soft wall of hose or muscle: it bulges by a volume W, late; `P = (W + tau W')/C` (Kelvin and Voigt)."""
@@ -101,43 +84,44 @@ class Plumbing:
     trapped_air: float  # in the muscle, m3 at no gauge pressure
 
 
+def bubble_compliance(volume: float, pressure: float) -> float:
+    """`-dV/dP = V0 p0/(P + p0)^2`, m3/Pa, of air trapped in water: `volume` V0 at no gauge `pressure`, isothermal."""
+    return volume * ATMOSPHERE / (pressure + ATMOSPHERE) ** 2
+
+
 class Water(NamedTuple):
-    """State of water and walls; the states of the stop operators follow it."""
+    """State of water and walls; the losses follow it."""
 
     line_flow: float  # Q1, m3/s
     hose: float  # W1, m3
     tube_flow: float  # Q2, m3/s
     pressure: float  # Pm in the muscle, Pa
     bulge: float  # W of the muscle's wall, m3
-    rubber: float  # s, N
 
 
-WATER_SCALES = Water(1e-4, 1e-7, 1e-4, 1e5, 1e-7, 10.0)
+WATER_SCALES = Water(1e-4, 1e-7, 1e-4, 1e5, 1e-7)
 """Size of each, for the tolerance of the integration."""
 
-STOPS = len(WATER_SCALES)
-"""Where the stop operators' states begin."""
+LOSSES = len(WATER_SCALES)
+"""Where the losses begin."""
 
 
 @dataclass(frozen=True)
-class WetMuscle:
-    """Muscle, friction, rubber and the water that drives it; `(k,)` states: `Water`, then the m stop operators."""
+class WetMuscle(MovingMuscle):
+    """A muscle, its losses and the water that drives it; `(k,)` states: `Water`, then the losses."""
 
-    chamber: Chamber
-    hysteresis: Hysteresis
-    rubber: Rubber
     wall: Wall
     plumbing: Plumbing
 
     @property
     def scales(self) -> Array:
         """Size of each state, `(k,)`."""
-        return np.concatenate([WATER_SCALES, np.ones(len(self.hysteresis.yield_strains))])
+        return np.concatenate([WATER_SCALES, self.scales_of_losses])
 
     def at_rest(self, pressure: float) -> Array:
         """States `(k,)` of still water at `pressure` (Pa), with relaxed friction and rubber."""
-        water = Water(0.0, self.plumbing.hose.compliance * pressure, 0.0, pressure, self.wall.compliance * pressure, 0.0)
-        return np.concatenate([water, np.zeros(len(self.hysteresis.yield_strains))])
+        water = Water(0.0, self.plumbing.hose.compliance * pressure, 0.0, pressure, self.wall.compliance * pressure)
+        return np.concatenate([water, self.relaxed])
 
     def sensor_pressure(self, water: Water) -> float:
         """P1, Pa, in the hose between line and tube."""
@@ -149,36 +133,35 @@ class WetMuscle:
         `I1 Q1' = P_a - P1 - dp1(Q1)`, `W1' = Q1 - Q2`, `I2 Q2' = P1 - Pm - dp2(Q2)`, `(dV/dP + C_air) Pm' = Q2 - V_e e' - W'`; pull
         `softplus(tension - friction - s)`, all at the pressure in the muscle.
         """
-        water, pipes = Water(*states[:STOPS].tolist()), self.plumbing
-        stops = np.clip(states[STOPS:], -1.0, 1.0)  # the integration may overstep by its tolerance
-        chamber = self.chamber.respond(water.pressure, strain)
+        water, losses, pipes = Water(*states[:LOSSES].tolist()), states[LOSSES:], self.plumbing
+        muscle = self.muscle.respond(water.pressure, strain)
         sensor = self.sensor_pressure(water)
         growth = self.wall.growth(water.bulge, water.pressure)
-        compliance = chamber.filling + bubble_compliance(pipes.trapped_air, water.pressure)
+        compliance = muscle.filling + bubble_compliance(pipes.trapped_air, water.pressure)
         changes = Water(
             line_flow=(source - sensor - pipes.line.drop(water.line_flow)) / pipes.line.inertance,
             hose=water.line_flow - water.tube_flow,
             tube_flow=(sensor - water.pressure - pipes.tube.drop(water.tube_flow)) / pipes.tube.inertance,
-            pressure=(water.tube_flow - chamber.displacement * strain_rate - growth) / compliance,
+            pressure=(water.tube_flow - muscle.displacement * strain_rate - growth) / compliance,
             bulge=growth,
-            rubber=self.rubber.stiffness * strain_rate - water.rubber / self.rubber.relaxation_time,
         )
-        friction = float(self.hysteresis.half_width(max(water.pressure, 0.0)) * (stops @ self.hysteresis.shares))
-        pull = float(softplus(chamber.tension - friction - water.rubber, SLACK_WIDTH))
-        return pull, np.concatenate([changes, stop_rates(stops, self.hysteresis.yield_strains, strain_rate)])
+        pull = float(softplus(self.left_of(muscle.tension, losses, water.pressure), SLACK_WIDTH))
+        return pull, np.concatenate([changes, self.rates_of_losses(losses, strain_rate)])
 
 
-def integrate(rates: Callable[[float, Array], Array], start: Array, time: Array, scales: Array, tolerance: float = TOLERANCE) -> Array:
-    """States `(n, k)` at the times `(n,)`, from `start` `(k,)` at the first of them.
+def observe(muscle: WetMuscle, time: Array, strain: Array, wet: Array, cut_off: float) -> Columns:
+    """Columns `(n,)` along the muscle's states `wet` `(n, k)`, evenly spaced in time.
 
-    Raises `SpecError` where the equations cannot be solved.
+    `time` (s), `pressure` at the sensor before the tube (Pa), `strain`, `force` behind the load cell's amplifier of `cut_off` (Hz) (N),
+    `flow` through the tube (m3/s, positive towards the muscle), `muscle_pressure` in the muscle (Pa).
     """
-    solution = solve_ivp(
-        rates, (time[0], time[-1]), start, method="RK45", t_eval=time, rtol=tolerance, atol=tolerance * scales, max_step=LONGEST_STEP
-    )
-    if not solution.success or not np.all(np.isfinite(solution.y)):
-        raise SpecError(
-            f"the simulated rig's equations could not be solved: {solution.message}",
-            "bring the parameters of `muscle` and `rig` nearer to their defaults",
-        )
-    return np.asarray(solution.y.T)
+    pull = np.array([muscle.respond(states, 0.0, at, 0.0)[0] for states, at in zip(wet, strain.tolist(), strict=True)])
+    water = Water(*wet.T[:LOSSES])
+    return {
+        "time": time,
+        "pressure": np.asarray(muscle.sensor_pressure(water)),
+        "strain": strain,
+        "force": low_pass(pull, cut_off, float(time[1] - time[0])),
+        "flow": np.asarray(water.tube_flow),
+        "muscle_pressure": np.asarray(water.pressure),
+    }
