@@ -77,7 +77,7 @@ class Waveforms(Section):
 
 
 class WaterRig(Section):
-    """From the reservoir to the load cell (see `mapmore_cli.rig.wet_muscle`)."""
+    """From the reservoir to the load cell (see `mapmore_cli.rig.water`)."""
 
     line: Pipe  # reservoir to pressure sensor
     hose: Wall  # of the line, where the sensor sits

@@ -14,7 +14,6 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.modelling.expressions import Expression, derivative, evaluate
-from mapmore_cli.modelling.literature import linear
 from mapmore_cli.modelling.literature.descent import descend, onto_bounds
 from mapmore_cli.modelling.literature.problem import Problem, Solution
 
@@ -49,13 +48,11 @@ class Along:
         columns = {**self.problem.columns, self.name: x, **{name: np.asarray(value) for name, value in values.items()}}
         return evaluate(expression, columns, len(x))
 
-    def roots(self, place: Array) -> Array:
-        """Return the solutions; where there is none, what a straight line from the end at which the least is missing leads to, (n,)."""
-        found = self.solutions(place)
-        return np.where(np.isnan(found), self._beyond(*self.scan(place)), found)
+    def roots(self, place: Array, *, beyond: bool = True) -> Array:
+        """Return the input at which the formula gives the target, nearest to what was measured, (n,).
 
-    def solutions(self, place: Array) -> Array:
-        """Return the input at which the formula gives the target, nearest to what was measured, (n,); NaN without one within reach."""
+        Without one within reach, it is where a straight line of the mean slope leads from the end at which less is missing; else NaN.
+        """
         edges, missing = self.scan(place)
         crosses = np.sign(missing[:-1]) * np.sign(missing[1:]) <= 0
         middle = (edges[:-1] + edges[1:]) / 2
@@ -66,7 +63,10 @@ class Along:
             x = (left + right) / 2
             above = self.value(self.problem.expression, x, place) - self.problem.y > 0
             left, right = np.where(above == rises, left, x), np.where(above == rises, x, right)
-        return np.where(crosses.any(axis=0), (left + right) / 2, np.nan)
+        first, last = np.abs(missing[0]), np.abs(missing[-1])
+        slope = np.maximum(np.abs(missing[-1] - missing[0]), 1e-12 * np.abs(self.problem.y).max()) / (edges[-1] - edges[0])
+        line = np.where(first < last, edges[0] - first / slope, edges[-1] + last / slope) if beyond else np.nan
+        return np.where(crosses.any(axis=0), (left + right) / 2, line)
 
     def scan(self, place: Array) -> tuple[Array, Array]:
         """Places along the input, (CELLS + 1,), and what is missing to the target there, (CELLS + 1, n)."""
@@ -75,12 +75,6 @@ class Along:
         edges = np.linspace(low - span, high + span, CELLS + 1)
         missing = np.stack([self.value(self.problem.expression, np.full(len(self.measured), x), place) - self.problem.y for x in edges])
         return edges, np.where(np.isfinite(missing), missing, np.inf)
-
-    def _beyond(self, edges: Array, missing: Array) -> Array:
-        """By the mean slope of the whole range."""
-        first, last = np.abs(missing[0]), np.abs(missing[-1])
-        slope = np.maximum(np.abs(missing[-1] - missing[0]), 1e-12 * np.abs(self.problem.y).max()) / (edges[-1] - edges[0])
-        return np.asarray(np.where(first < last, edges[0] - first / slope, edges[-1] + last / slope))
 
     def jacobian(self, place: Array) -> Array:
         """Return derivative of the roots for the parameters, (n, m + k)."""
@@ -96,28 +90,12 @@ class Along:
         return np.where(np.abs(slope) < least, least, slope)
 
 
-@dataclass(frozen=True)
-class Refined:
-    """The minimum of the error of an input, over the n rows at which the formula depends on it.
+def refined(problem: Problem, solution: Solution, name: str) -> tuple[Solution, Columns, Array, Array]:
+    """Return the minimum of the error of the input `name` that is reached from a fit of the target; its other minima are not told.
 
-    - `solution`: in the coordinates of the whole problem.
-    - `columns`: the rows, with the input where the formula gives the target.
-    - `missed`, `slope`: the errors of the input, and the derivatives of the formula for it, `(n,)` each.
+    It is in the coordinates of the whole problem. Behind it come the n rows at which the formula depends on the input, with the input where
+    the formula gives the target; the errors of the input, and the derivatives of the formula for it, `(n,)` each.
     """
-
-    solution: Solution
-    columns: Columns
-    missed: Array
-    slope: Array
-
-    def standard_errors(self, slopes: Array) -> tuple[Array, float]:
-        """Return standard errors of parameters, (p,), and the sum of squared errors of the input, from the formula's `slopes`, (n, p)."""
-        sse = float(np.sum(self.missed**2))
-        return linear.standard_errors((slopes.T / self.slope).T, sse)[0], sse
-
-
-def refined(problem: Problem, solution: Solution, name: str) -> Refined:
-    """Return the minimum of the error of the input `name` that is reached from a fit of the target; its other minima are not told."""
     missing = Along(problem, name).scan(np.concatenate([solution.beta, solution.c]))[1]
     rows = np.ptp(missing, axis=0) > FLAT * float(np.abs(problem.y).max())
     told = replace(problem, columns={one: column[rows] for one, column in problem.columns.items()}, y=problem.y[rows])
@@ -139,4 +117,4 @@ def refined(problem: Problem, solution: Solution, name: str) -> Refined:
     beta, c = told.split(place)
     moved = Solution(beta, c / rescaled, status, f"{solution.method}, then the error of {name}")
     x = along.roots(place)
-    return Refined(moved, {**told.columns, name: x}, x - along.measured, along.slope(x, place))
+    return moved, {**told.columns, name: x}, x - along.measured, along.slope(x, place)

@@ -15,13 +15,14 @@ from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.fits import FormulaFit, Optimum
 from mapmore_cli.modelling.expressions import Expression, Number, derivative, dictionary_matrix, evaluate, parse, substitute
-from mapmore_cli.modelling.literature import errors_in, levenberg_marquardt, linear, varpro
+from mapmore_cli.modelling.literature import errors_in, linear, solvers
 from mapmore_cli.modelling.literature.identifiability import hints
-from mapmore_cli.modelling.literature.problem import Nonlinear, Problem, Solution, finite, needed
+from mapmore_cli.modelling.literature.problem import Nonlinear, Problem, Solution, dependence, finite, needed
 
 TARGET = "target"
 LOAD_CYCLES = "load_cycles"
 RANDOM = "random"
+DEFAULT = "variable_projection"
 
 
 @dataclass(frozen=True)
@@ -129,15 +130,6 @@ def merged(name: str, parts: Mapping[str, FormulaFit]) -> FormulaFit:
     )
 
 
-VARIABLE_PROJECTION = "variable_projection"
-LEVENBERG_MARQUARDT = "levenberg_marquardt"
-_SOLVERS: Mapping[str, Callable[[Problem], Solution]] = {
-    VARIABLE_PROJECTION: varpro.fit,
-    LEVENBERG_MARQUARDT: levenberg_marquardt.fit,
-    "simplex": levenberg_marquardt.fit_simplex,
-}
-
-
 @dataclass(frozen=True)
 class LinearForm:
     """A formula in other parameters than the printed ones: in those that make it linear.
@@ -231,16 +223,18 @@ class Formula(LiteratureModel):
         Raises DataError for a value that is not finite, an absent input, or fewer samples than parameters; SpecError for a dimension of the
         muscle that `of_muscle` has not put in; ValueError for an unknown method.
         """
-        method = method or VARIABLE_PROJECTION
-        if method not in _SOLVERS:
-            raise ValueError(f"unknown method `{method}`; there are {', '.join(_SOLVERS)}")
-        if self.start != RANDOM and method != LEVENBERG_MARQUARDT:
-            raise SpecError(f"the method {method} takes no starting values", f"write `method: {LEVENBERG_MARQUARDT}` beside `starts`")
+        method = method or DEFAULT
+        if method not in solvers.METHODS:
+            raise ValueError(f"unknown method `{method}`; there are {', '.join(solvers.METHODS)}")
+        if self.start != RANDOM and method != solvers.LEVENBERG_MARQUARDT:
+            raise SpecError(
+                f"the method {method} takes no starting values", f"write `method: {solvers.LEVENBERG_MARQUARDT}` beside `starts`"
+            )
         problem = self._problem(columns, y)
         return self._result(problem, self._solved(problem, method), advice)
 
     def _solved(self, problem: Problem, method: str) -> Solution:
-        return (_SOLVERS[method] if self.fitted else varpro.fit)(problem)  # without parameters there is nothing to descend to
+        return solvers.METHODS[method if self.fitted else DEFAULT](problem)  # without parameters there is nothing to descend to
 
     def fit_along(self, columns: Columns, y: Array, name: str, method: str | None = None) -> FormulaFit:
         """Least-squares fit to the error of the input `name`, where the target was set and that input was measured.
@@ -253,18 +247,17 @@ class Formula(LiteratureModel):
         if name not in self.inputs:
             raise SpecError(f"{self.name} has no input `{name}` that could be measured wrong", f"write one of {', '.join(self.inputs)}")
         problem = self._problem(columns, y)
-        start = self._solved(problem, method or VARIABLE_PROJECTION)
+        start = self._solved(problem, method or DEFAULT)
         if start.status == "failed":
             return self._result(problem, start)
-        found = errors_in.refined(problem, start, name)
-        fit = self._result(problem, found.solution)
-        slopes = self._jacobian_at({one: fit.parameters[one] for one in self.fitted})(found.columns)
-        deviations, sse = found.standard_errors(slopes)
+        moved, rows, missed, slope = errors_in.refined(problem, start, name)
+        fit = self._result(problem, moved)
+        slopes = self._jacobian_at({one: fit.parameters[one] for one in self.fitted})(rows)
+        sse, silent = float(np.sum(missed**2)), len(problem.y) - len(missed)
+        deviations = linear.standard_errors((slopes.T / slope).T, sse)[0]
         errors = {**fit.errors, **dict(zip(self.fitted, map(float, deviations), strict=True))}
-        rows = len(found.missed)
-        silent = len(problem.y) - rows
         without = f"; without {silent} sample(s) at which the formula does not depend on it" if silent else ""
-        said = f"fitted to the error of {name}, whose RMSE is {math.sqrt(sse / rows):.4g}{without}"
+        said = f"fitted to the error of {name}, whose RMSE is {math.sqrt(sse / len(missed)):.4g}{without}"
         return replace(fit, errors=errors, notes=(said, *fit.notes))
 
     def predict(self, parameters: Mapping[str, float], columns: Columns) -> Array:
@@ -276,7 +269,7 @@ class Formula(LiteratureModel):
     def solved(self, fit: FormulaFit, columns: Columns, y: Array, name: str) -> Array:
         """Return the input `name` at which the fitted formula gives `y`, `(n,)`, nearest to what was measured; NaN without one near."""
         inputs = {one: columns[one] for one in self.inputs}
-        return errors_in.Along(Problem(self.equation(fit), (), (), {}, inputs, y), name).solutions(np.empty(0))
+        return errors_in.Along(Problem(self.equation(fit), (), (), {}, inputs, y), name).roots(np.empty(0), beyond=False)
 
     def equations(self, fit: FormulaFit) -> dict[str, Expression]:
         """`equation`, by the name of the formula."""
@@ -360,12 +353,3 @@ class Formula(LiteratureModel):
 def can_be_solved(model: LiteratureModel) -> TypeGuard[Formula]:
     """Tell whether the errors of an input can be minimised: the model is fitted as a formula is."""
     return isinstance(model, Formula) and type(model).fit is Formula.fit
-
-
-def dependence(rank: int, count: int, inputs: Columns, choice: str) -> str:
-    """Return the note for data that leave parameters undetermined, and what was chosen then."""
-    distinct = ", ".join(f"{len(np.unique(column))} of {name}" for name, column in inputs.items())
-    return (
-        f"rank {rank} of {count}: the data do not tell all parameters apart (distinct values: {distinct}); "
-        f"{choice}, and values between the training levels are not to be trusted"
-    )

@@ -11,15 +11,19 @@ order of `NAMES`, but for ln w in place of w.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
+from mapmore_cli.domain.fits import FormulaFit, Optimum
 from mapmore_cli.modelling.literature import linear
 from mapmore_cli.modelling.literature.descent import End, descend_each, lowest, onto_bounds, rivals
-from mapmore_cli.modelling.literature.problem import condensed
+from mapmore_cli.modelling.literature.problem import condensed, dependence
+
+METHOD = "penalised least squares"
+FEW_LEVELS = 3  # strain levels that any curvature passes through
+APART = 0.05  # of max|strain|: levels nearer than that are one
 
 NAMES = ("a1", "a2", "a3", "a4", "a5", "a6", "b0", "b1", "b2", "w")
 A, A3, B, B1, LN_W = [0, 1, 3, 4, 5], 2, [6, 7, 8], 7, 9
@@ -70,31 +74,6 @@ ROWS = 16
 """Tables are filled up to a multiple of it, by rows without weight: so folds of nearly one size are of one."""
 
 
-@dataclass(frozen=True)
-class HingeFit:
-    """Parameters of the hinged formula and how they were found.
-
-    - `parameters`, `errors`: in the units of the data, `(10,)` each, as `NAMES`; the errors with the priors taken as observations.
-    - `a3`, `w`, `prior`: normalised curvature and width, and the centre of the curvature's prior.
-    - `limits`: names of the parameters that end at a bound.
-    - `rank`, `condition`: of the data without the priors.
-    - `agreement`: how many starts came to it.
-    - `others`: parameters of other minima that are nearly as deep, `(10,)` each.
-    """
-
-    parameters: Array
-    errors: Array
-    a3: float
-    w: float
-    prior: float
-    limits: tuple[str, ...]
-    rank: int
-    condition: float
-    agreement: str
-    converged: bool
-    others: tuple[Array, ...]
-
-
 class _Problem(NamedTuple):
     """Normalised rows with the roots of their weights, each `(n,)`, and the centres and weights of the priors, `(10,)`.
 
@@ -129,21 +108,20 @@ class _Problem(NamedTuple):
         return np.concatenate([residual, self.weight * (q - self.centre)], axis=-1), np.concatenate([slopes, priors], axis=-2)
 
 
-def fit(columns: Columns, y: Array) -> HingeFit:
+def fit(columns: Columns, y: Array) -> FormulaFit:
     """Fit the hinged formula to `pressure`, `strain` (a fraction) and the target `y`, `(n,)` each and finite.
 
-    Of five starts that differ in the curvature, the lowest penalised sum of squares wins. Deterministic; the units of pressure and target
-    are no matter. Above some thousand samples the search goes over means of neighbouring ones (`problem.condensed`).
+    Of five starts that differ in the curvature, the lowest penalised sum of squares wins, the `sse` of the result and of its rivals; errors
+    are with the priors taken as observations, rank and condition those of the data alone. Deterministic; the units of pressure and
+    target are no matter. Above some thousand samples the search goes over means of neighbouring ones (`problem.condensed`).
     """
     return fit_each([(columns, y)])[0]
 
 
-def fit_each(tables: Sequence[tuple[Columns, Array]]) -> list[HingeFit]:
+def fit_each(tables: Sequence[tuple[Columns, Array]]) -> list[FormulaFit]:
     """`fit` of several tables: small ones of nearly as many rows side by side, to the same digits as one by one."""
-    scales = [(_scale(columns["pressure"]), _scale(columns["strain"]), _scale(y)) for columns, y in tables]
-    problems = [_normalised(*table, *scale) for table, scale in zip(tables, scales, strict=True)]
-    ends = _descents(problems)
-    return [_found(*one) for one in zip(problems, ends, (_units(*scale) for scale in scales), strict=True)]
+    problems = [_normalised(*table) for table in tables]
+    return [_found(*one) for one in zip(problems, _descents(problems), tables, strict=True)]
 
 
 def _descents(problems: Sequence[_Problem]) -> list[list[End]]:
@@ -162,43 +140,57 @@ def _descents(problems: Sequence[_Problem]) -> list[list[End]]:
     return [ends[number] for number in range(len(problems))]
 
 
-def _found(problem: _Problem, ends: list[End], units: Array) -> HingeFit:
+def _found(problem: _Problem, ends: list[End], table: tuple[Columns, Array]) -> FormulaFit:
+    columns, y = table
+    target, units = _scale(y), _units(*map(_scale, (columns["pressure"], columns["strain"], y)))
     best, agreement = lowest(ends, len(START_A3))
     q, touched = onto_bounds(best.x, (LOWEST, HIGHEST))
     _, rank, condition = linear.standard_errors(problem.of_data(q)[1], 0.0)
-    natural, errors = _natural(q), _errors(problem, q)
-    errors[LN_W] *= natural[LN_W]
-    return HingeFit(
-        parameters=natural * units,
-        errors=errors * units,
-        a3=float(natural[A3]),
-        w=float(natural[LN_W]),
-        prior=float(problem.centre[A3]),
-        limits=tuple(NAMES[i] for i in touched),
-        rank=rank,
-        condition=condition,
-        agreement=agreement,
-        converged=best.converged,
-        others=tuple(_natural(end.x) * units for end in rivals(ends, best)),
-    )
+    errors = _errors(problem, q)
+    errors[LN_W] *= np.exp(q[LN_W])
+    status = "rank_deficient" if rank < len(NAMES) else "stopped_by_limit" if not best.converged else "at_bound" if touched else "converged"
+    notes = [f"a3 is {q[A3]:.3g}/max|strain|, w is {np.exp(q[LN_W]):.3g} of the largest target; {agreement}"]
+    levels = _levels(columns["strain"])
+    if levels <= FEW_LEVELS:
+        prior = f"a3 is left to its prior, {problem.centre[A3]:.3g}/max|strain|, and values between the levels depend on it"
+        notes.append(f"with {levels} strain level{'s' * (levels > 1)} any curvature fits: {prior}")
+    notes += [f"{NAMES[i]} ends at its bound" for i in touched]
+    if rank < len(NAMES):
+        notes.append(dependence(rank, len(NAMES), columns, "the priors decided"))
+
+    def named(q: Array) -> dict[str, float]:
+        return dict(zip(NAMES, map(float, np.append(q[:LN_W], np.exp(q[LN_W])) * units), strict=True))
+
+    def squares(end: End) -> float:
+        return 2 * end.cost * target**2
+
+    deviations = dict(zip(NAMES, map(float, errors * units), strict=True))
+    others = tuple(Optimum(named(end.x), squares(end)) for end in rivals(ends, best))
+    return FormulaFit("hinge", named(q), deviations, status, METHOD, rank, condition, squares(best), len(y), tuple(notes), others)
 
 
-def _natural(q: Array) -> Array:
-    """Return the normalised parameters, with w in place of its logarithm."""
-    return np.concatenate([q[:LN_W], [np.exp(q[LN_W])]])
+def _levels(strain: Array) -> int:
+    """Return number of strains that lie apart; many where the strain is swept."""
+    values = np.unique(strain)
+    gap = APART * float(np.abs(values).max())
+    count, i = 0, 0
+    while i < len(values):
+        count, i = count + 1, int(np.searchsorted(values, values[i] + gap, side="right"))
+    return count
 
 
 def _scale(column: Array) -> float:
     return float(np.abs(column).max()) or 1.0
 
 
-def _normalised(columns: Columns, y: Array, pressure: float, strain: float, target: float) -> _Problem:
-    cells = condensed({name: columns[name] for name in ("pressure", "strain")}, y)
+def _normalised(columns: Columns, y: Array) -> _Problem:
+    pressure, strain, target = _scale(columns["pressure"]), _scale(columns["strain"]), _scale(y)
+    means, f, counts = condensed({name: columns[name] for name in ("pressure", "strain")}, y)
     centre, weight = np.zeros(len(NAMES)), np.array(PRIOR_WEIGHTS)
     centre[A3], weight[A3] = max(DECAY * strain, STEEPEST), DECAY_WEIGHT / (DECAY_SPREAD * strain)
     centre[LN_W] = np.log(PRIOR_W)
-    root = np.sqrt(cells.counts * min(len(y), INDEPENDENT) / len(y))
-    return _Problem(cells.columns["pressure"] / pressure, cells.columns["strain"] / strain, cells.y / target, root, centre, weight)
+    root = np.sqrt(counts * min(len(y), INDEPENDENT) / len(y))
+    return _Problem(means["pressure"] / pressure, means["strain"] / strain, f / target, root, centre, weight)
 
 
 def _starts(problem: _Problem) -> Iterator[Array]:

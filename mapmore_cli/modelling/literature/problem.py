@@ -166,8 +166,8 @@ class Problem:
         """
         if min((parameter.shortest for parameter in self.nonlinear), default=math.inf) < SMOOTH:
             return self
-        cells = condensed(self.columns, self.y)
-        return self if len(cells.y) == len(self.y) else replace(self, columns=cells.columns, y=cells.y, counts=cells.counts)
+        columns, y, counts = condensed(self.columns, self.y)
+        return self if len(y) == len(self.y) else replace(self, columns=columns, y=y, counts=counts)
 
     def _matrix(self, names: tuple[str, ...], values: Mapping[str, float]) -> Array:
         return self._weights[:, None] * dictionary_matrix([self.gradient[name] for name in names], self._with(values), len(self.y))
@@ -226,23 +226,14 @@ FINEST = 512
 """Cells along the range of an input, halved until there are no more than `LIMIT` in all."""
 
 
-@dataclass(frozen=True)
-class Cells:
-    """Mean inputs and mean target of every occupied cell, each `(cells,)`, and the number of rows that each stands for."""
-
-    columns: Columns
-    y: Array
-    counts: Array
-
-
-def condensed(columns: Columns, y: Array) -> Cells:
-    """`columns` and `y`, each `(n,)`, averaged over the finest grid that leaves at most `LIMIT` cells.
+def condensed(columns: Columns, y: Array) -> tuple[Columns, Array, Array]:
+    """Return `columns` and `y`, each `(n,)`, averaged over the finest grid that leaves at most `LIMIT` cells, and the rows in each cell.
 
     A sum of squares weighted by the counts is that of the rows, less their scatter within the cells, up to the curvature of the model
     over a cell: a hinge of slope one and width w is missed by 1/(96 w 512^2) of the full scale, 4e-6 where w = 0.01.
     """
     if len(y) <= LIMIT:
-        return Cells(columns, y, np.ones(len(y)))
+        return columns, y, np.ones(len(y))
     places = [(column - column.min()) / (float(np.ptp(column)) or 1.0) for column in columns.values()]  # in their ranges, 0 to 1
     bins = FINEST
     while True:
@@ -254,7 +245,7 @@ def condensed(columns: Columns, y: Array) -> Cells:
             break
         bins //= 2
     means = {name: np.bincount(cell, column) / counts for name, column in columns.items()}
-    return Cells(means, np.bincount(cell, y) / counts, counts.astype(float))
+    return means, np.bincount(cell, y) / counts, counts.astype(float)
 
 
 SCATTER = 0.1
@@ -280,6 +271,15 @@ def nominal(column: Array) -> Array:
             group = np.searchsorted(starts, np.arange(len(values)), side="right") - 1
             return np.asarray(((lowest + highest) / 2)[group[place]])
     return column
+
+
+def dependence(rank: int, count: int, inputs: Columns, choice: str) -> str:
+    """Return the note for data that leave parameters undetermined, and what was chosen then."""
+    distinct = ", ".join(f"{len(np.unique(column))} of {name}" for name, column in inputs.items())
+    return (
+        f"rank {rank} of {count}: the data do not tell all parameters apart (distinct values: {distinct}); "
+        f"{choice}, and values between the training levels are not to be trusted"
+    )
 
 
 def needed(name: str, columns: Columns) -> Array:

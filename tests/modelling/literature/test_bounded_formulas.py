@@ -159,14 +159,14 @@ def test_cells_keep_sums_and_ranges(seed: int, inputs: int, rows: int, levels: b
     rng = np.random.default_rng(seed)
     columns = {str(i): rng.choice([0.0, 0.1, 0.5], rows) if levels and i == 0 else rng.standard_normal(rows) for i in range(inputs)}
     y = rng.standard_normal(rows)
-    few = problem.condensed(columns, y)
-    assert len(few.y) <= problem.LIMIT
-    assert few.counts.sum() == rows
-    assert few.counts @ few.y == pytest.approx(y.sum(), abs=1e-9 * rows)
+    means, few, counts = problem.condensed(columns, y)
+    assert len(few) <= problem.LIMIT
+    assert counts.sum() == rows
+    assert counts @ few == pytest.approx(y.sum(), abs=1e-9 * rows)
     for name, column in columns.items():
-        assert few.counts @ few.columns[name] == pytest.approx(column.sum(), abs=1e-9 * rows)
-        assert column.min() - 1e-12 <= few.columns[name].min() <= few.columns[name].max() <= column.max() + 1e-12
+        assert counts @ means[name] == pytest.approx(column.sum(), abs=1e-9 * rows)
+        assert column.min() - 1e-12 <= means[name].min() <= means[name].max() <= column.max() + 1e-12
     if levels:
-        np.testing.assert_allclose(np.unique(few.columns["0"].round(12)), np.unique(columns["0"]))
+        np.testing.assert_allclose(np.unique(means["0"].round(12)), np.unique(columns["0"]))
     if rows <= problem.LIMIT:
-        assert few.y is y
+        assert few is y

@@ -1,21 +1,23 @@
-"""Variable projection: a formula that is linear in all but one parameter, fitted without starting values; with several, from ten starts.
+"""How a formula is fitted: by variable projection, by Levenberg and Marquardt's method, or by the simplex.
 
-For every coordinate c of the nonlinear parameter the linear ones follow by least squares, so that `r(c) = Phi(c) Phi(c)^+ y - y`
-depends on one number alone. Its sum of squares is scanned over all that the parameter may be, and the valleys are refined: the deepest is
-taken, and those that are nearly as deep are its rivals.
+Variable projection needs no starting values with one nonlinear parameter: for every coordinate c of it the linear parameters follow by
+least squares, so that `r(c) = Phi(c) Phi(c)^+ y - y` depends on one number alone. Its sum of squares is scanned over all that the parameter
+may be, and the valleys are refined: the deepest is taken, and those that are nearly as deep are its rivals. With several nonlinear
+parameters it goes from ten starts, as the other two methods do, which are there for parity with the papers.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache, partial
 from typing import Any
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
+from mapmore_cli.modelling.expressions import NotFinite
 from mapmore_cli.modelling.literature import linear
-from mapmore_cli.modelling.literature.descent import DISTINCT, RIVAL, STARTS, End, descend, draw, lowest, onto_bounds, rivals
+from mapmore_cli.modelling.literature.descent import DISTINCT, RIVAL, SEED, STARTS, End, descend, draw, lowest, onto_bounds, rivals
 from mapmore_cli.modelling.literature.problem import Problem, Solution, at_limit, failure
 
 METHOD = "variable projection"
@@ -30,14 +32,14 @@ FLAT = 1e-10  # relative change of the sum of squares over the whole scan
 ROUNDING = 1e-24  # of y'y: sums of squares below are rounding
 
 
-def fit(problem: Problem) -> Solution:
-    """Solve `problem`, over the whole interval of the nonlinear parameter where there is one, and from several starts where there are more.
+def variable_projection(problem: Problem) -> Solution:
+    """Solve `problem` by variable projection, over the whole interval of the nonlinear parameter where there is one.
 
-    With one, the scan goes over means of neighbouring samples where there are many, and the deepest valley is finished on all samples. The
-    status is `converged` or `at_bound`; a parameter that the data do not show is noted.
+    The scan goes over means of neighbouring samples where there are many, and the deepest valley is finished on all samples. The status is
+    `converged` or `at_bound`; a parameter that the data do not show is noted. With several parameters, it goes from several starts.
     """
     if len(problem.nonlinear) > 1:
-        return fit_several(problem)
+        return _project_several(problem)
     if not problem.nonlinear:
         straight = linear.solve(problem.at_levels.regressors(np.empty(0)), problem.target(np.empty(0)))
         return Solution(straight.beta, np.empty(0), "converged", "linear least squares")
@@ -47,7 +49,7 @@ def fit(problem: Problem) -> Solution:
     if float(np.ptp(sse)) <= FLAT * float(sse.min()) + ROUNDING * float(problem.y @ problem.y):
         c = min(grids.flat, key=lambda c: abs(np.log(abs(c))))
         arbitrary = f"{parameter.name} is arbitrary: every value fits these data equally well"
-        return Solution(_project(problem, c).beta, np.array([c]), "converged", METHOD, (arbitrary,))
+        return Solution(_projected_at(problem, c).beta, np.array([c]), "converged", METHOD, (arbitrary,))
     places = _valleys(sse)
     valleys = [_refine(few, grids[number], i) for number, i in places]
     depths = _sse(few, np.array([c for c, _ in valleys]))
@@ -59,7 +61,7 @@ def fit(problem: Problem) -> Solution:
     notes = (at_limit(parameter, c),) if status == "at_bound" else ()
     least, by_depth = depths[deepest], np.argsort(depths, kind="stable")
     near = [valleys[other][0] for other in by_depth if (1 + DISTINCT) * least < depths[other] <= RIVAL * least]
-    (beta, at), *others = ((_project(problem, place).beta, np.array([place])) for place in (c, *near))
+    (beta, at), *others = ((_projected_at(problem, place).beta, np.array([place])) for place in (c, *near))
     return Solution(beta, at, status, METHOD, notes, tuple(others))
 
 
@@ -104,11 +106,11 @@ def _sse(problem: Problem, places: Array) -> Array:
 
 def _slope(problem: Problem, c: float) -> float:
     """Half of `d sse / dc`, exactly: with the residual outside of the regressors' space, `beta` need not be differentiated."""
-    projected, at = _project(problem, c), np.array([[c]])
+    projected, at = _projected_at(problem, c), np.array([[c]])
     return float(problem.each_slopes(projected.beta[None], at)[0, :, 0] @ projected.residual)
 
 
-def _project(problem: Problem, c: float) -> linear.LinearFit:
+def _projected_at(problem: Problem, c: float) -> linear.LinearFit:
     at = np.array([c])
     return linear.solve(problem.regressors(at), problem.target(at))
 
@@ -117,8 +119,8 @@ STARTS_TOLERANCE = 1e-12  # of the starts (W section III)
 FINAL_TOLERANCE = 1e-15
 
 
-def fit_several(problem: Problem) -> Solution:
-    """Solve `problem` from seeded starts, with the nonlinear parameters within the outermost ends of their intervals.
+def _project_several(problem: Problem) -> Solution:
+    """Solve from seeded starts, with the nonlinear parameters within the outermost ends of their intervals.
 
     The starts go over means of neighbouring samples where there are many; from the lowest end, the search is finished on all samples. A
     note says how many starts agree, and one which parameter ends at a bound. The status is `converged`, `at_bound`, `stopped_by_limit`,
@@ -157,3 +159,99 @@ def _descents(problem: Problem, starts: Sequence[Array], tolerance: float) -> li
 
 def _projected(problem: Problem, c: Array) -> linear.LinearFit:
     return linear.solve_each(problem.each_regressors(c), problem.each_target(c))
+
+
+LEVENBERG_MARQUARDT = "levenberg_marquardt"
+MINPACK_TOLERANCE = 1e-15
+EVALUATIONS = 400
+REFUSED = 1e100  # stands for an overflow, so that the step is not taken
+
+
+def levenberg_marquardt(problem: Problem) -> Solution:
+    """Solve `problem` by MINPACK's Levenberg-Marquardt, all parameters at once and without bounds.
+
+    The linear parameters start at zero, the nonlinear ones at seeded random places of their intervals, or all of them at the problem's
+    published start; the lowest sum of squares wins, and a note says how many starts came to it. The status is `converged`,
+    `stopped_by_limit`, or `failed` where every start overflowed.
+    """
+    starts = list(_starts(problem))
+    ends = [end for start in starts if (end := _minpack(problem, start)) is not None]
+    if not ends:
+        return failure(problem, LEVENBERG_MARQUARDT)
+    best, agreement = lowest(ends, len(starts))
+    status = "converged" if best.converged else "stopped_by_limit"
+    others = tuple(problem.split(end.x) for end in rivals(ends, best))
+    return Solution(*problem.split(best.x), status, LEVENBERG_MARQUARDT, (agreement,) if len(starts) > 1 else (), others)
+
+
+def _starts(problem: Problem) -> Iterator[Array]:
+    """Places to descend from, `(m + k,)`: the published one where it is asked for, else seeded ones."""
+    zeros = np.zeros(len(problem.linear))
+    if problem.start is not None:
+        yield np.array([problem.start[name] for name in problem.names]) * np.concatenate([zeros + 1.0, problem.spans])
+        return
+    for place in draw(problem.nonlinear):
+        yield np.concatenate([zeros, place])
+
+
+def _minpack(problem: Problem, start: Array) -> End | None:
+    """Return the nearest minimum, of residuals over the largest target so that the unit is no matter; None where the formula overflows."""
+    from scipy.optimize import least_squares
+
+    unit = float(np.abs(problem.y).max()) or 1.0
+
+    def residual(x: Array) -> Array:
+        values = problem.residual(*problem.split(x)) / unit
+        return np.where(np.isfinite(values), values, REFUSED)
+
+    def jacobian(x: Array) -> Array:
+        return problem.jacobian(*problem.split(x)) / unit
+
+    limits: Any = {"xtol": MINPACK_TOLERANCE, "ftol": MINPACK_TOLERANCE, "gtol": MINPACK_TOLERANCE, "max_nfev": EVALUATIONS}
+    try:
+        found = least_squares(residual, start, jacobian, method="lm", x_scale="jac", **limits)
+    except NotFinite:
+        return None
+    return End(found.x, float(found.cost), found.status > 0) if found.cost < REFUSED else None
+
+
+SIMPLEX = "simplex"
+FMINSEARCH = 1e-4  # of coordinates and of the sum of squares, fminsearch's
+OVERFLOW = 1e300  # stands for an overflow
+PER_PARAMETER = 200  # evaluations, fminsearch's
+
+
+def simplex(problem: Problem) -> Solution:
+    """Solve `problem` by ten descents of a simplex over all parameters at once, with the settings of `fminsearch`.
+
+    H does not say how its random starts are drawn. Here a linear parameter starts where its term alone is at most as large as the target
+    (uniform, of either sign), a nonlinear one in its intervals. Sums of squares are over means of neighbouring samples where there are
+    many. The status is `converged`, `stopped_by_limit` (of evaluations), or `failed` where every start overflowed.
+    """
+    from scipy.optimize import minimize
+
+    few, m = problem.condensed(), len(problem.linear)
+    rng = np.random.default_rng(SEED)
+    ends: list[End] = []
+    for place in list(draw(problem.nonlinear)) if problem.nonlinear else [np.empty(0)] * STARTS:
+        try:
+            lengths = np.linalg.norm(few.regressors(place), axis=0)
+        except NotFinite:
+            continue
+        units = np.concatenate([np.linalg.norm(few.target(place)) / np.where(lengths > 0.0, lengths, 1.0), np.ones(len(place))])
+
+        def cost(x: Array, units: Array = units) -> float:
+            value = few.sse(*few.split(x * units))
+            return value if np.isfinite(value) else OVERFLOW
+
+        start = np.concatenate([rng.uniform(-1.0, 1.0, m), place])
+        options: Any = {"xatol": FMINSEARCH, "fatol": FMINSEARCH * cost(0.0 * start), "maxfev": PER_PARAMETER * len(start)}
+        end = minimize(cost, start, method="Nelder-Mead", options=options)
+        ends.append(End(end.x * units, float(end.fun), bool(end.success)))
+    if not ends:
+        return failure(problem, SIMPLEX)
+    best, agreement = lowest(ends, STARTS)
+    return Solution(*problem.split(best.x), "converged" if best.converged else "stopped_by_limit", SIMPLEX, (agreement,))
+
+
+METHODS: Mapping[str, Callable[[Problem], Solution]] = {one.__name__: one for one in (variable_projection, levenberg_marquardt, simplex)}
