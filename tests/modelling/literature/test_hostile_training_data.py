@@ -116,16 +116,6 @@ def test_a_curvature_that_runs_away_is_at_bound() -> None:
     assert parabola.sse < 1e-6 * np.sum((p * x**2 + x) ** 2)
 
 
-@pytest.mark.parametrize("column", ["pressure", "strain", "target"])
-@pytest.mark.parametrize("value", [np.nan, np.inf])
-@pytest.mark.parametrize("name", STATIC)
-def test_values_that_are_not_finite_are_refused_with_column_and_row(column: str, value: float, name: str) -> None:
-    columns, y = noisy_wrist(0)
-    {**columns, "target": y}[column][7] = value
-    with pytest.raises(DataError, match=f"{column} is not finite in row 7"):
-        get(name).fit(columns, y)
-
-
 @pytest.mark.parametrize("name", STATIC)
 def test_one_sample_less_than_parameters_is_refused(name: str) -> None:
     count = len(get(name).parameters)

@@ -212,16 +212,6 @@ def test_what_is_no_load_cycle_is_refused() -> None:
         LOSS.fit_cycles({name: column[:5] for name, column in cycles().items()}, LENGTH)
 
 
-@pytest.mark.parametrize("name", LOSS.inputs)
-def test_an_unknown_input_is_unknown_in_the_prediction_and_an_absent_one_refused(name: str) -> None:
-    columns = motion(4)
-    columns[name][7] = np.nan
-    assert np.flatnonzero(np.isnan(LOSS.predict(PLANTED, columns))).tolist() == [7]
-    del columns[name]
-    with pytest.raises(DataError, match=f"no column `{name}`"):
-        LOSS.predict(PLANTED, columns)
-
-
 def test_one_pressure_does_not_pass_for_a_good_fit() -> None:
     columns = {name: column[cycles()["pressure"] == 150.0] for name, column in cycles().items()}
     fit = LOSS.fit_cycles(columns, LENGTH)
