@@ -43,37 +43,22 @@ class ForceCurve:
         ratio = np.where(z == 0.0, 1.0, np.expm1(z) / np.where(z == 0.0, 1.0, z))
         return np.asarray(self.A * np.exp(self.c * start) * ratio + self.B * (start + end) / 2 + self.C)
 
-    def turning_point(self, start: float) -> Array:
-        """Strain of least force where the curve is bent upwards, else `SHORTEST`; from `start` to `SHORTEST`, `(n,)`."""
+    @np.errstate(all="ignore")
+    def stroke(self, start: float) -> tuple[Array, BoolArray, BoolArray]:
+        """Return the strain at which the force first falls to zero from `start` on, and where it is slack, and endless, `(n,)` each.
+
+        Slack it does not pull, even at `start`, which is the end then; endless it pulls at every strain, and the end is where the curve
+        turns up again, or `SHORTEST`.
+        """
         turns = (self.A > 0.0) & (self.A * self.c * self.B < 0.0)
-        place = np.log(-self.B / (self.A * self.c)) / self.c
-        return np.where(turns, np.clip(place, start, SHORTEST), SHORTEST)
-
-
-@dataclass(frozen=True)
-class Stroke:
-    """The strain to which the muscle contracts at n pressures, and whether it is known, `(n,)` each.
-
-    - `end`: the free strain; `strain_min` where the muscle is slack.
-    - `slack`: the upper curve does not pull, even at `strain_min`.
-    - `endless`: it pulls at every strain: `end` is where it turns up again, or `SHORTEST`.
-    """
-
-    end: Array
-    slack: BoolArray
-    endless: BoolArray
-
-
-@np.errstate(all="ignore")
-def stroke(upper: ForceCurve, strain_min: float) -> Stroke:
-    """Where the upper curve first falls to zero, by bisection."""
-    low, high = np.full_like(upper.A, strain_min), upper.turning_point(strain_min)
-    slack, endless = upper(low) <= 0.0, upper(high) > 0.0
-    for _ in range(BISECTIONS):
-        middle = (low + high) / 2
-        pulls = upper(middle) > 0.0
-        low, high = np.where(pulls, middle, low), np.where(pulls, high, middle)
-    return Stroke(np.where(slack, strain_min, low), slack, endless & ~slack)
+        turning = np.log(-self.B / (self.A * self.c)) / self.c  # the strain of least force of a curve that is bent upwards
+        low, high = np.full_like(self.A, start), np.where(turns, np.clip(turning, start, SHORTEST), SHORTEST)
+        slack, endless = self(low) <= 0.0, self(high) > 0.0
+        for _ in range(BISECTIONS):
+            middle = (low + high) / 2
+            pulls = self(middle) > 0.0
+            low, high = np.where(pulls, middle, low), np.where(pulls, high, middle)
+        return np.where(slack, start, low), slack, endless & ~slack
 
 
 UPPER, LOWER = "u", "l"
@@ -153,17 +138,17 @@ class HysteresisLoss(LiteratureModel):
 
 
 @np.errstate(all="ignore")
-def lehr(parameters: Mapping[str, float], pressure: Array) -> tuple[Array, Stroke]:
-    """`zeta = (U_u - U_l)/U_u` (M2 eq 21) at each `pressure`, `(n,)`, and the stroke over which the energies are taken.
+def lehr(parameters: Mapping[str, float], pressure: Array) -> tuple[Array, BoolArray, BoolArray]:
+    """`zeta = (U_u - U_l)/U_u` (M2 eq 21) at each `pressure`, and where the upper curve is slack, and endless, `(n,)` each.
 
     It is not limited to [0, 1]: towards a slack muscle the energy U_u of the stroke vanishes, and there zeta is infinite, as where U_u
     overflows.
     """
     upper, lower = (_curve(parameters, branch, pressure) for branch in (UPPER, LOWER))
     start = parameters["strain_min"]
-    travelled = stroke(upper, start)
-    whole, kept = upper.mean(start, travelled.end), lower.mean(start, travelled.end)
-    return np.where((whole > 0.0) & (whole < np.inf), (whole - kept) / whole, np.inf), travelled
+    end, slack, endless = upper.stroke(start)
+    whole, kept = upper.mean(start, end), lower.mean(start, end)
+    return np.where((whole > 0.0) & (whole < np.inf), (whole - kept) / whole, np.inf), slack, endless
 
 
 def zeta(parameters: Mapping[str, float], pressure: Array) -> Array:
@@ -188,16 +173,16 @@ def _of(branch: str, parameter: str) -> str:
 
 def _notes(parameters: Mapping[str, float], highest: float) -> Iterator[str]:
     pressure = np.linspace(0.0, highest, NOTED_PRESSURES)
-    share, travelled = lehr(parameters, pressure)
+    share, slack, endless = lehr(parameters, pressure)
 
     def between(rows: BoolArray) -> str:
         return f"between {pressure[rows].min():.3g} and {pressure[rows].max():.3g} kPa"
 
-    if travelled.slack.any():
-        yield f"the upper curve does not pull {between(travelled.slack)}: there is no free strain, and zeta is taken as 1"
-    if travelled.endless.any():
-        yield f"the upper curve does not fall to zero {between(travelled.endless)}: the stroke is taken to end where it turns up, or at 1"
-    limited = ~travelled.slack & ((share < 0.0) | (share > 1.0))
+    if slack.any():
+        yield f"the upper curve does not pull {between(slack)}: there is no free strain, and zeta is taken as 1"
+    if endless.any():
+        yield f"the upper curve does not fall to zero {between(endless)}: the stroke is taken to end where it turns up, or at 1"
+    limited = ~slack & ((share < 0.0) | (share > 1.0))
     if limited.any():
         yield f"zeta is limited to [0, 1] {between(limited)}"
 
