@@ -239,11 +239,3 @@ def test_the_dissipated_work_of_one_stop(amplitude):
     one = Hysteresis(base=10.0, per_pressure=0.0, yield_strains=np.array([0.01]), shares=np.array([1.0]))
     path = np.concatenate([np.linspace(0, amplitude, 20001), np.linspace(amplitude, 0, 20001)])
     assert trapezoid(one.force(0.0, path), path) == pytest.approx(10.0 * (2 * amplitude - 0.025), rel=1e-6)
-
-
-def test_the_half_width_grows_with_pressure():
-    sliding = np.array([0.0, 0.1])
-    assert FRICTION.force(0.0, sliding)[-1] == pytest.approx(3.0)
-    assert FRICTION.force(350e3, sliding)[-1] == pytest.approx(24.0)
-    assert FRICTION.force(np.array([0.0, 350e3]), sliding)[-1] == pytest.approx(24.0)
-    assert FRICTION.force(350e3, -sliding)[-1] == pytest.approx(-24.0)

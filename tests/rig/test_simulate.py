@@ -80,13 +80,6 @@ def test_another_seed_changes_the_noise_only():
     np.testing.assert_allclose(one["strain"], two["strain"], atol=3e-4)
 
 
-def test_columns_have_the_digits_of_their_steps():
-    digits = decimals(spec("mckibben/load_cycles"))
-    assert digits == {"time": 2, "pressure": 1, "strain": 5, "force": 1}
-    columns = {"time": np.array([0.02]), "pressure": np.array([80.1]), "strain": np.array([0.00011]), "force": np.array([0.0])}
-    assert csv_text(columns, digits) == "t,P,eps,F\n0.02,80.1,0.00011,0.0\n"
-
-
 def test_progress_is_reported_for_each_recording(tmp_path):
     seen = []
     simulate(spec(PEANO, *SHORT[1:], "experiment.pressures=[80, 82.5]"), tmp_path, lambda *step: seen.append(step))

@@ -125,14 +125,6 @@ def test_one_sample_less_than_parameters_is_refused(name: str) -> None:
     assert not get(name).fit(*noisy_wrist(0, rows=count)).failed
 
 
-def test_too_few_samples_are_refused() -> None:
-    columns, y = noisy_wrist(0, rows=5)
-    with pytest.raises(DataError, match="6 parameters, but there are only 5 samples"):
-        get("sarosi").fit(columns, y)
-    with pytest.raises(DataError, match="no column `strain`"):
-        get("sarosi").fit({"pressure": columns["pressure"]}, y)
-
-
 def test_as_many_samples_as_parameters_leave_no_standard_error() -> None:
     columns, y = noisy_wrist(1, rows=5)
     fit = get("polynomial_2").fit(columns, y)

@@ -137,11 +137,7 @@ def test_a_curve_that_never_falls_to_zero_is_told() -> None:
     assert zeta(fit.parameters, np.array([pressure])) == pytest.approx([(up - low) / up], rel=1e-4)
 
 
-@given(
-    *[st.floats(-1000, 1000)] * 3,
-    st.floats(-60, 60).filter(lambda c: abs(c) > 1e-6),
-    st.floats(-0.05, 0.3),
-)
+@given(*[st.floats(-1000, 1000)] * 3, st.floats(-60, 60).filter(lambda c: abs(c) > 1e-6), st.floats(-0.05, 0.3))
 def test_the_stroke_ends_at_the_first_zero_whatever_the_shape(a: float, b: float, c: float, curvature: float, start: float) -> None:
     curve = ForceCurve(np.array([a]), np.array([b]), np.array([c]), curvature)
     ends, slack, endless = curve.stroke(start)

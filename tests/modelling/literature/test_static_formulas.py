@@ -43,21 +43,8 @@ def test_published_wrist_muscle() -> None:
     np.testing.assert_allclose(sarosi.predict(WRIST, WRIST_GRID), wrist_force(WRIST_GRID), rtol=1e-13, atol=1e-10)
 
 
-@pytest.mark.parametrize("method", [None, "levenberg_marquardt"])
-def test_published_coefficients_are_recovered_without_starting_values(method: str | None) -> None:
-    fit = get("sarosi").fit(WRIST_GRID, wrist_force(WRIST_GRID), method)
-    assert fit.status == "converged"
-    assert fit.rank == 6
-    for name, value in WRIST.items():
-        assert fit.parameters[name] == pytest.approx(value, rel=1e-6 if method else 1e-10)
-
-
 @settings(deadline=None, max_examples=40)
-@given(
-    st.floats(-40, 40),
-    st.tuples(*[st.floats(0.2, 1) for _ in range(5)]),
-    st.floats(0.05, 30),
-)
+@given(st.floats(-40, 40), st.tuples(*[st.floats(0.2, 1) for _ in range(5)]), st.floats(0.05, 30))
 def test_any_curvature_is_recovered(curvature: float, weights: tuple[float, ...], widest: float) -> None:
     """Of either sign, and whatever the unit of the strain."""
     assume(abs(curvature) > 0.3)
@@ -71,18 +58,6 @@ def test_any_curvature_is_recovered(curvature: float, weights: tuple[float, ...]
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_both_methods_reach_the_same_sum_of_squares(seed: int) -> None:
-    columns, y = noisy_wrist(seed)
-    projected, marquardt = (get("sarosi").fit(columns, y, method) for method in ("variable_projection", "levenberg_marquardt"))
-    assert projected.sse == pytest.approx(marquardt.sse, rel=1e-9)
-    for name in WRIST:
-        assert projected.parameters[name] == pytest.approx(marquardt.parameters[name], rel=1e-6)
-        assert projected.errors[name] == pytest.approx(marquardt.errors[name], rel=1e-5)
-    assert projected.method == "variable projection"
-    assert "of 10 starts agree" in marquardt.notes[0]
-
-
-@pytest.mark.parametrize("seed", range(4))
 def test_no_grid_of_curvatures_finds_a_better_fit(seed: int) -> None:
     columns, y = noisy_wrist(seed, noise=60.0, rows=40)
     fit = get("sarosi").fit(columns, y)
@@ -92,16 +67,6 @@ def test_no_grid_of_curvatures_finds_a_better_fit(seed: int) -> None:
         phi /= np.linalg.norm(phi, axis=0)
         residual = phi @ np.linalg.lstsq(phi, y, rcond=None)[0] - y
         assert fit.sse <= residual @ residual * (1 + 1e-9)
-
-
-def test_standard_errors_cover_the_truth() -> None:
-    """Over repeated noise the deviations divided by the standard errors have a variance of one."""
-    deviations = []
-    for seed in range(60):
-        columns, y = noisy_wrist(seed, rows=120)
-        fit = get("sarosi").fit(columns, y)
-        deviations.append([(fit.parameters[name] - value) / fit.errors[name] for name, value in WRIST.items()])
-    assert 0.75 < np.std(deviations) < 1.25
 
 
 @pytest.mark.parametrize(("pressures", "rank"), [(1, 6), (2, 11), (3, 15), (4, 18), (5, 20), (6, 21), (7, 21)])
