@@ -66,11 +66,6 @@ def least_sse(phi: Array, y: Array) -> Array:
     return np.where(sound, np.einsum("sn,sn->s", residual, residual), np.inf)
 
 
-def numerical_rank(phi: Array) -> int:
-    """Return the rank of regressors `(n, m)` with unit columns."""
-    return standard_errors(phi, 0.0)[1]
-
-
 def standard_errors(jacobian: Array, sse: float) -> tuple[Array, int, float]:
     """Return standard errors `(p,)`, rank and condition from a Jacobian `(n, p)` at the solution.
 

@@ -156,7 +156,7 @@ class Problem:
         held = replace(self, columns={name: nominal(column) for name, column in self.columns.items()})
         if self.nonlinear or all(held.columns[name] is column for name, column in self.columns.items()):
             return self
-        return held if linear.numerical_rank(held.regressors(np.empty(0))) < len(self.linear) else self
+        return held if linear.standard_errors(held.regressors(np.empty(0)), 0.0)[1] < len(self.linear) else self
 
     def condensed(self) -> Problem:
         """Return the problem over means of neighbouring samples, where there are many: quick, and nearly the same.

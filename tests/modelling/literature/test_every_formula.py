@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,7 +13,7 @@ from literature_cases import DAMPING, PLANTED, STATIC, grid, motion, noisy, nois
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.expressions import evaluate
-from mapmore_cli.modelling.literature import get
+from mapmore_cli.modelling.literature import get, names, reference
 
 EVERY = [*STATIC, *(name for name in DAMPING if name in PLANTED)]
 every = pytest.mark.parametrize("name", EVERY)
@@ -113,3 +115,11 @@ def test_an_unknown_input_is_unknown_in_the_prediction_and_an_absent_one_refused
         if name != "sarosi_hysteresis_loss":
             with pytest.raises(DataError, match=f"no column `{column}`"):
                 get(name).fit(columns, predicted)
+
+
+def test_every_formula_is_on_the_page_and_in_the_reference() -> None:
+    page, text = (Path(__file__).resolve().parents[3] / "docs" / "formulas.md").read_text(encoding="utf-8"), reference()
+    for name in names():
+        assert f"`{name}`" in page
+        assert f"### {name}\n" in text
+        assert f"- source: {get(name).reference}\n" in text
