@@ -32,8 +32,7 @@ from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.reporting.table import Cell, Column, Table
 from mapmore_cli.rig.load_cycle import turning_strain
 from mapmore_cli.spec.loader import load
-from mapmore_cli.spec.simulated_experiments import LoadCycles
-from mapmore_cli.spec.simulation import SimulationSpec
+from mapmore_cli.spec.simulation import LoadCycles, SimulationSpec
 from mapmore_cli.storage.artefacts import read_dataset, read_model
 from mapmore_cli.study.simulation.simulate import KPA, hysteresis_of, load_cycle_of, muscle_of
 

@@ -18,7 +18,7 @@ import numpy as np
 from pages import CONFIGS, DOCS, campaign, finished, printed, run, scores, write_tables
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.domain.motion import CARRIED, HARD, ZERO, Motion, MotionSection
+from mapmore_cli.domain.models import CARRIED, HARD, ZERO, Motion, MotionSection
 from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.motion.bumpless import continued
 from mapmore_cli.modelling.motion.fitting import fit_motion

@@ -28,8 +28,7 @@ from mapmore_cli.rig.air import Air, ClosedMuscle, Regulator
 from mapmore_cli.rig.antagonists import Joint
 from mapmore_cli.rig.muscle import Rubber
 from mapmore_cli.spec.loader import load_as
-from mapmore_cli.spec.muscle_rigs import Antagonists, McKibbenMuscle
-from mapmore_cli.spec.simulation import SimulationSpec
+from mapmore_cli.spec.simulation import Antagonists, McKibbenMuscle, SimulationSpec
 from mapmore_cli.storage.artefacts import read_dataset, read_model, read_validation
 from mapmore_cli.study.simulation.simulate import KPA, braid_of, hysteresis_of, joint_of
 

@@ -31,11 +31,10 @@ from mapmore_cli.reporting.score_tables import score_table
 from mapmore_cli.reporting.table import to_html, to_text
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.fields import moved
-from mapmore_cli.spec.layers import as_overrides
 from mapmore_cli.spec.loader import LoadedSpec, load, load_text
 from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.spec.tree import Kind
-from mapmore_cli.spec.yaml_loader import dump, escaped
+from mapmore_cli.spec.yaml_loader import as_overrides, dump, escaped
 from mapmore_cli.storage.artefacts import read_model
 from mapmore_cli.storage.atomic import refusals_told, write_bytes, write_text
 from mapmore_cli.storage.readers import READERS, suffix_of

@@ -88,7 +88,7 @@ def paper(
     The exit code is the highest of the runs.
     """
     from mapmore_cli.cli.progress import Reporter
-    from mapmore_cli.spec.paper import load_paper
+    from mapmore_cli.spec.campaign import load_paper
     from mapmore_cli.study.paper.page import compare_paper, document, overview, page, verdicts_table
 
     loaded = [load_paper(config) for config in configs]

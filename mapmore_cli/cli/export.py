@@ -10,7 +10,7 @@ import typer
 
 from mapmore_cli.cli.console import NO_OVERRIDES, RUNS, Quiet, Runs
 from mapmore_cli.domain.errors import UsageError
-from mapmore_cli.domain.page import FIGURES
+from mapmore_cli.domain.scores import FIGURES
 from mapmore_cli.storage.atomic import refusals_told, write_bytes, write_text
 
 

@@ -24,6 +24,9 @@ Value = Array | np.float64
 Columns = Mapping[str, Array]
 """Quantities by canonical name, each `(n,)`, row for row of one table."""
 
+Ranges = Mapping[str, tuple[float, float]]
+"""Least and greatest value of each quantity."""
+
 
 ROWS = 1 << 17
 """Samples of a block: one megabyte of a column."""

@@ -9,7 +9,7 @@ of methods, so that nothing of it is imported here.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Annotated, Any, ClassVar, Literal, TypeVar, get_args, get_origin
 
@@ -46,40 +46,30 @@ def taken(of: type[S], settings: Any, **own: Any) -> S:
 # Either of several forms --------------------------------------------------------------------------------------------------------------
 
 
+_SHAPES: tuple[tuple[Any, str], ...] = (
+    (type(None), "<nothing>"),
+    (str, "<text>"),
+    (bool, "<true or false>"),
+    ((int, float), "<a number>"),
+    (Sequence, "<a list>"),
+)
+
+
 def shape(value: Any) -> str:
     """Return what a value is in YAML's terms, in words for messages."""
-    match value:
-        case None:
-            return "<nothing>"
-        case str():
-            return "<text>"
-        case bool():
-            return "<true or false>"
-        case int() | float():
-            return "<a number>"
-        case list() | tuple():
-            return "<a list>"
-        case _:
-            return "<a mapping>"
+    return _shape_of(type(value))
 
 
-_SHAPES = ((str, "<text>"), (bool, "<true or false>"), ((int, float), "<a number>"), (Mapping, "<a mapping>"))
-
-
-def _shape_of(member: Any) -> str:
-    """Return the shape of the values that a type has."""
-    origin = get_origin(member)
+def _shape_of(type_: Any) -> str:
+    origin, arguments = get_origin(type_), get_args(type_)
     if origin is Annotated:
-        return _shape_of(get_args(member)[0])
-    if str(origin) == "typing.Literal":
-        return shape(get_args(member)[0])
-    type_ = origin or member
-    known = next((name for types, name in _SHAPES if issubclass(type_, types)), None)
-    return known or ("<a mapping>" if _keys_of(type_) else "<a list>")
+        return _shape_of(arguments[0])
+    if origin is Literal:
+        return shape(arguments[0])
+    return next((name for types, name in _SHAPES if issubclass(origin or type_, types)), "<a mapping>")
 
 
 def _keys_of(section: Any) -> Mapping[str, Any]:
-    """Return the fields of a section; none of another type."""
     found: Mapping[str, Any] = getattr(section, "__dataclass_fields__", None) or getattr(section, "model_fields", {})
     return found
 

@@ -6,11 +6,12 @@ that could end a comment, a string or a line.
 
 from __future__ import annotations
 
+import keyword
 import re
 import string
 import unicodedata
 from collections.abc import Collection, Iterable
-from itertools import count
+from itertools import accumulate, count
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
 """What a terminal obeys instead of showing it, all but tabs and line feeds; and marks that turn the order of letters."""
@@ -23,15 +24,11 @@ _FORMULA = ("=", "+", "-", "@")
 PLAIN = frozenset(string.ascii_letters + string.digits + " .,:;=+-_()[]<>/^|%'")
 """What stands in comments as it is: no double quotes, backslashes, asterisks, question marks, number signs, dollars or line ends."""
 
-C_WORDS = (
+_C_WORDS = (
     "auto break case char const continue default do double else enum extern float for goto if inline int long "
     "register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while main"
 )
-PYTHON_WORDS = (
-    "False None True and as assert async await break class continue def del elif else except finally for from global if import in is "
-    "lambda nonlocal not or pass raise return try while with yield __debug__"
-)
-WORDS = frozenset(f"{C_WORDS} {PYTHON_WORDS}".split())
+WORDS = frozenset((*_C_WORDS.split(), *keyword.kwlist, "__debug__"))
 """Words that C or Python keep for themselves."""
 
 
@@ -98,35 +95,19 @@ def identifiers(names: Iterable[str], taken: Collection[str] = ()) -> list[str]:
 
 
 def _greek(letter: str) -> str:
-    """Return the command of a Greek letter in a formula, by its name."""
     name = unicodedata.name(letter).rpartition(" ")[2].replace("LAMDA", "LAMBDA")
     return rf"\ensuremath{{\{name.capitalize() if letter.isupper() else name.lower()}}}"
 
 
+_TEX_SYMBOLS = {
+    **{"−": "-", "±": r"\pm", "×": r"\times", "·": r"\cdot", "⋅": r"\cdot", "°": r"^\circ"},
+    **{"µ": r"\mu", "≤": r"\leq", "≥": r"\geq", "≈": r"\approx", "√": r"\surd", "∞": r"\infty"},
+}
+_TEX_NAMES = {"\\": "backslash", "^": "asciicircum", "~": "asciitilde", "<": "less", ">": "greater", "|": "bar"}
 _TEX = str.maketrans(
-    {
-        "\\": r"\textbackslash{}",
-        "^": r"\textasciicircum{}",
-        "~": r"\textasciitilde{}",
-        "<": r"\textless{}",
-        ">": r"\textgreater{}",
-        "|": r"\textbar{}",
-        "–": "--",
-        "−": r"\ensuremath{-}",
-        "²": r"\textsuperscript{2}",
-        "³": r"\textsuperscript{3}",
-        "±": r"\ensuremath{\pm}",
-        "×": r"\ensuremath{\times}",
-        "·": r"\ensuremath{\cdot}",
-        "⋅": r"\ensuremath{\cdot}",
-        "°": r"\ensuremath{^\circ}",
-        "µ": r"\ensuremath{\mu}",
-        "≤": r"\ensuremath{\leq}",
-        "≥": r"\ensuremath{\geq}",
-        "≈": r"\ensuremath{\approx}",
-        "√": r"\ensuremath{\surd}",
-        "∞": r"\ensuremath{\infty}",
-    }
+    {char: rf"\ensuremath{{{symbol}}}" for char, symbol in _TEX_SYMBOLS.items()}
+    | {char: rf"\text{name}{{}}" for char, name in _TEX_NAMES.items()}
+    | {"–": "--", "²": r"\textsuperscript{2}", "³": r"\textsuperscript{3}"}
     | {letter: _greek(letter) for letter in "αβγδεζηθικλμνξπρςστυφχψωΓΔΘΛΞΠΣΥΦΨΩ"}
     | {c: f"\\{c}" for c in "&%$#_{}"}
     | {c: f"{{{c}}}" for c in "[]*"}  # else an argument of the line break before a row
@@ -139,7 +120,6 @@ def tex_text(text: str) -> str:
 
 
 def _printed(text: str) -> str:
-    """Return the printable characters on one line."""
     return " ".join("".join(c if c.isprintable() else " " for c in text).split())
 
 
@@ -165,9 +145,5 @@ def tex_label(text: str) -> str:
 
 def _is_balanced(formula: str) -> bool:
     """Return whether every brace that opens is closed, in this order."""
-    depth = 0
-    for char in formula:
-        depth += (char == "{") - (char == "}")
-        if depth < 0:
-            return False
-    return depth == 0
+    depths = [0, *accumulate((char == "{") - (char == "}") for char in formula)]
+    return min(depths) == depths[-1] == 0

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
+import cmath
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
-from mapmore_cli.domain.arrays import Array, IntArray
+from mapmore_cli.domain.arrays import Array, IntArray, Ranges
 from mapmore_cli.domain.declared import Joining
-from mapmore_cli.domain.fits import FormulaFit, Scaling
-from mapmore_cli.domain.memory import MemoryModel
-from mapmore_cli.domain.motion import Motion
+from mapmore_cli.domain.fits import FormulaFit, MemoryModel, Scaling
 from mapmore_cli.domain.recording import Quantity, Signal
 
 Side = str | float
@@ -32,9 +31,9 @@ class SegmentFunction:
     samples: Annotated[int, "samples fitted to"]
     condition: Annotated[float, "2-norm condition number of the chosen regressors"]
     stop: Annotated[str, "why selection stopped"]
-    limits: Annotated[
-        Mapping[str, tuple[float, float]], "least and greatest training value of each segmented variable in the segment", "[*]"
-    ] = field(default_factory=dict)
+    limits: Annotated[Ranges, "least and greatest training value of each segmented variable in the segment", "[*]"] = field(
+        default_factory=dict
+    )
 
 
 @dataclass(frozen=True)
@@ -44,7 +43,7 @@ class CurveFunction:
     curve: Annotated[str, "identifier of the curve"]
     level: Annotated[float | None, "value of the level quantity", "[level]"]
     boundaries: Annotated[tuple[Array, ...], "(p) segment locations of each segmented variable, both ends included", "[variables.*]"]
-    limits: Annotated[Mapping[str, tuple[float, float]], "least and greatest training value of each input", "[*]"]
+    limits: Annotated[Ranges, "least and greatest training value of each input", "[*]"]
     segments: Annotated[tuple[SegmentFunction, ...], "segment functions"]
     threshold: Annotated[float | None, "threshold along the aligned variable, where there is one", "[aligned]"] = None
 
@@ -54,8 +53,7 @@ class Fusion(Joining):
     """How the pieces are joined (M2 eq 9-12).
 
     `hold: samples` holds a segment function beyond its samples by more than `z_s` of their width, as far as transition zones reach there;
-    `none` leaves it as it is (M2 eq 9-11 to the letter). `domain` are the limits of the whole training domain for every input that
-    extrapolation acts on there (M2 eq 12 as printed); an input that it lacks has each curve's own limits.
+    `none` leaves it as it is (M2 eq 9-11 to the letter). An input that `domain` (M2 eq 12 as printed) lacks has each curve's own limits.
 
     `shrink` is the share g of the pieces on a backbone that is carried to the middle between two levels: `g + (1 - g)(1 - 2t)^2` at the
     place t between them.
@@ -66,9 +64,9 @@ class Fusion(Joining):
     ]
     aligned: Annotated[str | None, "variable along which curves are aligned at their thresholds"] = None
     shrink: Annotated[float, "share of the pieces on a backbone that is carried to the middle between two levels"] = 1.0
-    domain: Annotated[
-        Mapping[str, tuple[float, float]], "limits of the whole training domain, for inputs that extrapolation acts on there", "[*]"
-    ] = field(default_factory=dict)
+    domain: Annotated[Ranges, "limits of the whole training domain, for inputs that extrapolation acts on there", "[*]"] = field(
+        default_factory=dict
+    )
 
 
 @dataclass(frozen=True)
@@ -89,7 +87,7 @@ class CurveRange:
 
     curve: Annotated[str, "identifier of the curve"]
     level: Annotated[float | None, "value of the level quantity", "[level]"]
-    limits: Annotated[Mapping[str, tuple[float, float]], "least and greatest training value of each input", "[*]"]
+    limits: Annotated[Ranges, "least and greatest training value of each input", "[*]"]
 
 
 class Body:
@@ -152,6 +150,97 @@ class Memory(Body):
         return (self.model,)
 
 
+# Models of motion (P) --------------------------------------------------------------------------------------------------------------
+
+HARD, CARRIED, BUMPLESS = "hard", "carried", "bumpless"
+"""How a model changes from section to section."""
+
+REST, ZERO = "rest", "zero"
+"""Where a run begins: in the steady state of its first input, or at an output of zero."""
+
+ALL, RISE, FALL = "all", "rise", "fall"
+"""Directions of the input in which a section holds."""
+
+
+@dataclass(frozen=True)
+class MotionSection:
+    """A linear section: `x1[k+1] = x2[k]`, `x2[k+1] = P1 x1[k] + P2 x2[k] + sum_m w_m d_m[k]`, output x1 (P eq 10, in discrete time).
+
+    `x2` is the output one sample ahead. The drives d are the model's; the first is the input, so that `w_1` is P3.
+    """
+
+    id: Annotated[str, "identifier of the section, as `2` or `rise 2`"]
+    place: Annotated[int, "place along the input, from 1", "-"]
+    direction: Annotated[str, "direction of the input in which it holds: `all`, `rise` or `fall`"]
+    p1: Annotated[float, "P1"]
+    p2: Annotated[float, "P2"]
+    weights: Annotated[Array, "(m) weights of the drives; the first is P3", "[target] over the unit of the drive"]
+
+    @property
+    def p3(self) -> float:
+        """Weight of the input."""
+        return float(self.weights[0])
+
+    @property
+    def poles(self) -> tuple[complex, complex]:
+        """Roots of `z^2 - P2 z - P1`, the larger modulus first."""
+        half, root = 0.5 * self.p2, cmath.sqrt(0.25 * self.p2**2 + self.p1)
+        first, second = half + root, half - root
+        return (first, second) if abs(first) >= abs(second) else (second, first)
+
+    @property
+    def radius(self) -> float:
+        """Largest modulus of a pole; the section is stable below 1."""
+        return abs(self.poles[0])
+
+    @property
+    def gain(self) -> float:
+        """Steady output for one unit of the input, `P3/(1 - P1 - P2)`."""
+        return self.p3 / (1.0 - self.p1 - self.p2)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Sections along an input (P eq 14-17).
+
+    With `hard` switching every section runs on the whole input and the active one's output is taken; `bumpless` sections are `carried` ones
+    whose steady outputs meet at their boundaries. Without bumpless switching `dead_band` is 0: the input then falls unless it rises.
+    """
+
+    input: Annotated[str, "the input"]
+    output: Annotated[str, "the predicted quantity"]
+    step: Annotated[float, "time between samples", "s"]
+    switching: Annotated[str, "`hard`: sections run side by side; `carried`, `bumpless`: they share one state"]
+    boundaries: Annotated[tuple[float, ...], "inputs at which sections meet, ascending", "that of the input"]
+    directed: Annotated[bool, "1 where sections differ between a rising and a falling input"]
+    dead_band: Annotated[float, "how far the input turns back before its direction changes", "that of the input"]
+    drives: Annotated[tuple[str, ...], "(m) terms that drive every section, the input first"]
+    sections: Annotated[tuple[MotionSection, ...], "in order along the input, `rise` before `fall`"]
+    limits: Annotated[tuple[float, float], "least and greatest training input", "that of the input"]
+    start: Annotated[str, "a run begins at `rest` under its first input, or at `zero`"] = REST
+
+
+@dataclass(frozen=True)
+class SectionSearch:
+    """How the parameters of one section were found."""
+
+    section: Annotated[str, "identifier of the section"]
+    samples: Annotated[int, "training samples at which it holds"]
+    rmse: Annotated[float, "error over these, before sections were joined", "[target]"]
+    evaluations: Annotated[int, "simulations that it took"]
+    history: Annotated[Array, "lowest error so far, from the start on", "[target]"]
+
+
+@dataclass(frozen=True)
+class MotionFit:
+    """A model of motion, and how each of its sections was found."""
+
+    model: Annotated[Motion, "the model"]
+    solver: Annotated[str, "name of the solver"]
+    searches: Annotated[tuple[SectionSearch, ...], "the search of each section, in the order of sections"]
+    notes: Annotated[tuple[str, ...], "remarks for the reader"] = ()
+
+
 @dataclass(frozen=True)
 class StateSpace(Body):
     """A model of motion: linear sections along an input (P)."""
@@ -160,12 +249,14 @@ class StateSpace(Body):
     ranges: Annotated[tuple[CurveRange, ...], "training range of each curve"]
 
 
+# Sums and the whole ----------------------------------------------------------------------------------------------------------------
+
+
 @dataclass(frozen=True)
 class Part:
     """A model in a sum.
 
-    `inputs` says where an input of the part has another name in the sum: an expression of the sum's inputs, as `p1` or `-strain`. An input
-    may also be the output of another model, as the pressure behind a valve: that of a part in `fed`, by its name.
+    An input may be the output of another model, as the pressure behind a valve: that of a part in `fed`, by its name.
     """
 
     model: Annotated[Model, "the model"]

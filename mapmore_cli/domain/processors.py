@@ -50,7 +50,8 @@ def shared_out(
         queue.write(array("q", range(count, len(items))))
         queue.seek(0)
         shares = [chain([first], _drawn(queue)) for first in range(count)]
-        with _copies(work, items, shares[1:]) as copies:
+        with ExitStack() as stack:
+            copies = [stack.enter_context(_copy(work, items, share)) for share in shares[1:]]
             found = {}
             for number in shares[0] if items else ():
                 found[number] = work(items[number])
@@ -88,14 +89,8 @@ def _threads() -> int | None:
 
 
 @contextmanager
-def _copies(work: Callable[[T], R], items: Sequence[T], shares: Sequence[Iterable[int]]) -> Iterator[list[Connection]]:
-    """Set forks to work, one on each share, and say where they tell what came of it; what is left of them ends with the context."""
-    with ExitStack() as stack:
-        yield [stack.enter_context(_copy(work, items, share)) for share in shares]
-
-
-@contextmanager
 def _copy(work: Callable[[T], R], items: Sequence[T], share: Iterable[int]) -> Iterator[Connection]:
+    """Set a fork to work on a share, and say where it tells what came of it; what is left of it ends with the context."""
     from multiprocessing import get_context
 
     fork = get_context("fork")

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import BoolArray, Columns, IntArray
+from mapmore_cli.domain.arrays import BoolArray, Columns, IntArray, Ranges
 
 STATIC_FORCE, DAMPING = "static_force", "damping"
 """What a static model says of a step response, and what it leaves (M2 eq 1)."""
@@ -73,9 +73,9 @@ class Curve:
     recordings: Annotated[tuple[str, ...], "identifiers of the recordings that the samples come from"]
     at_rest: Annotated[BoolArray | None, "(n) 1 on the plateau of a step response, where a sample is scored but does not train", "1"] = None
     origin: Annotated[IntArray | None, "(n) number of each sample's recording among `recordings`, from 0", "-"] = None
-    measured: Annotated[
-        Mapping[str, tuple[float, float]], "range of each quantity over the training recordings, where samples are branches", "[*]"
-    ] = field(default_factory=dict)
+    measured: Annotated[Ranges, "range of each quantity over the training recordings, where samples are branches", "[*]"] = field(
+        default_factory=dict
+    )
 
     @property
     def size(self) -> int:
@@ -101,7 +101,7 @@ class Curve:
         return tuple(np.flatnonzero(self.origin == number) for number in np.unique(self.origin))
 
 
-def united(ranges: Iterable[Mapping[str, tuple[float, float]]]) -> dict[str, tuple[float, float]]:
+def united(ranges: Iterable[Ranges]) -> dict[str, tuple[float, float]]:
     """Return the least range of each quantity that holds all given ones."""
     whole: dict[str, tuple[float, float]] = {}
     for one in ranges:
@@ -136,8 +136,7 @@ class Dataset:
 class Signal:
     """An input that follows from another one over time.
 
-    A rate is `factor` times the derivative by the time in seconds, over a `window` in seconds by polynomials of `order`, where the time
-    comes in units of so many `seconds`; the direction has a `dead_band` in the unit of the rate. Numbers that a kind does not have are 0.
+    A rate is `factor` times the derivative by the time in seconds, where the time comes in units of so many `seconds`.
     """
 
     name: Annotated[str, "name of the input"]

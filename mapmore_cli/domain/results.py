@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
@@ -9,9 +10,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
-from mapmore_cli.domain.fits import FormulaFit, SegmentFit
-from mapmore_cli.domain.memory import MemoryFit
-from mapmore_cli.domain.motion import MotionFit
+from mapmore_cli.domain.fits import FormulaFit, MemoryFit, SegmentFit
+from mapmore_cli.domain.models import MotionFit
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.scores import Score, ScoreTable
 
@@ -87,29 +87,20 @@ class Validation:
 
 @dataclass(frozen=True)
 class Run:
-    """Predictions (n,), empty (NaN) before there is history and from a sample at which the run left all bounds to the end of its piece.
-
-    `diverged` are the rows of such samples.
-    """
+    """Predictions (n,), empty (NaN) before there is history and from a sample at which the run left all bounds to the end of its piece."""
 
     values: Array
-    diverged: tuple[int, ...] = ()
+    diverged: tuple[int, ...] = ()  # rows of such samples
 
 
 @dataclass(frozen=True)
 class Forecast:
-    """Predictions of the samples of a curve, (n,) each.
+    """Predictions of the samples of a curve, (n,) each."""
 
-    - `values`: the model's prediction, in free run where it has memory; NaN before there is history, and from where a run diverged.
-    - `ready`: samples with enough history to be predicted; what is NaN among them has diverged.
-    - `one_step`: prediction of every sample from the measured past; None for a model without memory.
-    - `half`: half of the width of the interval at every sample, NaN where there is none; None for a model without intervals.
-    """
-
-    values: Array
-    ready: BoolArray
-    one_step: Array | None = None
-    half: Array | None = None
+    values: Array  # the model's prediction, in free run where it has memory; NaN before there is history, and from where a run diverged
+    ready: BoolArray  # samples with enough history to be predicted; what is NaN among them has diverged
+    one_step: Array | None = None  # prediction of every sample from the measured past; None for a model without memory
+    half: Array | None = None  # half of the width of the interval, NaN where there is none; None for a model without intervals
 
     @classmethod
     def of(cls, values: Array) -> Forecast:
@@ -127,53 +118,36 @@ class Forecast:
 
 @dataclass(frozen=True)
 class Tried:
-    """One structure that was tried.
+    """One structure that was tried."""
 
-    - `family`, `words`: the family that offered it, and what it is called.
-    - `sections`: the sections of a spec that make it, by their names.
-    - `parameters`: free numbers of its model of all training data.
-    - `errors`: RMSE on each fold of a model without it, as a fraction of `Search.scale`; empty where a fit failed, for which `failure` says
-      why.
-    - `error`: their root mean square.
-    - `parts`: the same over left-out levels or recordings; NaN where there are too few of them.
-    - `excess`, `spread`: mean over all folds of the logarithm of the error over that of the best structure, and the standard error of that
-      mean.
-    - `seconds`: how long it took.
-    """
-
-    family: str
-    words: str
-    sections: Mapping[str, Any]
-    parameters: int = 0
-    errors: tuple[float, ...] = ()
-    error: float = float("nan")
-    parts: float = float("nan")
-    excess: float = float("nan")
-    spread: float = float("nan")
-    seconds: float = 0.0
-    failure: str = ""
+    family: str  # that offered it
+    words: str  # what it is called
+    sections: Mapping[str, Any]  # of a spec that make it, by their names
+    parameters: int = 0  # free numbers of its model of all training data
+    errors: tuple[float, ...] = ()  # RMSE on each fold of a model without it, as a fraction of `Search.scale`; empty where a fit failed
+    error: float = math.nan  # their root mean square
+    parts: float = math.nan  # the same over left-out levels or recordings; NaN where there are too few of them
+    excess: float = math.nan  # mean over all folds of the logarithm of the error over that of the best structure
+    spread: float = math.nan  # standard error of that mean
+    seconds: float = 0.0  # that it took
+    failure: str = ""  # why a fit failed
 
 
 @dataclass(frozen=True)
 class Search:
-    """All structures that were tried, in the order of the list.
-
-    `best` errs least, `chosen` is the simplest that is as good (numbers of `tried`). `left_out` and `parts` say what the
-    folds leave out, `scale` what errors are divided by, in the unit of the target. `cut` structures were not tried for want of time.
-    `black_boxes` are errors of learners that know nothing of muscles, on the same folds; `notes` are words for the user.
-    """
+    """All structures that were tried, in the order of the list."""
 
     name: str
     target: str
-    left_out: str
-    parts: str
-    scale: float
+    left_out: str  # by the folds
+    parts: str  # likewise, of `Tried.parts`
+    scale: float  # what errors are divided by, in the unit of the target
     tried: tuple[Tried, ...]
-    best: int
-    chosen: int
-    cut: int = 0
-    black_boxes: Mapping[str, float] | None = None
-    notes: tuple[str, ...] = ()
+    best: int  # number of the one that errs least
+    chosen: int  # number of the simplest that is as good
+    cut: int = 0  # structures that were not tried for want of time
+    black_boxes: Mapping[str, float] | None = None  # errors of learners that know nothing of muscles, on the same folds
+    notes: tuple[str, ...] = ()  # for the user
 
     @property
     def found(self) -> Tried:
@@ -183,50 +157,34 @@ class Search:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A measurement that could be made.
+    """A measurement that could be made; half widths are those of the 95 % interval, in the target's unit, NaN where unknown."""
 
-    - `at`: values of the quantities to set, by name, in the model's units.
-    - `kind`: `between` two levels, a `repeat` of a level, or a `point` of a map.
-    - `half_width`, `after`: half of the width of the 95 % interval there before the measurement, and the forecast for after it, in the
-      target's unit; NaN where unknown.
-    - `error`: expected root mean square error there before the measurement; NaN where unknown.
-    - `cost`: what it costs, by the user's prices of a change of each quantity.
-    """
-
-    at: Mapping[str, float]
-    kind: Literal["between", "repeat", "point"]
-    half_width: float
-    after: float
-    error: float
-    cost: float = 1.0
+    at: Mapping[str, float]  # values of the quantities to set, by name, in the model's units
+    kind: Literal["between", "repeat", "point"]  # `between` two levels, a `repeat` of a level, or a `point` of a map
+    half_width: float  # there, before the measurement
+    after: float  # its forecast for after the measurement
+    error: float  # expected root mean square error there before the measurement; NaN where unknown
+    cost: float = 1.0  # by the user's prices of a change of each quantity
 
 
 @dataclass(frozen=True)
 class Until:
-    """The forecast of how many more measurements are needed for a `wanted` half width, in the target's unit.
-
-    `widest` is the widest half width now. `more` is None where more measurements do not get there; `least` is then what they reach.
-    """
+    """The forecast of how many more measurements are needed for a `wanted` half width, in the target's unit."""
 
     wanted: float
-    widest: float
-    more: int | None
-    least: float
+    widest: float  # half width now
+    more: int | None  # None where more measurements do not get there
+    least: float  # what they then reach
 
 
 @dataclass(frozen=True)
 class Picture:
-    """Half widths over the range that was measured, for the figure.
+    """Half widths over the range that was measured, for the figure."""
 
-    - `places`: coordinates of the half widths by name, (n,) each.
-    - `before`, `after`: half widths now, and with all of the plan's points or with its first level measured, (n,).
-    - `measured`: coordinates of what trains, by name, (m,) each.
-    """
-
-    places: Columns
-    before: Array
-    after: Array
-    measured: Columns
+    places: Columns  # coordinates of the half widths by name, (n,) each
+    before: Array  # half widths now, (n,)
+    after: Array  # with all of the plan's points, or with its first level measured, (n,)
+    measured: Columns  # coordinates of what trains, by name, (m,) each
 
 
 @dataclass(frozen=True)
@@ -240,10 +198,10 @@ class Plan:
     candidates: tuple[Candidate, ...]
     picture: Picture
     until: Until | None = None
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
 
     @property
     def widest(self) -> float:
         """The widest half width now; NaN where there are no intervals."""
         known = self.picture.before[np.isfinite(self.picture.before)]
-        return float(known.max()) if len(known) else float("nan")
+        return float(known.max()) if len(known) else math.nan

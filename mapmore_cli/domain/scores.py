@@ -1,4 +1,4 @@
-"""The numbers that a validation ends with."""
+"""The numbers that a validation ends with, and the page that shows them."""
 
 from __future__ import annotations
 
@@ -87,16 +87,12 @@ class Limit:
 
 @dataclass(frozen=True)
 class Published:
-    """Numbers of a publication, all of held-out data; shown beside ours and used in no computation.
-
-    By model: `nrmse` as fractions, `rmse` in the target's unit, and `rmse_at_least` where only a lower bound was printed. `source` says
-    where.
-    """
+    """Numbers of a publication by model, all of held-out data; shown beside ours and used in no computation."""
 
     source: str
-    nrmse: Mapping[str, float] = field(default_factory=dict)
-    rmse: Mapping[str, float] = field(default_factory=dict)
-    rmse_at_least: Mapping[str, float] = field(default_factory=dict)
+    nrmse: Mapping[str, float] = field(default_factory=dict)  # fractions
+    rmse: Mapping[str, float] = field(default_factory=dict)  # in the target's unit
+    rmse_at_least: Mapping[str, float] = field(default_factory=dict)  # where only a lower bound was printed
 
     def shown_rmse(self, model: str) -> float | str | None:
         """Return the RMSE as a cell of a table: a bound is told as one, and None where nothing was printed."""
@@ -124,33 +120,43 @@ def deciding(scores: Iterable[Score]) -> list[Score]:
 
 @dataclass(frozen=True)
 class Trial:
-    """One combination of settings, by their place in the spec.
-
-    - `parameters`: free numbers of its model of all training data.
-    - `errors`: NRMSE on each fold of a model without it; empty where a fit failed, for which `failure` says why.
-    - `error`: their mean.
-    - `excess`, `spread`: mean over the folds of the error less that of the best combination, and the standard error of that mean.
-    """
+    """One combination of settings, by their place in the spec."""
 
     settings: Mapping[str, Any]
-    parameters: int = 0
-    errors: tuple[float, ...] = ()
-    error: float = float("nan")
-    excess: float = float("nan")
-    spread: float = float("nan")
-    failure: str = ""
+    parameters: int = 0  # free numbers of its model of all training data
+    errors: tuple[float, ...] = ()  # NRMSE on each fold of a model without it; empty where a fit failed
+    error: float = math.nan  # their mean
+    excess: float = math.nan  # mean over the folds of the error less that of the best combination
+    spread: float = math.nan  # standard error of that mean
+    failure: str = ""  # why a fit failed
 
 
 @dataclass(frozen=True)
 class Tuning:
-    """All combinations that were tried; `best` errs least, `chosen` is the simplest within one standard error of it.
-
-    `left_out` says what each fold leaves out, `full_scale` what errors are divided by.
-    """
+    """All combinations that were tried."""
 
     name: str
-    left_out: str
-    full_scale: str
+    left_out: str  # by each fold
+    full_scale: str  # what errors are divided by
     trials: tuple[Trial, ...]
-    best: Trial
-    chosen: Trial
+    best: Trial  # errs least
+    chosen: Trial  # the simplest within one standard error of the best
+
+
+RUN_PAGE = "report/index.html"
+"""The page of a run, in its folder."""
+
+FIGURES = {
+    "data": "data",
+    "fit": "fit",
+    "error": "fit",
+    "residual_map": "fit",
+    "surface": "fit",
+    "residuals": "fit",
+    "nrmse": "nrmse",
+    "bands": "nrmse",
+    "segments": "segments",
+    "terms": "terms",
+    "convergence": "nrmse",
+}
+"""The figures in their order, with the section of the page that each stands in. A figure `NAME` is drawn by `reporting/figures/NAME.py`."""

@@ -1,4 +1,4 @@
-"""Black boxes as competitors: what a learner that knows nothing of muscles makes of the same training samples.
+"""Black boxes as competitors, and as the yardstick of a search: what a learner that knows nothing of muscles makes of the same samples.
 
 They come from scikit-learn (extra `baselines`), which is imported when one is fitted. Inputs are those of the run's own model, scaled to
 mean 0 and deviation 1 on the training samples. Against a model that runs along recordings they also get every input some samples before
@@ -8,15 +8,18 @@ mean 0 and deviation 1 on the training samples. Against a model that runs along 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from importlib.util import find_spec
+from typing import Any, TypeVar
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.modelling.kinds import runs_over_time
+
+T = TypeVar("T", bound=np.ndarray[Any, Any])
 
 SEED = 0
 DELAYS = (0, 1, 2, 4, 8, 16, 32)
@@ -24,6 +27,21 @@ DELAYS = (0, 1, 2, 4, 8, 16, 32)
 
 MOST_SAMPLES = {"gaussian_process": 400, "gradient_boosting": 20_000, "mlp": 5_000}
 """Training samples of each at most, an even share: a Gaussian process costs the cube of their number."""
+
+LESS = 0.8
+"""Times the error of the structure that was found, below which a black box errs clearly less."""
+
+MOST_IN_A_FOLD = 1_500
+"""Training samples of a black box in each fold; fewer where as a competitor it has fewer."""
+
+MOST_INPUTS = 4
+"""Inputs, delays included, up to which a Gaussian process is fitted: it takes long with more."""
+
+BINS = 12
+"""Of a quantity, between which the mean of the residual is compared."""
+
+TELLS = 0.2
+"""Share of the residual's variance that a quantity explains, from which on it is named."""
 
 
 def predictions(name: str, dataset: Dataset, model: Model) -> list[Array]:
@@ -64,7 +82,7 @@ def features(curve: Curve, names: Sequence[str], delays: Sequence[int]) -> Array
     return found
 
 
-def _share(values: Array, most: int) -> Array:
+def _share(values: T, most: int) -> T:
     """At most so many rows, evenly spread."""
     return values if len(values) <= most else values[np.linspace(0, len(values) - 1, most).round().astype(int)]
 
@@ -99,3 +117,76 @@ def _learner(name: str, inputs: int) -> Any:
     from sklearn.neural_network import MLPRegressor
 
     return MLPRegressor(hidden_layer_sizes=(32, 32), solver="lbfgs", alpha=1e-3, max_iter=500, random_state=SEED)
+
+
+def black_boxes(dataset: Dataset, inputs: Sequence[str], folds: Sequence[Sequence[BoolArray]], past: bool) -> dict[str, float]:
+    """RMSE of each black box on the left-out samples of all folds, by its name; nothing where scikit-learn is not installed.
+
+    Against structures with a past they get delayed inputs as well.
+    """
+    if find_spec("sklearn") is None or not inputs:
+        return {}
+    delays = DELAYS if past else (0,)
+    x = np.concatenate([features(curve, inputs, delays) for curve in dataset.curves])
+    names = ["gradient_boosting", "gaussian_process" if len(inputs) * len(delays) <= MOST_INPUTS else "mlp"]
+    errors: dict[str, list[Array]] = {name: [] for name in names}
+    y = np.concatenate([curve.columns[dataset.target] for curve in dataset.curves])
+    for fold in folds:
+        out = np.concatenate(list(fold))
+        rest = np.flatnonzero(~out)
+        for name in names:
+            rows = _share(rest, min(MOST_IN_A_FOLD, MOST_SAMPLES[name]))
+            errors[name].append(learned(name, x[rows], y[rows])(x[out]) - y[out])
+    return {name: float(np.sqrt(np.nanmean(np.concatenate(each) ** 2))) for name, each in errors.items()}
+
+
+def strongest(curves: Sequence[Curve], residual: Sequence[Array], inputs: Sequence[str], past: bool) -> str:
+    """Return what explains most of a residual, (n_c,) of each curve, NaN where unknown: an input, an earlier one, a direction, the time.
+
+    It is the share of the variance between the means of equally full bins; "" where nothing explains a fifth.
+    """
+    e = np.concatenate(list(residual))
+    known = np.isfinite(e)
+    if known.sum() < 2 * BINS or np.ptp(e[known]) == 0:
+        return ""
+    shares = {words: _explained(values[known], e[known]) for words, values in _explanations(curves, inputs, past)}
+    words = max(shares, key=lambda one: shares[one], default="")
+    return f"{words} ({shares[words]:.0%} of its variance)" if words and shares[words] >= TELLS else ""
+
+
+def _explanations(curves: Sequence[Curve], inputs: Sequence[str], past: bool) -> Iterator[tuple[str, Array]]:
+    """Quantities in words, each with its values along all curves."""
+    for name in inputs:
+        yield name, np.concatenate([curve.columns[name] for curve in curves])
+        if past:
+            for steps in DELAYS[1:]:
+                yield f"{name} {steps} sample{'s' if steps > 1 else ''} before", _along(curves, name, steps)
+            yield f"the direction of {name}", np.sign(_along(curves, name, 0) - _along(curves, name, 1))
+    if all("time" in curve.columns for curve in curves):
+        yield "the time (a drift, or cycles that differ)", np.concatenate([curve.columns["time"] for curve in curves])
+
+
+def _along(curves: Sequence[Curve], name: str, steps: int) -> Array:
+    """Return a quantity some samples before, in each recording."""
+    return np.concatenate([features(curve, [name], (steps,))[:, 0] for curve in curves])
+
+
+def _explained(values: Array, e: Array) -> float:
+    """Return the variance of the means of bins over the whole variance, with the degrees of freedom counted."""
+    edges = np.unique(np.quantile(values, np.linspace(0, 1, BINS + 1)[1:-1]))
+    places = np.searchsorted(edges, values, side="right")
+    means = {place: e[places == place].mean() for place in np.unique(places)}
+    within = sum(float(np.sum((e[places == place] - mean) ** 2)) for place, mean in means.items())
+    total = float(np.sum((e - e.mean()) ** 2))
+    free = len(e) - len(means)
+    return 1 - within / free / (total / (len(e) - 1)) if free > 0 and total > 0 else 0.0
+
+
+def note_of(errors: Mapping[str, float], own: float, hint: str) -> str:
+    """Return the sentence for the user; empty where no black box errs clearly less."""
+    name = min(errors, key=lambda one: errors[one], default="")
+    if not name or not errors[name] < LESS * own:
+        return ""
+    words = {"gaussian_process": "a Gaussian process", "gradient_boosting": "gradient boosting", "mlp": "a small network"}[name]
+    told = f"; what is left depends most on {hint}" if hint else ""
+    return f"{words} errs {own / errors[name]:.2g} times less on left-out training data: the structure lacks something{told}"

@@ -13,8 +13,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.fits import FormulaFit, Optimum
-from mapmore_cli.domain.models import Formula, Model
-from mapmore_cli.domain.motion import MotionFit
+from mapmore_cli.domain.models import Formula, Model, MotionFit
 from mapmore_cli.domain.recording import DAMPING, STATIC_FORCE, Curve, Dataset
 from mapmore_cli.domain.results import Forecast
 from mapmore_cli.domain.scores import BASELINES, OWN, SIMPLE
@@ -27,7 +26,7 @@ from mapmore_cli.modelling.literature.formulas.sarosi_hysteresis_loss import Hys
 from mapmore_cli.modelling.signals.plateau import damping_component
 from mapmore_cli.modelling.sums import joint
 from mapmore_cli.modelling.sums.joint import fit_jointly
-from mapmore_cli.spec.sections.results import Competitor
+from mapmore_cli.spec.experiment import Competitor
 from mapmore_cli.storage.artefacts import read_model
 from mapmore_cli.storage.run_folder import RunFiles
 

@@ -17,7 +17,6 @@ from mapmore_cli.domain.results import Forecast
 from mapmore_cli.domain.scores import OWN
 from mapmore_cli.fitting import refitting
 from mapmore_cli.fitting.competitors import Contest, Forecasts
-from mapmore_cli.fitting.kinds import maker_of
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS, block, in_curve
@@ -84,7 +83,7 @@ def _groups(dataset: Dataset, of: str) -> list[list[BoolArray]]:
 
 def refitted(choices: ModelChoices, dataset: Dataset) -> Model:
     """Return a model of the training samples of a dataset, made in one go."""
-    if maker_of(choices).refit is None or choices.over_time:
+    if choices.kind == "sum" or choices.over_time:
         raise SpecError("split.leave_one_level_out: a model over time cannot be fitted without a level", "hold out recordings instead")
     return refitting.refitted(choices, dataset)
 
@@ -194,11 +193,7 @@ def _part(dataset: Dataset, curve: Curve) -> str:
 
 def made_anew(choices: ModelChoices, dataset: Dataset, needed: Mapping[str, Path]) -> Model:
     """Return a model of any kind, made of the training samples of a dataset; `needed` are the folders of the runs that a sum adds up."""
-    maker = maker_of(choices)
-    if maker.refit is not None:
-        return refitting.refitted(choices, dataset)
-    assert maker.refit_parts is not None
-    return maker.refit_parts(choices, dataset, lambda path: _without(needed[path], dataset))
+    return refitting.refitted(choices, dataset, lambda path: _without(needed[path], dataset))
 
 
 def _without(run_dir: Path, dataset: Dataset) -> Model:

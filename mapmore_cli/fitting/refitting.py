@@ -1,22 +1,127 @@
-"""A model made in one go, its number of terms included where left-out training data choose it."""
+"""Models made anew on part of the training data: folds that are left out in turn, the errors there, and the number of terms by them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mapmore_cli.domain.errors import FitError, MapmoreError, SpecError
+from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
+from mapmore_cli.domain.errors import DataError, FitError, MapmoreError
 from mapmore_cli.domain.models import Model
-from mapmore_cli.domain.recording import Dataset
-from mapmore_cli.fitting.kinds import maker_of
-from mapmore_cli.fitting.kinds.choices import FitChoices, ModelChoices, with_terms
+from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.fitting.kinds import added_up, refit
+from mapmore_cli.fitting.kinds.choices import FitChoices, ModelChoices, level_of, with_terms
 from mapmore_cli.fitting.kinds.dictionary import terms_of
 from mapmore_cli.fitting.kinds.pieces import backbone_name
-from mapmore_cli.fitting.trials import bench_of, errors_of, training_only
+from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.selection import AUTO
+from mapmore_cli.modelling.validation.metrics import divisor
 from mapmore_cli.modelling.validation.significance import simplest_of
+
+FEWEST_INNER = 3
+"""Inner training levels from which on levels are left out; with fewer, blocks are: a standard error of one or two folds says nothing."""
+
+BLOCKS = 5
+"""Contiguous blocks of every recording or curve."""
+
+
+@dataclass(frozen=True)
+class Folds:
+    """What all combinations are tried on: a `dataset` of training samples alone, and what every fold leaves out of each curve."""
+
+    dataset: Dataset
+    masks: Sequence[tuple[BoolArray, ...]]
+    left_out: str
+    scale: float
+    full_scale: str
+
+
+def training_only(dataset: Dataset) -> Dataset:
+    """Return the dataset without its held-out samples; curves that have no others are left out."""
+    return replace(dataset, curves=tuple(kept(curve, ~curve.held_out) for curve in dataset.curves if curve.training.any()))
+
+
+def kept(curve: Curve, rows: BoolArray) -> Curve:
+    """Return some rows of a curve; of its recordings, those that still have any."""
+    origin, recordings = None, curve.recordings
+    if curve.origin is not None:
+        left, origin = np.unique(curve.origin[rows], return_inverse=True)
+        recordings = tuple(curve.recordings[number] for number in left)
+    return replace(
+        curve,
+        columns={name: values[rows] for name, values in curve.columns.items()},
+        held_out=curve.held_out[rows],
+        recordings=recordings,
+        at_rest=None if curve.at_rest is None else curve.at_rest[rows],
+        origin=origin,
+    )
+
+
+def folds_of(dataset: Dataset, choices: ModelChoices, normaliser: str, by_level: bool = False) -> Folds:
+    """Return the folds of training samples alone: inner levels where there are enough of them, else blocks.
+
+    Where the study holds levels out (`by_level`), training levels are left out also of pooled curves, and the outer ones where there are
+    fewer than three inner ones.
+
+    Raises DataError where there are too few samples to leave a block out.
+    """
+    level = None if choices.over_time else level_of(choices.levels, choices.segment)
+    levels = sorted({curve.level for curve in dataset.curves if curve.level is not None})
+    if by_level and not choices.over_time:
+        level = dataset.level
+    inner = levels[1:-1] if len(levels) >= FEWEST_INNER + 2 or not by_level else levels
+    if level is not None and len(inner) >= FEWEST_INNER:
+        folds: list[tuple[BoolArray, ...]] = [tuple(curve.training & (curve.level == value) for curve in dataset.curves) for value in inner]
+        left_out = f"each of the {len(inner)} {'inner ' if len(inner) < len(levels) else ''}training levels of {level}"
+    else:
+        along = None if choices.over_time else next((name for name in choices.segment if name in dataset.quantities), None)
+        blocks = [_blocks(curve, along) for curve in dataset.curves]
+        folds = [tuple(of[number] for of in blocks) for number in range(BLOCKS)]
+        left_out = f"each of {BLOCKS} contiguous blocks of the training samples of every {'curve' if along else 'recording'}"
+        if any(not any(mask.any() for mask in fold) for fold in folds):
+            raise DataError(f"no curve has {BLOCKS} training samples: no block can be left out", "keep more samples")
+    scale = divisor(dataset, normaliser)
+    return Folds(dataset, folds, left_out, scale.value, scale.name)
+
+
+def _blocks(curve: Curve, along: str | None) -> list[BoolArray]:
+    """Contiguous blocks of the training samples: along a quantity, or of each recording in the order of time."""
+    rows = np.flatnonzero(curve.training)
+    if along is not None:
+        return contiguous([rows[np.argsort(curve.columns[along][rows], kind="stable")]], BLOCKS, curve.size)
+    return contiguous([log[curve.training[log]] for log in curve.logs], BLOCKS, curve.size)
+
+
+def contiguous(parts: Sequence[IntArray], count: int, size: int, times: int = 1) -> list[BoolArray]:
+    """Masks (size,) of the first, second, ... of `count` contiguous blocks of each part, `times` over."""
+    split = [np.array_split(part, count * times) for part in parts]
+    masks = []
+    for number in range(count):
+        mask = np.zeros(size, dtype=np.bool_)
+        mask[np.concatenate([block for blocks in split for block in blocks[number::count]])] = True
+        masks.append(mask)
+    return masks
+
+
+def errors_of(choices: ModelChoices, folds: Folds, remade: Callable[[ModelChoices, Dataset], Model]) -> list[float]:
+    """NRMSE on each fold, of models that are `remade` without it; infinite where nothing finite was predicted. Raises as the fits do."""
+    found = []
+    target = folds.dataset.target
+    for masks in folds.masks:
+        curves = tuple(replace(curve, held_out=out) for curve, out in zip(folds.dataset.curves, masks, strict=True))
+        model = remade(choices, replace(folds.dataset, curves=curves))
+        squares: list[Array] = []
+        for curve in (curve for curve in curves if curve.held_out.any()):
+            said = forecast(model, curve)
+            rows = curve.held_out & said.ready
+            squares.append((said.values[rows] - curve.columns[target][rows]) ** 2)
+        every = np.concatenate(squares)
+        error = float(np.sqrt(every.mean())) / folds.scale if len(every) else float("inf")
+        found.append(error if np.isfinite(error) else float("inf"))
+    return found
+
 
 IN_A_SEGMENT = (1, 2, 3, 4, 6, 8)
 IN_A_RECORD = (1, 2, 4, 8, 12, 16)
@@ -39,14 +144,12 @@ def size_of(part: FitChoices, dataset: Dataset, progress: Callable[[int, int], N
     if part.fit.max_terms != AUTO or part.kind not in ("pieces", "memory"):
         return Size()
     trial = _trial(part, dataset)
-    refit = maker_of(trial).refit
-    assert refit is not None
-    bench = bench_of(training_only(dataset), trial, "max")
+    folds = folds_of(training_only(dataset), trial, "max")
     known, failure = dict[int, list[float]](), ""
     sizes = _sizes(part)
     for number, terms in enumerate(sizes):
         try:
-            known[terms] = errors_of(with_terms(trial, terms), bench, refit)
+            known[terms] = errors_of(with_terms(trial, terms), folds, refit)
         except MapmoreError as fault:
             failure = fault.message
         progress(number + 1, len(sizes))
@@ -58,7 +161,7 @@ def size_of(part: FitChoices, dataset: Dataset, progress: Callable[[int, int], N
     chosen, best = tried[rank.chosen], tried[rank.best]
     errors = ", ".join(f"{terms}: {100 * np.mean(finite[terms]):.3g}" for terms in tried)
     within = "the best" if chosen == best else f"within one standard error of the best, {best}"
-    note = f"at most {chosen} term(s): {within}; left out in turn: {bench.left_out}; NRMSE in % by number of terms: {errors}"
+    note = f"at most {chosen} term(s): {within}; left out in turn: {folds.left_out}; NRMSE in % by number of terms: {errors}"
     return Size(chosen, (note,))
 
 
@@ -78,12 +181,9 @@ def _sizes(part: FitChoices) -> list[int]:
     return [terms for terms in IN_A_SEGMENT if terms <= candidates] or [1]
 
 
-def refitted(choices: ModelChoices, dataset: Dataset) -> Model:
+def refitted(choices: ModelChoices, dataset: Dataset, model_of: Callable[[str], Model] = added_up) -> Model:
     """Return the model of the training samples of a dataset, made in one go, its number of terms included where left-out data choose it.
 
-    Raises SpecError where the model is a sum of those of other runs.
+    `model_of` gives the models that a sum adds up, by the path of their spec; raises SpecError where it is needed and not given.
     """
-    refit = maker_of(choices).refit
-    if refit is None:
-        raise SpecError("a sum of the models of other runs is not fitted itself", "do this with the specs that it adds up")
-    return refit(with_terms(choices, size_of(choices, dataset).terms), dataset)
+    return refit(with_terms(choices, size_of(choices, dataset).terms), dataset, model_of)

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import BoolArray, IntArray
+from mapmore_cli.domain.arrays import BoolArray
 from mapmore_cli.domain.recording import Curve, Dataset
-from mapmore_cli.fitting.trials import kept, training_only
+from mapmore_cli.fitting.refitting import contiguous, kept, training_only
 from mapmore_cli.modelling.pieces.recipe import Fuse
 from mapmore_cli.modelling.search.situation import Situation
 from mapmore_cli.spec.sections.data import Between, Holdout, Levels
@@ -153,12 +153,12 @@ def _blocks(dataset: Dataset, inputs: Sequence[str]) -> tuple[Masks, ...]:
     at the end of an input can only be extrapolated: that would decide, and is not what is asked.
     """
     if "time" in dataset.curves[0].columns:
-        each = [_cut([log[curve.training[log]] for log in curve.logs], BLOCKS, curve.size, _times(curve)) for curve in dataset.curves]
+        each = [contiguous([log[curve.training[log]] for log in curve.logs], BLOCKS, curve.size, _times(curve)) for curve in dataset.curves]
         return tuple(zip(*each, strict=True))
     folds: list[Masks] = []
     for name in inputs:
         sorted_rows = [np.argsort(curve.columns[name], kind="stable") for curve in dataset.curves]
-        each = [_cut([rows], BLOCKS + 2, curve.size) for rows, curve in zip(sorted_rows, dataset.curves, strict=True)]
+        each = [contiguous([rows], BLOCKS + 2, curve.size) for rows, curve in zip(sorted_rows, dataset.curves, strict=True)]
         folds += list(zip(*each, strict=True))[1:-1]
     return tuple(folds)
 
@@ -192,17 +192,6 @@ def _times(curve: Curve) -> int:
         return 1
     usual, longest = float(np.median(edges[1::2] - edges[::2])), max(int(curve.training[log].sum()) for log in curve.logs)
     return int(np.clip(longest / (BLOCKS * usual), 1, MOST_BLOCKS))
-
-
-def _cut(parts: Sequence[IntArray], count: int, size: int, times: int = 1) -> list[BoolArray]:
-    """Masks of the first, second, ... of `count` contiguous blocks of each part, `times` over."""
-    split = [np.array_split(part, count * times) for part in parts]
-    masks = []
-    for number in range(count):
-        mask = np.zeros(size, dtype=np.bool_)
-        mask[np.concatenate([block for blocks in split for block in blocks[number::count]])] = True
-        masks.append(mask)
-    return masks
 
 
 def holds_ends_out(dataset: Dataset) -> bool:

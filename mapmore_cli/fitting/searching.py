@@ -17,10 +17,10 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.processors import shared_out
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Search, Tried
-from mapmore_cli.fitting.kinds import maker_of
+from mapmore_cli.fitting.baselines import black_boxes, note_of, strongest
+from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.fitting.kinds.choices import ModelChoices
 from mapmore_cli.fitting.search_bench import Bench, Masks, Slice, holds_ends_out, holds_parts_out, searchable, shortened, thinning_of
-from mapmore_cli.fitting.yardstick import black_boxes, note_of, strongest
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.kinds import fed_back, parameters
 from mapmore_cli.modelling.memory.records import records_of, time_step
@@ -66,9 +66,9 @@ def search(
         training, situation = whole, replace(situation_of(whole, part.ignored, part.model.inputs), step=None)
     listed = [(name, one) for name, family in FAMILIES.items() for one in _offered(family, situation)]
     bench = Bench.of(training, situation, part, holds_ends_out(dataset), holds_parts_out(dataset))
-    clock = Clock(part.model.budget)
+    budget = Budget(part.model.budget)
     folds = [*range(len(bench.blocks) + len(bench.parts)), None]
-    jobs: list[Callable[[], Any]] = [partial(_tried, one, bench, fold, clock) for _, one in listed for fold in folds]
+    jobs: list[Callable[[], Any]] = [partial(_tried, one, bench, fold, budget) for _, one in listed for fold in folds]
     second = min(1, len(jobs))  # what a copy begins with
     if beside:
         jobs.insert(second, partial(black_boxes, bench.thinned, situation.inputs, bench.thinned_blocks, situation.timed))
@@ -115,16 +115,16 @@ def _beside(found: Search, errors: Mapping[str, float], outcomes: Sequence[_Outc
 
 
 @dataclass
-class Clock:
+class Budget:
     """The budget of a search: seconds of work on structures in each process, so that a busy machine tries what an idle one does."""
 
-    budget: float
+    seconds: float
     worked: float = 0.0
 
     @property
     def over(self) -> bool:
         """Whether this process has worked for longer."""
-        return self.worked > self.budget
+        return self.worked > self.seconds
 
 
 def _chosen(outcomes: Sequence[_Outcome], cut: int, bench: Bench, part: Slice) -> Search:
@@ -198,9 +198,9 @@ class _Outcome:
     parts: Sequence[Left] = ()
 
 
-def _tried(candidate: Candidate, bench: Bench, fold: int | None, clock: Clock) -> _Fold | None:
+def _tried(candidate: Candidate, bench: Bench, fold: int | None, budget: Budget) -> _Fold | None:
     """Fit a structure without a fold, or to all samples; None where the time is over."""
-    if clock.over:
+    if budget.over:
         return None
     started = time.process_time()
     try:
@@ -208,7 +208,7 @@ def _tried(candidate: Candidate, bench: Bench, fold: int | None, clock: Clock) -
     except MapmoreError as fault:
         found = _Fold(failure=fault.message)
     seconds = time.process_time() - started
-    clock.worked += seconds
+    budget.worked += seconds
     return replace(found, seconds=seconds)
 
 
@@ -254,13 +254,6 @@ def rings(model: Model, dataset: Dataset) -> bool:
     apart = forecast(model, higher).values - forecast(model, curve).values
     late = apart[curve.size // 2 :]
     return bool(np.nanstd(late) > SWING * np.nanmax(np.abs(apart))) if np.isfinite(late).any() else False
-
-
-def refit(choices: ModelChoices, dataset: Dataset) -> Model:
-    """Return a model of the training samples of a dataset."""
-    refitted = maker_of(choices).refit
-    assert refitted is not None
-    return refitted(choices, dataset)
 
 
 def _left_out(choices: ModelChoices, dataset: Dataset, fold: Masks, rows: Sequence[BoolArray] | None) -> Left:

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 from mapmore_cli.domain.errors import DataError, SpecError, UsageError
 from mapmore_cli.domain.foreign import is_one_line
 from mapmore_cli.fitting.stage import Stage, Workspace
-from mapmore_cli.spec.experiment import ExperimentSpec, Muscle
-from mapmore_cli.spec.sections.results import Report, Style, Validate
+from mapmore_cli.spec.experiment import ExperimentSpec, Muscle, Report, Style, Validate
 from mapmore_cli.storage.run_folder import VALIDATION, RunFiles
 
 if TYPE_CHECKING:

@@ -98,8 +98,8 @@ def as_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
 
     Where it names no competitors, the formula that erred least in the search is one: the page says what it reaches on the held-out data.
     """
-    from mapmore_cli.spec.layers import as_overrides
     from mapmore_cli.spec.loader import load
+    from mapmore_cli.spec.yaml_loader import as_overrides
 
     if not (run_dir / SEARCH).is_file():
         return loaded

@@ -5,12 +5,15 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
-from mapmore_cli.fitting.kinds import maker_of
+from mapmore_cli.fitting import kinds
+from mapmore_cli.fitting.kinds import Given
 from mapmore_cli.fitting.kinds.choices import (
     FitChoices,
     ModelChoices,
     SegmentSection,
+    by_trial,
     lengths_of,
     model_choices,
     summands,
@@ -19,14 +22,14 @@ from mapmore_cli.fitting.kinds.choices import (
 )
 from mapmore_cli.fitting.stage import Stage, Workspace
 from mapmore_cli.ingestion.files import IngestSlice, find_sources, slice_of
-from mapmore_cli.modelling.pieces.recipe import Cuts, Fuse
+from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.selection import AUTO, Fit
 from mapmore_cli.pipeline.staleness import plain
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.data import Levels
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry
 from mapmore_cli.spec.sections.model import ModelChoice
-from mapmore_cli.storage.run_folder import DATASET, FIT, MODEL, SEGMENTATION
+from mapmore_cli.storage.run_folder import DATASET, FIT, MODEL, SEGMENTATION, RunFiles
 
 # Ingest: `ingest.h5` ------------------------------------------------------------------------------------------------------------------
 
@@ -75,34 +78,28 @@ class Slice:
 
     levels: Levels | None
     segment: SegmentSection
-    train_level: str | float
+    train_level: Literal["all", "highest"] | float
     trial: Trial | None
 
 
 def segment_slice(spec: ExperimentSpec) -> Slice:
     """Return what the segments depend on."""
     spec = with_definitions(spec)
-    tries = any(isinstance(cut, Cuts) and cut.method == "optimal" for cut in spec.segment.values())
-    return Slice(spec.data.levels, spec.segment, spec.fit.train_level, Trial(spec.dictionary, spec.model, spec.fit) if tries else None)
+    trial = Trial(spec.dictionary, spec.model, spec.fit) if by_trial(spec.segment) else None
+    return Slice(spec.data.levels, spec.segment, spec.fit.train_level, trial)
 
 
 def segment(part: Slice, workspace: Workspace) -> None:
     """Cut every training curve over its own range; what is fitted there is what the backbone leaves."""
-    from mapmore_cli.fitting.kinds.pieces import recipe_of
-    from mapmore_cli.modelling.literature.backbone import fit_formula
-    from mapmore_cli.modelling.pieces.build import segment as segmented
-    from mapmore_cli.modelling.pieces.segmentation import trained_at
+    from mapmore_cli.fitting.kinds.pieces import segmented
     from mapmore_cli.storage.artefacts import units_of, write_segmentation
 
     dataset = workspace.files.dataset()
-    trial = part.trial or Trial([], ModelChoice(), Fit())
-    recipe = recipe_of(dataset.target, part.levels, part.segment, trial.dictionary, trial.fit, Fuse())
-    backbone = trial.model.backbone
-    formula = fit_formula(backbone, dataset.curves, dataset.target) if backbone else None
-    segmentation = segmented(trained_at(dataset.curves, part.train_level), recipe, formula)
+    trial = part.trial or Trial([], ModelChoice(), Fit(train_level=part.train_level))
+    segmentation = segmented(dataset, part.levels, part.segment, trial.dictionary, trial.model.backbone, trial.fit)
     for curve in segmentation:
         for name, boundaries in zip(curve.variables, curve.boundaries, strict=True):
-            cut = recipe.cuts[name]
+            cut = part.segment[name]
             wanted = cut.count if isinstance(cut, Cuts) else None
             if isinstance(cut, Cuts) and wanted is not None and len(boundaries) <= wanted:
                 why = ": neighbours with too few samples are joined" if cut.joins else ""
@@ -130,7 +127,7 @@ def fit(part: FitChoices, workspace: Workspace) -> None:
 
     dataset = workspace.files.dataset()
     size = size_of(part, dataset, lambda done, total: workspace.progress("numbers of terms", done, total))
-    result = maker_of(part).fit(with_terms(part, size.terms), dataset, workspace)
+    result = kinds.fit(with_terms(part, size.terms), Given(dataset, workspace.files.segmentation(), progress=workspace.progress))
     result = replace(result, notes=(*size.notes, *result.notes), max_terms=size.terms)
     for piece in result.pieces:
         if piece.selection.tied.any():
@@ -149,9 +146,11 @@ def fuse(part: ModelChoices, workspace: Workspace) -> None:
     from mapmore_cli.modelling.signals.rates import needed_signals
     from mapmore_cli.storage.artefacts import write_model
 
-    dataset = workspace.files.dataset()
-    chosen = with_terms(part, workspace.files.fit().max_terms) if part.fit.max_terms == AUTO else part
-    model = maker_of(part).build(chosen, dataset, workspace)
+    files = workspace.files
+    dataset, result = files.dataset(), files.fit()
+    chosen = with_terms(part, result.max_terms) if part.fit.max_terms == AUTO else part
+    given = Given(dataset, files.segmentation(), lambda path: RunFiles(workspace.needed[path]).model(), workspace.progress)
+    model = kinds.build(chosen, given, result)
     model = replace(model, signals=needed_signals(part.signals, [quantity.name for quantity in model.inputs]))
     for note in model.notes:
         workspace.warn(note)

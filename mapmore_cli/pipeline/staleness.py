@@ -74,8 +74,8 @@ def runs_at(needs: Sequence[Need], loaded: LoadedSpec, heirs: tuple[Path, ...]) 
 
 def _varied(loaded: LoadedSpec, variation: Variation) -> LoadedSpec:
     """Return the spec with other settings, and without competitors: it is one, and those of the spec may not suit it."""
-    from mapmore_cli.spec.layers import as_overrides
     from mapmore_cli.spec.loader import load
+    from mapmore_cli.spec.yaml_loader import as_overrides
 
     own = as_overrides({"name": f"{loaded.spec.name}.{variation.name}", "validate.against": [], "validate.intervals": False})
     try:

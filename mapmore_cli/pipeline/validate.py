@@ -13,9 +13,8 @@ from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.scores import OWN, Limit, deciding
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices, with_definitions
 from mapmore_cli.fitting.stage import Compared, Need, Stage, Variation, Workspace
-from mapmore_cli.spec.experiment import ExperimentSpec
-from mapmore_cli.spec.layers import as_overrides
-from mapmore_cli.spec.sections.results import Competitor
+from mapmore_cli.spec.experiment import Competitor, ExperimentSpec
+from mapmore_cli.spec.yaml_loader import as_overrides
 from mapmore_cli.storage.run_folder import VALIDATION
 
 if TYPE_CHECKING:

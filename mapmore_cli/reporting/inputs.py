@@ -11,8 +11,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.fits import SegmentedCurve
-from mapmore_cli.domain.models import Equation, LeftOut, Model
-from mapmore_cli.domain.motion import MotionFit
+from mapmore_cli.domain.models import Equation, LeftOut, Model, MotionFit
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult, Search, Validation
 from mapmore_cli.domain.scores import REPEATABILITY, SIMPLE, Published, deciding

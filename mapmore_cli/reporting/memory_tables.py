@@ -8,8 +8,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.domain.memory import MemoryFit, StateSet
-from mapmore_cli.domain.motion import HARD, Motion, MotionFit, MotionSection, SectionSearch
+from mapmore_cli.domain.fits import MemoryFit, StateSet
+from mapmore_cli.domain.models import HARD, Motion, MotionFit, MotionSection, SectionSearch
 from mapmore_cli.modelling.memory.feedback import fed_back_states
 from mapmore_cli.modelling.memory.starts import FIRST, started
 from mapmore_cli.modelling.motion.sections import extent

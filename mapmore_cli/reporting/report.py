@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from mapmore_cli.domain.page import FIGURES
+from mapmore_cli.domain.scores import FIGURES
 from mapmore_cli.reporting.figures.catalogue import RenderedFigure, drawings, rendered, rendered_by_section
 from mapmore_cli.reporting.figures.drawing import Drawing, Panel, Values, alone
 from mapmore_cli.reporting.figures.saving import SVG_PROLOGUE, WRITERS
@@ -63,7 +63,7 @@ LONGEST_STEM = 80
 def write_report(inputs: ReportInputs, out: Path, figures: Sequence[str], formats: Sequence[str]) -> None:
     """Write the report into the folder `out`, byte for byte the same for the same inputs.
 
-    - `figures`: names out of `domain.page.FIGURES`.
+    - `figures`: names out of `domain.scores.FIGURES`.
     - `formats`: `html`: index.html, with the figures in it; `svg`: a file for each figure; `csv`, `tex`: tables/*, and with a page `csv`
       of what each figure was drawn from, numbers/*; `pdf`, `png`, `pgf`:
       panels/*, every panel of every figure in these formats (and as SVG where that is asked for too), and as CSV.

@@ -1,102 +1,101 @@
-"""Checks an experiment's names: quantities that are used must be quantities of the study, and memory has the time it goes by."""
+"""Checks of names and terms: they are of quantities of the study, and memory has the time it goes by and settings that act on it."""
 
 from __future__ import annotations
 
 import graphlib
+import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 
 from mapmore_cli.domain.recording import DIRECTION
-from mapmore_cli.modelling.expressions import ExpressionError, parse, state
+from mapmore_cli.modelling.expressions import ExpressionError, Operated, parse, state
+from mapmore_cli.modelling.expressions.states import Lagged, Measured, State
 from mapmore_cli.modelling.pieces.recipe import CutByDirection, Fuse
 from mapmore_cli.modelling.selection import AUTO, Fit
-from mapmore_cli.spec.check_dictionary import word
-from mapmore_cli.spec.diagnostics import Finding, did_you_mean
+from mapmore_cli.spec.diagnostics import Finding, did_you_mean, refused
 from mapmore_cli.spec.experiment import ExperimentSpec, TargetColumn
 from mapmore_cli.spec.sections.data import Direction, Rate
-from mapmore_cli.spec.sections.dictionary import feeds_back, remembers
-from mapmore_cli.spec.sections.logs import FileEntry, Keep
+from mapmore_cli.spec.sections.dictionary import (
+    Delays,
+    Family,
+    Lags,
+    Polynomial,
+    Products,
+    entries_of,
+    feeds_back,
+    names_in,
+    remembers,
+    texts_in,
+)
+from mapmore_cli.spec.sections.logs import FileEntry
 from mapmore_cli.spec.tree import Loc
 from mapmore_cli.spec.units import default_unit
 
 NO_TIME = "add `time` to `columns`, or `sample_time` to `data`"
+ONE = "one model with memory stands in place of the segments"
+OF_NOTHING = "a model cannot explain its target by itself"
+DERIVED = ("damping", "hysteresis")
+"""Targets that no column holds: nothing of them can be fed back."""
+
+
+def unknown_quantity(name: str, have: Sequence[str], loc: Loc, offset: int = 0, on_key: bool = False) -> Iterator[Finding]:
+    """Yield that a name is no quantity of the study, where it is none."""
+    if name not in have:
+        yield Finding(loc, f"there is no quantity `{name}` in this study", did_you_mean(name, have), offset, on_key)
 
 
 def names(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Every quantity that is used must be one of the study."""
-    have = spec.quantities
-    for use in _uses(spec):
-        if use.name not in have:
-            yield Finding(use.loc, f"there is no quantity `{use.name}` in this study", did_you_mean(use.name, have), on_key=use.on_key)
+    """Require that every quantity that is used is one of the study."""
+    for loc, name in _uses(spec):
+        if name is not None:
+            yield from unknown_quantity(name, spec.quantities, loc, on_key=loc[-1] == name)
 
 
-@dataclass(frozen=True)
-class _Use:
-    """A place that names a quantity; a key where `on_key`."""
-
-    name: str
-    loc: Loc
-    on_key: bool = False
-
-
-def _uses(spec: ExperimentSpec) -> Iterator[_Use]:
-    data = spec.data
+def _uses(spec: ExperimentSpec) -> Iterator[tuple[Loc, str | None]]:
+    """Yield the places that may name a quantity, each with the name."""
+    data, hold_out = spec.data, spec.data.split.hold_out
     for name, rule in data.derive.items():
-        if isinstance(rule, Rate):
-            yield _Use(rule.rate_of, ("data", "derive", name, "rate_of"))
-        elif isinstance(rule, Direction):
-            yield _Use(rule.direction_of, ("data", "derive", name, "direction_of"))
-    yield from _kept(data.keep, ("data", "keep"))
-    for i, file in enumerate(data.files):
-        if isinstance(file, FileEntry):
-            yield from _kept(file.keep, ("data", "files", i, "keep"))
-    if data.cycles is not None:
-        yield _Use(data.cycles.over, ("data", "cycles", "over"))
-    if data.levels is not None:
-        yield _Use(data.levels.of, ("data", "levels", "of"))
-    if data.split.hold_out is not None:
-        for name in data.split.hold_out.quantities:
-            yield _Use(name, ("data", "split", "validate", name), on_key=True)
-        if data.split.hold_out.of is not None:
-            yield _Use(data.split.hold_out.of, ("data", "split", "validate", "of"))
+        for key in ("rate_of", "direction_of"):
+            yield ("data", "derive", name, key), getattr(rule, key, None)
+    files = [(("data", "files", i, "keep"), file.keep) for i, file in enumerate(data.files) if isinstance(file, FileEntry)]
+    for loc, conditions in [(("data", "keep"), data.keep), *files]:
+        for i, condition in enumerate(conditions):
+            yield (*loc, i, "quantity"), condition.quantity
+    yield ("data", "cycles", "over"), data.cycles.over if data.cycles else None
+    yield ("data", "levels", "of"), data.levels.of if data.levels else None
+    if hold_out is not None:
+        yield ("data", "split", "validate", "of"), hold_out.of
+        for name in hold_out.quantities:
+            yield ("data", "split", "validate", name), name
     if isinstance(spec.target, TargetColumn):
-        yield _Use(spec.target.column, ("target", "column"))
+        yield ("target", "column"), spec.target.column
     for name, cut in spec.segment.items():
         if (name, cut) != (DIRECTION, "none"):  # takes back the cut of a spec that is extended
-            yield _Use(name, ("segment", name), on_key=True)
+            yield ("segment", name), name
         if isinstance(cut, CutByDirection):
-            yield _Use(cut.of, ("segment", name, "of"))
-    if spec.validation.as_ is not None:
-        yield _Use(spec.validation.as_, ("validate", "as"))
-    if isinstance(spec.fuse.extrapolation, Mapping):
-        for name in spec.fuse.extrapolation:
-            yield _Use(name, ("fuse", "extrapolation", name), on_key=True)
-
-
-def _kept(conditions: Sequence[Keep], loc: Loc) -> Iterator[_Use]:
-    for i, keep in enumerate(conditions):
-        yield _Use(keep.quantity, (*loc, i, "quantity"))
+            yield ("segment", name, "of"), cut.of
+    yield ("validate", "as"), spec.validation.as_
+    for name in spec.fuse.extrapolation if isinstance(spec.fuse.extrapolation, Mapping) else ():
+        yield ("fuse", "extrapolation", name), name
 
 
 def derived(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check that derived quantities have names of their own and do not depend on themselves, and that rates have a time."""
+    """Check that derived quantities have names of their own, can be computed, and do not depend on themselves."""
     needs: dict[str, set[str]] = {}
     for name, rule in spec.data.derive.items():
         loc = ("data", "derive", name)
         if name in spec.data.measured:
             yield Finding(loc, f"`{name}` is a column and derived as well", "give the column another name", on_key=True)
-        if isinstance(rule, Rate):
-            needs[name] = {rule.rate_of}
-            if "time" not in spec.data.quantities:
-                yield Finding(loc, f"the rate `{name}` needs the time", NO_TIME, on_key=True)
-            continue
-        if isinstance(rule, Direction):
-            needs[name] = {rule.direction_of}
-            continue
-        try:
-            needs[name] = set(parse(rule).names)
-        except ExpressionError:
-            continue  # found by `expressions`
+        match rule:
+            case Rate():
+                needs[name] = {rule.rate_of}
+                if "time" not in spec.data.quantities:
+                    yield Finding(loc, f"the rate `{name}` needs the time", NO_TIME, on_key=True)
+            case Direction():
+                needs[name] = {rule.direction_of}
+            case _:
+                needs[name] = {*names_in(rule)}
+                yield from expression_findings(rule, loc, spec.quantities)
     try:
         graphlib.TopologicalSorter(needs).prepare()
     except graphlib.CycleError as error:
@@ -104,39 +103,8 @@ def derived(spec: ExperimentSpec) -> Iterator[Finding]:
         yield Finding(("data", "derive", circle[0]), f"derived in a circle: {' <- '.join(circle)}", "break the circle", on_key=True)
 
 
-def clocks(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Yield what goes by the clock needs a time; joined quantities have names of their own."""
-    data = spec.data
-    has_time = "time" in data.measured
-    needing = {"gaps": data.gaps is not None, "resample": data.resample is not None}
-    for key in [key for key, given in needing.items() if given and not has_time]:
-        yield Finding(("data", key), f"`{key}` needs the time", NO_TIME, on_key=True)
-    taken = set(data.columns)
-    for i, join in enumerate(data.join):
-        if join.on == "time" and not has_time:
-            yield Finding(("data", "join", i), "a join on time needs the time of the first log", NO_TIME)
-        if join.match is not None and (join.match.first not in taken or join.match.first == "time"):
-            have = sorted(taken - {"time"})
-            said = f"there is no quantity `{join.match.first}` in the first log"
-            yield Finding(
-                ("data", "join", i, "match", "first"), said, did_you_mean(join.match.first, have) or f"name one of {', '.join(have)}"
-            )
-        for name in join.quantities:
-            if name in taken:
-                loc = ("data", "join", i, "columns", name)
-                yield Finding(loc, f"`{name}` is a column already", "give one of both another name", on_key=True)
-        taken.update(join.quantities)
-
-
-def expressions(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Expressions of derived quantities must parse, and use quantities of the study as they are at the same moment."""
-    for name, rule in spec.data.derive.items():
-        if isinstance(rule, str):
-            yield from expression_findings(rule, ("data", "derive", name), spec.quantities)
-
-
 def expression_findings(text: str, loc: Loc, have: Sequence[str]) -> Iterator[Finding]:
-    """Yield what is wrong with an expression of the quantities of a study."""
+    """Yield what is wrong with an expression of the quantities of a study, as they are at the same moment."""
     try:
         names = parse(text).names
     except ExpressionError as error:
@@ -144,37 +112,153 @@ def expression_findings(text: str, loc: Loc, have: Sequence[str]) -> Iterator[Fi
         return
     for name in sorted(names):
         quantity = state(name).quantity
-        at = word(quantity, text)
-        if quantity not in have:
-            yield Finding(loc, f"there is no quantity `{quantity}` in this study", did_you_mean(quantity, have), offset=at)
-        elif name != quantity:
+        at = _word(quantity, text)
+        yield from unknown_quantity(quantity, have, loc, at)
+        if name != quantity and quantity in have:
             remedy = "name the state in the `dictionary`, or derive rates by `rate_of`"
             yield Finding(loc, f"`{name}` has memory, which derived quantities have not", remedy, offset=at)
 
 
-ONE = "one model with memory stands in place of the segments"
+def clocks(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Require the time for what goes by the clock, and names of their own for joined quantities."""
+    data = spec.data
+    has_time = "time" in data.measured
+    for key in ("gaps", "resample"):
+        if getattr(data, key) is not None and not has_time:
+            yield Finding(f"data.{key}:", f"`{key}` needs the time", NO_TIME)
+    taken = set(data.columns)
+    for i, join in enumerate(data.join):
+        loc = ("data", "join", i)
+        if join.on == "time" and not has_time:
+            yield Finding(loc, "a join on time needs the time of the first log", NO_TIME)
+        if join.match is not None and join.match.first not in (have := sorted(taken - {"time"})):
+            remedy = did_you_mean(join.match.first, have) or f"name one of {', '.join(have)}"
+            yield Finding((*loc, "match", "first"), f"there is no quantity `{join.match.first}` in the first log", remedy)
+        for name in join.quantities:
+            if name in taken:
+                yield Finding((*loc, "columns", name), f"`{name}` is a column already", "give one of both another name", on_key=True)
+        taken.update(join.quantities)
 
 
-def time_of_memory(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require the time, in seconds, of samples in their order beside their neighbours: memory goes by it."""
-    if not spec.has_memory:
+# Terms -------------------------------------------------------------------------------------------------------------------------------
+
+
+def terms(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Require that every text of the dictionary is a term or the name of a state, of quantities of the study."""
+    target = spec.target_quantity
+    for loc, name, family in entries_of(spec.dictionary):
+        for at, text, is_expression in texts_in(loc, family):
+            yield from _expression(text, at, spec) if is_expression else _state(text, at, spec, name, family)
+        if isinstance(family, Lags) and target in family.of and 0 in family.steps:
+            remedy = f"{OF_NOTHING}: begin at 1, and give the inputs `lags` of their own"
+            yield Finding((*loc, "steps", family.steps.index(0)), f"step 0 of the target `{target}` is the target itself", remedy)
+        if isinstance(family, Products):
+            yield from _partners(family, loc)
+
+
+def _expression(text: str, loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
+    try:
+        term = parse(text)
+    except ExpressionError as error:
+        yield Finding(loc, f"not an expression: {error.message}", offset=error.position)
+        return
+    found = []
+    for one in map(state, sorted(term.names)):
+        found += [*unknown_quantity(one.quantity, spec.quantities, loc, _word(one.quantity, text)), *_of_target(one, text, loc, spec)]
+    yield from found
+    of_target = [name for name in term.names if state(name).quantity == spec.target_quantity]
+    if of_target and not found:
+        from mapmore_cli.modelling.memory.feedback import parted  # takes long to load, and few specs need it
+
+        yield from refused(loc, parted, term, of_target)
+
+
+def _state(text: str, loc: Loc, spec: ExperimentSpec, name: str, family: Family) -> Iterator[Finding]:
+    try:
+        found = state(text)
+    except ExpressionError as error:
+        remedy = "name a quantity, or a state with memory, as `play(pressure, 0.16)`"
+        yield Finding(loc, f"not the name of a quantity or a state: {error.message}", remedy, offset=error.position)
+        return
+    yield from unknown_quantity(found.quantity, spec.quantities, loc, _word(found.quantity, text))
+    target = spec.target_quantity
+    if not isinstance(family, Lags | Delays):
+        yield from _of_target(found if isinstance(family, Polynomial | Products) else Operated(name, found), text, loc, spec)
+    elif spec.target not in DERIVED and found.quantity == target and isinstance(found, Lagged):
+        remedy = f"name `{target}` itself: here it is delayed"
+        yield Finding(loc, f"`{text}` is of the target, and no quantity", remedy, offset=_word(target, text))
+    elif spec.target in DERIVED or not isinstance(found, Measured):
+        yield from _of_target(found, text, loc, spec)
+
+
+def _of_target(found: State, text: str, loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
+    """Require that a state of the target is made of the target some samples ago."""
+    target, is_derived = spec.target_quantity, spec.target in DERIVED
+    if found.quantity != target:
+        return
+    from mapmore_cli.modelling.memory.feedback import looks_back  # takes long to load, and few specs need it
+
+    if is_derived or isinstance(found, Measured):
+        back = "" if is_derived else f", or let it look back, as `{target}[k-1]`"
+        yield Finding(loc, f"`{target}` is the target", f"{OF_NOTHING}: take it out{back}", offset=_word(target, text))
+    elif not looks_back(found):
+        what = f"`{found.name.partition('(')[0]}` works on `{target}` as it is now, which is the target"
+        remedy = f"let the operator look back: write `{target}[k-1]` in place of `{target}`"
+        yield Finding(loc, what, remedy, offset=_word(target, text))
+
+
+def _partners(family: Products, loc: Loc) -> Iterator[Finding]:
+    """Require partners of products to be among their terms; only the fit knows what families within products will be called."""
+    texts = [text for text in family.of if isinstance(text, str)]
+    names = [_canonical(text) for text in texts]
+    for place, partner in enumerate(family.partners or () if len(names) == len(family.of) else ()):
+        if _canonical(partner) not in names:
+            remedy = f"add it to `of`: there are {', '.join(texts)}"
+            yield Finding((*loc, "with", place), f"`{partner}` is none of the terms that are multiplied", remedy)
+
+
+def _canonical(text: str) -> str:
+    """Return the name of a state, however it is written; what is none is reported elsewhere."""
+    try:
+        return state(text).name
+    except ExpressionError:
+        return text
+
+
+def _word(name: str, text: str) -> int:
+    """Offset of a name in an expression, where it is not part of a longer one."""
+    found = re.search(rf"(?<![A-Za-z0-9_]){re.escape(name)}(?![A-Za-z0-9_])", text)
+    return found.start() if found else 0
+
+
+# Memory ------------------------------------------------------------------------------------------------------------------------------
+
+
+def times(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Require the time, in seconds, of samples in their order beside their neighbours, where a model runs along recordings."""
+    if not spec.runs_over_time:
         return
     data = spec.data
+    who = "a state-space model"
+    where: Loc = ("model", "type")
+    if spec.has_memory:
+        first = next(place for place, entry in enumerate(spec.dictionary) if remembers([entry]))
+        who, where = "a model with memory", ("dictionary", first)
     if "time" not in data.quantities:
-        yield Finding(_first(spec), "terms with memory need the time", NO_TIME)
+        yield Finding(where, f"{who} needs the time", NO_TIME)
     elif default_unit("time", spec.units) != "s":
-        yield Finding(("units", "time"), "terms with memory go by the time in s", "remove it: columns are converted", on_key=True)
+        yield Finding("units.time:", f"{who} goes by the time in s", "remove it: columns are converted")
     if data.cycles is not None:
-        what = f"`cycles` puts samples in the order of `{data.cycles.over}`, and memory goes by the time"
-        yield Finding(("data", "cycles"), what, "remove `cycles`", on_key=True)
+        what = f"`cycles` puts samples in the order of `{data.cycles.over}`, and {who} goes by the time"
+        yield Finding("data.cycles:", what, "remove `cycles`")
     if data.split.hold_out is not None and data.split.hold_out.fraction is not None:
+        what = f"samples drawn at random are held out from between those that train, and {who} runs along all of them"
         remedy = "hold out the end of every recording, as `last: 0.25`, or whole `recordings`"
-        what = "samples drawn at random are held out from between those that train, and memory tells them"
-        yield Finding(("data", "split", "validate", "fraction"), what, remedy, on_key=True)
+        yield Finding("data.split.validate.fraction:", what, remedy)
 
 
-def segments(spec: ExperimentSpec) -> Iterator[Finding]:
-    """One model with memory has nothing to cut and to join."""
+def pieces(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Refuse to cut and to join where one model with memory takes the place of the pieces."""
     if not spec.has_memory:
         return
     for name, cut in spec.segment.items():
@@ -184,62 +268,58 @@ def segments(spec: ExperimentSpec) -> Iterator[Finding]:
     levels = spec.data.levels
     if levels is not None and levels.of not in spec.segment:
         remedy = f"add `segment: {{{levels.of}: none}}`, and name `{levels.of}` in the terms where it matters"
-        yield Finding(("data", "levels"), f"{ONE}: it is not interpolated between levels of `{levels.of}`", remedy, on_key=True)
-    defaults = Fuse()
-    for key in (field.name for field in fields(Fuse)):
-        if getattr(spec.fuse, key) != getattr(defaults, key):
-            yield Finding(("fuse", key), f"{ONE}: there is nothing to join", f"remove `{key}`", on_key=True)
+        yield Finding("data.levels:", f"{ONE}: it is not interpolated between levels of `{levels.of}`", remedy)
+    for key in changed(spec.fuse):
+        yield Finding(f"fuse.{key}:", f"{ONE}: there is nothing to join", f"remove `{key}`")
+
+
+def changed(settings: Fuse | Fit) -> list[str]:
+    """Return the names of settings that differ from their defaults."""
+    return [field.name for field in fields(settings) if getattr(settings, field.name) != field.default]
 
 
 def settings(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Yield settings of the fit have something to act on."""
-    fit, defaults = spec.fit, Fit()
+    """Require something for the settings of the fit to act on."""
     if spec.has_memory:
-        yield from _with_memory(fit)
+        yield from _with_memory(spec.fit)
         yield from _in_free_run(spec)
     elif spec.model.type == "mapmore" and not remembers(spec.dictionary):
         remedy = "remove it, or add a family with memory to the `dictionary`, as `lags`, `slow` or `play`"
-        for key in ("margin", "ridge", "forward"):
-            if getattr(fit, key) != getattr(defaults, key):
-                yield Finding(("fit", key), f"`{key}` belongs to terms with memory, and there are none", remedy, on_key=True)
-        for key, word in (("scaling", "range"), ("stop", "free_run"), ("criterion", "free_run"), ("select", "free_run")):
-            if getattr(fit, key) == word:
-                yield Finding(("fit", key), f"`{key}: {word}` belongs to terms with memory, and there are none", remedy)
+        for key in changed(spec.fit):
+            said = f"{key}: {getattr(spec.fit, key)}"
+            if key in ("margin", "ridge", "forward"):
+                yield Finding(f"fit.{key}:", f"`{key}` belongs to terms with memory, and there are none", remedy)
+            elif said in ("scaling: range", "stop: free_run", "criterion: free_run", "select: free_run"):
+                yield Finding(f"fit.{key}", f"`{said}` belongs to terms with memory, and there are none", remedy)
 
 
 def _with_memory(fit: Fit) -> Iterator[Finding]:
-    defaults = Fit()
     if fit.scaling not in ("none", "range"):
-        yield Finding(("fit", "scaling"), f"`{fit.scaling}` scales segments, and {ONE}", "write `none`, or `range`")
-    if fit.margin != defaults.margin and fit.scaling != "range":
-        yield Finding(("fit", "margin"), "`margin` clips states that are scaled", "add `scaling: range`, or remove it", on_key=True)
+        yield Finding("fit.scaling", f"`{fit.scaling}` scales segments, and {ONE}", "write `none`, or `range`")
+    if "margin" in changed(fit) and fit.scaling != "range":
+        yield Finding("fit.margin:", "`margin` clips states that are scaled", "add `scaling: range`, or remove it")
     if fit.train_level != "all":
-        remedy = "remove it, or hold out the other levels by `split`"
-        yield Finding(("fit", "train_level"), f"{ONE}: it learns from all training levels", remedy, on_key=True)
+        yield Finding(
+            "fit.train_level:", f"{ONE}: it learns from all training levels", "remove it, or hold out the other levels by `split`"
+        )
     if fit.forward is None:
         return
     if fit.ridge == 0.0:
-        remedy = "add `ridge: auto`, or remove `forward`"
-        yield Finding(("fit", "forward"), "terms are pruned only where there is a ridge", remedy, on_key=True)
+        yield Finding("fit.forward:", "terms are pruned only where there is a ridge", "add `ridge: auto`, or remove `forward`")
     elif fit.max_terms != AUTO and fit.forward < fit.most_terms:
         remedy = f"write {fit.max_terms} or more, or remove it: three times `max_terms` are chosen then"
-        yield Finding(("fit", "forward"), f"{fit.forward} terms cannot be pruned to `max_terms: {fit.max_terms}`", remedy)
+        yield Finding("fit.forward", f"{fit.forward} terms cannot be pruned to `max_terms: {fit.max_terms}`", remedy)
 
 
 def _in_free_run(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Yield a free run differs from one step ahead only where the output is fed back; what chooses by it has to be of one mind."""
+    """Refuse free runs where the output is not fed back, since they are then as one step ahead; what chooses by them is of one mind."""
     fit, target = spec.fit, spec.target_quantity
     for key in ("criterion", "select", "start"):
         if getattr(fit, key) not in ("one_step", "measured") and not feeds_back(spec.dictionary, target):
             what = f"nothing of the output {target} is fed back: its free run is its prediction one step ahead"
-            yield Finding(("fit", key), what, f"remove `{key}`, or add delays, as `lags: {{of: [{target}], steps: [1, 2]}}`", on_key=True)
+            yield Finding(f"fit.{key}:", what, f"remove `{key}`, or add delays, as `lags: {{of: [{target}], steps: [1, 2]}}`")
             return
     for key in ("criterion", "stop"):
         if fit.select == "free_run" and getattr(fit, key) != "free_run":
             what = f"terms that are chosen in free run need `{key}: free_run`"
-            yield Finding(("fit", "select"), what, f"add `{key}: free_run`, or remove `select`", on_key=True)
-
-
-def _first(spec: ExperimentSpec) -> Loc:
-    """Where the first family with memory stands."""
-    return "dictionary", next(place for place, entry in enumerate(spec.dictionary) if remembers([entry]))
+            yield Finding("fit.select:", what, f"add `{key}: free_run`, or remove `select`")

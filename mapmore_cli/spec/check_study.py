@@ -1,76 +1,91 @@
-"""Checks that the choices of an experiment fit each other: levels, hold-out, target, formulas, metrics, units."""
+"""Checks that the choices of an experiment fit each other: levels, hold-out, target, the kind of model, formulas, metrics, units."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.domain.recording import DIRECTION
 from mapmore_cli.domain.scores import BASELINES, METRICS, OWN, REPEATABILITY, SIMPLE
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.expressions import ExpressionError
 from mapmore_cli.modelling.literature.formula import can_be_solved
 from mapmore_cli.modelling.literature.own import formula_of
-from mapmore_cli.modelling.pieces.recipe import Cuts, Fuse
+from mapmore_cli.modelling.pieces.recipe import CutByDirection, Cuts
 from mapmore_cli.modelling.selection import AUTO
-from mapmore_cli.spec.diagnostics import Finding, did_you_mean
-from mapmore_cli.spec.experiment import ExperimentSpec, TargetColumn
+from mapmore_cli.spec.check_names import OF_NOTHING, changed, expression_findings, unknown_quantity
+from mapmore_cli.spec.diagnostics import Finding, did_you_mean, refused
+from mapmore_cli.spec.experiment import Competitor, ExperimentSpec, TargetColumn
+from mapmore_cli.spec.sections.data import STEP_OF
 from mapmore_cli.spec.sections.dictionary import entries_of, texts_in
 from mapmore_cli.spec.sections.logs import Logs
-from mapmore_cli.spec.sections.model import OwnFormula
-from mapmore_cli.spec.sections.results import Competitor
+from mapmore_cli.spec.sections.model import ModelChoice, OwnFormula, Summand
 from mapmore_cli.spec.tree import Loc
 from mapmore_cli.spec.units import CANONICAL, check_unit, convert, default_unit, is_canonical
 
 if TYPE_CHECKING:
     from mapmore_cli.modelling.literature import LiteratureModel
 
-LEFT_OUT = ("data", "split", "leave_one_level_out")
-LEFT_OUT_GROUP = ("data", "split", "leave_one_group_out")
+STATIC_RUN = "add `needs: {static: my-static.yaml}`"
+MOTION = ("damping", "dynamic")
+"""Targets that are made of a static and a damping part."""
 
 
-def levels(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Only the level quantity is segmented by its levels, and by nothing else."""
+# Segments, levels and groups ---------------------------------------------------------------------------------------------------------
+
+
+def segments(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Check what each segmented quantity is cut by."""
     level = spec.data.levels.of if spec.data.levels else None
     for name, cut in spec.segment.items():
+        loc = ("segment", name)
+        if name == spec.target_quantity:
+            yield Finding(loc, f"`{name}` is the target", f"{OF_NOTHING}: take it out", on_key=True)
         if cut == "levels" and name != level:
-            yield Finding(
-                ("segment", name), f"`{name}` has no levels", f"add `levels: {{of: {name}}}` to `data`, or cut it by `method: even`"
-            )
+            yield Finding(loc, f"`{name}` has no levels", f"add `levels: {{of: {name}}}` to `data`, or cut it by `method: even`")
         if isinstance(cut, Cuts) and name == level:
             remedy = f"remove it: `levels` segments `{name}` already; or write `{name}: none` to pool all levels"
-            yield Finding(("segment", name), f"`{name}` is constant within a curve and cannot be cut", remedy, on_key=True)
-    if spec.data.split.leave_one_level_out and level is None:
-        yield Finding(LEFT_OUT, "there are no levels to leave out", "add `levels` to `data`", on_key=True)
-    elif spec.data.split.leave_one_level_out and (spec.has_memory or spec.model.type == "sum"):
-        remedy = "hold out recordings, as `validate: {last: 0.5}`"
-        yield Finding(LEFT_OUT, "neither a model with memory nor a sum can be fitted without one of the levels", remedy, on_key=True)
+            yield Finding(loc, f"`{name}` is constant within a curve and cannot be cut", remedy, on_key=True)
+        if isinstance(cut, Cuts) and cut.method == "optimal" and not (spec.model.type == "mapmore" and spec.dictionary):
+            what = f"`optimal` places boundaries by fits of terms, and model `{spec.model.type}` has none"
+            yield Finding(loc, what, "use another `method`, or remove it", on_key=True)
+        if isinstance(cut, CutByDirection) and name != DIRECTION:
+            yield Finding(loc, f"`{name}` has no rise and fall", f"call it `{DIRECTION}`", on_key=True)
+        if isinstance(cut, CutByDirection) and name in spec.data.quantities:
+            remedy = f"derive it or cut by it: remove `{name}` from `data`, or write `{name}: {{method: breakpoints, at: [0]}}` here"
+            yield Finding(loc, f"`{name}` is a quantity of the data already", remedy, on_key=True)
+
+
+def left_out(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Require levels or groups that can be left out, and a model that can be fitted without them."""
+    for key, given, what, example, instead in (
+        ("leave_one_level_out", spec.data.levels, "levels", "levels", "recordings, as `validate: {last: 0.5}`"),
+        ("leave_one_group_out", spec.data.groups, "groups", "groups: {of: specimen}", "one, as `validate: {specimen: [2]}`"),
+    ):
+        if getattr(spec.data.split, key) and given is None:
+            yield Finding(f"data.split.{key}:", f"there are no {what} to leave out", f"add `{example}` to `data`")
+        elif getattr(spec.data.split, key) and (spec.has_memory or spec.model.type == "sum"):
+            why = f"neither a model with memory nor a sum can be fitted without one of the {what}"
+            yield Finding(f"data.split.{key}:", why, f"hold out {instead}")
 
 
 def groups(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Yield groups are told apart by a quantity of the data, and can be left out of models that are made in one go."""
-    of, split = spec.data.groups, spec.data.split
-    if of is not None and of.of not in spec.data.quantities:
+    """Require a quantity that tells groups apart, and offsets that can be known."""
+    of = spec.data.groups
+    if of is None:
+        return
+    if of.of not in spec.data.quantities:
         remedy = f"add it to `columns`, or `set: {{{of.of}: 1}}` beside the files"
-        yield Finding(("data", "groups", "of"), f"no recording has the quantity `{of.of}`", remedy)
-    if of is not None and of.offset:
-        yield from _offsets(spec)
-    if split.leave_one_group_out and of is None:
-        yield Finding(LEFT_OUT_GROUP, "there are no groups to leave out", "add `groups: {of: specimen}` to `data`", on_key=True)
-    elif split.leave_one_group_out and (spec.has_memory or spec.model.type == "sum"):
-        remedy = "hold one out, as `validate: {specimen: [2]}`"
-        yield Finding(LEFT_OUT_GROUP, "neither a model with memory nor a sum can be fitted without one of the groups", remedy, on_key=True)
-
-
-def _offsets(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Yield why offsets of groups cannot be taken off: of groups that are left out, or of a difference."""
-    where = ("data", "groups", "offset")
-    if spec.data.split.leave_one_group_out:
-        yield Finding(where, "the offset of a group that is left out is not known", "remove `offset` or `leave_one_group_out`", on_key=True)
-    if spec.target in ("hysteresis", "damping"):
-        yield Finding(where, f"the {spec.target} force is a difference, which no offset changes", "remove `offset`", on_key=True)
+        yield Finding("data.groups.of", f"no recording has the quantity `{of.of}`", remedy)
+    if of.offset and spec.data.split.leave_one_group_out:
+        why = "the offset of a group that is left out is not known"
+        yield Finding("data.groups.offset:", why, "remove `offset` or `leave_one_group_out`")
+    if of.offset and spec.target in ("hysteresis", "damping"):
+        yield Finding("data.groups.offset:", f"the {spec.target} force is a difference, which no offset changes", "remove `offset`")
 
 
 def after_cycles(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -87,160 +102,256 @@ def after_cycles(spec: ExperimentSpec) -> Iterator[Finding]:
         yield Finding(loc, what, f"name `{cycles.over}` or another quantity, or remove `cycles`", on_key=loc[-1] == "time")
 
 
-def boundaries_by_fits(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Boundaries that fits decide need fits of terms."""
-    for name, cut in spec.segment.items():
-        if isinstance(cut, Cuts) and cut.method == "optimal" and not (spec.model.type == "mapmore" and spec.dictionary):
-            what = f"`optimal` places boundaries by fits of terms, and model `{spec.model.type}` has none"
-            yield Finding(("segment", name), what, "use another `method`, or remove it", on_key=True)
-
-
 def joining(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Yield what is set about the way between levels, or about a residual, has something to act on."""
-    defaults = Fuse()
+    """Require something for what is set about the way between levels, or about a residual, to act on."""
     pooled = spec.data.levels is None or spec.segment.get(spec.data.levels.of) == "none"
-    for key in ("levels", "align"):
-        if pooled and getattr(spec.fuse, key) != getattr(defaults, key):
-            yield Finding(
-                ("fuse", key), "there are no levels to interpolate between", f"remove `{key}`, or add `levels` to `data`", on_key=True
-            )
-    if spec.model.backbone is None and spec.fuse.shrink != defaults.shrink:
-        yield Finding(("fuse", "shrink"), "there is no residual to carry", "remove it, or give the `model` a `backbone`", on_key=True)
+    for key in changed(spec.fuse):
+        if key in ("levels", "align") and pooled:
+            yield Finding(f"fuse.{key}:", "there are no levels to interpolate between", f"remove `{key}`, or add `levels` to `data`")
+        if key == "shrink" and spec.model.backbone is None:
+            yield Finding("fuse.shrink:", "there is no residual to carry", "remove it, or give the `model` a `backbone`")
 
 
-def held_out(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Held-out values of the level quantity must be levels."""
-    levels, hold_out = spec.data.levels, spec.data.split.hold_out
-    if levels is None or isinstance(levels.at, str) or hold_out is None:
+def chosen_levels(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Require that values of the level quantity that are held out, or train alone, are levels."""
+    levels, hold_out, trains = spec.data.levels, spec.data.split.hold_out, spec.fit.train_level
+    if levels is None:
+        if trains != "all":
+            yield Finding("fit.train_level:", "there are no levels to choose from", "add `levels` to `data`")
         return
-    values = hold_out.quantities.get(levels.of)
+    if isinstance(levels.at, str):
+        return
+    known = f"levels are {', '.join(f'{level:g}' for level in levels.at)}"
+    if not isinstance(trains, str) and trains not in levels.at:
+        yield Finding("fit.train_level", f"{trains:g} is no level of `{levels.of}`", known)
+    values = hold_out.quantities.get(levels.of) if hold_out is not None else None
     reach = levels.within or (levels.spacing or 0) / 2
     for i, value in enumerate(values if isinstance(values, list) else ()):
         if min(abs(value - level) for level in levels.at) > reach:
-            known = ", ".join(f"{level:g}" for level in levels.at)
-            yield Finding(("data", "split", "validate", levels.of, i), f"{value:g} is no level of `{levels.of}`", f"levels are {known}")
+            yield Finding(("data", "split", "validate", levels.of, i), f"{value:g} is no level of `{levels.of}`", known)
+
+
+# Target and kind of model ------------------------------------------------------------------------------------------------------------
 
 
 def target(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Yield what is modelled must be measured, and must not explain itself."""
-    target = spec.target_quantity
-    if not isinstance(spec.target, TargetColumn) and target not in spec.data.quantities:
-        yield Finding(("target",), f"target `{spec.target}` needs the quantity `{target}`", f"add `{target}` to `columns`")
+    """Require what a target is made of: its quantity, load cycles, plateaus, the runs that it builds on."""
+    target, needs, plateau, have = spec.target_quantity, spec.needs, spec.data.plateau, spec.data.quantities
+    if not isinstance(spec.target, TargetColumn) and target not in have:
+        yield Finding("target", f"target `{spec.target}` needs the quantity `{target}`", f"add `{target}` to `columns`")
     if spec.target == "hysteresis" and spec.data.cycles is None:
-        yield Finding(("target",), "target `hysteresis` needs load cycles", "add `cycles: {over: strain}` to `data`")
-    remedy = "a model cannot explain its target by itself: take it out"
-    for name in spec.segment:
-        if name == target:
-            yield Finding(("segment", name), f"`{name}` is the target", remedy, on_key=True)
+        yield Finding("target", "target `hysteresis` needs load cycles", "add `cycles: {over: strain}` to `data`")
+    if spec.target == "damping" and needs.static is None:
+        yield Finding("target", "target `damping` needs a static model", STATIC_RUN)
+    if spec.target == "damping" and plateau is None:
+        remedy = "add `plateau: auto` to `data`, or `plateau: [2 s, 3 s]`"
+        yield Finding("target", "target `damping` needs the plateau of each step response", remedy)
+    missing = [f"`needs.{name}`" for name in ("static", "damping") if getattr(needs, name) is None]
+    if spec.model.type == "sum" and spec.model.sum is None and missing:
+        remedy = "add `needs: {static: my-static.yaml, damping: my-damping.yaml}`"
+        yield Finding("target", f"the sum of two models needs {' and '.join(missing)}", remedy)
+    for name in ("time", STEP_OF) if plateau is not None else ():
+        if name not in have:
+            yield Finding("data.plateau:", f"`plateau` needs the quantity `{name}`", f"add `{name}` to `columns`")
+    if isinstance(plateau, tuple) and plateau[0] >= plateau[1]:
+        yield Finding("data.plateau", f"the plateau runs from {plateau[0]:g} s to {plateau[1]:g} s", "put the earlier time first")
 
 
-def chosen_backbone(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Yield a backbone is chosen by levels or blocks that are left out, for segments that do not depend on it."""
-    if spec.model.backbone != AUTO:
+def kind(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Require what the kind of model is made of, and a model that can be inverted where it is scored as one of its inputs."""
+    model, scored_as = spec.model, spec.validation.as_
+    if model.family is not None:
+        for name in ("pressure", "strain", model.family.of):
+            if name not in spec.data.quantities:
+                remedy = f"add `{name}` to `columns`, or `set` it beside the files"
+                yield Finding("model.family:", f"a family needs the quantity `{name}`", remedy)
+    if model.backbone == AUTO and spec.has_memory:
+        what = "`auto` chooses by left-out levels or blocks, and a model with memory has none"
+        yield Finding("model.backbone", what, "name a formula, as `sarosi`")
+    elif model.backbone == AUTO and any(isinstance(cut, Cuts) and cut.method == "optimal" for cut in spec.segment.values()):
+        what = "`auto` chooses for given segments, and `optimal` ones depend on the backbone"
+        yield Finding("model.backbone", what, "name a formula, as `sarosi`, or cut `even`")
+    if scored_as is not None and (not isinstance(spec.target, TargetColumn) or scored_as == spec.target.column):
+        remedy = "set `target: {column: strain}`, or remove `as`"
+        yield Finding("validate.as", f"`{scored_as}` needs a model of another quantity to be inverted", remedy)
+    elif scored_as is not None and (spec.has_memory or model.type != "mapmore"):
+        yield Finding("validate.as", "only a model of pieces can be inverted to be scored", "remove `as`")
+
+
+def state_space(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Check a state-space model: what drives it is measured and is not its target, and its settings have something to act on."""
+    model = spec.model
+    if model.type != "state_space":
         return
-    loc, remedy = ("model", "backbone"), "name a formula, as `sarosi`"
-    if spec.has_memory:
-        yield Finding(loc, "`auto` chooses by left-out levels or blocks, and a model with memory has none", remedy)
-    elif any(isinstance(cut, Cuts) and cut.method == "optimal" for cut in spec.segment.values()):
-        yield Finding(loc, "`auto` chooses for given segments, and `optimal` ones depend on the backbone", f"{remedy}, or cut `even`")
+    if not isinstance(spec.target, TargetColumn):
+        what = f"a state-space model predicts a measured quantity, not the component `{spec.target}`"
+        yield Finding("target", what, "write `target: {column: displacement}`")
+    for key, name in (("input", model.input), ("load", model.load)):
+        if name is not None:
+            yield from unknown_quantity(name, spec.data.quantities, ("model", key))
+            if name == spec.target_quantity:
+                yield Finding(f"model.{key}", f"`{name}` is the target", "name the quantity that drives it, as a pressure or a voltage")
+    if not isinstance(model.sections, int) and any(after <= before for before, after in pairwise(model.sections)):
+        remedy = f"write `sections: {sorted(set(model.sections))}`"
+        yield Finding("model.sections", "the boundaries between the sections do not increase", remedy)
+    if model.dead_band > 0 and not (model.direction and model.switching == "bumpless"):
+        what = "a dead band goes with `direction: true` and `switching: bumpless`; other switching goes by every change of the input"
+        yield Finding("model.dead_band:", what, "remove it")
+    for key in ("bounds", "begin"):
+        if getattr(model, key) is not None and model.solver != "swarm":
+            yield Finding(f"model.{key}:", f"`solver: {model.solver}` looks at all stable sections", f"remove `{key}`")
+    if model.mask != "input" and not model.direction:
+        yield Finding("model.mask:", "`mask` tells rise from fall, and sections have no direction", "add `direction: true`")
+    if model.polish and model.solver == "least_squares":
+        yield Finding("model.polish:", "`polish` goes on by least squares, which this solver is", "remove it")
+    if model.solver == "swarm" and (model.offset or model.load is not None or model.switching == "bumpless"):
+        what = "`solver: swarm` looks for P1, P2 and P3 alone, which an offset, a load or bumpless switching are not"
+        yield Finding("model.solver", what, "use `swarm_projected`, `differential_evolution` or `least_squares`")
 
 
-def turned(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Yield a model is inverted to be scored as one of its inputs: it has no memory, and the input is not its target."""
-    name, loc = spec.validation.as_, ("validate", "as")
-    if name is None:
-        return
-    if not isinstance(spec.target, TargetColumn) or name == spec.target.column:
-        yield Finding(loc, f"`{name}` needs a model of another quantity to be inverted", "set `target: {column: strain}`, or remove `as`")
-    elif spec.has_memory or spec.model.type != "mapmore":
-        yield Finding(loc, "only a model of pieces can be inverted to be scored", "remove `as`")
+def sums(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Check every sum of a study: its own, and those that it is compared with."""
+    for _, settings, loc in _with_settings(spec):
+        if settings.sum is not None:
+            yield from _sum(spec, settings.sum, (*loc, "sum"))
+
+
+def _sum(spec: ExperimentSpec, parts: Sequence[Summand], loc: Loc) -> Iterator[Finding]:
+    from mapmore_cli.modelling.sums.joint import refuse_shared_names
+
+    known = []
+    for i, part in enumerate(parts):
+        for name, text in part.inputs.items():
+            yield from expression_findings(text, (*loc, i, "inputs", name), spec.quantities)
+        formula = formula_called(spec, part.formula)
+        if formula is None:
+            yield from _unknown_formula(spec, part.formula, (*loc, i, "formula"))
+            continue
+        known.append((f"{part.formula} ({i + 1})", formula.inputs, part.inputs))
+        for name in part.inputs:
+            if name not in formula.inputs:
+                remedy = did_you_mean(name, formula.inputs)
+                yield Finding((*loc, i, "inputs", name), f"`{part.formula}` has no input `{name}`", remedy, on_key=True)
+        for name in formula.inputs:
+            if name not in part.inputs and name not in spec.quantities:
+                remedy = f"say what it is here, as `inputs: {{{name}: my_{name}}}`"
+                yield Finding((*loc, i, "formula"), f"`{part.formula}` needs the quantity `{name}`", remedy)
+    yield from refused(loc, refuse_shared_names, known)
+
+
+# Formulas and competitors ------------------------------------------------------------------------------------------------------------
+
+
+def formula_called(spec: ExperimentSpec, name: str | None) -> LiteratureModel | None:
+    """Return a formula of the literature, or of the spec's own; None for another name, or where it cannot be read."""
+    if name in spec.own_formulas:
+        try:
+            return _defined(spec, spec.own_formulas[name])
+        except (ValueError, SpecError):
+            return None
+    return literature.get(name) if name in literature.names() else None
+
+
+def _defined(spec: ExperimentSpec, one: OwnFormula) -> LiteratureModel:
+    units = {name: default_unit(name, spec.units) for name in (*spec.quantities, spec.target_quantity)}
+    return formula_of(one.definition(units, units[spec.target_quantity]))
+
+
+def _unknown_formula(spec: ExperimentSpec, name: str | None, loc: Loc, others: Sequence[str] = ()) -> Iterator[Finding]:
+    if name is not None and name not in spec.own_formulas:  # what is wrong with one of its own is told where it is written
+        known = (*literature.names(), *spec.own_formulas, *others)
+        yield Finding(loc, f"there is no literature model `{name}`", did_you_mean(name, known))
+
+
+def _rivals(spec: ExperimentSpec) -> list[tuple[Loc, Competitor]]:
+    """Return the competitors with their places; a name alone is that of a model."""
+    against = (Competitor.model_construct(model=one) if isinstance(one, str) else one for one in spec.validation.against)
+    return [(("validate", "against", i), one) for i, one in enumerate(against)]
+
+
+def _with_settings(spec: ExperimentSpec) -> list[tuple[str | None, ModelChoice | Competitor, Loc]]:
+    """Return the run's own model and its competitors: what formula each names, the settings, where they stand."""
+    return [(spec.model.name, spec.model, ("model",)), *((one.model, one, loc) for loc, one in _rivals(spec))]
 
 
 def formulas(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Literature models exist, find their inputs in the study, and each has its own name in the scores."""
-    for name, loc in formula_uses(spec):
-        rival = loc[:2] == ("validate", "against") and loc[-1] not in ("static", "damping")
-        if rival and name in SIMPLE:
-            yield from _simple(spec, name, loc)
-            continue
-        if rival and name in BASELINES:
-            yield from _baseline(spec, name, loc)
-            continue
+    """Require that formulas exist and find what they need in the study."""
+    uses: list[tuple[Loc, str | None]] = [(("model", "name"), spec.model.name)]
+    uses += [(("model", "backbone"), spec.model.backbone)] if spec.model.backbone != AUTO else []
+    for loc, rival in _rivals(spec):
+        if rival.model in (*SIMPLE, *BASELINES):
+            yield from _other_rival(spec, rival.model, rival, loc)
+        elif rival.as_ is None or not rival.is_file:
+            uses += [((*loc, "model"), rival.model)]
+        uses += [((*loc, "static"), rival.static)] if rival.static != OWN else []
+        uses += [((*loc, "damping"), rival.damping)]
+    for loc, name in uses:
         formula = formula_called(spec, name)
-        if formula is None:
-            if name not in spec.own_formulas:  # else what is wrong with it is told where it is written
-                known = (*literature.names(), *spec.own_formulas, *((*BASELINES, *SIMPLE) if rival else ()))
-                yield Finding(loc, f"there is no literature model `{name}`", did_you_mean(name, known))
-            continue
-        if loc == ("model", "name") and not formula.inputs:
-            yield Finding(loc, f"`{name}` is no function of anything", "name it in `validate.against`")
-        for dimension in formula.dimensions:
-            if loc == ("model", "backbone"):
-                yield Finding(
-                    loc, f"`{name}` has the {dimension} of the muscle, and is no backbone", f"use `type: literature` with `{name}`"
-                )
-            elif spec.muscle.lengths[dimension] is None:
-                yield Finding(loc, f"`{name}` needs the {dimension} of the muscle", f"add `{dimension}: 10 mm` (your number) to `muscle`")
-        for missing in [quantity for quantity in formula.inputs if quantity not in spec.quantities]:
-            yield Finding(
-                loc, f"`{name}` needs the quantity `{missing}`", f"add `{missing}` to `columns` or `derive`, or leave `{name}` out"
-            )
-    yield from _starts(spec)
-    yield from _errors_in(spec)
-    shown = [OWN, REPEATABILITY]
-    for i, competitor in enumerate(spec.validation.against):
-        name = competitor.label if isinstance(competitor, Competitor) else competitor
-        if name in shown:
-            remedy = "give this one a name: `{model: ..., as: NAME}`"
-            yield Finding(("validate", "against", i), f"two models of the scores are named `{name}`", remedy)
-        shown.append(name)
+        if name is None or formula is None:
+            yield from _unknown_formula(spec, name, loc, (*BASELINES, *SIMPLE) if loc[0] == "validate" and loc[-1] == "model" else ())
+        else:
+            yield from _needs(spec, name, formula, loc)
 
 
-def _simple(spec: ExperimentSpec, name: str, loc: Loc) -> Iterator[Finding]:
-    """Yield a simple competitor has what it is made of."""
+def _needs(spec: ExperimentSpec, name: str, formula: LiteratureModel, loc: Loc) -> Iterator[Finding]:
+    if loc == ("model", "name") and not formula.inputs:
+        yield Finding(loc, f"`{name}` is no function of anything", "name it in `validate.against`")
+    for dimension in formula.dimensions:
+        if loc == ("model", "backbone"):
+            what = f"`{name}` has the {dimension} of the muscle, and is no backbone"
+            yield Finding(loc, what, f"use `type: literature` with `{name}`")
+        elif spec.muscle.lengths[dimension] is None:
+            yield Finding(loc, f"`{name}` needs the {dimension} of the muscle", f"add `{dimension}: 10 mm` (your number) to `muscle`")
+    for missing in formula.inputs:
+        if missing not in spec.quantities:
+            remedy = f"add `{missing}` to `columns` or `derive`, or leave `{name}` out"
+            yield Finding(loc, f"`{name}` needs the quantity `{missing}`", remedy)
+    if formula.fitted_to != literature.LOAD_CYCLES:
+        return
+    if loc[0] == "model":
+        yield Finding(loc, f"`{name}` is fitted to load cycles, not to a target", "name it in `validate.against`")
+        return
+    if spec.needs.static is None or spec.target not in MOTION:
+        yield Finding(loc, f"`{name}` is fitted to the load cycles of a static run", STATIC_RUN)
+    if spec.muscle.length is None:
+        yield Finding(loc, f"`{name}` needs the length of the muscle", "add `length: 88 mm` to `muscle`")
+
+
+def _other_rival(spec: ExperimentSpec, name: str, rival: Competitor, loc: Loc) -> Iterator[Finding]:
     if name == "backbone" and spec.model.backbone is None:
         yield Finding(loc, "the model has no backbone", "give it one, as `model: {backbone: sarosi}`, or leave this out")
     if name == "arx" and not spec.runs_over_time:
         yield Finding(loc, "`arx` runs along recordings, and the model does not", "leave it out")
-
-
-def _baseline(spec: ExperimentSpec, name: str, loc: Loc) -> Iterator[Finding]:
-    """Yield a baseline needs the package that it comes from, and is always fitted in one way."""
-    if find_spec("sklearn") is None:
+    if name in BASELINES and find_spec("sklearn") is None:
         yield Finding(loc, f"`{name}` needs scikit-learn, which is not installed", "install the extra: `pip install 'mapmore[baselines]'`")
-    competitor = spec.validation.against[int(loc[2])]
-    if isinstance(competitor, Competitor) and competitor.method is not None:
-        yield Finding((*loc[:3], "method"), f"`{name}` has no `method`", "remove it", on_key=True)
+    if name in BASELINES and rival.method is not None:
+        yield Finding((*loc, "method"), f"`{name}` has no `method`", "remove it", on_key=True)
 
 
-def _starts(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check that starting values are published for the formula that they are wanted for."""
-    against = enumerate(spec.validation.against)
-    wanted = [(c.model, c.starts, ("validate", "against", i, "starts")) for i, c in against if isinstance(c, Competitor)]
-    for name, starts, loc in [(spec.model.name, spec.model.starts, ("model", "starts")), *wanted]:
-        formula = formula_called(spec, name)
+def competitors(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Require that formulas can be fitted in the way that is wanted, and competitors have names of their own and data to be fitted to."""
+    for name, settings, loc in _with_settings(spec):
+        formula, starts, errors_in = formula_called(spec, name), settings.starts, settings.errors_in
         if formula is not None and starts is not None:
-            try:
-                formula.starting_from(starts)
-            except SpecError as error:
-                yield Finding(loc, error.message, error.remedy)
-
-
-def _errors_in(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Yield an input whose error is minimised is one of the formula, which can be solved for it."""
-    against = enumerate(spec.validation.against)
-    wanted = [(c.model, c.errors_in, ("validate", "against", i, "errors_in")) for i, c in against if isinstance(c, Competitor)]
-    for name, given, loc in [(spec.model.name, spec.model.errors_in, ("model", "errors_in")), *wanted]:
-        formula = formula_called(spec, name)
-        if formula is not None and given is not None:
+            yield from refused((*loc, "starts"), formula.starting_from, starts)
+        if formula is not None and errors_in is not None:
             if not can_be_solved(formula):
-                yield Finding(loc, f"`{name}` is fitted in a way of its own, to errors of the target", "remove it")
-            elif given not in formula.inputs:
-                yield Finding(loc, f"`{name}` has no input `{given}`", did_you_mean(given, formula.inputs))
+                yield Finding((*loc, "errors_in"), f"`{name}` is fitted in a way of its own, to errors of the target", "remove it")
+            elif errors_in not in formula.inputs:
+                yield Finding((*loc, "errors_in"), f"`{name}` has no input `{errors_in}`", did_you_mean(errors_in, formula.inputs))
+    shown = [OWN, REPEATABILITY]
+    for loc, rival in _rivals(spec):
+        if rival.static is not None and spec.target not in MOTION:
+            yield Finding(loc, f"target `{spec.target}` has no static and damping parts", "give one `model`")
+        elif rival.static is not None and spec.needs.static is None:
+            yield Finding(loc, "a static formula is fitted to the data of the static run", STATIC_RUN)
+        if rival.label in shown:
+            yield Finding(loc, f"two models of the scores are named `{rival.label}`", "give this one a name: `{model: ..., as: NAME}`")
+        shown.append(rival.label)
 
 
 def own_formulas(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Yield a formula of the spec's own has a name of its own, is an expression, and is linear in what has no bounds."""
+    """Require that a formula of the spec's own has a name of its own, is an expression, and is linear in what has no bounds."""
     taken = {*literature.names(), *BASELINES, *SIMPLE, OWN, REPEATABILITY, AUTO}
     for i, one in enumerate(spec.formulas):
         if isinstance(one, str):
@@ -251,7 +362,7 @@ def own_formulas(spec: ExperimentSpec) -> Iterator[Finding]:
         taken.add(one.name)
         loc = ("formulas", i, "expression")
         try:
-            formula = _defined(spec, one)
+            inputs = _defined(spec, one).inputs
         except ExpressionError as error:
             yield Finding(loc, f"not an expression: {error.message}", offset=error.position)
         except SpecError as error:
@@ -259,44 +370,13 @@ def own_formulas(spec: ExperimentSpec) -> Iterator[Finding]:
         except ValueError as error:
             yield Finding(loc, str(error), "give `bounds` to every parameter in which it is not linear")
         else:
-            if not formula.inputs:
+            if not inputs:
                 yield Finding(loc, "the formula depends on no quantity", "name one, as `pressure`, that is no parameter")
-            for state in (name for name in formula.inputs if not name.isidentifier()):
+            for state in (name for name in inputs if not name.isidentifier()):
                 yield Finding(loc, f"`{state}` is a state with memory", "a formula is of quantities; put states into the `dictionary`")
 
 
-def formula_called(spec: ExperimentSpec, name: str | None) -> LiteratureModel | None:
-    """Return a formula of the literature, or of the spec's own; None for another name, or where it cannot be read."""
-    if name is None:
-        return None
-    if name in spec.own_formulas:
-        try:
-            return _defined(spec, spec.own_formulas[name])
-        except (ValueError, SpecError):
-            return None
-    return literature.get(name) if name in literature.names() else None
-
-
-def _defined(spec: ExperimentSpec, one: OwnFormula) -> LiteratureModel:
-    """Return a formula of the spec's own, in the model's units; raises as `OwnFormula.definition`."""
-    units = {name: default_unit(name, spec.units) for name in (*spec.quantities, spec.target_quantity)}
-    return formula_of(one.definition(units, units[spec.target_quantity]))
-
-
-def formula_uses(spec: ExperimentSpec) -> Iterator[tuple[str, Loc]]:
-    """Every formula that an experiment names, and where."""
-    if spec.model.backbone not in (None, AUTO):
-        yield str(spec.model.backbone), ("model", "backbone")
-    if spec.model.name is not None:
-        yield spec.model.name, ("model", "name")
-    for i, competitor in enumerate(spec.validation.against):
-        if isinstance(competitor, str):
-            yield competitor, ("validate", "against", i)
-            continue
-        for key in ("model", "static", "damping"):
-            name = getattr(competitor, key)
-            if name is not None and (key, name) != ("static", OWN) and not (key == "model" and competitor.is_file):
-                yield name, ("validate", "against", i, key)
+# Metrics and units -------------------------------------------------------------------------------------------------------------------
 
 
 def metrics(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -311,9 +391,8 @@ def units(spec: ExperimentSpec) -> Iterator[Finding]:
     known = dict.fromkeys((*spec.data.quantities, *CANONICAL))
     wrong = []
     for name, unit in spec.units.items():
-        if name not in known:
-            yield Finding(("units", name), f"there is no quantity `{name}` in this study", did_you_mean(name, known), on_key=True)
-        found = list(_unit(("units", name), unit, default_unit(name) if is_canonical(name) else unit))
+        yield from unknown_quantity(name, list(known), ("units", name), on_key=True)
+        found = _unit(("units", name), unit, default_unit(name) if is_canonical(name) else unit)
         wrong += [name] if found else []
         yield from found
     tables: list[tuple[Loc, Logs]] = [(("data",), spec.data), *((("data", "join", i), join) for i, join in enumerate(spec.data.join))]
@@ -323,9 +402,5 @@ def units(spec: ExperimentSpec) -> Iterator[Finding]:
                 yield from _unit((*loc, "columns", name, "unit"), column.unit, default_unit(name, spec.units))
 
 
-def _unit(loc: Loc, unit: str, wanted: str) -> Iterator[Finding]:
-    try:
-        check_unit(unit)
-        convert(1.0, unit, wanted)
-    except SpecError as error:
-        yield Finding(loc, error.message, error.remedy)
+def _unit(loc: Loc, unit: str, wanted: str) -> list[Finding]:
+    return [*refused(loc, check_unit, unit)] or [*refused(loc, convert, 1.0, unit, wanted)]

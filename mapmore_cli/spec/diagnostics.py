@@ -1,10 +1,10 @@
-"""Mistakes in a spec: collected with their places, shown all at once."""
+"""Mistakes in a spec: collected with their places, explained, and shown all at once."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import Any, NoReturn
 
@@ -12,7 +12,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from mapmore_cli.domain.declared import Contradiction, shape
-from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.domain.errors import MapmoreError, SpecError
 from mapmore_cli.spec.tree import Loc, Node, Position, keys_at, nearest
 
 _WIDEST = 110  # characters of a source line that are shown
@@ -32,30 +32,42 @@ class Mistake:
 class Finding:
     """A mistake named by its way through the spec rather than by its place in a file.
 
-    `offset` is the place of the mistake within a text value, as of a syntax error in an expression; `on_key` puts it on the key.
+    The way is keys and list indices, or a text as `data.cycles`. `data.cycles:` and `on_key` put the mistake on the key in place of its
+    value. `offset` is the place within a text value, as of a syntax error in an expression.
     """
 
-    loc: Loc
+    way: Loc | str
     message: str
     remedy: str | None = None
     offset: int = 0
     on_key: bool = False
 
+    @property
+    def loc(self) -> Loc:
+        """Keys and list indices."""
+        return self.way.removesuffix(":").split(".") if isinstance(self.way, str) else self.way
+
 
 def locate(finding: Finding, root: Node) -> Mistake:
     """Return the finding with its place; a value that the sources do not hold is placed at its nearest ancestor."""
     node = nearest(root, finding.loc)
-    at = node.start if finding.on_key or len(finding.loc) == 0 else node.at
-    return Mistake(within(at, node.value, finding.offset), finding.message, finding.remedy)
+    on_key = finding.on_key or not finding.loc or (isinstance(finding.way, str) and finding.way.endswith(":"))
+    at = node.start if on_key else node.at
+    if finding.offset and isinstance(node.value, str):
+        written = _line(at)[at.column - 1 :]
+        for quote in ("", '"', "'"):  # else the source spells the text differently
+            if written.startswith(quote + node.value):
+                at = replace(at, column=at.column + len(quote) + finding.offset)
+                break
+    return Mistake(at, finding.message, finding.remedy)
 
 
-def within(at: Position, value: object, offset: int) -> Position:
-    """Return the place of character `offset` of a text that starts at `at`; `at` itself where the source spells the text differently."""
-    written = _line(at)[at.column - 1 :]
-    for quote in ("", '"', "'"):
-        if isinstance(value, str) and offset and written.startswith(quote + value):
-            return Position(at.source, at.line, at.column + len(quote) + offset)
-    return at
+def refused(way: Loc | str, attempt: Callable[..., object], *arguments: Any) -> Iterator[Finding]:
+    """Yield why a call is refused, where it is."""
+    try:
+        attempt(*arguments)
+    except MapmoreError as error:
+        yield Finding(way, error.message, error.remedy)
 
 
 def did_you_mean(word: str, known: Iterable[str], otherwise: str = "known are") -> str | None:
@@ -66,12 +78,6 @@ def did_you_mean(word: str, known: Iterable[str], otherwise: str = "known are") 
     if near:
         return f"did you mean `{lower[near[0]]}`?"
     return f"{otherwise} {', '.join(f'`{candidate}`' for candidate in words)}" if words else None
-
-
-def new_places(problems: Iterable[Mistake], known: Sequence[Mistake]) -> list[Mistake]:
-    """Problems where none is known yet: the later ones at the same place are consequences of the first."""
-    taken = {problem.at for problem in known}
-    return [problem for problem in problems if problem.at not in taken]
 
 
 def raise_if_any(problems: Sequence[Mistake]) -> None:
@@ -92,19 +98,13 @@ def fail(at: Position, message: str, remedy: str | None = None) -> NoReturn:
 
 
 def _block(problem: Mistake) -> str:
-    """Return the place and the message, the source line with a caret, the remedy."""
-    remedy = [] if problem.remedy is None else [f"  {problem.remedy}"]
-    return "\n".join([f"{problem.at}: {problem.message}", *_snippet(problem.at), *remedy])
-
-
-def _snippet(at: Position) -> list[str]:
-    line = _line(at)
-    if not at.source.numbered or not line.strip():
-        return []
-    start = max(0, at.column - 1 - _WIDEST // 2) if len(line) > _WIDEST else 0
-    shown = "".join(char if char.isprintable() else " " for char in line[start : start + _WIDEST])
-    number = f"{at.line:6d} | "
-    return [number + shown, " " * (len(number) - 2) + "| " + " " * (at.column - 1 - start) + "^"]
+    at, line = problem.at, _line(problem.at)
+    lines = [f"{at}: {problem.message}"]
+    if at.source.numbered and line.strip():
+        start = max(0, at.column - 1 - _WIDEST // 2) if len(line) > _WIDEST else 0
+        shown = "".join(char if char.isprintable() else " " for char in line[start : start + _WIDEST])
+        lines += [f"{at.line:6d} | {shown}", f"{'|':>8} {' ' * (at.column - 1 - start)}^"]
+    return "\n".join(lines if problem.remedy is None else [*lines, f"  {problem.remedy}"])
 
 
 def _line(at: Position) -> str:
@@ -113,6 +113,8 @@ def _line(at: Position) -> str:
     return lines[at.line - 1] if at.line <= len(lines) else ""
 
 
+# What pydantic finds -----------------------------------------------------------------------------------------------------------------
+
 Explained = tuple[str, str | None]
 """What is wrong, and what would be right."""
 
@@ -120,17 +122,9 @@ MOST_ERRORS = 200
 """Errors that are explained: a list of thousands of wrong values is one mistake."""
 
 _EXPECTED = {
-    "string_type": "text",
-    "int_type": "a whole number",
-    "int_from_float": "a whole number",
-    "float_type": "a number",
-    "bool_type": "true or false",
-    "list_type": "a list",
-    "tuple_type": "a list",
-    "dict_type": "a mapping",
-    "model_type": "a mapping",
-    "model_attributes_type": "a mapping",
-    "dataclass_type": "a mapping",
+    **{"string_type": "text", "int_type": "a whole number", "int_from_float": "a whole number", "float_type": "a number"},
+    **{"bool_type": "true or false", "list_type": "a list", "tuple_type": "a list"},
+    **dict.fromkeys(("dict_type", "model_type", "model_attributes_type", "dataclass_type"), "a mapping"),
 }
 _UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 _BOUNDS = {
@@ -144,111 +138,77 @@ _BOUNDS = {
 def explain(error: ValidationError, root: Node, model: type[BaseModel]) -> list[Mistake]:
     """One problem for each mistake that pydantic found in the tree: a key that is missing because it is misspelt is one mistake."""
     errors = error.errors(include_url=False)[:MOST_ERRORS]
-    meant = {_meant(details["loc"], root, model) for details in errors if details["type"] in _UNKNOWN}
+    unknown = [_split(details["loc"], root)[0] for details in errors if details["type"] in _UNKNOWN]
+    meant = {(loc[:-1], tuple(get_close_matches(str(loc[-1]), keys_at(model, loc[:-1]), n=1))) for loc in unknown}
     return [_problem(details, root, model) for details in errors if _split(details["loc"], root) not in meant]
 
 
-def faulty(error: ValidationError, root: Node) -> list[Loc]:
-    """Return the ways to what pydantic refused: values, and sections that are incomplete."""
-    return [_split(details["loc"], root)[0] for details in error.errors(include_url=False)]
+def lost(error: ValidationError, root: Node, model: type[BaseModel]) -> Iterator[tuple[Loc, Loc | None]]:
+    """Yield the ways to what pydantic refused, values and incomplete sections, each with the way to what the spec lacks without it.
 
-
-def unknown_keys(error: ValidationError, root: Node, model: type[BaseModel]) -> dict[Loc, Loc | None]:
-    """Return the ways to unknown keys, each with that to the key meant; None where it is near to no key that the spec lacks."""
-    found: dict[Loc, Loc | None] = {}
+    For an unknown key that is the key meant; None where it is near to no key that the spec lacks.
+    """
     for details in error.errors(include_url=False):
+        loc, _ = _split(details["loc"], root)
+        meant: Loc | None = loc
         if details["type"] in _UNKNOWN:
-            loc, _ = _split(details["loc"], root)
-            section = nearest(root, loc[:-1])
             near = get_close_matches(str(loc[-1]), keys_at(model, loc[:-1]), n=1)
-            found[loc] = (*loc[:-1], near[0]) if near and section.child(near[0]) is None else None
-    return found
+            meant = (*loc[:-1], near[0]) if near and nearest(root, loc[:-1]).child(near[0]) is None else None
+        yield loc, meant
 
 
 def _problem(details: ErrorDetails, root: Node, model: type[BaseModel]) -> Mistake:
     loc, rest = _split(details["loc"], root)
     node = nearest(root, loc)
-    context: Mapping[str, Any] = details.get("ctx", {})
-    misspelt = _misspelt_key(loc, root, model)
-    if misspelt is not None:
-        return misspelt
+    name = f"`{_dotted(loc)}`" if loc else "the spec"
+    for depth, key in enumerate(loc):  # a key that would be a quantity, but whose value says that a near one is meant
+        known = keys_at(model, loc[:depth])
+        if known and isinstance(key, str) and key not in known and get_close_matches(key, known, n=1, cutoff=0.75):
+            return Mistake(nearest(root, loc[: depth + 1]).start, *_unknown_key(loc[: depth + 1], known))
     match details["type"]:
-        case "extra_forbidden" | "unexpected_keyword_argument":
-            return Mistake(node.start, *_unknown_key(loc, model))
+        case kind if kind in _UNKNOWN:
+            return Mistake(node.start, *_unknown_key(loc, keys_at(model, loc[:-1])))
         case "missing" if isinstance(rest[-1], int):
-            return Mistake(node.at, f"{_name(loc)} has too few values", "give two: `[low, high]`")
+            return Mistake(node.at, f"{name} has too few values", "give two: `[low, high]`")
         case "missing":
-            return Mistake(node.start, f"{_name(loc)} lacks the key `{rest[-1]}`", f"add `{rest[-1]}: ...`")
-        case "value_error" if isinstance(found := context["error"], Contradiction):
+            return Mistake(node.start, f"{name} lacks the key `{rest[-1]}`", f"add `{rest[-1]}: ...`")
+        case "value_error" if isinstance(found := details["ctx"]["error"], Contradiction):
             beside = [node.child(key) for key in found.near]
             at = next((child.start for child in beside if child is not None), node.start)
             return Mistake(at, found.message, found.remedy)
         case "string_pattern_mismatch" if rest and rest[-1] == "[key]":
-            return Mistake(
-                node.start, f"{str(loc[-1])!r} cannot be the name of a quantity", "use letters, digits and `_`, as `step_pressure`"
-            )
-        case kind:
-            return Mistake(node.at, *_value(kind, node.value, context, details["msg"], _name(loc)))
+            message = f"{str(loc[-1])!r} cannot be the name of a quantity"
+            return Mistake(node.start, message, "use letters, digits and `_`, as `step_pressure`")
+    return Mistake(node.at, *_of_value(details, node.value, name))
 
 
-def _value(kind: str, value: object, context: Mapping[str, Any], said: str, name: str) -> Explained:
-    """Explain an error about one value alone."""
-    if kind in _EXPECTED:
-        return f"{name} should be {_EXPECTED[kind]}, but is {_shown(value)}", _shape_remedy(_EXPECTED[kind], value)
+def _of_value(details: ErrorDetails, value: object, name: str) -> Explained:
+    context: dict[str, Any] = details.get("ctx", {})
+    kind, shown = details["type"], _shown(value)
+    if kind in _EXPECTED or kind == "union_tag_invalid":
+        expected = _EXPECTED.get(kind) or " or ".join(re.findall(r"<([^>]*)>", context["expected_tags"]))
+        return f"{name} should be {expected}, but is {shown}", _shape_remedy(expected, value)
     if kind in _BOUNDS:
         key, words = _BOUNDS[kind]
-        return f"{name} should be {words} {context[key]:g}, but is {_shown(value)}", None
-    return _OTHERS.get(kind, _plainly)(value, context, said, name)
-
-
-def _literal(value: object, context: Mapping[str, Any], _said: str, name: str) -> Explained:
-    known = re.findall(r"'([^']*)'", context["expected"]) or [context["expected"]]
-    return f"{name} cannot be {_shown(value)}", did_you_mean("" if isinstance(value, dict | list) else str(value), known, "possible are")
-
-
-def _no_member(value: object, context: Mapping[str, Any], _said: str, name: str) -> Explained:
-    expected = " or ".join(re.findall(r"<([^>]*)>", context["expected_tags"]))
-    return f"{name} should be {expected}, but is {_shown(value)}", _shape_remedy(expected, value)
-
-
-def _pattern(value: object, _context: Mapping[str, Any], _said: str, name: str) -> Explained:
-    return f"{name} cannot be {_shown(value)}", "start with a letter or digit, and go on with letters, digits, `.`, `_` and `-`"
-
-
-def _too_long(value: object, context: Mapping[str, Any], _said: str, name: str) -> Explained:
-    return f"{name} is too long: {len(str(value))} characters", f"use {context['max_length']} at most"
-
-
-def _too_few(_value: object, context: Mapping[str, Any], _said: str, name: str) -> Explained:
-    return f"{name} is empty", f"give at least {context['min_length']}"
-
-
-def _too_many(value: object, context: Mapping[str, Any], _said: str, name: str) -> Explained:
-    return f"{name} has too many values: {_shown(value)}", f"give {context['max_length']}"
-
-
-def _not_finite(value: object, _context: Mapping[str, Any], _said: str, name: str) -> Explained:
-    return f"{name} should be a finite number, but is {value}", None
-
-
-def _raised(_value: object, context: Mapping[str, Any], _said: str, _name: str) -> Explained:
-    return str(context["error"]), None
-
-
-def _plainly(_value: object, _context: Mapping[str, Any], said: str, name: str) -> Explained:
-    return f"{name}: {said}", None
-
-
-_OTHERS: Mapping[str, Callable[[object, Mapping[str, Any], str, str], Explained]] = {
-    "literal_error": _literal,
-    "union_tag_invalid": _no_member,
-    "string_pattern_mismatch": _pattern,
-    "string_too_long": _too_long,
-    "too_short": _too_few,
-    "too_long": _too_many,
-    "finite_number": _not_finite,
-    "value_error": _raised,
-}
+        return f"{name} should be {words} {context[key]:g}, but is {shown}", None
+    match kind:
+        case "literal_error":
+            known = re.findall(r"'([^']*)'", context["expected"]) or [context["expected"]]
+            word = "" if isinstance(value, dict | list) else str(value)
+            return f"{name} cannot be {shown}", did_you_mean(word, known, "possible are")
+        case "string_pattern_mismatch":
+            return f"{name} cannot be {shown}", "start with a letter or digit, and go on with letters, digits, `.`, `_` and `-`"
+        case "string_too_long":
+            return f"{name} is too long: {len(str(value))} characters", f"use {context['max_length']} at most"
+        case "too_short":
+            return f"{name} is empty", f"give at least {context['min_length']}"
+        case "too_long":
+            return f"{name} has too many values: {shown}", f"give {context['max_length']}"
+        case "finite_number":
+            return f"{name} should be a finite number, but is {value}", None
+        case "value_error":
+            return str(context["error"]), None
+    return f"{name}: {details['msg']}", None
 
 
 def _split(loc: Loc, root: Node) -> tuple[tuple[str | int, ...], tuple[str | int, ...]]:
@@ -258,36 +218,14 @@ def _split(loc: Loc, root: Node) -> tuple[tuple[str | int, ...], tuple[str | int
     rest: list[str | int] = []
     for step in loc:
         below = node.child(step)
-        if below is None:
-            rest.append(step)
-        else:
-            node = below
-            held.append(step)
+        (rest if below is None else held).append(step)
+        node = below or node
     return tuple(held), tuple(rest)
 
 
-def _misspelt_key(loc: Loc, root: Node, model: type[BaseModel]) -> Mistake | None:
-    """Return a key that would be a quantity, as keys of `split.validate` may be, but whose value says that a near one is meant."""
-    for depth, key in enumerate(loc):
-        known = keys_at(model, loc[:depth])
-        if known and isinstance(key, str) and key not in known and get_close_matches(key, known, n=1, cutoff=0.75):
-            return Mistake(nearest(root, loc[: depth + 1]).start, *_unknown_key(loc[: depth + 1], model))
-    return None
-
-
-def _meant(loc: Loc, root: Node, model: type[BaseModel]) -> tuple[Loc, Loc]:
-    """Return the way to the key that an unknown one is near to, split as `_split` does for a missing key."""
-    held, _ = _split(loc, root)
-    return held[:-1], tuple(get_close_matches(str(held[-1]), keys_at(model, held[:-1]), n=1))
-
-
-def _unknown_key(loc: Loc, model: type[BaseModel]) -> Explained:
+def _unknown_key(loc: Loc, known: Iterable[str]) -> Explained:
     inside = f" in `{_dotted(loc[:-1])}`" if len(loc) > 1 else ""
-    return f"unknown key `{loc[-1]}`{inside}", did_you_mean(str(loc[-1]), keys_at(model, loc[:-1]))
-
-
-def _name(loc: Loc) -> str:
-    return f"`{_dotted(loc)}`" if loc else "the spec"
+    return f"unknown key `{loc[-1]}`{inside}", did_you_mean(str(loc[-1]), known)
 
 
 def _dotted(loc: Loc) -> str:
@@ -297,11 +235,10 @@ def _dotted(loc: Loc) -> str:
 
 def _shown(value: object) -> str:
     """Return a value in a message: its kind, and itself where it is short."""
-    kind = shape(value).strip("<>")
     if value is None:
         return "empty"
     if isinstance(value, dict | list):
-        return kind
+        return shape(value).strip("<>")
     text = str(value)
     text = text if len(text) <= 40 else text[:40] + "..."
     return f"the text {text!r}" if isinstance(value, str) else text.lower() if isinstance(value, bool) else text

@@ -1,6 +1,6 @@
 """The experiment spec as a pydantic model: its sections, and what holds between them.
 
-Units: every number is already in the model's unit; the loader turns `250 kPa` into a number before validation (see `spec.quantities`), in
+Units: every number is already in the model's unit; the loader turns `250 kPa` into a number before validation (see `spec.fields`), in
 the unit that the field's mark names.
 """
 
@@ -8,20 +8,34 @@ the unit that the field's mark names.
 
 from __future__ import annotations
 
-import functools
+from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import PurePosixPath
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, PrivateAttr, TypeAdapter, ValidationError, ValidationInfo, model_validator
+from pydantic import Field, PrivateAttr, ValidationError, ValidationInfo, model_validator
 
 from mapmore_cli.domain.declared import Contradiction, Either, Settings
+from mapmore_cli.domain.scores import FIGURES, Published
 from mapmore_cli.modelling.pieces.recipe import CutByDirection, Fuse, Segmented
 from mapmore_cli.modelling.selection import Fit
-from mapmore_cli.spec.fields import PARTIAL, Metres, Name, Quantity, SpecPath, WholeSpec
+from mapmore_cli.spec.fields import (
+    PARTIAL,
+    Metres,
+    Metric,
+    Name,
+    OfTarget,
+    Quantity,
+    RelativePath,
+    Section,
+    SettingsOfSpec,
+    Share,
+    SpecPath,
+    WholeSpec,
+)
 from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry, remembers
-from mapmore_cli.spec.sections.model import ModelChoice, Needs, OwnFormula
-from mapmore_cli.spec.sections.results import Report, Validate
+from mapmore_cli.spec.sections.model import ModelChoice, Needs, OwnFormula, Summands, refuse_mixed
 
 
 @dataclass(frozen=True)
@@ -46,21 +60,142 @@ class TargetColumn(Settings):
     column: str
 
 
-_DEFAULTS_OF_TARGET: dict[str, tuple[str, dict[str, str]]] = {
-    "damping": ("fit", {"scaling": "max_abs"}),  # M2's damping terms are pure products, which a shifted origin would not leave so
-    "dynamic": ("model", {"type": "sum"}),
-}
+# What comes out -----------------------------------------------------------------------------------------------------------------------
 
 
-@functools.cache
-def _dictionaries() -> TypeAdapter[list[DictionaryEntry]]:
-    return TypeAdapter(list[DictionaryEntry])
+class Competitor(Section):
+    """A competitor with settings of its own: a literature `model`, or that of another `run` (the path of its spec) or of this one, changed.
+
+    - `model` may be a frozen one (a path that ends in `.h5`), with `as`, or a black box: `gaussian_process`, `gradient_boosting`, `mlp`.
+    - `set` has keys of this spec with other values. The run is called `<name>.<as>`.
+    - `static` and `damping` name two formulas that are added up. `static: mapmore` is the static model that the spec needs.
+    - `sum` adds formulas with signs and renamed inputs, and fits them together.
+    - `method` says how a formula is fitted; `starts` where `levenberg_marquardt` starts (`published`, `printed`).
+    - `errors_in` names an input whose error is minimised in place of the target's, as the strain under a weight.
+    - `as` is the name in the scores.
+    """
+
+    model: Annotated[str, RelativePath(bare=True)] | None = None
+    run: SpecPath | None = None
+    set: Annotated[dict[str, Any], SettingsOfSpec()] | None = None
+    static: str | None = None
+    damping: str | None = None
+    method: Literal["variable_projection", "levenberg_marquardt", "simplex"] | None = None
+    starts: str | None = None
+    errors_in: str | None = None
+    sum: Summands | None = None
+    as_: Name | None = Field(default=None, alias="as")
+
+    def _contradictions(self) -> Iterator[ValueError]:
+        kinds = (self.model, self.run, self.set, self.sum, self.static if self.static is not None else self.damping)
+        if len([kind for kind in kinds if kind is not None]) != 1:
+            remedy = "give one of the five, as `{model: sarosi}`"
+            found = "a competitor is a `model`, a `run`, this spec with keys `set`, a `sum`, or `static` with `damping`"
+            yield Contradiction(found, remedy, "model", "run", "set", "sum", "static")
+        refuse_mixed(self.sum or ())
+        if self.sum is not None and (self.as_ is None or self.sum[0].formula is None):
+            yield Contradiction("a sum as competitor is of formulas, and has a name", "add it, as `as: pair`", "sum")
+        if self.set is not None and self.as_ is None:
+            yield Contradiction("changed settings need a name", "add it, as `{set: {fit.max_terms: 1}, as: one_term}`", "set")
+        if (self.static is None) != (self.damping is None):
+            remedy = "add the other, as `{static: sarosi, damping: reynolds}`; `damping: none` adds nothing"
+            yield Contradiction("a composite needs `static` and `damping`", remedy, "static", "damping")
+        if (self.run is not None or self.set is not None) and self.method is not None:
+            yield Contradiction("another run has a fit of its own", "remove `method`", "method")
+        if self.is_file and (self.as_ is None or self.method is not None):
+            remedy = "write `{model: archive/NAME@TAG/model.h5, as: before}`"
+            yield Contradiction("a frozen model needs a name for its scores, and is not fitted", remedy, "as", "method", "model")
+        if self.starts is not None and (self.model is None or self.method != "levenberg_marquardt"):
+            remedy = "write `{model: sarosi, method: levenberg_marquardt, starts: published}`"
+            yield Contradiction("`starts` goes with a `model` and `method: levenberg_marquardt`", remedy, "starts")
+        if self.errors_in is not None and (self.model is None or self.is_file):
+            yield Contradiction("`errors_in` goes with a formula as `model`", "write `{model: sarosi, errors_in: strain}`", "errors_in")
+
+    @property
+    def is_file(self) -> bool:
+        """Whether it is a frozen model: a file, in place of the name of a formula."""
+        return self.model is not None and self.model.endswith(".h5")
+
+    @property
+    def label(self) -> str:
+        """The name of its scores."""
+        composite = f"{self.static}+{self.damping}" if self.static else None
+        return self.as_ or self.model or composite or PurePosixPath(str(self.run)).stem
+
+
+class Validate(Section):
+    """What the model is compared with, what errors are divided by, and the limits that its scores must keep.
+
+    - `normaliser: max` is the largest absolute value of the measured target (M2 eq 13), `range` its extent.
+    - `intervals: true` fits the model anew without each part of the training data, for `predict --interval`.
+    - `simple` adds competitors that need no muscle: `plane`, `quadratic`, `cubic` in the model's inputs, the `backbone` alone, and `arx` in
+      free run.
+    - `as: force` scores a model of the strain as one of the force, by inverting it. A competitor with another target, and this study's
+      among its inputs, is inverted too.
+    """
+
+    as_: Quantity | None = Field(default=None, alias="as")
+    against: list[Annotated[str | Competitor, Either()]] = []
+    simple: bool = True
+    normaliser: Literal["max", "range"] = "max"
+    intervals: bool = False
+    require: dict[str, Metric] = {}
+
+
+class PublishedScores(Section):
+    """Numbers of a publication to show beside ours, by model, all of held-out data. No computation uses them.
+
+    `nrmse` are fractions, `rmse` in the target's unit; `rmse_at_least` are lower bounds, where no more was printed. `tables` are CSV files
+    that the page shows as they are.
+    """
+
+    source: str
+    nrmse: dict[str, Share] = {}
+    rmse: dict[str, OfTarget] = {}
+    rmse_at_least: dict[str, OfTarget] = {}
+    tables: list[SpecPath] = []
+
+    @property
+    def numbers(self) -> Published:
+        """The same as data."""
+        return Published(self.source, self.nrmse, self.rmse, self.rmse_at_least)
+
+
+class Style(Section):
+    """How figures look: `width` of a panel that stands by itself, `font`, `size` of its labels in points (titles and ticks are 1 pt less).
+
+    `labels` are axis labels by quantity, with their unit; formulas may stand between dollars. `palette` are the colours of the models,
+    that of the run's own first.
+    """
+
+    width: Metres = 0.0889
+    font: str | None = None
+    size: Annotated[float, Field(ge=5, le=24)] = 8.0
+    labels: dict[Quantity, str] = {}
+    palette: list[Annotated[str, Field(pattern=r"^#[0-9A-Fa-f]{6}$")]] = []
+
+
+class Report(Section):
+    """Figures and files of the report; `units` are further units, by quantity, to print the equations in, as a publication does.
+
+    `html` is the page, `svg` a file for each figure, `csv` and `tex` the tables. With `pdf`, `png` or `pgf`, every panel of every figure is
+    a file of its own in `panels/`, beside the numbers that it was drawn from.
+    """
+
+    figures: list[Literal[tuple(FIGURES)]] = list(FIGURES)  # type: ignore[valid-type]
+    formats: list[Literal["html", "csv", "tex", "svg", "pdf", "png", "pgf"]] = ["html", "csv", "svg"]
+    style: Style = Style()
+    published: PublishedScores | None = None
+    units: dict[Quantity, str] = {}
+
+
+# The whole -----------------------------------------------------------------------------------------------------------------------------
 
 
 def _given_memory(dictionary: Any) -> bool:
     """Whether a dictionary that is not validated yet has terms with memory; False where its form is wrong, which is reported elsewhere."""
     try:
-        return remembers(_dictionaries().validate_python(dictionary))
+        return isinstance(dictionary, list) and remembers([DictionaryEntry.model_validate(entry) for entry in dictionary])
     except ValidationError:
         return False
 
@@ -92,29 +227,23 @@ class ExperimentSpec(WholeSpec):
 
     @model_validator(mode="before")
     @classmethod
-    def _no_campaign(cls, given: Any) -> Any:
-        if isinstance(given, dict) and "campaign" in given:
-            raise Contradiction("this is a campaign of several runs, not an experiment", "run it with `mapmore batch`", "campaign")
-        return given
-
-    @model_validator(mode="before")
-    @classmethod
     def _by_choice(cls, given: Any) -> Any:
         """Defaults that depend on the target, on the terms, and on the parts of a sum."""
         if not isinstance(given, dict):
             return given
-        model = given.get("model")
-        if isinstance(model, dict) and model.get("sum") is not None:
-            given = {**given, "model": {"type": "sum", **model}}
-        if given.get("dictionary") is None and given.get("model") is None and given.get("target") != "dynamic":
-            given = {**given, "model": {"type": "auto"}}
-        section, defaults = _DEFAULTS_OF_TARGET.get(str(given.get("target")), ("", {}))
-        if _given_memory(given.get("dictionary")):
-            section, defaults = "fit", {"scaling": "none"}  # numbers of steps and widths in physical units stay readable
-        said = given.get(section, {})
-        if not isinstance(said, dict) or not defaults or (section == "model" and given.get("dictionary")):
-            return given
-        return {**given, section: {**defaults, **said}}
+        if "campaign" in given:
+            raise Contradiction("this is a campaign of several runs, not an experiment", "run it with `mapmore batch`", "campaign")
+        target, dictionary, model, fit = given.get("target"), given.get("dictionary"), given.get("model"), given.get("fit", {})
+        adds, chosen = target == "dynamic" and not dictionary, dict(given)
+        if isinstance(model, dict) and (adds or model.get("sum") is not None):
+            chosen["model"] = {"type": "sum", **model}
+        elif model is None and (adds or dictionary is None):
+            chosen["model"] = {"type": "sum" if adds else "auto"}
+        if isinstance(fit, dict) and _given_memory(dictionary):
+            chosen["fit"] = {"scaling": "none", **fit}  # numbers of steps and widths in physical units stay readable
+        elif isinstance(fit, dict) and target == "damping":
+            chosen["fit"] = {"scaling": "max_abs", **fit}  # pure products, which no shifted origin leaves so
+        return chosen
 
     @property
     def own_formulas(self) -> dict[str, OwnFormula]:
@@ -143,23 +272,15 @@ class ExperimentSpec(WholeSpec):
         return self.has_memory or self.model.type == "state_space"
 
     @model_validator(mode="after")
-    def _searched(self, info: ValidationInfo) -> ExperimentSpec:
-        """Return a search finds these sections itself."""
-        given = [name for name, empty in (("segment", {}), ("fit", Fit())) if getattr(self, name) != empty]
-        given += ["dictionary"] if self.dictionary else []
-        if self.model.type == "auto" and given and info.context is not PARTIAL:
+    def _structured(self, info: ValidationInfo) -> ExperimentSpec:
+        """Require a structure where none is searched, and none where one is."""
+        given = [name for name, empty in (("segment", {}), ("fit", Fit()), ("dictionary", [])) if getattr(self, name) != empty]
+        if info.context is PARTIAL:
+            return self
+        if self.model.type == "auto" and given:
             remedy = "remove it, or say the whole structure, as `dictionary: [{polynomial: {of: [strain], order: 4}}]`"
             raise Contradiction(f"`{given[0]}` is part of the structure that `model: {{type: auto}}` searches", remedy, *given)
-        return self
-
-    @model_validator(mode="after")
-    def _needs_terms(self, info: ValidationInfo) -> ExperimentSpec:
-        if self.model.type == "mapmore" and not self.dictionary and info.context is not PARTIAL:
-            raise Contradiction(
-                "there are no candidate terms",
-                "add a `dictionary`, as `[{polynomial: {of: [strain], order: 4}}]`, or `model: {type: literature, name: sarosi}`",
-                "dictionary",
-                "model",
-                "name",
-            )
+        if self.model.type == "mapmore" and not self.dictionary:
+            example = "`[{polynomial: {of: [strain], order: 4}}]`, or `model: {type: literature, name: sarosi}`"
+            raise Contradiction("there are no candidate terms", f"add a `dictionary`, as {example}", "dictionary", "model", "name")
         return self

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Self, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from mapmore_cli.domain.declared import InUnit
 from mapmore_cli.domain.errors import SpecError
@@ -18,11 +18,23 @@ from mapmore_cli.spec.tree import Kind, Node, below, is_free, plain
 from mapmore_cli.spec.units import default_unit, is_quantity, parse_quantity, split_quantity
 from mapmore_cli.spec.yaml_loader import VARIABLES, expand, unescaped
 
+M = TypeVar("M")
+
 
 class Section(BaseModel):
     """Base of every part of a spec: strict, closed and immutable."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True, populate_by_name=True)
+
+    def _contradictions(self) -> Iterator[ValueError]:
+        """Yield what does not fit each other within the section; the first is told."""
+        yield from ()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        for contradiction in self._contradictions():
+            raise contradiction
+        return self
 
 
 class WholeSpec(Section):
@@ -62,21 +74,6 @@ class Surroundings:
         return (self.siblings or {}).get(name)
 
 
-@dataclass(frozen=True)
-class RelativePath:
-    """Marks a path that starts at the folder of the file that it is written in; `bare` names without a folder stay as they are."""
-
-    bare: bool = False
-
-
-LONGEST_NAME, LONGEST_PATH = 255, 4000
-
-
-@dataclass(frozen=True)
-class SettingsOfSpec:
-    """Marks a mapping with keys of a whole spec, as `data.files`."""
-
-
 def _column_unit(around: Surroundings) -> str | None:
     unit = around.sibling("unit")
     return unit if isinstance(unit, str) else around.unit_of(around.key)
@@ -85,22 +82,34 @@ def _column_unit(around: Surroundings) -> str | None:
 OF_TARGET = ("rmse", "normaliser", "max_abs_error")
 """Metrics in the unit of the target."""
 
-
-def _metric_unit(around: Surroundings) -> str | None:
-    return around.unit_of(around.target) if around.key in OF_TARGET else "1"
-
-
 Metres = Annotated[float, Field(gt=0), InUnit(lambda _: "m")]
 SignedSeconds = Annotated[float, InUnit(lambda _: "s")]
 OfTarget = Annotated[float, InUnit(lambda around: around.unit_of(around.target))]
 InColumnUnit = Annotated[float, InUnit(_column_unit)]
-Metric = Annotated[float, InUnit(_metric_unit)]
+Metric = Annotated[float, InUnit(lambda around: around.unit_of(around.target) if around.key in OF_TARGET else "1")]
 Share = Annotated[float, InUnit(lambda _: "1")]
 
 Quantity = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$", max_length=100)]
 """The name of a quantity, as expressions spell it."""
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=100)]
 """The name of a run, which is a folder's as well."""
+
+
+# Paths and settings -------------------------------------------------------------------------------------------------------------------
+
+LONGEST_NAME, LONGEST_PATH = 255, 4000
+
+
+@dataclass(frozen=True)
+class RelativePath:
+    """Marks a path that starts at the folder of the file that it is written in; `bare` names without a folder stay as they are."""
+
+    bare: bool = False
+
+
+@dataclass(frozen=True)
+class SettingsOfSpec:
+    """Marks a mapping with keys of a whole spec, as `data.files`."""
 
 
 def possible_path(path: str) -> str:
@@ -117,6 +126,9 @@ SpecPath = Annotated[str, AfterValidator(possible_path), RelativePath()]
 """The path of a file, or a glob; relative ones start at the folder of the file that they are written in."""
 
 
+# Values as they are resolved ----------------------------------------------------------------------------------------------------------
+
+
 def resolve(root: Node, model: type[BaseModel], problems: list[Mistake]) -> Node:
     """Return the tree with every `250 kPa` replaced by a number, and every inherited relative path by one from the root's folder.
 
@@ -130,55 +142,36 @@ class _Resolver:
     folder: Path
     problems: list[Mistake]
 
-    def node(self, node: Node, kinds: Sequence[Kind], around: Surroundings) -> Node:
-        """Return the same node, resolved, given what it may be."""
+    def node(self, node: Node, kinds: Sequence[Kind], around: Surroundings | None) -> Node:
+        """Return the same node, resolved, given what it may be; quantities stay as they are where nothing is known `around` them."""
         match node.value:
             case dict() as children:
-                inside = replace(around, siblings=plain(node))
+                inside = around and replace(around, siblings=plain(node))
                 return replace(node, value={key: self._under(key, child, kinds, inside) for key, child in children.items()})
             case list() as items:
                 return replace(node, value=[self._under(index, item, kinds, around) for index, item in enumerate(items)])
             case str() as text:
-                return replace(node, value=self._text(node, text, [mark for kind in kinds for mark in kind.marks], around))
+                return replace(node, value=self._text(node, text, kinds, around))
             case _:
                 return node
 
-    def _under(self, step: str | int, child: Node, kinds: Sequence[Kind], around: Surroundings) -> Node:
-        if _settings(kinds) is not None:  # their quantities are resolved with the spec that they set
-            return self._moved(child, _under(kinds, step))
-        if isinstance(step, str) and any(is_free(kind, step) for kind in kinds):
+    def _under(self, step: str | int, child: Node, kinds: Sequence[Kind], around: Surroundings | None) -> Node:
+        if _mark(kinds, SettingsOfSpec):  # their quantities are resolved with the spec that they set
+            around = None
+        elif around and isinstance(step, str) and any(is_free(kind, step) for kind in kinds):
             around = replace(around, key=step)
-        return self.node(child, [found for kind in kinds for found in below(kind, step)], around)
+        return self.node(child, _under(kinds, step), around)
 
-    def _moved(self, node: Node, kinds: Sequence[Kind]) -> Node:
-        """Return the same node with nothing resolved but its relative paths."""
-        match node.value:
-            case dict() as children:
-                return replace(node, value={key: self._moved(child, _under(kinds, key)) for key, child in children.items()})
-            case list() as items:
-                return replace(node, value=[self._moved(item, _under(kinds, place)) for place, item in enumerate(items)])
-            case str() as text:
-                return replace(node, value=self._expanded(node, text, _marks_of_path(kinds)))
-            case _:
-                return node
-
-    def _expanded(self, node: Node, text: str, marks_of_path: Sequence[Any]) -> str:
-        """Return a path with its variables expanded, from the root's folder; any other text as it is."""
+    def _text(self, node: Node, text: str, kinds: Sequence[Kind], around: Surroundings | None) -> str | float:
+        path, rule = _mark(kinds, RelativePath), _mark(kinds, InUnit)
         try:
-            if not marks_of_path:
-                return unescaped(text)
-            return _from_folder(expand(text), marks_of_path, node.at.source.folder, self.folder)
+            if path:
+                return _from_folder(expand(text), path, node.at.source.folder, self.folder)
+            text = unescaped(text)
         except ValueError as error:
             self.problems.append(Mistake(node.at, str(error), VARIABLES))
             return text
-
-    def _text(self, node: Node, text: str, marks: Sequence[Any], around: Surroundings) -> str | float:
-        path = [mark for mark in marks if isinstance(mark, RelativePath)]
-        text = self._expanded(node, text, path)
-        if path:
-            return text
-        rule = next((mark for mark in marks if isinstance(mark, InUnit)), None)
-        if rule is None or not is_quantity(text):
+        if rule is None or around is None or not is_quantity(text):
             return text
         unit = rule.unit(around)
         try:
@@ -196,16 +189,15 @@ def moved(document: Any, kinds: Sequence[Kind], folder: Path, to: Path) -> Any:
             return {key: moved(value, _under(kinds, key), folder, to) for key, value in document.items()}
         case list():
             return [moved(value, _under(kinds, place), folder, to) for place, value in enumerate(document)]
-        case str() if marks := _marks_of_path(kinds):
-            return _from_folder(document, marks, folder, to)
+        case str() if path := _mark(kinds, RelativePath):
+            return _from_folder(document, path, folder, to)
         case _:
             return document
 
 
 def _under(kinds: Sequence[Kind], step: str | int) -> list[Kind]:
     """Return what may stand under a key or list index; keys of settings, as `data.files`, lead from the root of a spec."""
-    settings = _settings(kinds)
-    if settings is None:
+    if not _mark(kinds, SettingsOfSpec):
         return [found for kind in kinds for found in below(kind, step)]
     here = [Kind(WholeSpec.root)]
     for name in str(step).split("."):
@@ -213,19 +205,12 @@ def _under(kinds: Sequence[Kind], step: str | int) -> list[Kind]:
     return here
 
 
-def _settings(kinds: Sequence[Kind]) -> SettingsOfSpec | None:
-    return next((mark for kind in kinds for mark in kind.marks if isinstance(mark, SettingsOfSpec)), None)
+def _mark(kinds: Sequence[Kind], of: type[M]) -> M | None:
+    return next((mark for kind in kinds for mark in kind.marks if isinstance(mark, of)), None)
 
 
-def _marks_of_path(kinds: Sequence[Kind]) -> list[Any]:
-    """Return the marks of what may be a relative path; none for other kinds."""
-    marks = [mark for kind in kinds for mark in kind.marks]
-    return marks if any(isinstance(mark, RelativePath) for mark in marks) else []
-
-
-def _from_folder(path: str, marks: Sequence[Any], written_in: Path, folder: Path) -> str:
-    bare = any(isinstance(mark, RelativePath) and mark.bare for mark in marks)
-    if written_in == folder or Path(path).is_absolute() or (bare and "/" not in path):
+def _from_folder(path: str, mark: RelativePath, written_in: Path, folder: Path) -> str:
+    if written_in == folder or Path(path).is_absolute() or (mark.bare and "/" not in path):
         return path
     return Path(os.path.relpath(written_in / path, folder)).as_posix()
 

@@ -1,58 +1,35 @@
-"""From a YAML file to a validated spec that knows where each of its values was written, and makes sense as a whole."""
+"""From a YAML file to a validated spec that knows where each of its values was written, and makes sense as a whole.
+
+A spec comes in layers: the file that it `extends`, the file itself, and each `--set key.path=value` on top.
+"""
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import takewhile
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from mapmore_cli.spec import check_dictionary, check_models, check_names, check_study
-from mapmore_cli.spec.diagnostics import MOST_ERRORS, Finding, Mistake, explain, faulty, locate, new_places, raise_if_any, unknown_keys
+from mapmore_cli.domain.errors import SpecError, UsageError
+from mapmore_cli.spec import check_names, check_study
+from mapmore_cli.spec.diagnostics import MOST_ERRORS, Finding, Mistake, explain, fail, locate, lost, raise_if_any
 from mapmore_cli.spec.experiment import ExperimentSpec
-from mapmore_cli.spec.fields import PARTIAL, moved, resolve
-from mapmore_cli.spec.layers import apply, read, read_text, with_formulas, with_units
-from mapmore_cli.spec.tree import Kind, Loc, Node, nearest, plain, without
-from mapmore_cli.spec.yaml_loader import dump, escaped
+from mapmore_cli.spec.fields import PARTIAL, moved, possible_path, resolve
+from mapmore_cli.spec.tree import Kind, Loc, Node, SourceText, merged, nearest, plain, with_child, without
+from mapmore_cli.spec.units import default_unit, has_dimension
+from mapmore_cli.spec.yaml_loader import dump, escaped, expand, parse, read_source
 
 CHECKS = (
-    check_names.names,
-    check_names.derived,
-    check_names.clocks,
-    check_names.expressions,
-    check_dictionary.terms,
-    check_study.levels,
-    check_study.groups,
-    check_study.after_cycles,
-    check_study.boundaries_by_fits,
-    check_study.joining,
-    check_study.chosen_backbone,
-    check_study.turned,
-    check_study.held_out,
-    check_study.target,
-    check_study.own_formulas,
-    check_study.formulas,
-    check_study.metrics,
-    check_study.units,
-    check_models.sums,
-    check_models.needed_runs,
-    check_models.plateaus,
-    check_models.families,
-    check_models.directions,
-    check_models.training_level,
-    check_models.load_cycle_formulas,
-    check_models.composites,
-    check_names.time_of_memory,
-    check_names.segments,
-    check_names.settings,
-    check_models.time,
-    check_models.quantities,
-    check_models.sections,
+    *(check_names.names, check_names.derived, check_names.clocks, check_names.terms, check_names.times, check_names.pieces),
+    *(check_names.settings, check_study.segments, check_study.left_out, check_study.groups, check_study.after_cycles),
+    *(check_study.joining, check_study.chosen_levels, check_study.target, check_study.kind, check_study.state_space, check_study.sums),
+    *(check_study.formulas, check_study.competitors, check_study.own_formulas, check_study.metrics, check_study.units),
 )
 
 
@@ -69,17 +46,12 @@ Check = Callable[[M], Iterable[Finding]]
 
 @dataclass(frozen=True)
 class Loaded(Generic[M]):
-    """A valid spec.
+    """A valid spec."""
 
-    - `spec`: what the file says, with defaults; numbers in the model's units.
-    - `path`, `folder`: the file, and the folder that relative paths start at.
-    - `overrides`: what was set on top of the file.
-    """
-
-    spec: M
+    spec: M  # what the file says, with defaults; numbers in the model's units
     path: Path
-    folder: Path
-    overrides: tuple[str, ...]
+    folder: Path  # that relative paths start at
+    overrides: tuple[str, ...]  # what was set on top of the file
     _root: Node = field(repr=False, compare=False)
 
     @cached_property
@@ -92,9 +64,8 @@ class Loaded(Generic[M]):
 
         With `given_only`, without the defaults.
         """
-        if not given_only:
-            return resolved(self.spec, self.folder, folder)
-        return dump(escaped(moved(plain(self._root), [Kind(type(self.spec))], self.folder.resolve(), folder.resolve())))
+        document = plain(self._root) if given_only else _document(self.spec)
+        return dump(escaped(moved(document, [Kind(type(self.spec))], self.folder.resolve(), folder.resolve())))
 
     def where(self, *loc: str | int) -> str:
         """`file:line:column` of a key or list item, or of the nearest section around it that the files hold."""
@@ -116,79 +87,47 @@ def load(path: Path, overrides: Sequence[str] = ()) -> LoadedSpec:
 
 def load_as(path: Path, model: type[M], overrides: Sequence[str] = (), check: Check[M] = lambda _: ()) -> Loaded[M]:
     """Read a spec of any kind; raises as `load` does."""
-    problems: list[Mistake] = []
-    return _valid(apply(read(path, problems), overrides, problems), path, model, overrides, check, problems)
+    return _loaded(read_source(path), path, model, overrides, check)
 
 
 def load_text(text: str, name: str, folder: Path) -> LoadedSpec:
     """Return an experiment spec as YAML that no file holds; messages call it `name`, paths start at `folder`. Raises as `load`."""
+    return _loaded(SourceText(name, folder, text, numbered=False), folder / name, ExperimentSpec, (), findings)
+
+
+def _loaded(source: SourceText, path: Path, model: type[M], overrides: Sequence[str], check: Check[M]) -> Loaded[M]:
+    """Return the spec in a text; raises all its mistakes at once, the later ones at a place being consequences of the first."""
     problems: list[Mistake] = []
-    return _valid(read_text(text, name, folder, problems), folder / name, ExperimentSpec, (), findings, problems)
-
-
-def _valid(written: Node, path: Path, model: type[M], overrides: Sequence[str], check: Check[M], problems: list[Mistake]) -> Loaded[M]:
-    """Return a spec as written, resolved and validated; raises all `problems` at once, and those found here."""
-    root = resolve(with_units(with_formulas(written, problems)) if model is ExperimentSpec else written, model, problems)
+    root = _with_overrides(_extended(source, path, problems), overrides, problems)
+    if model is ExperimentSpec:
+        root = _with_units(_with_formulas(root, problems))
+    root = resolve(root, model, problems)
     try:
         spec = model.model_validate(plain(root))
         later = [locate(finding, root) for finding in check(spec)]
     except ValidationError as error:
         later = [*explain(error, root, model), *_beyond(error, root, model, check)]
-    raise_if_any([*problems, *new_places(later, problems)])
+    known = {problem.at for problem in problems}
+    raise_if_any([*problems, *(problem for problem in later if problem.at not in known)])
     if isinstance(spec, ExperimentSpec) and path.is_file():  # else no file holds it, and no comments either
         spec._unconfirmed = questions_in(path.read_text(encoding="utf-8-sig"))
     return Loaded(spec, path, path.parent, tuple(overrides), root)
-
-
-_QUESTION = re.compile(r"(?:^|(?<=\s))#[ \t]*CHECK:[ \t]*(?P<text>.*)$", re.MULTILINE)
-
-
-_KEY = re.compile(r"^[ \t]*(?:- )?\{?([A-Za-z_]\w*):", re.MULTILINE)
-
-
-def questions_in(text: str) -> tuple[str, ...]:
-    """Return the open questions of a spec: its comments that begin with `CHECK`, each after the key that it is about."""
-    found = []
-    for match in _QUESTION.finditer(text):
-        words = [match["text"]]
-        key = _KEY.search(text, text.rfind("\n", 0, match.start()) + 1)  # of its line, or of the one that the comment stands above
-        if not text[text.rfind("\n", 0, match.start()) + 1 : match.start()].strip():  # a comment above its line may go on
-            below = text[match.end() + 1 :].splitlines()
-            after = takewhile(lambda line: line.lstrip().startswith("# ") and "CHECK:" not in line, below)
-            words += [line.strip().lstrip("# ") for line in after]
-        found.append(" ".join([f"{key[1]}:" if key is not None else "", *words]).strip())
-    return tuple(found)
-
-
-def confirmed(text: str) -> str:
-    """Return the text of a spec whose open questions are answered with yes: the comments stay, without `CHECK`."""
-    return _QUESTION.sub(lambda match: f"# {match['text']}", text)
-
-
-def resolved(spec: BaseModel, folder: Path | None = None, to: Path | None = None) -> str:
-    """Return the spec as YAML that loads to an equal one; given both, that of a spec in `folder` for a file in the folder `to`."""
-    document = spec.model_dump(mode="json", by_alias=True, exclude_none=True)
-    if folder is not None and to is not None:
-        document = moved(document, [Kind(type(spec))], folder.resolve(), to.resolve())
-    return dump(escaped(document))
 
 
 def _beyond(error: ValidationError, root: Node, model: type[M], check: Check[M]) -> list[Mistake]:
     """Return what `check` finds in a spec without its parts of wrong form, so that all mistakes are seen at once."""
     if error.error_count() > MOST_ERRORS:
         return []
-    lost = set[str | int]()
+    sections = set[str | int]()
     while True:
-        unknown = unknown_keys(error, root, model)
-        for loc in sorted(faulty(error, root), key=_last_items_first, reverse=True):
-            meant = unknown.get(loc, loc)
+        for loc, meant in sorted(lost(error, root, model), key=lambda found: _last_items_first(found[0]), reverse=True):
             if meant is not None and _echoes(meant):
                 return []
             root = without(root, loc)
-            lost.add(loc[0])
+            sections.add(loc[0])
         try:
             found = check(model.model_validate(plain(root), context=PARTIAL))
-            return [locate(finding, root) for finding in found if not ("dictionary" in lost and finding.loc[:1] == ("fit",))]
+            return [locate(finding, root) for finding in found if not ("dictionary" in sections and finding.loc[0] == "fit")]
         except ValidationError as still:  # what was left out was required: its section goes next
             error = still
 
@@ -201,3 +140,149 @@ def _echoes(loc: Loc) -> bool:
 def _last_items_first(loc: Loc) -> tuple[tuple[int, str], ...]:
     """Sorts ways so that, in reverse, removing one list item leaves the numbers of those before it."""
     return tuple((step, "") if isinstance(step, int) else (0, step) for step in loc)
+
+
+def resolved(spec: BaseModel) -> str:
+    """Return the spec as YAML that loads to an equal one."""
+    return dump(escaped(_document(spec)))
+
+
+def _document(spec: BaseModel) -> Any:
+    return spec.model_dump(mode="json", by_alias=True, exclude_none=True)
+
+
+# Open questions ----------------------------------------------------------------------------------------------------------------------
+
+_QUESTION = re.compile(r"(?:^|(?<=\s))#[ \t]*CHECK:[ \t]*(?P<text>.*)$", re.MULTILINE)
+_KEY = re.compile(r"^[ \t]*(?:- )?\{?([A-Za-z_]\w*):", re.MULTILINE)
+
+
+def questions_in(text: str) -> tuple[str, ...]:
+    """Return the open questions of a spec: its comments that begin with `CHECK`, each after the key that it is about."""
+    found = []
+    for match in _QUESTION.finditer(text):
+        words = [match["text"]]
+        start = text.rfind("\n", 0, match.start()) + 1
+        key = _KEY.search(text, start)  # of its line, or of the one that the comment stands above
+        if not text[start : match.start()].strip():  # a comment above its line may go on
+            below = text[match.end() + 1 :].splitlines()
+            after = takewhile(lambda line: line.lstrip().startswith("# ") and "CHECK:" not in line, below)
+            words += [line.strip().lstrip("# ") for line in after]
+        found.append(" ".join([f"{key[1]}:" if key is not None else "", *words]).strip())
+    return tuple(found)
+
+
+def confirmed(text: str) -> str:
+    """Return the text of a spec whose open questions are answered with yes: the comments stay, without `CHECK`."""
+    return _QUESTION.sub(lambda match: f"# {match['text']}", text)
+
+
+# Files -------------------------------------------------------------------------------------------------------------------------------
+
+DEEPEST = 20
+"""Files that may extend each other, one the next."""
+
+_NO_FILE = "paths start at the folder of the file that they are written in"
+
+
+def _extended(source: SourceText, path: Path, problems: list[Mistake], heirs: tuple[Path, ...] = ()) -> Node:
+    """Return the tree of a text with everything that it inherits; `path` is where it lies, `heirs` extend it."""
+    root = parse(source, problems)
+    if root.value is None:
+        raise SpecError(f"{source.name}: the file is empty", "a spec needs at least `name`, `data`, `target` and `dictionary`")
+    if not isinstance(root.value, dict):
+        fail(root.at, "the top level is no mapping", "write `key: value` lines, as `name: my-study`")
+    own = without(root, ["extends"])
+    reference = root.child("extends")
+    if reference is None:
+        return own
+    if not isinstance(reference.value, str):
+        fail(reference.at, "`extends` names no file", "write `extends: other.yaml`")
+    if len(heirs) >= DEEPEST:
+        fail(reference.at, f"more than {DEEPEST} files extend each other", "extend the file at their beginning itself")
+    base = _file_at(reference, expand, path.parent, "write `extends: other.yaml`")
+    chain = (*heirs, path.resolve())
+    if base.resolve() in chain:
+        circle = " -> ".join([heir.name for heir in chain] + [base.name])
+        fail(reference.at, f"the files extend each other in a circle: {circle}", "remove one `extends`")
+    if not base.is_file():
+        fail(reference.at, f"there is no file {base}", _NO_FILE)
+    return merged(_extended(read_source(base), base, problems, chain), own)
+
+
+def _file_at(node: Node, spelt: Callable[[str], str], folder: Path, remedy: str) -> Path:
+    try:
+        return Path(os.path.normpath(folder / possible_path(spelt(str(node.value)))))
+    except ValueError as error:
+        fail(node.at, str(error), remedy)
+
+
+def _with_formulas(root: Node, problems: list[Mistake]) -> Node:
+    """Return the tree with the files of `formulas` read, each in the place of its path; a single one may stand without a list."""
+    listed = root.child("formulas")
+    if listed is None:
+        return root
+    read = []
+    for entry in listed.value if isinstance(listed.value, list) else [listed]:
+        formula = entry
+        if isinstance(entry.value, str):
+            path = _file_at(entry, str, entry.at.source.folder, "write `formulas: [my_formula.yaml]`")
+            if not path.is_file():
+                fail(entry.at, f"there is no file {path}", _NO_FILE)
+            formula = parse(read_source(path), problems)
+        read.append(formula)
+    return with_child(root, "formulas", replace(listed, value=read))
+
+
+def _with_units(root: Node) -> Node:
+    """Return the tree whose `units` name the unit of every column that has no canonical name: a model is in the unit of its column.
+
+    Per cent and angles are plain numbers where `units` does not name them.
+    """
+    units = root.child("units") or Node({}, root.at)
+    data = root.child("data")
+    if data is None or not isinstance(units.value, dict):
+        return root
+    joined = data.child("join")
+    tables = (data, *(joined.value if joined is not None and isinstance(joined.value, list) else ()))
+    found = dict(units.value)
+    for columns in (table.child("columns") for table in tables):
+        for name, column in columns.value.items() if columns is not None and isinstance(columns.value, dict) else ():
+            unit = column.child("unit")
+            if name not in found and default_unit(name) == "1" and unit is not None and has_dimension(str(unit.value)):
+                found[name] = unit
+    return with_child(root, "units", replace(units, value=found)) if len(found) > len(units.value) else root
+
+
+# Overrides ---------------------------------------------------------------------------------------------------------------------------
+
+
+def _with_overrides(root: Node, overrides: Sequence[str], problems: list[Mistake]) -> Node:
+    """Return the tree with each `key.path=value` set, in this order; numbers count the items of a list from 0, and `null` removes a key."""
+    for override in overrides:
+        path, equals, text = override.partition("=")
+        steps = path.strip().split(".")
+        if not equals or not all(steps):
+            raise UsageError(f"--set {override}: not of the form key.path=value", "write, for example, `--set fit.max_terms=2`")
+        source = SourceText(f"--set {override}", root.at.source.folder, text, numbered=False)
+        root = _set(root, steps, parse(source, problems))
+    return root
+
+
+def _set(node: Node, steps: Sequence[str], value: Node) -> Node:
+    """Return the tree with a value at the end of `steps`; mappings on the way are made where there are none."""
+    if not steps:
+        return replace(value, key_at=value.at)
+    if len(steps) == 1 and value.value is None and isinstance(node.value, dict):
+        return without(node, steps)
+    if node.value is None:
+        node = replace(node, value={}, at=value.at)
+    step: str | int = steps[0]
+    if not isinstance(node.value, dict):
+        if not isinstance(node.value, list):
+            fail(value.at, f"`{step}` leads into a value that has no keys: {node.value!r}", "set the value itself")
+        if not (steps[0].isdecimal() and int(step) < len(node.value)):
+            fail(value.at, f"there is no item `{step}` in a list of {len(node.value)}", "count the items from 0, or set the whole list")
+        step = int(step)
+    child = node.child(step) or Node(None, value.at, value.at)
+    return with_child(node, step, _set(child, steps[1:], value))

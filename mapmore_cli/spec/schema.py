@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,7 @@ def json_schema() -> JsonSchemaValue:
     schema = ExperimentSpec.model_json_schema(schema_generator=_Untitled)
     sections = schema["$defs"]
     complete = {"required": schema.pop("required"), "properties": {"data": {"required": sections["Data"]["required"]}}}
-    for name in _merged_sections(schema, sections):
+    for name in {*_inside(schema, sections, ("items", "prefixItems", "$defs", "default"))}:  # `extends` merges mappings, and no lists
         sections[name].pop("required", None)
     schema["properties"] = {
         "extends": {"type": "string", "description": "Another spec, from which this one inherits what it does not say itself."},
@@ -38,16 +39,20 @@ def json_schema() -> JsonSchemaValue:
     return {"$schema": GenerateJsonSchema.schema_dialect, **schema, "if": {"required": ["extends"]}, "else": complete}
 
 
-def _merged_sections(schema: Any, sections: dict[str, Any]) -> set[str]:
-    """Return the schema of sections that a file may say in part, since `extends` merges mappings; items of lists are whole."""
+def _inside(schema: Any, sections: dict[str, Any], skipped: Sequence[str]) -> Iterator[str]:
+    """Yield the sections that a schema names, from top to bottom and however often, each followed by those inside it."""
     if isinstance(schema, list):
-        return set().union(*(_merged_sections(item, sections) for item in schema))
-    if not isinstance(schema, dict):
-        return set()
-    name = str(schema.get("$ref", "")).removeprefix("#/$defs/")
-    found = {name, *_merged_sections(sections[name], sections)} if name else set()
-    inside = [value for key, value in schema.items() if key not in ("items", "prefixItems", "$defs", "default")]
-    return found.union(*(_merged_sections(value, sections) for value in inside))
+        for item in schema:
+            yield from _inside(item, sections, skipped)
+    elif isinstance(schema, dict):
+        name = str(schema.get("$ref", "")).removeprefix("#/$defs/")
+        if name in sections:
+            yield name
+            others = {key: value for key, value in sections.items() if key != name}  # families lie within products
+            yield from _inside(sections[name], others, skipped)
+        for key, value in schema.items():
+            if key not in skipped:
+                yield from _inside(value, sections, skipped)
 
 
 def schema_text() -> str:
@@ -62,49 +67,28 @@ def reference() -> str:
     """Return every section with its keys, values and defaults as Markdown, in the order of the pipeline, and the metrics of `require`."""
     schema = ExperimentSpec.model_json_schema()
     schema["properties"] = {"extends": json_schema()["properties"]["extends"], **schema["properties"]}
-    sections = {"Top level": schema, **{_heading(name): schema["$defs"][name] for name in _in_order(schema, schema["$defs"])}}
+    names = dict.fromkeys(_inside(schema, schema["$defs"], ("$defs", "default")))
+    sections = {"Top level": schema, **{_heading(name): schema["$defs"][name] for name in names}}
     tables = [_section(title, section) for title, section in sections.items() if "properties" in section]
-    return "\n".join([*tables, _metrics()])
+    units = {name: "the target" if name in OF_TARGET else "1" for name in METRICS}
+    return "\n".join([*tables, _METRICS]) + "".join(f"| `{name}` | {METRICS[name]} | {unit} |\n" for name, unit in units.items())
 
 
-def _in_order(schema: Any, sections: dict[str, Any]) -> list[str]:
-    """Return the names of the sections as one comes upon them from top to bottom, each followed by those inside it."""
-    if isinstance(schema, list):
-        return list(dict.fromkeys(name for item in schema for name in _in_order(item, sections)))
-    if not isinstance(schema, dict):
-        return []
-    name = str(schema.get("$ref", "")).removeprefix("#/$defs/")
-    inside = {key: value for key, value in sections.items() if key != name}  # families lie within products
-    found = [name, *_in_order(sections[name], inside)] if name in sections else []
-    below = [value for key, value in schema.items() if key not in ("$defs", "default")]
-    return list(dict.fromkeys([*found, *(one for value in below for one in _in_order(value, sections))]))
+_METRICS = """\
+### Metrics
 
+What `validate.require` may limit, as `{nrmse: 0.05, r2: 0.9}`: `r2` and `n` from below, all others from above. A limit holds
+for the run's own model on the pooled validation rows, or on the training rows where nothing is held out.
 
-def _metrics() -> str:
-    """Return the numbers of a score row, which `validate.require` may limit."""
-    rows = [f"| `{name}` | {meaning} | {'the target' if name in OF_TARGET else '1'} |" for name, meaning in METRICS.items()]
-    return "\n".join(
-        [
-            "### Metrics",
-            "",
-            "What `validate.require` may limit, as `{nrmse: 0.05, r2: 0.9}`: `r2` and `n` from below, all others from above. A limit holds",
-            "for the run's own model on the pooled validation rows, or on the training rows where nothing is held out.",
-            "",
-            "| metric | meaning | in units of |",
-            "|---|---|---|",
-            *rows,
-            "",
-        ]
-    )
+| metric | meaning | in units of |
+|---|---|---|
+"""
 
 
 def _section(title: str, section: dict[str, Any]) -> str:
     required = section.get("required", [])
-    rows = [
-        f"| `{key}` | {_values(value)} | {_default(value, key in required)} |"
-        for key, value in section["properties"].items()
-        if key != "schema_version"
-    ]
+    keys = {key: value for key, value in section["properties"].items() if key != "schema_version"}
+    rows = [f"| `{key}` | {_values(value)} | {_default(value, key in required)} |" for key, value in keys.items()]
     return "\n".join([f"### {title}", "", section.get("description", ""), "", "| key | value | default |", "|---|---|---|", *rows, ""])
 
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import collections.abc
 import dataclasses
 import functools
 import types
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
@@ -78,7 +77,7 @@ def nearest(root: Node, loc: Loc) -> Node:
     for step in loc:
         below = node.child(step)
         if below is None:
-            break
+            return node
         node = below
     return node
 
@@ -111,11 +110,13 @@ def without(root: Node, loc: Loc) -> Node:
 
 def with_child(node: Node, step: str | int, child: Node) -> Node:
     """Return a copy of a mapping or list with `child` under `step`."""
-    if isinstance(node.value, dict) and isinstance(step, str):
-        return replace(node, value={**node.value, step: child})
-    if isinstance(node.value, list) and isinstance(step, int):
-        return replace(node, value=[child if i == step else other for i, other in enumerate(node.value)])
-    raise TypeError(f"{type(node.value).__name__} has no child {step!r}")
+    if isinstance(node.value, dict):
+        return replace(node, value={**node.value, str(step): child})
+    assert isinstance(node.value, list)
+    return replace(node, value=[child if i == step else other for i, other in enumerate(node.value)])
+
+
+# What the models expect at a place ----------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -146,16 +147,14 @@ def below(kind: Kind, step: str | int) -> tuple[Kind, ...]:
     if kind.is_section and isinstance(step, str):
         fields, others = fields_of(kind.type)
         return kinds(fields[step]) if step in fields else kinds(others) if others is not None else ()
-    arguments = get_args(kind.type)
-    match get_origin(kind.type):
-        case container if container is dict and isinstance(step, str):
-            return kinds(arguments[1])
-        case container if container in (list, collections.abc.Sequence) and isinstance(step, int):
-            return kinds(arguments[0])
-        case container if container is tuple and isinstance(step, int) and step < len(arguments):
-            return kinds(arguments[step])
-        case _:
-            return ()
+    arguments, container = get_args(kind.type), get_origin(kind.type)
+    if container is dict and isinstance(step, str):
+        return kinds(arguments[1])
+    if container in (list, Sequence) and isinstance(step, int):
+        return kinds(arguments[0])
+    if container is tuple and isinstance(step, int) and step < len(arguments):
+        return kinds(arguments[step])
+    return ()
 
 
 def is_free(kind: Kind, key: str) -> bool:
@@ -171,13 +170,7 @@ def keys_at(model: type[BaseModel], loc: Loc) -> tuple[str, ...]:
     here: tuple[Kind, ...] = (Kind(model),)
     for step in loc:
         here = tuple(under for kind in here for under in below(kind, step))
-    return tuple(dict.fromkeys(_keys(here)))
-
-
-def _keys(here: tuple[Kind, ...]) -> Iterator[str]:
-    for kind in here:
-        if kind.is_section:
-            yield from fields_of(kind.type)[0]
+    return tuple(dict.fromkeys(key for kind in here if kind.is_section for key in fields_of(kind.type)[0]))
 
 
 @functools.cache

@@ -35,25 +35,22 @@ _COMMON = [
     *("mN", "N", "kN", "lbf", "kgf", "N*m", "mV", "V", "g", "kg", "%", "1", "degC", "K", "kPa/ms"),
     *(f"{unit}/s" for unit in ("1", "%", "mm", "m", "N", "V", "Pa", "kPa", "bar", "psi")),
 ]
-
-_EVERYDAY: Mapping[str, tuple[str, Fraction]] = MappingProxyType(
-    {
-        unit: (dimension, Fraction(factor))
-        for dimension, factors in {
-            "pressure": {"Pa": "1", "hPa": "100", "kPa": "1000", "MPa": "1e6", "mbar": "100", "bar": "1e5"},
-            "length": {"m": "1", "cm": "0.01", "mm": "0.001", "um": "1e-6"},
-            "time": {"s": "1", "ms": "0.001", "us": "1e-6", "ns": "1e-9", "min": "60", "h": "3600"},
-            "force": {"N": "1", "mN": "0.001", "kN": "1000"},
-            "voltage": {"V": "1", "mV": "0.001"},
-            "mass": {"kg": "1", "g": "0.001"},
-            "number": {"1": "1", "%": "0.01"},
-        }.items()
-        for unit, factor in factors.items()
-    }
-)
+_EVERYDAY: Mapping[str, tuple[str, Fraction]] = {
+    unit: (dimension, Fraction(factor))
+    for dimension, factors in {
+        "pressure": {"Pa": "1", "hPa": "100", "kPa": "1000", "MPa": "1e6", "mbar": "100", "bar": "1e5"},
+        "length": {"m": "1", "cm": "0.01", "mm": "0.001", "um": "1e-6"},
+        "time": {"s": "1", "ms": "0.001", "us": "1e-6", "ns": "1e-9", "min": "60", "h": "3600"},
+        "force": {"N": "1", "mN": "0.001", "kN": "1000"},
+        "voltage": {"V": "1", "mV": "0.001"},
+        "mass": {"kg": "1", "g": "0.001"},
+        "number": {"1": "1", "%": "0.01"},
+    }.items()
+    for unit, factor in factors.items()
+}
 """Dimension, and factor to its first unit."""
 
-_NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)  # one way to match: no backtracking
+_QUANTITY = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)(.*)", re.ASCII | re.DOTALL)  # one way to match
 _FACTOR = r"\(*(?:1|%|[^\W\d]\w*|°[CF])(?:(?:\^|\*\*)-?\d)?\)*"
 _UNIT = re.compile(rf"{_FACTOR}(?:(?:\s*[*/·]\s*|\s+){_FACTOR})*")
 _TORQUE = re.compile(r"\b([mk]?N)(m|mm|cm)\b")  # as everybody writes it; pint has a measure of yarn by this name
@@ -109,7 +106,6 @@ def convert(values: float | Array, source_unit: str, target_unit: str) -> float 
 
 
 def _everyday_factor(source_unit: str, target_unit: str) -> float | None:
-    """Return the factor between two units of the table, or two rates `unit/time` of them; None where pint has to be asked."""
     source, target = _everyday(source_unit), _everyday(target_unit)
     if source is None or target is None or source[0] != target[0]:
         return None
@@ -117,36 +113,27 @@ def _everyday_factor(source_unit: str, target_unit: str) -> float | None:
 
 
 def _everyday(unit: str) -> tuple[tuple[str, ...], Fraction] | None:
-    """Dimensions and factor of a unit of the table, or of a rate `unit/time`; None for any other."""
-    found = [_EVERYDAY.get(part) for part in unit.split("/")]
-    match found:
+    """Dimensions and factor of a unit of the table, or of a rate `unit/time`; None for any other, which pint has to be asked for."""
+    match [_EVERYDAY.get(part) for part in unit.split("/")]:
         case [(dimension, factor)]:
             return (dimension,), factor
         case [(dimension, factor), ("time", duration)]:
             return (dimension, "time"), factor / duration
-        case _:
-            return None
+    return None
 
 
 def is_quantity(text: str) -> bool:
     """Return True for text that starts with a number and goes on with something else, as `250 kPa`."""
-    found = _parted(text)
-    return found is not None and bool(found[1])
+    found = _QUANTITY.fullmatch(text.strip())
+    return found is not None and bool(found[2])
 
 
 def split_quantity(text: str) -> tuple[float, str | None]:
     """Return number and unit of a quantity; the unit is None for a number alone. Raises SpecError for text that is neither."""
-    found = _parted(text)
+    found = _QUANTITY.fullmatch(text.strip())
     if found is None:
         raise SpecError(f"{text[:_LONGEST_UNIT]!r} is not a number with a unit", "write it as `250 kPa`")
-    return float(found[0]), found[1] or None
-
-
-def _parted(text: str) -> tuple[str, str] | None:
-    """Return the number that a text starts with, and what follows it; None where it starts with none."""
-    stripped = text.strip()
-    match = _NUMBER.match(stripped)
-    return None if match is None else (match[0], stripped[match.end() :].lstrip())
+    return float(found[1]), found[2].lstrip() or None
 
 
 def parse_quantity(text: str, unit: str) -> float:
@@ -215,7 +202,6 @@ def _parsed(unit: str) -> Any:
 
 
 def _dimension(unit: str) -> str:
-    """Return a unit's dimension in words."""
     here = _parsed(unit).dimensionality
     return next((words for known, words in _NAMED_DIMENSIONS.items() if _parsed(known).dimensionality == here), str(here))
 

@@ -5,9 +5,11 @@ Plain PyYAML follows YAML 1.1, in which `1e-3` is text, `no` is false, `010` is 
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -41,10 +43,7 @@ class CoreLoader(yaml.SafeLoader):
     """Composes nodes with YAML 1.2 core tags; `<<` is an ordinary key."""
 
     yaml_implicit_resolvers = _RESOLVERS
-
-    def __init__(self, text: str) -> None:
-        super().__init__(text)
-        self._depth = 0
+    _depth = 0
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         """Return a node, unless it lies too deep (PyYAML would recurse until Python's limit)."""
@@ -81,34 +80,8 @@ _CoreDumper.add_representer(str, _CoreDumper.represent_str)
 
 def tag_of(text: str) -> str:
     """Return the core type of a plain scalar: `null`, `bool`, `int`, `float` or `str`."""
-    for tag, pattern in _RESOLVERS.get(text[:1], []):
-        if pattern.match(text):
-            return tag.removeprefix(_TAG)
-    return "str"
-
-
-def scalar(tag: str, text: str) -> str | int | float | bool | None:
-    """Return the value of a scalar with one of the core tags.
-
-    Raises ValueError for an explicit tag that is none of them, or that the text does not fit (`!!int x`), or an integer of thousands of
-    digits.
-    """
-    kind = tag.removeprefix(_TAG)
-    if kind == "str":
-        return text
-    if kind not in ("null", "bool", "int", "float"):
-        raise ValueError(f"tag {tag.replace(_TAG, '!!')} is not used in a spec")
-    if tag_of(text) != kind and not (kind == "float" and tag_of(text) == "int"):
-        raise ValueError(f"{text!r} is no {kind}")
-    match kind:
-        case "null":
-            return None
-        case "bool":
-            return text.lower() == "true"
-        case "int":
-            return int(text, {"0o": 8, "0x": 16}.get(text[:2], 10))
-        case _:
-            return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
+    tags = (tag.removeprefix(_TAG) for tag, pattern in _RESOLVERS.get(text[:1], []) if pattern.match(text))
+    return next(tags, "str")
 
 
 def dump(value: Any) -> str:
@@ -116,6 +89,13 @@ def dump(value: Any) -> str:
     text: str = yaml.dump(value, Dumper=_CoreDumper, sort_keys=False, allow_unicode=True, width=120)
     return text
 
+
+def as_overrides(settings: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return settings by key path (`{"fit.max_terms": 2}`) as `--set` has them."""
+    return tuple(f"{key}={json.dumps(escaped(value), ensure_ascii=False)}" for key, value in settings.items())
+
+
+# Variables ---------------------------------------------------------------------------------------------------------------------------
 
 READABLE = "MAPMORE_"
 """How the environment variables begin that any spec may read: a spec from a stranger shall see no key or password."""
@@ -138,7 +118,7 @@ def expand(text: str) -> str:
     Raises ValueError for a variable that is not set and has no default, one that no spec may read, or something after `${` that is no
     variable.
     """
-    return _REFERENCE.sub(_value, text) if "${" in text else text
+    return _REFERENCE.sub(_value, text)
 
 
 def unescaped(text: str) -> str:
@@ -160,9 +140,8 @@ def escaped(value: Any) -> Any:
 def _value(reference: re.Match[str]) -> str:
     if reference[0] == "$${":
         return "${"
-    inside, closed = reference.groups()
-    body = _BODY.fullmatch(inside)
-    if body is None or not closed:
+    body = _BODY.fullmatch(reference[1])
+    if body is None or not reference[2]:
         raise ValueError(f"`{reference[0]}` is not `${{NAME}}` or `${{NAME:-default}}`")
     name, has_default, default = body.groups()
     if not name.startswith(READABLE) and name not in os.environ.get(MORE, "").split(","):
@@ -174,6 +153,8 @@ def _value(reference: re.Match[str]) -> str:
         raise ValueError(f"environment variable {name} is not set")
     return value
 
+
+# Reading -----------------------------------------------------------------------------------------------------------------------------
 
 LARGEST = 1_000_000  # bytes of a file
 _MOST_VALUES = 50_000  # after aliases are followed: nine levels of nine aliases would be 4e8
@@ -191,26 +172,25 @@ _PLAINER = (  # what PyYAML says, what is meant, what to do
 )
 
 
-def read_source(path: Path, shown: str | None = None) -> SourceText:
+def read_source(path: Path) -> SourceText:
     """Return a file's text.
 
     Raises SpecError for a file that is missing, unreadable, larger than a spec can be, or not UTF-8.
     """
-    name = shown or str(path)
     try:
         with path.open("rb") as file:
             data = file.read(LARGEST + 1)
     except OSError as error:
-        raise SpecError(f"{name}: {(error.strerror or str(error)).lower()}", "give the path of a YAML file") from error
+        raise SpecError(f"{path}: {(error.strerror or str(error)).lower()}", "give the path of a YAML file") from error
     if len(data) > LARGEST:
-        raise SpecError(f"{name}: larger than {LARGEST // 1000} kB", "a spec is a page of text; is this a data file?")
+        raise SpecError(f"{path}: larger than {LARGEST // 1000} kB", "a spec is a page of text; is this a data file?")
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         column = error.start - data.rfind(b"\n", 0, error.start)
-        raise SpecError(f"{name}:{line}:{column}: byte 0x{data[error.start]:02x} is not UTF-8", "save the file as UTF-8") from error
-    return SourceText(name, path.parent, text)
+        raise SpecError(f"{path}:{line}:{column}: byte 0x{data[error.start]:02x} is not UTF-8", "save the file as UTF-8") from error
+    return SourceText(str(path), path.parent, text)
 
 
 def parse(source: SourceText, problems: list[Mistake]) -> Node:
@@ -222,16 +202,16 @@ def parse(source: SourceText, problems: list[Mistake]) -> Node:
         root = CoreLoader(source.text).get_single_node()
     except (yaml.YAMLError, TooDeep) as error:
         _refuse(error, source)
-    except (ValueError, OverflowError):  # of PyYAML's `chr`
-        _refuse_escape(source)
+    except (ValueError, OverflowError):  # of PyYAML's `chr`: an escape of a number beyond those that Unicode has
+        found = next((match for match in re.finditer(r"\\U([0-9A-Fa-f]{8})", source.text) if int(match[1], 16) > sys.maxunicode), None)
+        at = _at(source, found.start() if found else 0)
+        fail(at, f"{found[0] if found else 'an escape'} is no character", "write the character itself")
     if root is None:
         return Node(None, Position(source, 1, 1))
     return _Builder(source, problems).node(root, depth=0)
 
 
 class _Builder:
-    """Turns PyYAML's nodes into ours and counts them."""
-
     def __init__(self, source: SourceText, problems: list[Mistake]) -> None:
         self.source = source
         self.problems = problems
@@ -239,7 +219,7 @@ class _Builder:
 
     def node(self, node: yaml.Node, depth: int, key_at: Position | None = None) -> Node:
         """Return the tree under one node."""
-        at = self._position(node.start_mark)
+        at = self._position(node)
         self.count += 1
         if depth > DEEPEST:
             fail(at, "aliases nest too deeply, or an anchor contains itself", "write the values out")
@@ -250,60 +230,60 @@ class _Builder:
         if isinstance(node, yaml.SequenceNode):
             return Node([self.node(item, depth + 1) for item in node.value], at, key_at)
         assert isinstance(node, yaml.ScalarNode)
-        return Node(self._scalar(node, at), at, key_at)
+        try:
+            return Node(_scalar(node.tag, node.value), at, key_at)
+        except ValueError as error:
+            self.problems.append(Mistake(at, str(error), "write a plain value"))
+            return Node(str(node.value), at, key_at)
 
     def _mapping(self, node: yaml.MappingNode, depth: int) -> dict[str, Node]:
         children: dict[str, Node] = {}
-        for key_node, value_node in node.value:
-            at = self._position(key_node.start_mark)
-            key = self._key(key_node, at)
-            if key is None:
-                continue
-            if key in children:
-                first = children[key].start
-                self.problems.append(Mistake(at, f"key `{key}` stands twice; first on line {first.line}", "remove one of the two"))
-                continue
-            children[key] = self.node(value_node, depth + 1, at)
+        for key, value in node.value:
+            at = self._position(key)
+            if not (isinstance(key, yaml.ScalarNode) and key.tag.endswith(":str")):
+                shown = f"`{key.value}`" if isinstance(key, yaml.ScalarNode) else "this key"
+                self.problems.append(Mistake(at, f"{shown} is not text, and keys are", "quote it"))
+            elif key.value in children:
+                first = children[key.value].start
+                self.problems.append(Mistake(at, f"key `{key.value}` stands twice; first on line {first.line}", "remove one of the two"))
+            else:
+                children[key.value] = self.node(value, depth + 1, at)
         return children
 
-    def _key(self, node: yaml.Node, at: Position) -> str | None:
-        if isinstance(node, yaml.ScalarNode) and node.tag.endswith(":str"):
-            return str(node.value)
-        shown = f"`{node.value}`" if isinstance(node, yaml.ScalarNode) else "this key"
-        self.problems.append(Mistake(at, f"{shown} is not text, and keys are", "quote it"))
-        return None
-
-    def _scalar(self, node: yaml.ScalarNode, at: Position) -> str | int | float | bool | None:
-        try:
-            return scalar(node.tag, _encodable(node.value))
-        except ValueError as error:
-            self.problems.append(Mistake(at, str(error), "write a plain value"))
-            return str(node.value)
-
-    def _position(self, mark: yaml.Mark) -> Position:
-        return Position(self.source, mark.line + 1, mark.column + 1)
+    def _position(self, node: yaml.Node) -> Position:
+        return Position(self.source, node.start_mark.line + 1, node.start_mark.column + 1)
 
 
-def _encodable(text: str) -> str:
-    """Return the text; ValueError for one with half of a surrogate pair, which no file can hold."""
+def _scalar(tag: str, text: str) -> str | int | float | bool | None:
+    """Return the value of a scalar; ValueError for a tag that is not of the core, or that the text does not fit (`!!int x`)."""
+    kind = tag.removeprefix(_TAG)
     if any("\ud800" <= character <= "\udfff" for character in text):
         raise ValueError(f"{text!r} holds half of a character")
+    if kind not in ("null", "bool", "int", "float", "str"):
+        raise ValueError(f"tag {tag.replace(_TAG, '!!')} is not used in a spec")
+    if kind != "str" and tag_of(text) != kind and not (kind == "float" and tag_of(text) == "int"):
+        raise ValueError(f"{text!r} is no {kind}")
+    match kind:
+        case "null":
+            return None
+        case "bool":
+            return text.lower() == "true"
+        case "int":
+            return int(text, {"0o": 8, "0x": 16}.get(text[:2], 10))
+        case "float":
+            return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
     return text
 
 
-def _refuse_escape(source: SourceText) -> NoReturn:
-    """Raise SpecError for an escape of a number beyond those that Unicode has."""
-    found = next((match for match in re.finditer(r"\\U([0-9A-Fa-f]{8})", source.text) if int(match[1], 16) > sys.maxunicode), None)
-    before = source.text[: found.start() if found else 0]
-    at = Position(source, before.count("\n") + 1, len(before) - before.rfind("\n"))
-    fail(at, f"{found[0] if found else 'an escape'} is no character", "write the character itself")
+def _at(source: SourceText, offset: int) -> Position:
+    before = source.text[:offset]
+    return Position(source, before.count("\n") + 1, len(before) - before.rfind("\n"))
 
 
 def _refuse(error: Exception, source: SourceText) -> NoReturn:
     """Raise PyYAML's complaint in plainer words, with its place."""
     if isinstance(error, yaml.reader.ReaderError):
-        before = source.text[: error.position]
-        at = Position(source, before.count("\n") + 1, error.position - before.rfind("\n"))
+        at = _at(source, error.position)
         fail(at, f"control character #x{int(error.character):04x}", "a spec is plain text; is this a data file?")
     mark = error.args[0] if isinstance(error, TooDeep) else getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
     at = Position(source, mark.line + 1, mark.column + 1) if mark else Position(source, 1, 1)

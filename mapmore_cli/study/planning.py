@@ -12,12 +12,10 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError, FitError, SpecError, UsageError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Candidate, Picture, Plan
-from mapmore_cli.fitting.kinds import maker_of
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
 from mapmore_cli.fitting.left_out import residuals
-from mapmore_cli.fitting.refitting import refitted
+from mapmore_cli.fitting.refitting import refitted, training_only
 from mapmore_cli.fitting.stage import Warn
-from mapmore_cli.fitting.trials import training_only
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature.backbone import fit_formula, pooled_training
 from mapmore_cli.modelling.planning import levels as of_levels
@@ -96,7 +94,7 @@ def _refuse(loaded: LoadedSpec) -> ModelChoices:
     choices = model_choices(loaded.spec)
     if choices.over_time:
         raise SpecError(f"{loaded.path}: a model over time has no levels or points to measure next", "plan with a static study")
-    if maker_of(choices).refit is None:
+    if choices.kind == "sum":
         raise SpecError(f"{loaded.path}: a sum of other runs has no measurements of its own", "plan with the specs that it adds up")
     return choices
 

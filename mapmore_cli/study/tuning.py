@@ -15,19 +15,17 @@ from mapmore_cli.domain.errors import FitError, MapmoreError, SpecError, UsageEr
 from mapmore_cli.domain.processors import shared_out
 from mapmore_cli.domain.results import Search
 from mapmore_cli.domain.scores import Trial, Tuning
-from mapmore_cli.fitting.kinds import maker_of
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
-from mapmore_cli.fitting.refitting import refitted
+from mapmore_cli.fitting.refitting import Folds, errors_of, folds_of, refitted, training_only
 from mapmore_cli.fitting.stage import Progress, Warn
-from mapmore_cli.fitting.trials import Bench, bench_of, errors_of, training_only
 from mapmore_cli.ingestion.files import slice_of
 from mapmore_cli.modelling.kinds import parameters
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.modelling.validation.significance import simplest_of
 from mapmore_cli.pipeline.runner import FOUND, SEARCH_STAGE, OnStage, bring_up_to_date, search_stages
 from mapmore_cli.pipeline.search import SEARCH, as_found, read_search
-from mapmore_cli.spec.layers import as_overrides
 from mapmore_cli.spec.loader import LoadedSpec, load
+from mapmore_cli.spec.yaml_loader import as_overrides
 from mapmore_cli.storage.atomic import write_text
 from mapmore_cli.storage.run_folder import RunFiles
 
@@ -54,9 +52,9 @@ def tune(
     variants = list(_variants(loaded, over))
     outcome = bring_up_to_date(loaded, runs, "ingest", progress=progress, warn=warn, on_stage=on_stage)
     dataset = training_only(RunFiles(outcome.run_dir).dataset())
-    bench = bench_of(dataset, model_choices(loaded.spec), loaded.spec.validation.normaliser, _holds_levels_out(loaded.spec))
-    trials = shared_out(lambda variant: _tried(*variant, bench), variants, partial(progress, "combinations"))
-    return ranked(loaded.spec.name, bench, trials)
+    folds = folds_of(dataset, model_choices(loaded.spec), loaded.spec.validation.normaliser, _holds_levels_out(loaded.spec))
+    trials = shared_out(lambda variant: _tried(*variant, folds), variants, partial(progress, "combinations"))
+    return ranked(loaded.spec.name, folds, trials)
 
 
 def _holds_levels_out(spec: ExperimentSpec) -> bool:
@@ -75,16 +73,16 @@ def _variants(loaded: LoadedSpec, over: Mapping[str, Sequence[Any]]) -> Iterator
                 f"--over {named}: changes the data, so that errors could not be compared", "tune how the model is made of them"
             )
         choices = model_choices(spec)
-        if maker_of(choices).refit is None:
+        if choices.kind == "sum":
             raise SpecError(f"{loaded.path}: a sum of other runs has no settings of its own", "tune the specs that it adds up")
         yield settings, choices
 
 
-def _tried(settings: Mapping[str, Any], choices: ModelChoices, bench: Bench) -> Trial:
+def _tried(settings: Mapping[str, Any], choices: ModelChoices, folds: Folds) -> Trial:
     """Return the errors on the folds, of models that were made without them; where a fit fails, why."""
     try:
-        size = parameters(refitted(choices, bench.dataset))
-        errors = errors_of(choices, bench, refitted)
+        size = parameters(refitted(choices, folds.dataset))
+        errors = errors_of(choices, folds, refitted)
     except MapmoreError as fault:
         return Trial(settings, failure=fault.message)
     lost = sum(not np.isfinite(error) for error in errors)
@@ -93,7 +91,7 @@ def _tried(settings: Mapping[str, Any], choices: ModelChoices, bench: Bench) -> 
     return Trial(settings, size, tuple(errors), float(np.mean(errors)))
 
 
-def ranked(name: str, bench: Bench, trials: Sequence[Trial]) -> Tuning:
+def ranked(name: str, folds: Folds, trials: Sequence[Trial]) -> Tuning:
     """Return the trials with what they err beyond the best, and the simplest within one standard error.
 
     Raises FitError where none of them could be fitted.
@@ -105,7 +103,7 @@ def ranked(name: str, bench: Bench, trials: Sequence[Trial]) -> Tuning:
     told = list(trials)
     for place, number in enumerate(usable):
         told[number] = replace(trials[number], excess=float(rank.excess[place]), spread=float(rank.spread[place]))
-    return Tuning(name, bench.left_out, bench.full_scale, tuple(told), told[usable[rank.best]], told[usable[rank.chosen]])
+    return Tuning(name, folds.left_out, folds.full_scale, tuple(told), told[usable[rank.best]], told[usable[rank.chosen]])
 
 
 def searched(

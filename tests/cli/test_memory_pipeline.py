@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import mapmore_cli
-from mapmore_cli.domain.memory import MemoryModel, StateSet
+from mapmore_cli.domain.fits import MemoryModel, StateSet
 from mapmore_cli.domain.models import CurveRange, Memory, Model, Part, Sum
 from mapmore_cli.domain.recording import Quantity, Signal
 from mapmore_cli.modelling.kinds import predict

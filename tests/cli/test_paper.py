@@ -15,9 +15,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.spec.campaign import load_campaign
+from mapmore_cli.spec.campaign import Verdict, load_campaign, load_paper
 from mapmore_cli.spec.loader import load
-from mapmore_cli.spec.paper import Verdict, load_paper
 from mapmore_cli.study.paper.verdicts import Compared, counts, judged, summary
 
 PROJECT = Path(__file__).parents[2]

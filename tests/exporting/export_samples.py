@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mapmore_cli.domain.fits import FormulaFit, Scaling
-from mapmore_cli.domain.memory import MemoryModel, StateSet
+from mapmore_cli.domain.fits import FormulaFit, MemoryModel, Scaling, StateSet
 from mapmore_cli.domain.models import (
     CurveFunction,
     CurveRange,
@@ -18,6 +17,8 @@ from mapmore_cli.domain.models import (
     Fusion,
     Memory,
     Model,
+    Motion,
+    MotionSection,
     Part,
     Pieces,
     SegmentFunction,
@@ -25,7 +26,6 @@ from mapmore_cli.domain.models import (
     StateSpace,
     Sum,
 )
-from mapmore_cli.domain.motion import Motion, MotionSection
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling import literature
 

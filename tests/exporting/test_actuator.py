@@ -16,7 +16,7 @@ from typer.testing import CliRunner, Result
 
 from mapmore_cli.cli.app import app
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.memory import MemoryModel, StateSet
+from mapmore_cli.domain.fits import MemoryModel, StateSet
 from mapmore_cli.domain.models import CurveRange, Memory, Model, StateSpace
 from mapmore_cli.domain.recording import Quantity, Signal
 from mapmore_cli.modelling.kinds import equations, outside_range, parameters, predict, runs_over_time

@@ -16,7 +16,7 @@ from mapmore_cli.domain.results import FitResult
 from mapmore_cli.fitting.competitors import Contest
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature.backbone import fit_formula
-from mapmore_cli.spec.sections.results import Competitor
+from mapmore_cli.spec.experiment import Competitor
 from mapmore_cli.storage.artefacts import write_fit, write_model
 
 QUANTITIES = {name: Quantity(name, unit) for name, unit in {"pressure": "kPa", "strain": "1", "force": "N"}.items()}

@@ -6,15 +6,13 @@ anything else is printed and ends with 1.
 
 from __future__ import annotations
 
-import os
 import random
-import signal
 import sys
-from collections import Counter
-from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
+
+from driver import Fault, Target, explore
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "storage"))
 
@@ -34,52 +32,36 @@ def damaged(whole: bytes, chance: random.Random) -> bytes:
     return bytes(changed)
 
 
-OUTCOMES = ("nothing altered", "refused", "told", "MISSED", "FAULT of the program")
-LONGEST = 5  # seconds
+def target(kind: str, record: Any, folder: Path) -> Target:
+    write, read, _ = KINDS[kind]
+    path = folder / "file.h5"
+    write(path, record)
+    whole = path.read_bytes()
 
+    def attempt(chance: random.Random, _number: int, _folder: Path) -> str:
+        path.write_bytes(damaged(whole, chance))
+        told: list[str] = []
+        try:
+            found = read(path, told.append)
+        except DataError:
+            return "refused"
+        if not same(found, record) and not told:
+            raise Fault("another value without a word")
+        return "nothing altered" if same(found, record) else "told"
 
-def outcome_of(read: Callable[..., Any], path: Path, record: Any) -> int:
-    """What becomes of a file, as a number of `OUTCOMES`."""
-    told: list[str] = []
-    try:
-        found = read(path, told.append)
-    except DataError:
-        return 1
-    except Exception:
-        return 4
-    return 0 if same(found, record) else 2 if told else 3
-
-
-def in_a_child(read: Callable[..., Any], path: Path, record: Any) -> str:
-    """The same in a process of its own: libhdf5 can crash on a damaged file, or not come back."""
-    child = os.fork()
-    if child == 0:
-        signal.alarm(LONGEST)
-        os._exit(outcome_of(read, path, record))
-    status = os.waitpid(child, 0)[1]
-    if os.WIFSIGNALED(status):
-        return "libhdf5 hangs" if os.WTERMSIG(status) == signal.SIGALRM else "libhdf5 crashes"
-    return OUTCOMES[os.WEXITSTATUS(status)]
+    return Target(kind, attempt, (), library="libhdf5")
 
 
 def main(count: int, seed: int) -> int:
     """Try `count` changes of each kind of file; 1 where one of them went unnoticed."""
-    chance, missed = random.Random(seed), 0
+    faults: list[str] = []
     with TemporaryDirectory() as folder:
-        path = Path(folder) / "file.h5"
         for kind, record in examples().items():
-            write, read, _ = KINDS[kind]
-            write(path, record)
-            whole, outcomes = path.read_bytes(), Counter[str]()
-            for number in range(count):
-                path.write_bytes(damaged(whole, chance))
-                outcome = in_a_child(read, path, record)
-                outcomes[outcome] += 1
-                if outcome[0].isupper():
-                    missed += 1
-                    print(f"{kind}, change {number}: {outcome}")
-            print(f"{kind}: {count} tried, " + ", ".join(f"{number} {outcome}" for outcome, number in sorted(outcomes.items())), flush=True)
-    return 1 if missed else 0
+            found = explore(target(kind, record, Path(folder)), count, seed, Path(folder), traced=0)
+            faults += found.faults
+            print(f"{kind}: {count} tried, " + ", ".join(f"{many} {what}" for what, many in sorted(found.outcomes.items())), flush=True)
+    print(*faults, sep="\n")
+    return 1 if faults else 0
 
 
 if __name__ == "__main__":

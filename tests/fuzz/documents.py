@@ -16,13 +16,12 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-from driver import Fault, Target, changed_text, refused
-from specs import STATIC, at, ways, write_data
+from driver import Fault, Target, changed_text, changed_tree, refused
+from specs import STATIC, write_data
 
 from mapmore_cli.cli.console import print_view
 from mapmore_cli.cli.views.files import of_file
 from mapmore_cli.domain.errors import MapmoreError
-from mapmore_cli.domain.results import Validation
 from mapmore_cli.pipeline.runner import bring_up_to_date, explain
 from mapmore_cli.spec.loader import LoadedSpec, load
 from mapmore_cli.storage import artefacts
@@ -37,29 +36,6 @@ VALUES: tuple[Any, ...] = (
 MARKS = '{}[]:,"\\ntrue0123456789eE+-. \n\x00é'
 
 
-def changed(document: Any, chance: random.Random) -> None:
-    """Change a document at one place."""
-    places = [way for way in ways(document) if way]
-    if not places:
-        return
-    place = chance.choice(places)
-    holder, key = at(document, place[:-1]), place[-1]
-    match chance.randrange(6):
-        case 0:
-            del holder[key]
-        case 1 | 2:
-            holder[key] = chance.choice(VALUES)
-        case 3:
-            holder[key] = json.loads(json.dumps(at(document, chance.choice(places))))
-        case 4 if isinstance(holder, dict):
-            holder[changed_text(str(key), chance, "abcxyz_./")] = holder.pop(key)
-        case _:
-            if isinstance(holder, dict):
-                holder[str(chance.choice(VALUES[3:9]))] = chance.choice(VALUES)
-            else:
-                holder.append(holder[int(key)])
-
-
 def text_of(whole: str, chance: random.Random) -> str:
     """A document with one to three changes, or changed as text."""
     kind = chance.random()
@@ -69,7 +45,7 @@ def text_of(whole: str, chance: random.Random) -> str:
         return chance.choice(["", "null", "[]", "{", "[" * 100_000, "1" * 5000, "{}", whole[: chance.randrange(len(whole))], whole * 2])
     document = json.loads(whole)
     for _ in range(chance.choice([1, 1, 1, 2, 3])):
-        changed(document, chance)
+        changed_tree(document, chance, lambda _: chance.choice(VALUES), document)
     return json.dumps(document)
 
 
@@ -84,13 +60,10 @@ def study(folder: Path) -> tuple[LoadedSpec, dict[str, str]]:
     return loaded, {name: (run_dir / name).read_text() for name in ("run.json", "scores.json")}
 
 
-@cache
-def validation(path: Path) -> Validation:
-    """The validation of the study, which no input changes."""
-    return read_validation(path)
+unchanged = cache(read_validation)  # the validation of the study: no input changes it
 
 
-@patch.object(artefacts, "read_validation", lambda path, *_: validation(path))
+@patch.object(artefacts, "read_validation", lambda path, *_: unchanged(path))
 def attempt(chance: random.Random, number: int, folder: Path) -> str:
     """Change one of the documents, do what reads it, and put it back."""
     loaded, documents = study(folder)
@@ -133,11 +106,8 @@ def attempt(chance: random.Random, number: int, folder: Path) -> str:
 
 
 def warm(folder: Path) -> None:
-    """Run the study."""
     study(folder)
 
 
 PAST = ("scores read", "scores refused (exit 4)", "record read", "record refused (exit 4)", "record read, ignored with a warning")
-TARGET = Target(
-    "documents", attempt, ("storage/run_record.py", "storage/run_record.py", "cli/views/files.py"), past=PAST, traced=50, warm=warm
-)
+TARGET = Target("documents", attempt, ("storage/run_record.py", "cli/views/files.py"), past=PAST, traced=50, warm=warm)

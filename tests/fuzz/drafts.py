@@ -72,7 +72,6 @@ def attempt(chance: random.Random, number: int, folder: Path) -> str:
 
 
 def warm(folder: Path) -> None:
-    """Draft one spec, so that everything is imported, and all units are known."""
     convert(1.0, "lbf/ft^2", "kPa")
     (folder / "warm.csv").write_text(recording(random.Random(1), 200))
     with suppress(MapmoreError):  # what a stranger wrote may be refused

@@ -17,7 +17,8 @@ import time
 import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
+from copy import deepcopy
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import CodeType, FrameType
@@ -50,7 +51,7 @@ class Target:
     library: str | None = None
     longest: int = LONGEST
     traced: int = 100
-    warm: Callable[[Path], None] = lambda _folder: None
+    warm: Callable[[Path], object] = lambda _folder: None
 
 
 @dataclass
@@ -59,14 +60,13 @@ class Findings:
 
     outcomes: Counter[str] = field(default_factory=Counter)
     faults: list[str] = field(default_factory=list)
-    ran: int = 0
+    seen: set[tuple[str, int]] = field(default_factory=set)
     lines: int = 0
     interrupted: bool = False
 
     @property
-    def told(self) -> str:
-        """How many faults there are, and which one came last."""
-        return f"{len(self.faults)} faults, the last one {self.faults[-1]}" if self.faults else "no fault"
+    def ran(self) -> int:
+        return len(self.seen)
 
 
 class Fault(Exception):
@@ -77,46 +77,30 @@ def explore(
     target: Target, count: int, seed: int, folder: Path, traced: int | None = None, tell: Callable[[str], None] = lambda _words: None
 ) -> Findings:
     """Try `count` inputs, or fewer where Ctrl-C ends it; `traced` as the target says, if not otherwise; `tell` how far it is."""
-    found, start, traced = Findings(), 0, target.traced if traced is None else traced
-    lines: set[tuple[str, int]] = set()
-    told = _now_and_then(lambda: tell(f"{target.name}: {found.outcomes.total()} of {count} tried, {found.told}"))
-    try:
-        target.warm(folder)
-        while start < count:
-            tracing = start < traced
-            end = min(count, start + traced) if tracing else count
-            start = _batch(target, start, end, seed, folder, found, lines if tracing else None, told)
-    except KeyboardInterrupt:
-        found.interrupted = True
-    wanted = lines_of(target.parts)
-    found.ran, found.lines = len(lines & wanted), len(wanted)
-    return found
-
-
-def _now_and_then(tell: Callable[[], None]) -> Callable[[], None]:
-    """The same, but for calls that follow another one too soon."""
-    last = time.monotonic()
+    found, start, traced, last = Findings(), 0, target.traced if traced is None else traced, time.monotonic()
 
     def told() -> None:
         nonlocal last
         if time.monotonic() - last > SILENCE:
             last = time.monotonic()
-            tell()
+            faults = f"{len(found.faults)} faults, the last one {found.faults[-1]}" if found.faults else "no fault"
+            tell(f"{target.name}: {found.outcomes.total()} of {count} tried, {faults}")
 
-    return told
+    try:
+        target.warm(folder)
+        while start < count:
+            numbers = range(start, min(count, start + traced) if start < traced else count)
+            start = _batch(target, numbers, seed, folder, found, start < traced, told)
+    except KeyboardInterrupt:
+        found.interrupted = True
+    wanted = lines_of(target.parts)
+    found.seen &= wanted
+    found.lines = len(wanted)
+    return found
 
 
-def _batch(
-    target: Target,
-    start: int,
-    end: int,
-    seed: int,
-    folder: Path,
-    found: Findings,
-    lines: set[tuple[str, int]] | None,
-    told: Callable[[], None],
-) -> int:
-    """Try the inputs from `start` in one fork; the number of the first one that it left."""
+def _batch(target: Target, numbers: range, seed: int, folder: Path, found: Findings, tracing: bool, told: Callable[[], None]) -> int:
+    """Try inputs in one fork; the number of the first one that it left."""
     read, write = os.pipe()
     gc.freeze()  # what is there before the inputs is not looked through again and again
     child = os.fork()
@@ -124,46 +108,34 @@ def _batch(
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends it without a word
         os.close(read)
         with os.fdopen(write, "w", encoding="utf-8", errors="replace", buffering=1) as report:
-            _inputs(target, range(start, end), seed, folder, report, lines is not None)
+            _inputs(target, numbers, seed, folder, report, tracing)
         os._exit(0)
     os.close(write)
-    done = start
-    with _ended(child), os.fdopen(read, encoding="utf-8", errors="replace") as report:
-        for line in report:
-            told()
-            kind, _, text = line.rstrip("\n").partition(" ")
-            if kind == "line" and lines is not None:
-                file, _, number = text.rpartition(":")
-                lines.add((file, int(number)))
-            elif kind == "done":
-                found.outcomes[text] += 1
-                done += 1
-            elif kind == "fault":
-                found.outcomes["FAULT"] += 1
-                found.faults.append(f"{target.name} {done}: {text}")
-                done += 1
+    done = numbers.start
+    try:
+        with os.fdopen(read, encoding="utf-8", errors="replace") as report:
+            for line in report:
+                told()
+                kind, _, text = line.rstrip("\n").partition(" ")
+                if kind == "line":
+                    file, _, number = text.rpartition(":")
+                    found.seen.add((file, int(number)))
+                elif kind in ("done", "fault"):
+                    found.outcomes[text if kind == "done" else "FAULT"] += 1
+                    found.faults += [f"{target.name} {done}: {text}"] if kind == "fault" else []
+                    done += 1
+    except BaseException:  # no fork goes on alone
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        raise
     status = os.waitpid(child, 0)[1]
     if os.WIFSIGNALED(status):
         hung = os.WTERMSIG(status) == signal.SIGVTALRM
         what = f"longer than {target.longest} s" if hung else f"ended by signal {os.WTERMSIG(status)}"
-        if target.library:
-            found.outcomes[f"{target.library} {'hangs' if hung else 'crashes'}"] += 1
-        else:
-            found.outcomes["FAULT"] += 1
-            found.faults.append(f"{target.name} {done}: {what}")
+        found.outcomes[f"{target.library} {'hangs' if hung else 'crashes'}" if target.library else "FAULT"] += 1
+        found.faults += [] if target.library else [f"{target.name} {done}: {what}"]
         done += 1
     return done
-
-
-@contextmanager
-def _ended(child: int) -> Iterator[None]:
-    """Let no fork go on alone."""
-    try:
-        yield
-    except BaseException:
-        os.kill(child, signal.SIGKILL)
-        os.waitpid(child, 0)
-        raise
 
 
 def _inputs(target: Target, numbers: range, seed: int, folder: Path, report: Any, tracing: bool) -> None:
@@ -175,12 +147,9 @@ def _inputs(target: Target, numbers: range, seed: int, folder: Path, report: Any
         signal.setitimer(signal.ITIMER_VIRTUAL, target.longest * (20 if tracing else 1))
         chance = random.Random(f"{seed}/{target.name}/{number}")
         try:
-            if tracing:
-                with traced(target.parts) as seen:
-                    outcome = target.attempt(chance, number, folder)
-                report.writelines(f"line {file}:{line}\n" for file, line in sorted(seen))
-            else:
+            with traced(target.parts) if tracing else nullcontext(set[tuple[str, int]]()) as seen:
                 outcome = target.attempt(chance, number, folder)
+            report.writelines(f"line {file}:{line}\n" for file, line in sorted(seen))
             print("done", outcome, file=report)
         except Exception as error:
             last = traceback.extract_tb(error.__traceback__)[-1]
@@ -190,7 +159,6 @@ def _inputs(target: Target, numbers: range, seed: int, folder: Path, report: Any
 
 
 def refused(error: MapmoreError) -> str:
-    """The outcome of an input that was refused."""
     return f"refused (exit {error.exit_code})"
 
 
@@ -259,17 +227,53 @@ def changed_bytes(whole: bytes, chance: random.Random) -> bytes:
     """One to eight bits flipped, a stretch overwritten or left out, or the end cut off."""
     if not whole:
         return whole
-    changed = bytearray(whole)
+    changed, at = bytearray(whole), chance.randrange(len(whole))
     match chance.randrange(8):
         case 0:
-            return whole[: chance.randrange(len(whole))]
+            return whole[:at]
         case 1:
-            at = chance.randrange(len(whole))
             del changed[at : at + chance.randrange(1, 64)]
         case 2:
-            at = chance.randrange(len(whole))
             changed[at : at + 4] = chance.choice([b"\xff\xff\xff\xff", b"\x00\x00\x00\x00", b"\x7f\xff\xff\xff", chance.randbytes(4)])
         case _:
             for _ in range(chance.choice([1, 1, 1, 2, 8])):
                 changed[chance.randrange(len(changed))] ^= 1 << chance.randrange(8)
     return bytes(changed)
+
+
+Way = tuple[str | int, ...]
+
+
+def ways(tree: Any, here: Way = ()) -> Iterator[Way]:
+    """The places in a document."""
+    yield here
+    for key, value in tree.items() if isinstance(tree, dict) else enumerate(tree) if isinstance(tree, list) else ():
+        yield from ways(value, (*here, key))
+
+
+def at(tree: Any, way: Way) -> Any:
+    for step in way:
+        tree = tree[step]
+    return tree
+
+
+def changed_tree(tree: Any, chance: random.Random, value: Callable[[Any], Any], part: Any) -> None:
+    """Change a document at one place: left out, doubled, renamed, replaced by a hostile value (given the old one) or by some of `part`."""
+    places = [way for way in ways(tree) if way]
+    if not places:
+        return
+    place = chance.choice(places)
+    holder, key = at(tree, place[:-1]), place[-1]
+    match chance.randrange(6):
+        case 0:
+            del holder[key]
+        case 1 | 2:
+            holder[key] = value(holder[key])
+        case 3:
+            holder[key] = deepcopy(at(part, chance.choice(list(ways(part)))))
+        case 4 if isinstance(holder, dict):
+            holder[chance.choice([changed_text(str(key), chance, "abcxyz_./"), str(value(""))])] = holder.pop(key)
+        case _ if isinstance(holder, list):
+            holder.append(holder[int(key)])
+        case _:
+            holder[str(value(""))] = value(holder[key])

@@ -24,8 +24,7 @@ from hostile_texts import tex_commands, text_of
 
 from mapmore_cli.domain import foreign
 from mapmore_cli.domain.errors import MapmoreError
-from mapmore_cli.domain.models import CurveFunction, CurveRange, Formula, Model, Part, SegmentFunction, Sum
-from mapmore_cli.domain.motion import MotionSection
+from mapmore_cli.domain.models import CurveFunction, CurveRange, Formula, Model, MotionSection, Part, SegmentFunction, Sum
 from mapmore_cli.domain.recording import Quantity, Signal
 from mapmore_cli.exporting import verifying
 from mapmore_cli.reporting.table import Column, Table, to_csv, to_html, to_latex, to_markdown
@@ -35,42 +34,15 @@ from mapmore_cli.study.exports import exported
 sys.path.insert(0, str(Path(__file__).parents[1] / "exporting"))
 
 NAMES = (
-    *(
-        "p",
-        "P",
-        "p_2",
-        "P_2",
-        "s",
-        "S",
-        "x_p",
-        "x_x_p",
-        "np",
-        "lambda",
-        "in",
-        "out",
-        "bits",
-        "value",
-        "results",
-        "finite",
-        "float",
-        "double",
-    ),
-    *("def", "True", "None", "__debug__", "_", "__", "_beyond", "beyond", "end_at", "sign_of", "outside_range", "OUTSIDE_RANGE", "real"),
-    *("main", "exp", "log2", "power1", "inverse1", "term_1", "curve_1", "held_1", "at_p_1", "INPUTS", "inputs", "measured", "state"),
-    *("print", "self", "State", "step", "evaluate", "reset", "linux", "unix", "errno", "isfinite", "fabs", "p" * 300, "force_measured"),
-    *("double", "time", "NULL", "model", "NAN", "I", "auto"),
+    *("p", "P", "p_2", "P_2", "s", "S", "x_p", "x_x_p", "np", "lambda", "in", "out", "bits", "value", "results", "finite", "float"),
+    *("double", "def", "True", "None", "__debug__", "_", "__", "_beyond", "beyond", "end_at", "sign_of", "outside_range", "OUTSIDE_RANGE"),
+    *("real", "main", "exp", "log2", "power1", "inverse1", "term_1", "curve_1", "held_1", "at_p_1", "INPUTS", "inputs", "measured"),
+    *("state", "print", "self", "State", "step", "evaluate", "reset", "linux", "unix", "errno", "isfinite", "fabs", "p" * 300),
+    *("force_measured", "double", "time", "NULL", "model", "NAN", "I", "auto"),
 )
 MODELS = ("int", "model", "MODEL", "co-simulation", "numpy", "math", "stdio", "20 mm", "con", "class", "x", "a" * 300, "Übung 1", "p", "os")
 SAID = re.compile(r"\b(pressure|strain|speed|force|angle)\b")
-TEXTS = {
-    Quantity: ("unit",),
-    CurveFunction: ("curve",),
-    CurveRange: ("curve",),
-    SegmentFunction: ("id",),
-    MotionSection: ("id",),
-    Signal: (),
-}
-KEPT = {"saturate", "continue", "continue_linear", "zero"}
+TEXTS = {Quantity: ("unit",), CurveFunction: ("curve",), CurveRange: ("curve",), SegmentFunction: ("id",), MotionSection: ("id",)}
 
 
 def renamed(record: Any, names: Mapping[str, str], chance: random.Random, mark: str) -> Any:
@@ -91,7 +63,6 @@ def renamed(record: Any, names: Mapping[str, str], chance: random.Random, mark: 
 
 @cache
 def bodies() -> tuple[Model, ...]:
-    """Models of every kind."""
     from export_samples import FORMULAS, STATIC, WITH_MEMORY, formula, memory, pieces
 
     small = (
@@ -186,14 +157,11 @@ def _told(model: Model) -> list[bytes]:
 
 
 class Tags(HTMLParser):
-    """The tags and attributes of a page."""
-
     def __init__(self) -> None:
         super().__init__()
         self.found: set[str] = set()
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Note a tag with the names of its attributes."""
         self.found |= {tag, *(name for name, _ in attrs)}
 
 
@@ -241,7 +209,6 @@ def _drawn(title: str, label: str, entry: str, maths: bool) -> Any:
 
 @cache
 def tex_of_figures() -> frozenset[str]:
-    """The commands of a figure with plain texts."""
     from mapmore_cli.reporting.figures.saving import to_pgf
 
     return frozenset(tex_commands(to_pgf(_drawn("a", "b", "c", False))))

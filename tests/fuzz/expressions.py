@@ -84,17 +84,5 @@ def attempt(chance: random.Random, number: int, folder: Path) -> str:
     return "printed"
 
 
-TARGET = Target(
-    "expressions",
-    attempt,
-    (
-        "modelling/expressions/parsing.py",
-        "modelling/expressions/states.py",
-        "modelling/expressions/syntax.py",
-        "modelling/expressions/printing.py",
-        "modelling/expressions/calculus.py",
-        "modelling/expressions/evaluation.py",
-        "modelling/expressions/evaluation.py",
-    ),
-    past=("computed", "printed"),
-)
+PARTS = ("parsing", "states", "syntax", "printing", "calculus", "evaluation")
+TARGET = Target("expressions", attempt, tuple(f"modelling/expressions/{part}.py" for part in PARTS), past=("computed", "printed"))

@@ -43,7 +43,6 @@ IN_MEMORY = Path("/dev/shm")
 
 
 def line_of(target: Target, found: Findings) -> str:
-    """A line of the table."""
     tried = found.outcomes.total()
     past = sum(found.outcomes[outcome] for outcome in target.past)
     others = ", ".join(f"{count} {outcome}" for outcome, count in sorted(found.outcomes.items()))
@@ -52,7 +51,6 @@ def line_of(target: Target, found: Findings) -> str:
 
 
 def told(words: str) -> None:
-    """Say how far it is, beside the table."""
     print(words, file=sys.stderr, flush=True)
 
 

@@ -10,8 +10,9 @@ import json
 import math
 import random
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
+from copy import deepcopy
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -19,12 +20,12 @@ from typing import Any
 import expressions
 import numpy as np
 import yaml
-from driver import Fault, Target, changed_text, refused
+from driver import Fault, Target, at, changed_text, changed_tree, refused, ways
 
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.modelling import expressions as terms
 from mapmore_cli.pipeline.runner import bring_up_to_date
-from mapmore_cli.spec.loader import load
+from mapmore_cli.spec.loader import LoadedSpec, load
 from mapmore_cli.spec.units import convert
 
 PROJECT = Path(__file__).resolve().parents[2]
@@ -108,7 +109,6 @@ MARKS = "{}[]:,-#&*!|>'\"%@` \n\t?\\0123456789abc<~é\x07"
 
 @cache
 def schema() -> dict[str, Any]:
-    """The checked-in schema of experiments."""
     return json.loads((PROJECT / "configs" / "experiment.schema.json").read_text())  # type: ignore[no-any-return]
 
 
@@ -153,51 +153,29 @@ def _mapping_of(rule: Any, chance: random.Random, depth: int) -> dict[str, Any]:
     return found
 
 
-Way = tuple[str | int, ...]
+def changed(tree: Any, chance: random.Random) -> None:
+    """Change a document at one place, or put something in by the schema."""
 
+    def value(old: Any) -> Any:
+        return chance.choice(NUMBERS if isinstance(old, int | float) or chance.random() < 0.3 else TEXTS)
 
-def ways(tree: Any, here: Way = ()) -> Iterator[Way]:
-    """The places in a document."""
-    yield here
-    for key, value in tree.items() if isinstance(tree, dict) else enumerate(tree) if isinstance(tree, list) else ():
-        yield from ways(value, (*here, key))
-
-
-def at(tree: Any, way: Way) -> Any:
-    """What stands at a place."""
-    for step in way:
-        tree = tree[step]
-    return tree
-
-
-def changed_tree(tree: Any, chance: random.Random) -> None:
-    """Change a document at one place."""
-    place = chance.choice([way for way in ways(tree) if way])
-    holder, key = at(tree, place[:-1]), place[-1]
-    match chance.randrange(8):
-        case 0:
-            del holder[key]
-        case 1:
-            holder[key] = chance.choice(NUMBERS) if isinstance(holder[key], int | float) or chance.random() < 0.3 else chance.choice(TEXTS)
-        case 2:
-            other = chance.choice(BASES)
-            holder[key] = json.loads(json.dumps(at(other, chance.choice(list(ways(other))))))
-        case 3 if isinstance(holder, dict):
-            holder[chance.choice([changed_text(str(key), chance, "abcxyz_"), chance.choice(TEXTS)])] = holder.pop(key)
-        case 4 if isinstance(holder, list):
-            holder.append(holder[int(key)])
-        case 5 if chance.random() < 0.25:
-            holder[key] = _long(holder[key], chance)
-        case _:
-            section = chance.choice(list(schema()["properties"]))
-            rule = schema()["properties"][section]
-            ref = rule.get("$ref") or next((item["$ref"] for item in rule.get("oneOf", ()) if "$ref" in item), None)
-            known = schema()["$defs"][ref.rsplit("/", 1)[1]].get("properties", {}) if ref else {}
-            if isinstance(tree.get(section), dict) and known:
-                key = chance.choice(list(known))
-                tree[section][key] = value_of(known[key], chance)
-            elif section != "extends" or chance.random() < 0.1:
-                tree[section] = value_of(rule, chance)
+    kind = chance.randrange(10)
+    if kind == 0 and chance.random() < 0.3:
+        place = chance.choice([way for way in ways(tree) if way])
+        holder = at(tree, place[:-1])
+        holder[place[-1]] = _long(holder[place[-1]], chance)
+    elif kind > 3:
+        changed_tree(tree, chance, value, chance.choice(BASES))
+    else:
+        section = chance.choice(list(schema()["properties"]))
+        rule = schema()["properties"][section]
+        ref = rule.get("$ref") or next((item["$ref"] for item in rule.get("oneOf", ()) if "$ref" in item), None)
+        known = schema()["$defs"][ref.rsplit("/", 1)[1]].get("properties", {}) if ref else {}
+        if isinstance(tree.get(section), dict) and known:
+            key = chance.choice(list(known))
+            tree[section][key] = value_of(known[key], chance)
+        elif section != "extends" or chance.random() < 0.1:
+            tree[section] = value_of(rule, chance)
 
 
 def _long(value: Any, chance: random.Random) -> Any:
@@ -210,9 +188,9 @@ def _long(value: Any, chance: random.Random) -> Any:
 
 def text_of(chance: random.Random, changes: Sequence[int] = (0, 1, 1, 1, 2, 3)) -> str:
     """An input: a valid document with as many changes as one of `changes` says, as YAML."""
-    tree = json.loads(json.dumps(chance.choice(BASES)))
+    tree = deepcopy(chance.choice(BASES))
     for _ in range(chance.choice(changes)):
-        changed_tree(tree, chance)
+        changed(tree, chance)
     text = as_yaml(tree)
     return changed_text(text, chance, MARKS) if chance.random() < 0.1 else text
 
@@ -256,25 +234,20 @@ def attempt(chance: random.Random, number: int, folder: Path) -> str:
     return "loaded"
 
 
-def warm(folder: Path) -> None:
+def warm(folder: Path) -> list[LoadedSpec]:
     """Load every document, with units that only the registry of units knows."""
-    for tree in BASES:
-        (folder / "spec.yaml").write_text(as_yaml(tree))
-        load(folder / "spec.yaml")
     convert(1.0, "lbf/ft^2", "kPa")
+    path = folder / "spec.yaml"
+    return [load(path) for tree in BASES if path.write_text(as_yaml(tree))]
 
 
-DONE = "done"
-"""The folder with the runs of all documents as they are."""
+DONE = "done"  # the folder with the runs of all documents as they are
 
 
 def warm_runs(folder: Path) -> None:
-    """Run every document."""
     write_data(folder)
-    for tree in BASES:
-        (folder / "spec.yaml").write_text(as_yaml(tree))
-        bring_up_to_date(load(folder / "spec.yaml"), folder / DONE)
-    convert(1.0, "lbf/ft^2", "kPa")
+    for loaded in warm(folder):
+        bring_up_to_date(loaded, folder / DONE)
 
 
 def run(chance: random.Random, number: int, folder: Path) -> str:
@@ -306,7 +279,7 @@ def run(chance: random.Random, number: int, folder: Path) -> str:
 
 def _with_expressions(chance: random.Random) -> str:
     """A spec with ten expressions; in two of three all have values, since one that has none ends the run before the others count."""
-    tree = json.loads(json.dumps(chance.choice([STATIC_TREE, STATIC_TREE, MEMORY_TREE])))
+    tree = deepcopy(chance.choice([STATIC_TREE, STATIC_TREE, MEMORY_TREE]))
     names = ("strain", "pressure") if tree["target"] == "static" else ("pressure", "force")
     any_of_them = chance.random() < 1 / 3
     texts: list[str] = []
@@ -331,7 +304,7 @@ TARGET = Target("specs", attempt, ("spec",), past=("loaded", "refused (exit 3)")
 RUNS = Target(
     "runs",
     run,
-    ("stages",),
+    ("pipeline",),
     past=tuple(f"{end}{kind}" for kind in ("", WITH) for end in ("done", *(f"refused (exit {code})" for code in (3, 4, 5, 6)))),
     longest=20,  # the number of terms of a model with memory is chosen by some thirty fits
     traced=10,

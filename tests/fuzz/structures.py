@@ -53,8 +53,6 @@ Place = tuple[str, str]
 
 @dataclass(frozen=True)
 class Whole:
-    """A file that is changed: its kind, bytes, record, and places."""
-
     kind: str
     content: bytes
     record: Any
@@ -63,13 +61,12 @@ class Whole:
 
 @cache
 def whole_files() -> tuple[Whole, ...]:
-    """The files that are changed."""
-    place = Path(_folder[0]) / "whole.h5"
-    found = [_written(place, kind, record) for kind, record in examples().items()]
+    place, made, found = Path(_folder[0]) / "whole.h5", list(examples().items()), list[Whole]()
     for kind, (_, _, strategy) in KINDS.items():
-        records: list[Any] = []
-        _collect(strategy, records)
-        found += [_written(place, kind, record) for record in records[-RANDOM_RECORDS:]]
+        made += [(kind, record) for record in _drawn(strategy)[-RANDOM_RECORDS:]]
+    for kind, record in made:
+        KINDS[kind][0](place, record)
+        found.append(_whole(place, kind, record))
     for path in sorted(ARCHIVES.glob("*/*.h5")):
         kind = FILES.get(path.name, "model")
         found.append(_whole(path, kind, KINDS[kind][1](path)))
@@ -79,18 +76,14 @@ def whole_files() -> tuple[Whole, ...]:
 _folder = ["."]
 
 
-def _written(place: Path, kind: str, record: Any) -> Whole:
-    KINDS[kind][0](place, record)
-    return _whole(place, kind, record)
-
-
 def _whole(place: Path, kind: str, record: Any) -> Whole:
     with h5py.File(place, "r") as file:
         return Whole(kind, place.read_bytes(), record, tuple(places(file)))
 
 
-def _collect(strategy: Any, records: list[Any]) -> None:
+def _drawn(strategy: Any) -> list[Any]:
     """Random records, the same in every process."""
+    records: list[Any] = []
 
     @settings(
         max_examples=3 * RANDOM_RECORDS, phases=[Phase.generate], derandomize=True, database=None, suppress_health_check=[*HealthCheck]
@@ -100,6 +93,7 @@ def _collect(strategy: Any, records: list[Any]) -> None:
         records.append(record)
 
     collect()
+    return records
 
 
 def places(file: h5py.File) -> list[Place]:
@@ -234,7 +228,6 @@ def _revalued(values: Any, chance: random.Random) -> Any:
 
 
 def _of_type(value: Any, dtype: Any) -> Any:
-    """A number as an integer where the array holds integers."""
     return int(value) if dtype.kind in "iu" and np.isfinite(value) and abs(value) < 2**62 else value
 
 
@@ -276,7 +269,6 @@ def _checked_words(error: DataError, path: Path) -> str:
 
 
 def warm(folder: Path) -> None:
-    """Make the whole files, and use each kind once."""
     _folder[0] = str(folder)
     chance = random.Random(1)
     for whole in whole_files()[:5]:

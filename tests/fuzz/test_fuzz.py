@@ -30,7 +30,7 @@ pytestmark = pytest.mark.filterwarnings("ignore")
     ("target", "count"),
     [
         (expressions.TARGET, 400),
-        (specs.TARGET, 25),
+        (specs.TARGET, 60),
         (readers.TARGET, 60),
         (drafts.TARGET, 6),
         (exports.FREE_TEXTS, 25),

@@ -23,14 +23,12 @@ TOOLS = ("ruff", "mypy", "import-linter", "scipy-stubs", "types-", "setuptools")
 
 
 def requirements() -> list[str]:
-    """Everything that `.[dev]` takes, in its lowest version."""
     project = tomllib.loads((PROJECT / "pyproject.toml").read_text())["project"]
     wanted = [*project["dependencies"], *project["optional-dependencies"]["dev"]]
     return [line.replace(">=", "==") for line in wanted if not line.startswith(TOOLS)]
 
 
 def results() -> dict[str, Any]:
-    """Terms of every segment and all scores, by study."""
     found: dict[str, Any] = {}
     with TemporaryDirectory() as runs:
         for study in STUDIES:
@@ -43,7 +41,6 @@ def results() -> dict[str, Any]:
 
 
 def mapmore(*arguments: str) -> str:
-    """A command of the program, with the libraries of this Python; what it printed."""
     call = [sys.executable, "-m", "mapmore_cli", *arguments]
     return subprocess.run(call, check=True, capture_output=True, text=True, cwd=PROJECT).stdout
 
@@ -63,7 +60,6 @@ def differences(one: Any, other: Any, where: str = "") -> tuple[list[str], float
 
 
 def main(command: str, *files: str) -> int:
-    """Do what the first word says."""
     match command:
         case "requirements":
             print(*requirements(), sep="\n")

@@ -109,7 +109,7 @@ def test_bands_of_an_input_are_left_out_where_the_study_holds_some_out() -> None
     u = 100 * np.abs((time % 2) - 1)
     held_out = (u >= 40) & (u <= 60)
     whole = dataset({"time": time**2, "u": u, "y": u}, held_out)
-    part = Slice(None, ModelChoice(type="auto"), Fuse(), {}, Holdout(quantities={"u": {"between": [[40, 60]]}}), (), False)
+    part = Slice(None, ModelChoice(type="auto"), Fuse(), {}, Holdout.model_validate({"u": {"between": [[40, 60]]}}), (), False)
     found = searchable(whole)
     folds = Bench.of(found, situation_of(found), part).blocks
     values = found.curves[0].columns["u"]

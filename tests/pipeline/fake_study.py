@@ -14,9 +14,8 @@ import yaml
 from mapmore_cli.fitting.stage import Stage, Workspace
 from mapmore_cli.modelling.pieces.recipe import Fuse
 from mapmore_cli.modelling.selection import Fit
-from mapmore_cli.spec.experiment import ExperimentSpec
+from mapmore_cli.spec.experiment import ExperimentSpec, Report
 from mapmore_cli.spec.sections.data import Data
-from mapmore_cli.spec.sections.results import Report
 
 Hook = Callable[[str], None]
 """Called between the steps of a stage, to interrupt it."""

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from mapmore_cli.modelling.pieces.recipe import Cuts, Fuse
 from mapmore_cli.pipeline.staleness import fingerprint, place_in_spec, plain, slice_differences
-from mapmore_cli.spec.sections.results import Competitor
+from mapmore_cli.spec.experiment import Competitor
 
 VALUES = st.recursive(
     st.none() | st.booleans() | st.integers(-9, 9) | st.floats(allow_nan=False, allow_infinity=False) | st.text(max_size=4),

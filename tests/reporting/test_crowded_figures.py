@@ -11,8 +11,7 @@ from matplotlib.backend_bases import RendererBase
 from matplotlib.figure import Figure
 from report_builder import build, of_pieces, surface
 
-from mapmore_cli.domain.page import FIGURES
-from mapmore_cli.domain.scores import REPEATABILITY
+from mapmore_cli.domain.scores import FIGURES, REPEATABILITY
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.reporting.figures.catalogue import drawings
 from mapmore_cli.reporting.figures.drawing import POINTS, compose

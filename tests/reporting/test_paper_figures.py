@@ -19,7 +19,7 @@ from report_builder import build
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.foreign import tex_text
 from mapmore_cli.domain.models import Equation
-from mapmore_cli.domain.page import FIGURES
+from mapmore_cli.domain.scores import FIGURES
 from mapmore_cli.reporting.figures import data
 from mapmore_cli.reporting.figures.catalogue import drawings, panel_of
 from mapmore_cli.reporting.figures.drawing import alone, compose

@@ -11,8 +11,8 @@ from hypothesis.extra.numpy import arrays
 from matplotlib.figure import Figure
 from report_builder import build, of_pieces
 
-from mapmore_cli.domain.page import FIGURES
 from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.domain.scores import FIGURES
 from mapmore_cli.reporting.figures.catalogue import drawings
 from mapmore_cli.reporting.figures.curves import curve_fit, draw_error, draw_fit, held_out_spans, mark_held_out
 from mapmore_cli.reporting.figures.data import draw_trace, traces

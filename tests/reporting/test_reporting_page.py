@@ -13,7 +13,7 @@ import pytest
 from report_builder import build, of_pieces
 
 from mapmore_cli.domain.models import Equation, Formula
-from mapmore_cli.domain.page import FIGURES
+from mapmore_cli.domain.scores import FIGURES
 from mapmore_cli.reporting.report import write_report
 
 EVERYTHING = {"figures": tuple(FIGURES), "formats": ("html", "csv", "svg")}

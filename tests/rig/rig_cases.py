@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from mapmore_cli.spec.loader import load_as
-from mapmore_cli.spec.muscle_rigs import McKibbenMuscle, PeanoMuscle
-from mapmore_cli.spec.simulation import SimulationSpec
+from mapmore_cli.spec.simulation import McKibbenMuscle, PeanoMuscle, SimulationSpec
 from mapmore_cli.study.simulation.simulate import muscle_of
 
 DATASETS = Path(__file__).parents[2] / "datasets"

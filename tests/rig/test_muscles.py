@@ -23,7 +23,7 @@ from mapmore_cli.rig.static_muscles import (
     volume,
     volume_slope,
 )
-from mapmore_cli.spec.muscle_rigs import McKibbenMuscle
+from mapmore_cli.spec.simulation import McKibbenMuscle
 from mapmore_cli.study.simulation.simulate import muscle_of
 
 PUBLISHED = {  # kPa, force at zero strain N, free strain

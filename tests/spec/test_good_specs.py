@@ -5,24 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from spec_examples import FORMULA, GOOD, LOGS, MEASURED, STATIC, load_text
+from spec_examples import DAMPING, FORMULA, GOOD, LOGS, MEASURED, MOTION, SHIPPED, STATIC, load_text
 
-from mapmore_cli.modelling.pieces.recipe import BelowAbove, Cuts
-from mapmore_cli.spec.experiment import ExperimentSpec
+from mapmore_cli.fitting.kinds.dictionary import signals_of, units_of
+from mapmore_cli.fitting.kinds.pieces import cuts_of, recipe_of
+from mapmore_cli.modelling.pieces.recipe import BelowAbove, CutByDirection, Cuts
+from mapmore_cli.pipeline.stages import segment_slice
+from mapmore_cli.spec.experiment import Competitor
 from mapmore_cli.spec.fields import Section
-from mapmore_cli.spec.loader import load, load_as, resolved
-from mapmore_cli.spec.sections.data import Between, GapRule, Holdout, Levels, Rate
+from mapmore_cli.spec.loader import load, load_as
+from mapmore_cli.spec.sections.data import Between, GapRule, Levels, Rate
 from mapmore_cli.spec.sections.logs import FileEntry, Keep
-from mapmore_cli.spec.sections.results import Competitor
-
-PROJECT = Path(__file__).resolve().parents[2]
-SHIPPED = sorted(
-    path
-    for path in (PROJECT / "configs").glob("*/*.yaml")
-    if not path.name.startswith("_") and path.parent.name not in ("campaigns", "papers")
-)
 
 
 def test_the_static_study(tmp_path: Path) -> None:
@@ -85,18 +78,12 @@ def test_logs_in_their_dialects(tmp_path: Path) -> None:
     assert data.resample == 0.0005
 
 
-def test_a_formula_needs_no_dictionary(tmp_path: Path) -> None:
-    spec = load_text(tmp_path, FORMULA).spec
-    assert spec.dictionary == []
-    assert spec.data.levels is None
-
-
-@pytest.mark.parametrize("text", GOOD.values(), ids=GOOD)
-def test_the_resolved_text_loads_to_the_same_spec(tmp_path: Path, text: str) -> None:
-    loaded = load_text(tmp_path, text)
+@pytest.mark.parametrize("study", [*GOOD.values(), *SHIPPED], ids=[*GOOD, *(path.stem for path in SHIPPED)])
+def test_the_resolved_text_loads_to_the_same_spec(tmp_path: Path, study: str | Path) -> None:
+    loaded = load(study) if isinstance(study, Path) else load_text(tmp_path, study)
     again = load_text(tmp_path, loaded.resolved)
     assert again.spec == loaded.spec
-    assert again.resolved == loaded.resolved
+    assert isinstance(study, Path) or again.resolved == loaded.resolved
 
 
 def test_the_resolved_text_says_the_defaults(tmp_path: Path) -> None:
@@ -104,12 +91,6 @@ def test_the_resolved_text_says_the_defaults(tmp_path: Path) -> None:
     assert "z_s: 0.25" in resolved
     assert "missing: error" in resolved
     assert "null" not in resolved
-
-
-@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
-def test_every_shipped_study_loads_and_survives_a_round_trip(path: Path, tmp_path: Path) -> None:
-    loaded = load(path)
-    assert load_text(tmp_path, loaded.resolved).spec == loaded.spec
 
 
 @pytest.mark.parametrize(
@@ -133,6 +114,81 @@ def test_variants_of_the_static_study_load(tmp_path: Path, old: str, new: str) -
     load_text(tmp_path, STATIC.replace(old, new))
 
 
+EVEN = "{method: even, count: 4}"
+FUSE = "fuse: {transition: linear, z_s: 0.25,"
+DYNAMIC = DAMPING.replace("target: damping", "target: dynamic").replace(
+    "needs: {static: dmsp-20-88-static.yaml}", "needs: {static: s.yaml, damping: d.yaml}"
+)
+DYNAMIC = DYNAMIC[: DYNAMIC.index("dictionary")] + DYNAMIC[DYNAMIC.index("validate: {against") :]
+
+
+def test_the_damping_example(tmp_path: Path) -> None:
+    spec = load_text(tmp_path, DAMPING).spec
+    assert (spec.fit.scaling, load_text(tmp_path, MOTION).spec.fit.scaling) == ("max_abs", "none")
+    assert spec.segment["direction"] == CutByDirection(of="pressure_rate", dead_band=5.0)
+    assert spec.validation.against[-1].label == "sarosi+reynolds"  # type: ignore[union-attr]
+    assert units_of(spec)["step_pressure"] == "kPa"
+    assert [signal.name for signal in signals_of(spec)] == ["strain_rate", "pressure_rate", "direction"]
+
+
+def test_numbers_of_motion_carry_units(tmp_path: Path) -> None:
+    text = DAMPING.replace("5 kPa/s", "0.05 bar/s").replace("plateau: auto", "plateau: [900 ms, 2 s]").replace("highest", "3.5 bar")
+    spec = load_text(tmp_path, text.replace("[80, 150, 250, 350]", "[0.8 bar, 150, 250, 350]")).spec
+    assert spec.segment["direction"] == CutByDirection(of="pressure_rate", dead_band=5.0)
+    assert spec.data.plateau == (0.9, 2.0)
+    assert spec.fit.train_level == 350
+    assert spec.data.levels is not None
+    assert spec.data.levels.at == [80, 150, 250, 350]
+
+
+def test_a_sum_is_the_default_of_a_dynamic_target_without_a_dictionary(tmp_path: Path) -> None:
+    assert load_text(tmp_path, DYNAMIC).spec.model.type == "sum"
+    direct = DAMPING.replace("target: damping", "target: dynamic")
+    assert load_text(tmp_path, direct).spec.model.type == "mapmore"
+
+
+def test_weights_between_step_pressures_go_by_the_pressure(tmp_path: Path) -> None:
+    spec = load_text(tmp_path, DAMPING.replace("step_pressure: none}", "step_pressure: levels}")).spec
+    assert recipe_of("damping", spec.data.levels, spec.segment, spec.dictionary, spec.fit, spec.fuse).level == "pressure"
+
+
+BREAKPOINTS = "{method: breakpoints, at: [100 kPa, 2]}"
+
+
+@pytest.mark.parametrize(
+    ("base", "old", "cuts", "meant"),
+    [
+        (STATIC, EVEN, "{method: gradient, count: 3}", {"strain": Cuts("gradient", 3)}),
+        (
+            *(STATIC, EVEN, "{method: gradient, count: 3, window: 2 %, separation: 0.05}"),
+            {"strain": Cuts("gradient", 3, window=0.02, separation=0.05)},
+        ),
+        (STATIC, EVEN, "{method: optimal, count: 2, grid: 30, min_samples: 4}", {"strain": Cuts("optimal", 2, grid=30, min_samples=4)}),
+        (MEASURED, BREAKPOINTS, "{method: gradient, count: 2, window: 50 kPa}", {"pressure": Cuts("gradient", 2, window=0.5)}),  # bar
+    ],
+)
+def test_methods_with_their_settings(base: str, old: str, cuts: str, meant: object, tmp_path: Path) -> None:
+    assert cuts_of(load_text(tmp_path, base.replace(old, cuts)).spec.segment) == meant
+
+
+def test_the_way_between_levels_reaches_the_recipe(tmp_path: Path) -> None:
+    text = STATIC.replace(
+        FUSE, "model: {backbone: sarosi}\nfuse: {levels: pchip, align: threshold, shrink: 1, transition: linear, z_s: 0.25,"
+    )
+    spec = load_text(tmp_path, text).spec
+    recipe = recipe_of("force", spec.data.levels, spec.segment, spec.dictionary, spec.fit, spec.fuse)
+    assert (recipe.fuse.levels, recipe.fuse.align, recipe.fuse.shrink) == ("pchip", "threshold", 1.0)
+
+
+def test_segments_depend_on_the_fit_only_where_boundaries_try_it(tmp_path: Path) -> None:
+    """A change of `fit` must not cut the curves anew, unless boundaries are optimal for that fit."""
+    more_terms = STATIC.replace("max_terms: 1", "max_terms: 2")
+    optimal = "{method: optimal, count: 4}"
+    assert segment_slice(load_text(tmp_path, STATIC).spec) == segment_slice(load_text(tmp_path, more_terms).spec)
+    tried = (segment_slice(load_text(tmp_path, text.replace(EVEN, optimal)).spec) for text in (STATIC, more_terms))
+    assert next(tried) != next(tried)
+
+
 def test_where_points_at_keys_items_and_the_nearest_section(tmp_path: Path) -> None:
     loaded = load_text(tmp_path, STATIC)
     places = [
@@ -141,11 +197,6 @@ def test_where_points_at_keys_items_and_the_nearest_section(tmp_path: Path) -> N
     assert [place.removeprefix(f"{tmp_path}/") for place in places] == [
         "spec.yaml:11:5", "spec.yaml:13:35", "spec.yaml:22:28", "spec.yaml:1:1", "spec.yaml:1:1",
     ]  # fmt: skip
-
-
-def test_held_out_quantities_in_python() -> None:
-    assert Holdout(quantities={"pressure": [250.0]}) == Holdout.model_validate({"pressure": [250.0]})
-    assert Holdout(quantities={"pressure": [250.0]}).quantities == {"pressure": [250.0]}
 
 
 class Regulator(Section):
@@ -159,61 +210,3 @@ def test_other_kinds_of_spec_load_with_the_same_care(tmp_path: Path) -> None:
     path = tmp_path / "rig.yaml"
     path.write_text("volume: 1e-3\n")
     assert load_as(path, Regulator, ["steps=[2, 3]"]).spec == Regulator(volume=0.001, steps=[2, 3])
-
-
-# Random valid specs ------------------------------------------------------------------------------------------------------------------
-
-NAMES = st.from_regex(r"[A-Za-z_][A-Za-z0-9_]{0,6}", fullmatch=True).filter(lambda name: name not in {"force", "strain", "exp", "files"})
-TEXTS = st.text(st.characters(codec="utf-8"), min_size=1, max_size=15)
-PATHS = TEXTS.filter(lambda path: "\0" not in path)
-NUMBERS = st.floats(-1e6, 1e6)
-POSITIVE = st.floats(1e-6, 1e6)
-WORDS = st.sampled_from(["continue", "continue_linear", "saturate", "zero"])
-
-
-@st.composite
-def documents(draw: st.DrawFn) -> dict[str, object]:
-    """Experiments as plain data, as a YAML file would hold them."""
-    column = st.fixed_dictionaries({"column": TEXTS | st.integers(0, 99)}, optional={"scale": NUMBERS, "offset": NUMBERS})
-    names = ["force", "strain"]
-    columns = {name: draw(column) for name in names}
-    levels = draw(st.lists(st.integers(-99, 99), min_size=1, max_size=5, unique=True))
-    sides = st.fixed_dictionaries({}, optional={"below": WORDS | NUMBERS, "above": WORDS | NUMBERS})
-    document: dict[str, object] = {
-        "name": draw(
-            st.from_regex(r"[A-Za-z][A-Za-z0-9._-]{0,20}", fullmatch=True).filter(
-                lambda name: name.lower() not in {"null", "true", "false"}
-            )
-        ),
-        "data": {
-            "files": draw(
-                st.lists(PATHS | st.fixed_dictionaries({"path": PATHS, "set": st.dictionaries(NAMES, NUMBERS, max_size=2)}), min_size=1)
-            ),
-            "columns": columns,
-            "header": draw(st.booleans()),
-            "keep": draw(st.lists(st.fixed_dictionaries({"quantity": st.sampled_from(names), "above": NUMBERS}), max_size=2)),
-            "levels": {"of": "strain", "at": levels},
-            "split": {"validate": {"strain": draw(st.lists(st.sampled_from(levels), min_size=1)), "last": draw(st.floats(0.01, 0.99))}},
-        },
-        "target": draw(st.sampled_from(["static", {"column": "force"}])),
-        "dictionary": [
-            {"polynomial": {"of": ["strain"], "order": draw(st.integers(1, 20)), "constant": draw(st.booleans())}},
-            {"terms": ["strain^2"]},
-        ],
-        "fit": {"max_terms": draw(st.integers(1, 99)), "tolerance": draw(st.floats(0, 0.99))},
-        "fuse": {"z_s": draw(st.floats(0, 0.5)), "extrapolation": draw(WORDS | st.fixed_dictionaries({"strain": WORDS | sides}))},
-        "muscle": draw(st.fixed_dictionaries({}, optional={"name": TEXTS, "kind": TEXTS, "length": POSITIVE})),
-    }
-    return document
-
-
-@settings(deadline=None, max_examples=30)
-@given(documents())
-def test_specs_survive_the_round_trip_through_their_resolved_text(
-    tmp_path_factory: pytest.TempPathFactory, document: dict[str, object]
-) -> None:
-    folder = tmp_path_factory.mktemp("spec")
-    spec = ExperimentSpec.model_validate(document)
-    loaded = load_text(folder, resolved(spec))
-    assert loaded.spec == spec
-    assert loaded.resolved == resolved(spec)

@@ -10,10 +10,9 @@ from hypothesis import strategies as st
 from spec_examples import FORMULA, STATIC, load_text, refusal
 
 from mapmore_cli.domain.errors import SpecError, UsageError
-from mapmore_cli.spec.layers import as_overrides
+from mapmore_cli.spec.experiment import Competitor
 from mapmore_cli.spec.loader import LoadedSpec, load
-from mapmore_cli.spec.sections.results import Competitor
-from mapmore_cli.spec.yaml_loader import escaped, expand
+from mapmore_cli.spec.yaml_loader import as_overrides, escaped, expand
 
 # Environment -------------------------------------------------------------------------------------------------------------------------
 

@@ -21,9 +21,8 @@ from used_files import use
 
 import mapmore_cli
 from mapmore_cli.domain.errors import DataError, MapmoreError
-from mapmore_cli.domain.memory import MemoryModel, StateSet
-from mapmore_cli.domain.models import Memory, Part, StateSpace, Sum
-from mapmore_cli.domain.motion import Motion, MotionSection
+from mapmore_cli.domain.fits import MemoryModel, StateSet
+from mapmore_cli.domain.models import Memory, Motion, MotionSection, Part, StateSpace, Sum
 from mapmore_cli.domain.recording import Signal
 from mapmore_cli.domain.results import PiecesFit
 from mapmore_cli.storage import artefacts

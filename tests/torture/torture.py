@@ -21,6 +21,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -88,74 +89,43 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
 
 
-def killed(child: int, delay: float, _folder: Path) -> None:
-    """SIGKILL at a random instant."""
-    time.sleep(delay)
-    os.kill(child, signal.SIGKILL)
+def struck(how: str, child: int, delay: float) -> None:
+    """Disturb a process from outside at a random instant: SIGKILL, or Ctrl-C, which the terminal sends to the whole group."""
+    if how in ("killed", "two at once"):
+        time.sleep(delay)
+        os.kill(child, signal.SIGKILL)
+    elif how == "interrupted":
+        time.sleep(delay)
+        with suppress(ProcessLookupError, PermissionError):  # it has ended, or has no group of its own yet
+            os.killpg(child, signal.SIGINT)
 
 
-def interrupted(child: int, delay: float, _folder: Path) -> None:
-    """Ctrl-C at a random instant, which the terminal sends to the whole group."""
-    time.sleep(delay)
-    with suppress(ProcessLookupError, PermissionError):  # it has ended, or has no group of its own yet
-        os.killpg(child, signal.SIGINT)
-
-
-def left_alone(_child: int, _delay: float, _folder: Path) -> None:
-    """Nothing more."""
-
-
-def little_room(chance: random.Random) -> Callable[[], None]:
+def little_room(size: int) -> None:
     """No file can grow beyond some kilobytes; what is said goes nowhere, since that is a file here."""
-    size = chance.choice([0, 200, 3_000, 9_000, 20_000])
-
-    def limit() -> None:
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, 1)
-        os.dup2(nowhere, 2)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
-
-    return limit
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    os.dup2(nowhere, 2)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
 
 
-def no_rights(_chance: random.Random) -> Callable[[], None]:
+def no_rights() -> None:
     """The folders of results may not be written; where root runs this, it gives up its privileges first."""
-
-    def give_up() -> None:
-        for name in ("runs/one", "runs", "archive", "out", "."):
-            if Path(name).is_dir():
-                Path(name).chmod(0o555)
-        if os.getuid() == 0:
-            header, nothing = (ctypes.c_uint32 * 2)(0x20080522, 0), (ctypes.c_uint32 * 6)()
-            if ctypes.CDLL(None, use_errno=True).capset(header, nothing):
-                os._exit(99)
-
-    return give_up
+    for name in ("runs/one", "runs", "archive", "out", "."):
+        if Path(name).is_dir():
+            Path(name).chmod(0o555)
+    if os.getuid() == 0:
+        header, nothing = (ctypes.c_uint32 * 2)(0x20080522, 0), (ctypes.c_uint32 * 6)()
+        if ctypes.CDLL(None, use_errno=True).capset(header, nothing):
+            os._exit(99)
 
 
 def restored(folder: Path) -> None:
-    """Make all folders writable again."""
     for place in (folder, *(path for path in folder.rglob("*") if path.is_dir())):
         place.chmod(0o755)
 
 
-@dataclass(frozen=True)
-class Disturbance:
-    """What is done to a process from outside, or before it begins."""
-
-    strike: Callable[[int, float, Path], None]
-    before: Callable[[random.Random], Callable[[], None]] = lambda _chance: lambda: None
-    twice: bool = False
-
-
-DISTURBANCES: Mapping[str, Disturbance] = {
-    "killed": Disturbance(killed),
-    "interrupted": Disturbance(interrupted),
-    "full disk": Disturbance(left_alone, little_room),
-    "read-only": Disturbance(left_alone, no_rights),
-    "two at once": Disturbance(killed, twice=True),
-}
-SHARES = (60, 15, 10, 5, 10)  # per cent of the trials
+DISTURBANCES: Mapping[str, int] = {"killed": 60, "interrupted": 15, "full disk": 10, "read-only": 5, "two at once": 10}
+"""In per cent of the trials."""
 
 
 @dataclass(frozen=True)
@@ -168,7 +138,6 @@ class Bench:
 
 
 def prepare(root: Path, name: str) -> Bench:
-    """Results of older settings, and those of the command."""
     start, done = root / f"{name} start", root / f"{name} done"
     shutil.copytree(root / "old", start)
     if name in ("freeze", "compare", "export", "batch"):
@@ -183,10 +152,11 @@ def trial(bench: Bench, name: str, how: str, chance: random.Random, folder: Path
     """Disturb a command once; how it ended, and what is wrong afterwards."""
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(bench.start, folder)
-    old, disturbance = contents(folder), DISTURBANCES[how]
-    other = begin(folder, COMMANDS[name]) if disturbance.twice else None
-    child = begin(folder, COMMANDS[name], disturbance.before(chance))
-    disturbance.strike(child, chance.uniform(0, 1.1 * bench.seconds), folder)
+    old = contents(folder)
+    before = {"full disk": partial(little_room, chance.choice([0, 200, 3_000, 9_000, 20_000])), "read-only": no_rights}
+    other = begin(folder, COMMANDS[name]) if how == "two at once" else None
+    child = begin(folder, COMMANDS[name], before.get(how, lambda: None))
+    struck(how, child, chance.uniform(0, 1.1 * bench.seconds))
     code = end_of(child)
     wrong = [] if code in (*DONE, 4, 7, 130, -signal.SIGKILL, -signal.SIGINT) else [f"ended with {code}: {said(folder)}"]
     if other is not None and (second := end_of(other)) not in (*DONE, 7):
@@ -235,7 +205,6 @@ def warm_up(folder: Path, names: tuple[str, ...]) -> None:
 
 
 def called(folder: Path, arguments: tuple[str, ...]) -> None:
-    """A command in this process."""
     here, log = Path.cwd(), folder.parent / "log"
     os.chdir(folder)
     try:
@@ -259,7 +228,7 @@ def torture(count: int, seed: int, names: tuple[str, ...] = (*COMMANDS,)) -> tup
         benches = {name: prepare(root, name) for name in names}
         for number in range(count):
             name = names[number % len(names)] if number % BATCHES else names[-1]
-            how = chance.choices(list(DISTURBANCES), SHARES)[0]
+            how = chance.choices([*DISTURBANCES], [*DISTURBANCES.values()])[0]
             end, found = trial(benches[name], name, how, chance, root / "trial")
             ends[how][end] += 1
             for one in found:

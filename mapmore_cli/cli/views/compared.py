@@ -11,7 +11,7 @@ from mapmore_cli.domain.results import Search, Tried, Validation
 from mapmore_cli.domain.scores import Published, ScoreTable, Trial, Tuning
 from mapmore_cli.reporting.score_tables import changes_table, curve_scores_table, drift_table, score_table, search_table
 from mapmore_cli.reporting.table import Cell, Column, Table
-from mapmore_cli.spec.layers import as_overrides
+from mapmore_cli.spec.yaml_loader import as_overrides
 
 if TYPE_CHECKING:
     from mapmore_cli.modelling.validation.comparison import Comparison

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from mapmore_cli.cli.views.fitted import View
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.page import RUN_PAGE
+from mapmore_cli.domain.scores import RUN_PAGE
 
 if TYPE_CHECKING:
     from mapmore_cli.reporting.table import Table

@@ -7,10 +7,8 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mapmore_cli.domain.fits import FormulaFit, SegmentFit, Selection
-    from mapmore_cli.domain.memory import MemoryFit, MemoryModel
-    from mapmore_cli.domain.models import SegmentFunction
-    from mapmore_cli.domain.motion import Motion, MotionFit
+    from mapmore_cli.domain.fits import FormulaFit, MemoryFit, MemoryModel, SegmentFit, Selection
+    from mapmore_cli.domain.models import Motion, MotionFit, SegmentFunction
     from mapmore_cli.domain.results import FitResult
     from mapmore_cli.reporting.table import Table
 

@@ -1,35 +1,62 @@
-"""From sections of the spec to models: one file for each kind of model, found by the name of the kind."""
+"""From sections of the spec to models: one file for each kind of model, found by the name of the kind.
+
+A kind has two functions, which read and write no files: `fit(part, given)` returns a FitResult, `build(part, given, result)` the model
+that is made of it. The stages call them one by one, with files between; `refit` calls them in one go.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from mapmore_cli.domain.errors import SpecError
 
 if TYPE_CHECKING:
+    from mapmore_cli.domain.fits import SegmentedCurve
     from mapmore_cli.domain.models import Model
     from mapmore_cli.domain.recording import Dataset
     from mapmore_cli.domain.results import FitResult
     from mapmore_cli.fitting.kinds.choices import FitChoices, ModelChoices
-    from mapmore_cli.fitting.stage import Workspace
+    from mapmore_cli.fitting.stage import Progress
+
+
+def added_up(_path: str) -> Model:
+    """Refuse to fit a sum where the models of its runs are not known."""
+    raise SpecError("a sum of the models of other runs is not fitted itself", "do this with the specs that it adds up")
 
 
 @dataclass(frozen=True)
-class Maker:
-    """How a kind is fitted (the fit stage), and how the model is made of the fits (the fuse stage).
+class Given:
+    """What a model is made of: the data, where their training curves are cut, and the models of needed runs by the path of their spec."""
 
-    `refit` does all of it in one go on the training samples of another dataset, as cross-validation does, every choice included; None where
-    the models of other runs are needed: there, `refit_parts` does, given their models by the path of their specs.
-    """
-
-    fit: Callable[[FitChoices, Dataset, Workspace], FitResult]
-    build: Callable[[ModelChoices, Dataset, Workspace], Model]
-    refit: Callable[[ModelChoices, Dataset], Model] | None = None
-    refit_parts: Callable[[ModelChoices, Dataset, Callable[[str], Model]], Model] | None = None
+    dataset: Dataset
+    segmentation: Sequence[SegmentedCurve]
+    model_of: Callable[[str], Model] = added_up
+    progress: Progress = lambda _what, _done, _total: None
 
 
-def maker_of(part: FitChoices) -> Maker:
-    """Return how the model of a study is made, by the file of its kind; only what that takes is imported."""
-    found = import_module(f"{__name__}.{part.kind}")
-    return Maker(found.fit, found.build, getattr(found, "refit", None), getattr(found, "refit_parts", None))
+def fit(part: FitChoices, given: Given) -> FitResult:
+    """Fit what the kind of model asks for: every segment, one model with memory, a formula, or nothing where models are added up."""
+    found: FitResult = _kind(part).fit(part, given)
+    return found
+
+
+def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
+    """Return the model that is made of the fits."""
+    found: Model = _kind(part).build(part, given, result)
+    return found
+
+
+def refit(part: ModelChoices, dataset: Dataset, model_of: Callable[[str], Model] = added_up) -> Model:
+    """Return the model of the training samples of a dataset, made in one go, every choice included, as cross-validation does."""
+    from mapmore_cli.fitting.kinds.pieces import segmented
+
+    given = Given(dataset, segmented(dataset, part.levels, part.segment, part.dictionary, part.model.backbone, part.fit), model_of)
+    return build(part, given, fit(part, given))
+
+
+def _kind(part: FitChoices) -> Any:
+    """Return the file of a kind; only what that takes is imported."""
+    return import_module(f"{__name__}.{part.kind}")

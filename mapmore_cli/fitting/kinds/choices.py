@@ -9,13 +9,12 @@ from typing import TypeVar
 from mapmore_cli.domain.recording import Signal
 from mapmore_cli.fitting.kinds.dictionary import signals_of, units_of
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.pieces.recipe import Fuse, Segmented
+from mapmore_cli.modelling.pieces.recipe import Cuts, Fuse, Segmented
 from mapmore_cli.modelling.selection import AUTO, Fit
-from mapmore_cli.spec.experiment import ExperimentSpec
+from mapmore_cli.spec.experiment import Competitor, ExperimentSpec
 from mapmore_cli.spec.sections.data import STEP_OF, STEP_PRESSURE, Levels
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry, remembers
 from mapmore_cli.spec.sections.model import ModelChoice, Summand
-from mapmore_cli.spec.sections.results import Competitor
 from mapmore_cli.spec.units import base_units
 
 SegmentSection = Mapping[str, Segmented]
@@ -115,6 +114,11 @@ def level_of(levels: Levels | None, segment: SegmentSection) -> str | None:
     if levels is None or segment.get(levels.of) == "none":
         return None
     return STEP_OF if levels.of == STEP_PRESSURE else levels.of
+
+
+def by_trial(segment: SegmentSection) -> bool:
+    """Whether some boundary is placed by trying out fits."""
+    return any(isinstance(cut, Cuts) and cut.method == "optimal" for cut in segment.values())
 
 
 def model_choices(spec: ExperimentSpec) -> ModelChoices:

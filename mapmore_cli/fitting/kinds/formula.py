@@ -7,36 +7,24 @@ from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import FitResult
+from mapmore_cli.fitting.kinds import Given
 from mapmore_cli.fitting.kinds.choices import FitChoices, ModelChoices, level_of
-from mapmore_cli.fitting.stage import Workspace
 from mapmore_cli.modelling.literature import model as formula
 from mapmore_cli.modelling.literature.backbone import fit_formula
-from mapmore_cli.modelling.pieces.segmentation import trained_at, uncut
 
 
-def fit(part: FitChoices, dataset: Dataset, workspace: Workspace) -> FitResult:
+def fit(part: FitChoices, given: Given) -> FitResult:
     """Return the formula, fitted to all training samples; raises as `fitted`."""
-    del workspace
     assert part.model.name is not None
-    return FitResult(fitted(part.model.name, part, dataset))
+    return FitResult(fitted(part.model.name, part, given.dataset))
 
 
-def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:
+def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
     """Return the fitted formula as a model."""
-    found = workspace.files.fit().formula
-    assert found is not None
-    training = workspace.files.segmentation()
+    assert result.formula is not None
+    quantities = given.dataset.quantities
     level = level_of(part.levels, part.segment)
-    return formula.build(part.name, dataset.quantities[dataset.target], found, level, training, dataset.quantities)
-
-
-def refit(part: ModelChoices, dataset: Dataset) -> Model:
-    """Return the formula fitted to the training samples of a dataset, as a model; raises as `fitted`."""
-    assert part.model.name is not None
-    level = level_of(part.levels, part.segment)
-    training = uncut(trained_at(dataset.curves, part.fit.train_level), level is not None, dataset.target)
-    found = fitted(part.model.name, part, dataset)
-    return formula.build(part.name, dataset.quantities[dataset.target], found, level, training, dataset.quantities)
+    return formula.build(part.name, quantities[given.dataset.target], result.formula, level, given.segmentation, quantities)
 
 
 def fitted(name: str, part: FitChoices, dataset: Dataset) -> FormulaFit:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from itertools import count
 from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.results import FitResult, PiecesFit
-from mapmore_cli.fitting.kinds.choices import FitChoices, ModelChoices, SegmentSection, level_of
+from mapmore_cli.fitting.kinds import Given
+from mapmore_cli.fitting.kinds.choices import FitChoices, ModelChoices, SegmentSection, by_trial, level_of
 from mapmore_cli.fitting.kinds.dictionary import terms_of
 from mapmore_cli.fitting.kinds.formula import fitted
 from mapmore_cli.modelling.pieces.recipe import Cut, Fuse, Recipe
@@ -16,10 +18,9 @@ from mapmore_cli.spec.sections.data import Levels
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry, remembers
 
 if TYPE_CHECKING:
-    from mapmore_cli.domain.fits import FormulaFit
+    from mapmore_cli.domain.fits import FormulaFit, SegmentedCurve
     from mapmore_cli.domain.models import Model
     from mapmore_cli.domain.recording import Curve, Dataset
-    from mapmore_cli.fitting.stage import Workspace
 
 
 def cuts_of(segment: SegmentSection) -> dict[str, Cut]:
@@ -43,72 +44,62 @@ def recipe_of(
     )
 
 
-def fit(part: FitChoices, dataset: Dataset, workspace: Workspace) -> FitResult:
+def segmented(
+    dataset: Dataset, levels: Levels | None, segment: SegmentSection, dictionary: Sequence[DictionaryEntry], backbone: str | None, fit: Fit
+) -> tuple[SegmentedCurve, ...]:
+    """Cut every training curve over its own range; what is fitted there is what the backbone leaves, which costs of intervals go by."""
+    from mapmore_cli.modelling.literature.backbone import fit_formula
+    from mapmore_cli.modelling.pieces.build import segment as cut
+
+    recipe = recipe_of(dataset.target, levels, segment, dictionary, fit, Fuse())
+    formula = fit_formula(backbone, dataset.curves, dataset.target) if backbone and by_trial(segment) else None
+    return cut(trained_at(dataset.curves, fit.train_level), recipe, formula)
+
+
+def fit(part: FitChoices, given: Given) -> FitResult:
     """Return the terms of every segment, fitted to what the backbone leaves where there is one; raises FitError where its fit failed."""
     from mapmore_cli.modelling.pieces import build as method
 
-    curves = trained_at(dataset.curves, part.fit.train_level)
-    segmentation = workspace.files.segmentation()
-    recipe = recipe_of(dataset.target, part.levels, part.segment, part.dictionary, part.fit, part.joined)
-    backbone, notes = _backbone(part, dataset, curves, recipe, lambda done, of: workspace.progress("backbones by folds", done, of))
-    total = sum(len(curve.segments) for curve in segmentation)
-    done = 0
-
-    def tick() -> None:
-        nonlocal done
-        done += 1
-        workspace.progress("segments", done, total)
-
-    segments = method.fit(curves, segmentation, recipe, backbone, tick)
+    curves, recipe = _trained(part, given.dataset)
+    backbone, notes = _backbone(part, given, curves, recipe)
+    total = sum(len(curve.segments) for curve in given.segmentation)
+    done = count(1)
+    segments = method.fit(curves, given.segmentation, recipe, backbone, lambda: given.progress("segments", next(done), total))
     return FitResult(PiecesFit(segments), backbone, notes)
 
 
-def _backbone(
-    part: FitChoices, dataset: Dataset, curves: Sequence[Curve], recipe: Recipe, progress: Callable[[int, int], None]
-) -> tuple[FormulaFit | None, tuple[str, ...]]:
+def _trained(part: FitChoices, dataset: Dataset) -> tuple[Sequence[Curve], Recipe]:
+    """Return the curves, of which some train, and the whole recipe."""
+    recipe = recipe_of(dataset.target, part.levels, part.segment, part.dictionary, part.fit, part.joined)
+    return trained_at(dataset.curves, part.fit.train_level), recipe
+
+
+def _backbone(part: FitChoices, given: Given, curves: Sequence[Curve], recipe: Recipe) -> tuple[FormulaFit | None, tuple[str, ...]]:
     """Return the formula that the spec names, or the one that left-out levels choose, fitted; and on what grounds it was chosen."""
     name = part.model.backbone
     notes: tuple[str, ...] = ()
     if name == AUTO:
         from mapmore_cli.modelling.pieces.backbone_choice import choose_backbone
 
-        choice = choose_backbone(curves, recipe, dataset.quantities, progress)
+        choice = choose_backbone(curves, recipe, given.dataset.quantities, lambda done, of: given.progress("backbones by folds", done, of))
         name, notes = choice.name, (choice.note,)
-    return (None if name is None else fitted(name, part, dataset)), notes
+    return (None if name is None else fitted(name, part, given.dataset)), notes
 
 
 def backbone_name(part: FitChoices, dataset: Dataset) -> str | None:
     """Return the backbone that left-out levels choose."""
-    curves = trained_at(dataset.curves, part.fit.train_level)
-    recipe = recipe_of(dataset.target, part.levels, part.segment, part.dictionary, part.fit, part.joined)
-    found, _ = _backbone(part, dataset, curves, recipe, lambda _done, _of: None)
+    found, _ = _backbone(part, Given(dataset, ()), *_trained(part, dataset))
     return None if found is None else found.name
 
 
-def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:
+def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
     """Fuse; on a backbone, keep as much of the residual as left-out training data support, unless the spec says how much."""
     from mapmore_cli.modelling.pieces import build as method
     from mapmore_cli.modelling.pieces.shrinkage import with_trusted_residual
 
-    curves = trained_at(dataset.curves, part.fit.train_level)
-    segmentation = workspace.files.segmentation()
-    result = workspace.files.fit()
-    recipe = recipe_of(dataset.target, part.levels, part.segment, part.dictionary, part.fit, part.fuse)
-    model = method.fuse(part.name, curves, segmentation, result, recipe, dataset.quantities)
+    quantities = given.dataset.quantities
+    curves, recipe = _trained(part, given.dataset)
+    model = method.fuse(part.name, curves, given.segmentation, result, recipe, quantities)
     if result.backbone is None or recipe.fuse.shrink != AUTO:
         return model
-    return with_trusted_residual(model, curves, recipe, dataset.quantities, lambda done, total: workspace.progress("folds", done, total))
-
-
-def refit(part: ModelChoices, dataset: Dataset) -> Model:
-    """Everything in one go on the training samples of a dataset: cuts, backbone, terms, and the share of the residual that is trusted."""
-    from mapmore_cli.modelling.pieces import build as method
-    from mapmore_cli.modelling.pieces.shrinkage import with_trusted_residual
-
-    curves = trained_at(dataset.curves, part.fit.train_level)
-    recipe = recipe_of(dataset.target, part.levels, part.segment, part.dictionary, part.fit, part.fuse)
-    backbone, _ = _backbone(part, dataset, curves, recipe, lambda _done, _of: None)
-    model = method.build(part.name, curves, recipe, dataset.quantities, backbone)
-    if backbone is None or recipe.fuse.shrink != AUTO:
-        return model
-    return with_trusted_residual(model, curves, recipe, dataset.quantities)
+    return with_trusted_residual(model, curves, recipe, quantities, lambda done, total: given.progress("folds", done, total))

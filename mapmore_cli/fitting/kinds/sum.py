@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -11,53 +11,37 @@ from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import CurveRange, Formula, Model, Part
 from mapmore_cli.domain.recording import Dataset, Quantity
 from mapmore_cli.domain.results import FitResult
+from mapmore_cli.fitting.kinds import Given
 from mapmore_cli.fitting.kinds.choices import FitChoices, ModelChoices
-from mapmore_cli.fitting.stage import Workspace
 from mapmore_cli.modelling.expressions import Name, parse
 from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.modelling.sums.joint import Summand, fit_jointly, refuse_shared_names, split, sum_of
 from mapmore_cli.spec.sections import model as sections
-from mapmore_cli.storage.run_folder import RunFiles
 
 
-def fit(part: FitChoices, dataset: Dataset, workspace: Workspace) -> FitResult:
+def fit(part: FitChoices, given: Given) -> FitResult:
     """Formulas together; nothing where the summands are fitted by runs of their own.
 
     Raises FitError where the formulas did not converge to anything usable.
     """
-    del workspace
     formulas = summands_of(part.model.sum or [])
-    return FitResult(_fitted(formulas, dataset) if formulas else None)
-
-
-def _fitted(formulas: Sequence[Summand], dataset: Dataset) -> FormulaFit:
-    training = pooled_training(dataset.curves)
-    found = fit_jointly(formulas, training, training[dataset.target])
+    if not formulas:
+        return FitResult(None)
+    training = pooled_training(given.dataset.curves)
+    found = fit_jointly(formulas, training, training[given.dataset.target])
     if found.failed:
         raise FitError(f"the fit of {found.name} failed: {'; '.join(found.notes)}", "take other formulas")
-    return found
+    return FitResult(found)
 
 
-def build(part: ModelChoices, dataset: Dataset, workspace: Workspace) -> Model:
-    """Return the sum: static plus damping, or the parts that the spec names."""
-    joint = workspace.files.fit().formula
-    return _built(part, dataset, joint, lambda path: RunFiles(workspace.needed[path]).model())
-
-
-def refit_parts(part: ModelChoices, dataset: Dataset, model_of: Callable[[str], Model]) -> Model:
-    """Return the same for another dataset: formulas are fitted anew, and `model_of` gives the models of runs, by the path of their spec."""
-    formulas = summands_of(part.model.sum or [])
-    joint = _fitted(formulas, dataset) if formulas else None
-    return _built(part, dataset, joint, model_of)
-
-
-def _built(part: ModelChoices, dataset: Dataset, joint: FormulaFit | None, model_of: Callable[[str], Model]) -> Model:
-    """Return the sum of formulas that were fitted as `joint`, or of the models of runs by the path of their spec."""
+def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
+    """Return the sum: static plus damping, the models of runs that the spec names, or formulas that were fitted together."""
+    dataset, model_of = given.dataset, given.model_of
     output, quantities = dataset.quantities[dataset.target], dataset.quantities
     if part.model.sum is None:
         return sum_of(part.name, [Part(model_of(path)) for path in part.summands], output, quantities)
-    if joint is not None:
-        return sum_of(part.name, formula_parts(summands_of(part.model.sum), joint, dataset), output, quantities)
+    if result.formula is not None:
+        return sum_of(part.name, formula_parts(summands_of(part.model.sum), result.formula, dataset), output, quantities)
     parts = [Part(model_of(str(one.model)), float(one.sign), dict(one.inputs)) for one in part.model.sum]
     refuse_shared_names([(one.model.name, [q.name for q in one.model.inputs], one.inputs) for one in parts])
     return sum_of(part.name, parts, output, quantities)

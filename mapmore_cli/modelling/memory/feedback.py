@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.memory import StateSet
+from mapmore_cli.domain.fits import StateSet
 from mapmore_cli.modelling.expressions import Expression, Name, compiled, derivative, multiply, parse, to_text
 from mapmore_cli.modelling.expressions.operator import Recursion
 from mapmore_cli.modelling.expressions.operators import OPERATORS

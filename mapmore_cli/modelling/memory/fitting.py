@@ -9,7 +9,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.memory import MemoryFit
+from mapmore_cli.domain.fits import MemoryFit
 from mapmore_cli.modelling.expressions import NotFinite
 from mapmore_cli.modelling.memory.beam import Member, Tick, beam, trials
 from mapmore_cli.modelling.memory.identification import DIGITS, Unknown, scan, unknown

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns, IntArray
-from mapmore_cli.domain.memory import MemoryModel
+from mapmore_cli.domain.fits import MemoryModel
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.expressions import Expression, dictionary_matrix, parse
 from mapmore_cli.modelling.memory.feedback import Feedback, feedback_of

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.domain.memory import Identified
+from mapmore_cli.domain.fits import Identified
 from mapmore_cli.modelling.expressions import Name, parse, substitute, to_text
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.expressions.states import Measured, Operated, State, state

@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.domain.fits import FormulaFit, SegmentedCurve
-from mapmore_cli.domain.memory import PIECE, MemoryModel
+from mapmore_cli.domain.fits import PIECE, FormulaFit, MemoryModel, SegmentedCurve
 from mapmore_cli.domain.models import CurveRange, Equation, Memory, Model
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.results import Run

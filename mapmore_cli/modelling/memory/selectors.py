@@ -12,8 +12,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns, IntArray
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.fits import Selection
-from mapmore_cli.domain.memory import StateSet
+from mapmore_cli.domain.fits import Selection, StateSet
 from mapmore_cli.modelling.expressions import Expression, dictionary_blocks, dictionary_matrix
 from mapmore_cli.modelling.expressions.families import fits_whole, refuse_beyond_memory
 from mapmore_cli.modelling.frols import frols, frols_streamed

@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
-from mapmore_cli.domain.memory import StateSet
+from mapmore_cli.domain.fits import StateSet
 from mapmore_cli.modelling.expressions import evaluate
 from mapmore_cli.modelling.expressions.operator import FLOATS, Recursion
 from mapmore_cli.modelling.memory.feedback import OUTPUT, Feedback, fed_back_states

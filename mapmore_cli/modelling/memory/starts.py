@@ -6,7 +6,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.memory import MemoryModel
+from mapmore_cli.domain.fits import MemoryModel
 from mapmore_cli.modelling.memory.feedback import Feedback
 from mapmore_cli.modelling.memory.simulation import Course, Piece, bounds_of, course_of
 

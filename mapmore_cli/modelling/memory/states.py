@@ -9,7 +9,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.memory import MemoryModel, StateSet
+from mapmore_cli.domain.fits import MemoryModel, StateSet
 from mapmore_cli.modelling.expressions.operator import Setting, along
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.expressions.states import Lagged, Measured, Operated, State, state

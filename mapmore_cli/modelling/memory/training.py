@@ -10,7 +10,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import BoolArray, IntArray
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.memory import MemoryFit, MemoryModel, StateSet
+from mapmore_cli.domain.fits import MemoryFit, MemoryModel, StateSet
 from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.modelling.memory.feedback import Feedback, fed_back_states, feedback_of, parted
 from mapmore_cli.modelling.memory.identification import Unknown, unknown

@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.motion import BUMPLESS, Motion, MotionSection
+from mapmore_cli.domain.models import BUMPLESS, Motion, MotionSection
 from mapmore_cli.modelling.motion.sections import angles, of_angles
 from mapmore_cli.modelling.motion.simulation import shared
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.motion import BUMPLESS, Motion, MotionFit, MotionSection, SectionSearch
+from mapmore_cli.domain.models import BUMPLESS, Motion, MotionFit, MotionSection, SectionSearch
 from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.motion.bumpless import Trace, joined
 from mapmore_cli.modelling.motion.problem import Found, MotionRecipe, Piece, Problem

@@ -9,8 +9,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.fits import SegmentedCurve
-from mapmore_cli.domain.models import CurveRange, Equation, Model, StateSpace
-from mapmore_cli.domain.motion import BUMPLESS, HARD, REST, Motion, MotionSection
+from mapmore_cli.domain.models import BUMPLESS, HARD, REST, CurveRange, Equation, Model, Motion, MotionSection, StateSpace
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.expressions import Expression, Name, Number, add, multiply, parse, substitute

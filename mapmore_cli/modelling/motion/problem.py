@@ -12,7 +12,7 @@ from annotated_types import Interval, Len
 
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.declared import Contradiction, Either, Pair, Seconds, Settings, of_sibling
-from mapmore_cli.domain.motion import REST
+from mapmore_cli.domain.models import REST
 from mapmore_cli.modelling.motion.sections import radius, stable
 from mapmore_cli.modelling.motion.simulation import response
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.motion import ALL, BUMPLESS, FALL, RISE, Motion
+from mapmore_cli.domain.models import ALL, BUMPLESS, FALL, RISE, Motion
 from mapmore_cli.modelling.expressions.operators.play import play
 
 SLOWEST, FASTEST = 1e-4, 0.5

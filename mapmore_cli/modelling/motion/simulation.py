@@ -8,7 +8,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns, IntArray
 from mapmore_cli.domain.errors import FitError
-from mapmore_cli.domain.motion import HARD, REST, Motion
+from mapmore_cli.domain.models import HARD, REST, Motion
 from mapmore_cli.modelling.expressions import evaluate, parse
 from mapmore_cli.modelling.memory.records import uninterrupted
 from mapmore_cli.modelling.motion.sections import active, unstable_sections

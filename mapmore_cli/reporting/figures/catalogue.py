@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from importlib import import_module
 
 from mapmore_cli.domain.errors import UsageError
-from mapmore_cli.domain.page import FIGURES
+from mapmore_cli.domain.scores import FIGURES
 from mapmore_cli.reporting.figures.drawing import Drawing, Panel, compose, find_panel
 from mapmore_cli.reporting.figures.saving import to_svg
 from mapmore_cli.reporting.figures.style import figure_style

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from mapmore_cli.domain.motion import FALL, MotionFit
+from mapmore_cli.domain.models import FALL, MotionFit
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
 from mapmore_cli.reporting.figures.style import BLACK, DOUBLE, GREY, shortened
 from mapmore_cli.reporting.inputs import ReportInputs

@@ -4,10 +4,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import pairwise
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import AfterValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, ConfigDict, Field
 
 from mapmore_cli.domain.declared import Contradiction, Either, InUnit, OfKey, Seconds, of_sibling
 from mapmore_cli.spec.fields import Quantity, RelativePath, Section, SignedSeconds, possible_path
@@ -64,18 +65,16 @@ class Levels(Section):
         ordered = sorted(self.at)
         return min(after - before for before, after in pairwise(ordered))
 
-    @model_validator(mode="after")
-    def _apart(self) -> Levels:
+    def _contradictions(self) -> Iterator[ValueError]:
         if self.spacing == 0 and not isinstance(self.at, str):
             twice = sorted({level for level in self.at if self.at.count(level) > 1})
-            raise Contradiction(f"level {', '.join(f'{level:g}' for level in twice)} is given twice", "give each level once", "at")
+            yield Contradiction(f"level {', '.join(f'{level:g}' for level in twice)} is given twice", "give each level once", "at")
         if self.within is not None and self.spacing is not None and self.within > self.spacing / 2:
-            raise Contradiction(
+            yield Contradiction(
                 f"levels overlap: they lie {self.spacing:g} apart, and `within: {self.within:g}` reaches further than half of that",
                 f"give `within` of {self.spacing / 2:g} or less",
                 "within",
             )
-        return self
 
 
 class Between(Section):
@@ -83,12 +82,10 @@ class Between(Section):
 
     between: Annotated[list[Annotated[tuple[OfKey, OfKey], Field(strict=False)]], Field(min_length=1)]
 
-    @model_validator(mode="after")
-    def _ascending(self) -> Between:
+    def _contradictions(self) -> Iterator[ValueError]:
         for low, high in self.between:
             if low > high:
-                raise Contradiction(f"the interval runs from {low:g} to {high:g}", "put the lower end first", "between")
-        return self
+                yield Contradiction(f"the interval runs from {low:g} to {high:g}", "put the lower end first", "between")
 
 
 Part = Annotated[float, Field(gt=0, lt=1), InUnit(lambda _: "1")]
@@ -119,25 +116,15 @@ class Holdout(Section):
         """The keys that are quantities."""
         return self.__pydantic_extra__
 
-    @model_validator(mode="before")
-    @classmethod
-    def _quantities_beside(cls, given: Any) -> Any:
-        """In Python, `Holdout(quantities={"pressure": [250]})` says the same as the YAML mapping."""
-        if isinstance(given, dict) and isinstance(given.get("quantities"), dict):
-            return {key: value for key, value in given.items() if key != "quantities"} | given["quantities"]
-        return given
-
-    @model_validator(mode="after")
-    def _says_something(self) -> Holdout:
+    def _contradictions(self) -> Iterator[ValueError]:
         conditions = (self.files, self.recordings, self.last, self.last_cycles, self.fraction)
         if all(value is None for value in conditions) and not self.quantities:
-            raise Contradiction("`validate` does not say what is held out", "name a quantity, as `pressure: [250]`", "seed", "of")
+            yield Contradiction("`validate` does not say what is held out", "name a quantity, as `pressure: [250]`", "seed", "of")
         if (self.last_cycles is None) != (self.of is None):
             remedy = "say of which quantity, as `{last_cycles: 0.5, of: pressure}`"
-            raise Contradiction("`last_cycles` and `of` go together", remedy, "last_cycles", "of")
+            yield Contradiction("`last_cycles` and `of` go together", remedy, "last_cycles", "of")
         if self.seed is not None and self.fraction is None:
-            raise Contradiction("`seed` draws nothing here", "it belongs to `fraction`", "seed")
-        return self
+            yield Contradiction("`seed` draws nothing here", "it belongs to `fraction`", "seed")
 
 
 class Split(Section):
@@ -150,13 +137,11 @@ class Split(Section):
     leave_one_level_out: bool = False
     leave_one_group_out: bool = False
 
-    @model_validator(mode="after")
-    def _one_of_them(self) -> Split:
+    def _contradictions(self) -> Iterator[ValueError]:
         given = [key for key in ("leave_one_level_out", "leave_one_group_out") if getattr(self, key)]
         told = [*(["validate"] if self.hold_out is not None else []), *given]
         if len(told) > 1:
-            raise Contradiction(f"both {' and '.join(f'`{key}`' for key in told)} are given", "choose one", told[-1])
-        return self
+            yield Contradiction(f"both {' and '.join(f'`{key}`' for key in told)} are given", "choose one", told[-1])
 
 
 class Groups(Section):

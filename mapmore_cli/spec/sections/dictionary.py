@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from pydantic import Field, create_model, model_validator
+from pydantic import Field, create_model
 
 from mapmore_cli.domain.declared import Contradiction, Either, InUnit, Seconds
-from mapmore_cli.modelling.expressions.operator import Operator, Parameter
+from mapmore_cli.modelling.expressions import ExpressionError, parse, state
+from mapmore_cli.modelling.expressions.operator import Operator
 from mapmore_cli.modelling.expressions.operators import families
 from mapmore_cli.spec.fields import Section
 from mapmore_cli.spec.tree import Loc
@@ -39,45 +39,37 @@ class OperatorFamily(Section):
             return [(number,) for number in given or ()]
         return [tuple(number for key in keys if (number := getattr(self, key)) is not None)]
 
-    @model_validator(mode="after")
-    def _complete(self) -> OperatorFamily:
+    def _contradictions(self) -> Iterator[ValueError]:
         name, parameters = self.operator.name, self.operator.parameters
         given = [getattr(self, key, None) is not None for key in (*(one.key for one in parameters[:1]), "count")]
         if self.operator.spread is not None and all(given):
             key, example = parameters[0].key, parameters[0].example
-            raise Contradiction(f"`{name}` takes either `{key}` or `count`", f"give one of them, as `{key}: [{example}]`", "count", "of")
+            yield Contradiction(f"`{name}` takes either `{key}` or `count`", f"give one of them, as `{key}: [{example}]`", "count", "of")
         missing = [parameter.key for parameter in parameters if getattr(self, parameter.key) is None]
         if len(parameters) > 1 and 0 < len(missing) < len(parameters):
             remedy = f"add `{missing[0]}`, or leave all out: training then finds them"
-            raise Contradiction(f"`{name}` lacks `{missing[0]}`", remedy, *(parameter.key for parameter in parameters))
-        return self
-
-
-def _number(parameter: Parameter) -> Any:
-    bounds = Field(gt=parameter.above) if parameter.below == float("inf") else Field(gt=parameter.above, lt=parameter.below)
-    return Annotated[float, bounds, InUnit(lambda _, unit=parameter.unit: unit)]  # type: ignore[misc]
-
-
-def _fields(operator: Operator) -> dict[str, Any]:
-    parameters = operator.parameters
-    if len(parameters) != 1:
-        default = None if operator.found else ...
-        return {one.key: (_number(one) | None if default is None else _number(one), default) for one in parameters}
-    many = Annotated[list[_number(parameters[0])], Field(min_length=1)]  # type: ignore[misc, valid-type]
-    if operator.spread is None:
-        return {parameters[0].key: (many | None, None) if operator.found else (many, ...)}
-    return {parameters[0].key: (many | None, None), "count": (Count | None, None)}
+            yield Contradiction(f"`{name}` lacks `{missing[0]}`", remedy, *(parameter.key for parameter in parameters))
 
 
 def _form(key: str, operator: Operator) -> type[OperatorFamily]:
-    form = create_model(key.title(), __base__=OperatorFamily, __doc__=operator.summary, __module__=__name__, **_fields(operator))
+    """Return the section of an operator: a list of numbers for its one parameter, or a number for each of several."""
+    fields: dict[str, Any] = {}
+    single = len(operator.parameters) == 1
+    is_optional = operator.found or (single and operator.spread is not None)
+    for one in operator.parameters:
+        bounds = Field(gt=one.above) if one.below == float("inf") else Field(gt=one.above, lt=one.below)
+        number: Any = Annotated[float, bounds, InUnit(lambda _, unit=one.unit: unit)]  # type: ignore[misc]
+        number = Annotated[list[number], Field(min_length=1)] if single else number
+        fields[one.key] = (number | None, None) if is_optional else (number, ...)
+    if single and operator.spread is not None:
+        fields["count"] = (Count | None, None)
+    form = create_model(key.title(), __base__=OperatorFamily, __doc__=operator.summary, __module__=__name__, **fields)
     form.operator = operator
     return form
 
 
 FORMS: Mapping[str, type[OperatorFamily]] = {key: _form(key, operators[0]) for key, operators in families().items()}
 """The form of each family by its key."""
-
 
 Order = Annotated[int, Field(ge=1, le=20)]
 Steps = Annotated[int, Field(ge=0, le=1_000_000)]
@@ -132,24 +124,19 @@ class Families(Section):
     delays: Delays | None = None
     products: Products | None = None
 
-    @property
-    def families(self) -> Mapping[str, Family]:
-        """What is given, by name; one in a valid entry."""
-        given = {name: getattr(self, name) for name in type(self).model_fields}
-        return MappingProxyType({name: family for name, family in given.items() if family is not None})
+    def _given(self) -> dict[str, Family]:
+        return {name: family for name in type(self).model_fields if (family := getattr(self, name)) is not None}
 
     @property
     def family(self) -> tuple[str, Family]:
-        """Name and settings."""
-        return next(iter(self.families.items()))
+        """Name and settings of the one that is given."""
+        return next(iter(self._given().items()))
 
-    @model_validator(mode="after")
-    def _one_family(self) -> Families:
-        if len(self.families) != 1:
-            found = "two families" if self.families else "no family"
+    def _contradictions(self) -> Iterator[ValueError]:
+        if len(self._given()) != 1:
+            found = "two families" if self._given() else "no family"
             remedy = f"give one of {', '.join(f'`{name}`' for name in type(self).model_fields)}; further families are entries of their own"
-            raise Contradiction(f"this entry has {found} of terms", remedy)
-        return self
+            yield Contradiction(f"this entry has {found} of terms", remedy)
 
 
 if TYPE_CHECKING:
@@ -167,18 +154,14 @@ else:
     )
 
 
-def entries_of(dictionary: Sequence[DictionaryEntry], loc: Loc = ("dictionary",)) -> Iterator[tuple[Loc, str, Family]]:
-    """Place, name and settings of every family, those inside products included."""
-    for place, entry in enumerate(dictionary):
-        yield from _of_entry(entry, (*loc, place))
-
-
-def _of_entry(entry: DictionaryEntry, loc: Loc) -> Iterator[tuple[Loc, str, Family]]:
-    name, family = entry.family
-    yield (*loc, name), name, family
-    for place, inner in enumerate(family.of if isinstance(family, Products) else ()):
-        if isinstance(inner, DictionaryEntry):
-            yield from _of_entry(inner, (*loc, name, "of", place))
+def entries_of(entries: Sequence[str | DictionaryEntry], loc: Loc = ("dictionary",)) -> Iterator[tuple[Loc, str, Family]]:
+    """Place, name and settings of every family of a dictionary, those inside products included."""
+    for place, entry in enumerate(entries):
+        if isinstance(entry, DictionaryEntry):
+            name, family = entry.family
+            yield (*loc, place, name), name, family
+            if isinstance(family, Products):
+                yield from entries_of(family.of, (*loc, place, name, "of"))
 
 
 def texts_in(loc: Loc, family: Family) -> Iterator[tuple[Loc, str, bool]]:
@@ -196,34 +179,25 @@ def texts_in(loc: Loc, family: Family) -> Iterator[tuple[Loc, str, bool]]:
 
 def remembers(dictionary: Sequence[DictionaryEntry]) -> bool:
     """Whether any term needs more of a recording than the sample itself."""
-    plain = {"polynomial", "terms", "products"}
-    for loc, name, family in entries_of(dictionary):
-        if name not in plain or any(_has_memory(text) for _, text, _ in texts_in(loc, family)):
-            return True
-    return False
+    return any(
+        name not in ("polynomial", "terms", "products") or any(not used.isidentifier() for used in _names_of(loc, family))
+        for loc, name, family in entries_of(dictionary)
+    )
 
 
 def feeds_back(dictionary: Sequence[DictionaryEntry], target: str) -> bool:
     """Whether any term is made of the target."""
-    texts = [text for loc, _, family in entries_of(dictionary) for _, text, _ in texts_in(loc, family)]
-    return any(quantity == target for text in texts for quantity in _quantities(text))
+    return any(state(used).quantity == target for loc, _, family in entries_of(dictionary) for used in _names_of(loc, family))
 
 
-def _quantities(text: str) -> list[str]:
-    """Quantities that an expression or a state is made of; text that is neither is reported elsewhere."""
-    from mapmore_cli.modelling.expressions import ExpressionError, parse, state
+def _names_of(loc: Loc, family: Family) -> Iterator[str]:
+    for _, text, _ in texts_in(loc, family):
+        yield from names_in(text)
 
+
+def names_in(text: str) -> frozenset[str]:
+    """Return the quantities and states of an expression, or of the name of a state; none of a malformed text, reported elsewhere."""
     try:
-        return [state(name).quantity for name in parse(text).names]
+        return frozenset(parse(text).names)
     except ExpressionError:
-        return []
-
-
-def _has_memory(text: str) -> bool:
-    """Whether an expression or the name of a state has memory; text that is neither is reported elsewhere."""
-    from mapmore_cli.modelling.expressions import ExpressionError, parse
-
-    try:
-        return any(not name.isidentifier() for name in parse(text).names)
-    except ExpressionError:
-        return False
+        return frozenset()

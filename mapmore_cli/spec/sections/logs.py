@@ -5,10 +5,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from mapmore_cli.domain.declared import Contradiction, Either, OfKey, Seconds, of_sibling
 from mapmore_cli.spec.fields import InColumnUnit, Quantity, Section, SignedSeconds, SpecPath
@@ -33,18 +33,16 @@ class Keep(Section):
     between: Interval | None = None
     outside: Interval | None = None
 
-    @model_validator(mode="after")
-    def _one_condition(self) -> Keep:
+    def _contradictions(self) -> Iterator[ValueError]:
         given = [name for name in CONDITIONS if getattr(self, name) is not None]
         if len(given) != 1:
             found = "two conditions at once: " + ", ".join(f"`{name}`" for name in given) if given else "no condition"
             remedy = f"give one of {', '.join(f'`{name}`' for name in CONDITIONS)}"
-            raise Contradiction(f"`keep` has {found}", remedy, *given[1:], "quantity")
+            yield Contradiction(f"`keep` has {found}", remedy, *given[1:], "quantity")
         for name in ("between", "outside"):
             interval = getattr(self, name)
             if interval is not None and interval[0] >= interval[1]:
-                raise Contradiction(f"`{name}` runs from {interval[0]:g} to {interval[1]:g}", "put the lower end first", name)
-        return self
+                yield Contradiction(f"`{name}` runs from {interval[0]:g} to {interval[1]:g}", "put the lower end first", name)
 
 
 if TYPE_CHECKING:
@@ -112,39 +110,31 @@ class Logs(Section):
     sample_time: Seconds | None = None
     every: Annotated[int, Field(ge=1, le=1_000_000_000)] = 1
 
-    @model_validator(mode="after")
-    def _reader_has_use(self) -> Logs:
-        for key, readers in READERS_OF.items():
-            if self.reader not in readers and getattr(self, key) != Logs.model_fields[key].default:
-                owners = " and ".join(f"`{reader}`" for reader in readers)
-                raise Contradiction(f"reader `{self.reader}` has no use for `{key}`", f"remove it: it belongs to {owners}", key)
+    def _contradictions(self) -> Iterator[ValueError]:
         reader = READERS[self.reader]
-        if "sheet" not in reader.keys and any(isinstance(entry, FileEntry) and entry.sheet is not None for entry in self.files):
-            owners = " and ".join(f"`{name}`" for name in READERS_OF["sheet"])
-            raise Contradiction(f"reader `{self.reader}` has no use for `sheet`", f"remove it: it belongs to {owners}", "files")
+        unused = [(key, key) for key in READERS_OF if getattr(self, key) != Logs.model_fields[key].default]
+        unused += [("sheet", "files") for entry in self.files if isinstance(entry, FileEntry) and entry.sheet is not None]
+        for key, place in unused:
+            if key not in reader.keys:
+                owners = " and ".join(f"`{name}`" for name in READERS_OF[key])
+                yield Contradiction(f"reader `{self.reader}` has no use for `{key}`", f"remove it: it belongs to {owners}", place)
         if not reader.by_index and any(isinstance(column.column, int) for column in self.columns.values()):
-            raise Contradiction(f"reader `{reader.name}` finds columns by name", f"write `column: {reader.column}`", "columns")
+            yield Contradiction(f"reader `{reader.name}` finds columns by name", f"write `column: {reader.column}`", "columns")
         if self.sample_time is not None and "time" in self.columns:
-            raise Contradiction("`time` is a column, and `sample_time` makes it as well", "keep one of both", "sample_time")
+            yield Contradiction("`time` is a column, and `sample_time` makes it as well", "keep one of both", "sample_time")
         if self.sample_time is None and "time" not in self.columns and any(column.rest is not None for column in self.columns.values()):
-            raise Contradiction("`rest` needs the time", "add `time` to `columns`, or `sample_time`", "columns")
-        return self
-
-    @model_validator(mode="after")
-    def _dialect(self) -> Logs:
+            yield Contradiction("`rest` needs the time", "add `time` to `columns`, or `sample_time`", "columns")
         if not re.fullmatch(r"tab|whitespace|[^\w\s\"'.+-]|[\t ]", self.delimiter):
-            raise Contradiction(
-                f"{self.delimiter!r} cannot separate fields", 'write one character, as `";"`, or `tab`, or `whitespace`', "delimiter"
-            )
+            remedy = 'write one character, as `";"`, or `tab`, or `whitespace`'
+            yield Contradiction(f"{self.delimiter!r} cannot separate fields", remedy, "delimiter")
         if self.delimiter == self.decimal:
             remedy = 'say what separates the fields, as `delimiter: ";"`'
-            raise Contradiction("the decimal point also separates the fields", remedy, "decimal")
+            yield Contradiction("the decimal point also separates the fields", remedy, "decimal")
         try:
             "a".encode(self.encoding)
         except (LookupError, ValueError):  # ValueError: a zero byte in the name
             remedy = "write `utf-8`, `utf-16`, `latin-1`, `cp1252`, ..."
-            raise Contradiction(f"encoding {self.encoding!r} is unknown", remedy, "encoding") from None
-        return self
+            yield Contradiction(f"encoding {self.encoding!r} is unknown", remedy, "encoding")
 
 
 class Match(Section):
@@ -176,25 +166,25 @@ class Join(Logs):
         """What it adds to the recording."""
         return tuple(name for name in self.columns if name != "time")
 
-    @model_validator(mode="after")
-    def _clock(self) -> Join:
-        if self.on == "time" and "time" not in self.columns and self.sample_time is None:
+    def _contradictions(self) -> Iterator[ValueError]:
+        yield from super()._contradictions()
+        has_time = "time" in self.columns or self.sample_time is not None
+        if self.on == "time" and not has_time:
             remedy = "add `time` to its `columns`, or say `on: row`"
-            raise Contradiction("a join on time needs the time of the second log", remedy, "on", "columns")
+            yield Contradiction("a join on time needs the time of the second log", remedy, "on", "columns")
         if self.on == "row" and (self.shift != 0 or self.max_gap is not None):
-            raise Contradiction("a join on rows has no use for `shift` and `max_gap`", "remove them", "shift", "max_gap")
-        if self.on == "row" and ("time" in self.columns or self.sample_time is not None):
-            raise Contradiction("a join on rows takes the time of the first log", "remove the second", "columns")
-        if (self.shift == "auto") != (self.match is not None):
-            if self.match is None:
-                remedy = "add `match: {first: QUANTITY, second: QUANTITY}`, which change together"
-                raise Contradiction("`shift: auto` needs two quantities that tell the shift", remedy, "shift")
-            raise Contradiction("`match` is about `shift: auto`", "add that, or remove `match`", "match")
+            yield Contradiction("a join on rows has no use for `shift` and `max_gap`", "remove them", "shift", "max_gap")
+        if self.on == "row" and has_time:
+            yield Contradiction("a join on rows takes the time of the first log", "remove the second", "columns")
+        if self.shift == "auto" and self.match is None:
+            remedy = "add `match: {first: QUANTITY, second: QUANTITY}`, which change together"
+            yield Contradiction("`shift: auto` needs two quantities that tell the shift", remedy, "shift")
+        if self.shift != "auto" and self.match is not None:
+            yield Contradiction("`match` is about `shift: auto`", "add that, or remove `match`", "match")
         if self.match is not None and self.match.second not in self.quantities:
             remedy = f"name one of {', '.join(f'`{name}`' for name in self.quantities)}"
-            raise Contradiction(f"the second log has no quantity `{self.match.second}`", remedy, "match")
+            yield Contradiction(f"the second log has no quantity `{self.match.second}`", remedy, "match")
         if not self.quantities:
-            raise Contradiction("the join adds no quantity", "name one besides `time`", "columns")
+            yield Contradiction("the join adds no quantity", "name one besides `time`", "columns")
         if any(isinstance(entry, FileEntry) and (entry.set or entry.id or entry.keep) for entry in self.files):
-            raise Contradiction("`set`, `id` and `keep` belong to `data.files`", "move them there", "files")
-        return self
+            yield Contradiction("`set`, `id` and `keep` belong to `data.files`", "move them there", "files")

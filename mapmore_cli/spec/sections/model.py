@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Annotated, Literal
 
 from annotated_types import Len
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from mapmore_cli.domain.declared import Contradiction, Seconds, Settings
 from mapmore_cli.modelling.literature.own import FamilySettings
@@ -29,15 +29,13 @@ class FormulaParameter(Section):
     start: float | None = None
     value: float | None = None
 
-    @model_validator(mode="after")
-    def _constant_or_sought(self) -> FormulaParameter:
+    def _contradictions(self) -> Iterator[ValueError]:
         if self.value is not None and (self.bounds is not None or self.start is not None):
-            raise Contradiction("a constant `value` is not sought", "remove `bounds` and `start`, or the `value`", "bounds", "start")
+            yield Contradiction("a constant `value` is not sought", "remove `bounds` and `start`, or the `value`", "bounds", "start")
         if self.bounds is not None and not self.bounds[0] < self.bounds[1]:
-            raise Contradiction(f"the bounds run from {self.bounds[0]:g} to {self.bounds[1]:g}", "put the lower one first", "bounds")
+            yield Contradiction(f"the bounds run from {self.bounds[0]:g} to {self.bounds[1]:g}", "put the lower one first", "bounds")
         if self.bounds is not None and self.start is not None and not self.bounds[0] <= self.start <= self.bounds[1]:
-            raise Contradiction(f"it starts at {self.start:g}, outside of its bounds", "move one of them", "start")
-        return self
+            yield Contradiction(f"it starts at {self.start:g}, outside of its bounds", "move one of them", "start")
 
 
 class OwnFormula(Section):
@@ -156,29 +154,22 @@ class ModelChoice(MotionSettings):
             if self.backbone is not None or (self.name is not None and not self.name.startswith("{")):
                 raise Contradiction("a family has a formula of its own", "remove `backbone` and `name`", "backbone", "name")
             object.__setattr__(self, "type", "literature")
-        for name in ("budget", "inputs"):
-            if self.type != "auto" and getattr(self, name) != type(self).__dataclass_fields__[name].default:
-                raise Contradiction(f"type `{self.type}` has no `{name}`", "remove it, or use `type: auto`", name)
-        if self.type == "auto" and self.backbone is not None:
-            raise Contradiction("type `auto` finds the `backbone` itself", "remove it, or use `type: mapmore`", "backbone")
-        if self.type == "state_space":
-            if self.input is None:
-                raise Contradiction("type `state_space` needs the `input`", "add it, as `input: pressure`", "type")
-            if self.backbone is not None:
-                raise Contradiction("type `state_space` has no `backbone`", "remove it", "backbone")
-        elif foreign := next((key.name for key in fields(MotionSettings) if getattr(self, key.name) != key.default), None):
-            raise Contradiction(f"type `{self.type}` has no `{foreign}`", "remove it, or use `type: state_space`", foreign)
+        if self.type == "state_space" and self.input is None:
+            raise Contradiction("type `state_space` needs the `input`", "add it, as `input: pressure`", "type")
         if self.type == "literature" and self.name is None and self.family is None:
             raise Contradiction("type `literature` needs the `name` of a formula", "add it, as `name: sarosi`", "type")
-        if self.type == "literature" and self.backbone is not None:
-            raise Contradiction("type `literature` has no `backbone`", "remove it, or use `type: mapmore`", "backbone")
-        if self.type != "literature" and self.name is not None:
-            raise Contradiction(f"type `{self.type}` has no `name`", "use `backbone`, or `type: literature`", "name")
-        if self.type != "literature" and (self.method or self.starts or self.errors_in):
-            found = f"type `{self.type}` has no `method`, no `starts` and no `errors_in`"
-            raise Contradiction(found, "use `type: literature`", "method", "starts", "errors_in")
-        if self.type != "sum" and self.sum is not None:
-            raise Contradiction(f"type `{self.type}` adds nothing up", "remove `type`, or `sum`", "sum")
-        if self.type == "sum" and self.backbone is not None:
-            raise Contradiction("type `sum` has no `backbone`", "remove it: both models have their own", "backbone")
+        for key in fields(self):
+            owner = _TYPE_OF.get(key.name, self.type)
+            if owner != self.type and getattr(self, key.name) != key.default:
+                instead = "use `backbone`, or" if key.name == "name" else "remove it, or use"
+                raise Contradiction(f"type `{self.type}` has no `{key.name}`", f"{instead} `type: {owner}`", key.name)
         refuse_mixed(self.sum or ())
+
+
+_TYPE_OF = {
+    **dict.fromkeys(("budget", "inputs"), "auto"),
+    **dict.fromkeys(("name", "method", "starts", "errors_in"), "literature"),
+    **dict.fromkeys((key.name for key in fields(MotionSettings)), "state_space"),
+    **{"backbone": "mapmore", "sum": "sum"},
+}
+"""The keys that one type alone has."""

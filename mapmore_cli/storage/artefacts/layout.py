@@ -12,8 +12,7 @@ from typing import Annotated
 import numpy as np
 
 from mapmore_cli.domain.fits import FormulaFit, Scaling, SegmentedCurve, SegmentFit, Selection
-from mapmore_cli.domain.models import FoldError, Formula, Fusion, Model, Part, Pieces, SegmentFunction, Side
-from mapmore_cli.domain.motion import MotionFit
+from mapmore_cli.domain.models import FoldError, Formula, Fusion, Model, MotionFit, Part, Pieces, SegmentFunction, Side
 from mapmore_cli.domain.recording import Dataset, Signal
 from mapmore_cli.domain.results import FitResult, Validation
 from mapmore_cli.domain.scores import Score

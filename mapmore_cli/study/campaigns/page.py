@@ -9,11 +9,11 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.errors import SpecError, UsageError, told
-from mapmore_cli.domain.page import RUN_PAGE
+from mapmore_cli.domain.scores import RUN_PAGE
 from mapmore_cli.reporting.table import Table, to_csv
 from mapmore_cli.spec.campaign import Campaign, Entry, is_campaign, load_campaign
+from mapmore_cli.spec.experiment import Competitor
 from mapmore_cli.spec.loader import LoadedSpec, load
-from mapmore_cli.spec.sections.results import Competitor
 from mapmore_cli.storage.atomic import refusals_told, write_text
 from mapmore_cli.storage.run_folder import refuse_foreign
 from mapmore_cli.storage.run_record import CAMPAIGN_RECORD

@@ -12,7 +12,7 @@ from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.modelling.expressions import ExpressionError, evaluate, parse
 from mapmore_cli.pipeline.report import published_table
 from mapmore_cli.reporting.table import Cell, Column, Table
-from mapmore_cli.spec.paper import Comparison, Number, Ours, Sentence, Side
+from mapmore_cli.spec.campaign import Comparison, Number, Ours, Sentence, Side
 from mapmore_cli.study.paper.ours import Row, Runs
 from mapmore_cli.study.paper.verdicts import ORDER, SENTENCE, Compared, judged, order
 

@@ -16,8 +16,8 @@ from mapmore_cli.pipeline.report import collected, reads
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.reporting.table import Cell, Column, Table
 from mapmore_cli.reporting.tables import all_tables
+from mapmore_cli.spec.campaign import Ours
 from mapmore_cli.spec.loader import load
-from mapmore_cli.spec.paper import Ours
 from mapmore_cli.storage.run_folder import RunFiles
 
 Row = Mapping[str, Cell]

@@ -10,7 +10,7 @@ from scipy.stats import kendalltau
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.reporting.table import Cell
-from mapmore_cli.spec.paper import Verdict
+from mapmore_cli.spec.campaign import Verdict
 
 VALUE, SIZE, ORDER, BOUND, WORDS, SENTENCE = "value", "size", "order", "bound", "word", "sentence"
 

@@ -28,19 +28,26 @@ from mapmore_cli.rig.water import Plumbing, WetMuscle
 from mapmore_cli.rig.waveform import Waveform, WaveformRig, waveform_response
 from mapmore_cli.spec.fields import Section
 from mapmore_cli.spec.loader import load_as
-from mapmore_cli.spec.muscle_rigs import Antagonists, ContractionTable, McKibbenMuscle, PeanoMuscle, RandomVelocity, RestLength
-from mapmore_cli.spec.muscle_rigs import Course as CourseSpec
-from mapmore_cli.spec.simulated_experiments import (
+from mapmore_cli.spec.simulation import (
+    Antagonists,
+    ContractionTable,
+    HysteresisSpec,
     LoadCycles,
+    McKibbenMuscle,
+    PeanoMuscle,
     Perturbations,
+    RandomVelocity,
     RegulatorSpec,
+    RestLength,
+    SensorSpec,
+    SimulationSpec,
     StepResponses,
     WaterRig,
     Waveforms,
     WaveformSpec,
     pressure_label,
 )
-from mapmore_cli.spec.simulation import HysteresisSpec, SensorSpec, SimulationSpec
+from mapmore_cli.spec.simulation import Course as CourseSpec
 from mapmore_cli.storage.atomic import refusals_told, write_text
 
 KPA = 1e3

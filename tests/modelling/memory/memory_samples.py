@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.domain.memory import MemoryModel, StateSet
+from mapmore_cli.domain.fits import MemoryModel, StateSet
 from mapmore_cli.modelling.expressions.operator import Setting, along
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.memory.records import Record

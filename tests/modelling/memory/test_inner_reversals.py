@@ -14,7 +14,7 @@ from mapmore_cli.modelling.expressions.operators.play import spread_widths
 from mapmore_cli.modelling.memory.fitting import fit_with_memory
 from mapmore_cli.modelling.memory.free_run import free_run
 from mapmore_cli.rig.muscle import Hysteresis
-from mapmore_cli.spec.muscle_rigs import McKibbenMuscle, PeanoMuscle
+from mapmore_cli.spec.simulation import McKibbenMuscle, PeanoMuscle
 from mapmore_cli.study.simulation.simulate import muscle_of
 
 MUSCLES = {"mckibben": (muscle_of(McKibbenMuscle(kind="mckibben")), 0.2), "peano": (muscle_of(PeanoMuscle(kind="peano")), 0.27)}

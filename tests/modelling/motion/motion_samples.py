@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mapmore_cli.domain.motion import Motion, MotionSection
+from mapmore_cli.domain.models import Motion, MotionSection
 from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.motion.problem import MotionRecipe
 

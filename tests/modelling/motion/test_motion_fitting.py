@@ -9,7 +9,7 @@ import pytest
 from motion_samples import BOUNDARIES, ROWS, STEP, looped, made_by, published, recipe, record, sine
 
 from mapmore_cli.domain.errors import DataError, FitError, SpecError
-from mapmore_cli.domain.motion import BUMPLESS
+from mapmore_cli.domain.models import BUMPLESS
 from mapmore_cli.modelling.motion.fitting import fit_motion
 from mapmore_cli.modelling.motion.problem import Bounds
 from mapmore_cli.modelling.motion.sections import stable

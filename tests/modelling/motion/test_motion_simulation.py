@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from motion_samples import BOUNDARIES, ROWS, STEP, looped, published, sine
 
 from mapmore_cli.domain.errors import FitError
-from mapmore_cli.domain.motion import BUMPLESS, CARRIED, REST, ZERO
+from mapmore_cli.domain.models import BUMPLESS, CARRIED, REST, ZERO
 from mapmore_cli.modelling.memory.records import AtSample
 from mapmore_cli.modelling.motion.bumpless import continued
 from mapmore_cli.modelling.motion.sections import EDGE, active, of_oscillator, of_reflections, radius, reflections, rising, spread, stable
