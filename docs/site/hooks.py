@@ -97,7 +97,7 @@ def on_page_markdown(markdown: str, page: Any, **_rest: Any) -> str:
     from mapmore_cli.spec.schema import reference as keys
     from mapmore_cli.storage.artefacts.schema import described
 
-    made = {"keys": keys, "formulas": formulas.reference, "files": described}
+    made = {"keys": keys, "formulas": formulas, "files": described}
     return re.sub(r"<!-- made: (\w+) -->", lambda match: made[match[1]](), in_full(markdown, page.file.src_path))
 
 

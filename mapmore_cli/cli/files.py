@@ -110,4 +110,4 @@ def schema(
     if what == "json":
         print_document(json_schema())
     else:
-        print({"keys": keys, "formulas": formulas.reference, "files": described}[what]())
+        print({"keys": keys, "formulas": formulas, "files": described}[what]())

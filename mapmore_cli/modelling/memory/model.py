@@ -17,8 +17,7 @@ from mapmore_cli.modelling.expressions.operator import Recursion
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.expressions.states import Lagged, Measured, Operated, State
 from mapmore_cli.modelling.expressions.syntax import ONE, ZERO, Condition
-from mapmore_cli.modelling.literature.model import backbone_values, by_blocks, formula_equations, printed
-from mapmore_cli.modelling.literature.statements import formula_value
+from mapmore_cli.modelling.literature.model import backbone_values, by_blocks, formula_equations, formula_value, printed
 from mapmore_cli.modelling.memory.feedback import fed_back_states, parted
 from mapmore_cli.modelling.memory.free_run import free_run, one_step_ahead
 from mapmore_cli.modelling.memory.simulation import bounds_of
