@@ -12,11 +12,15 @@ from functools import cache
 from importlib import import_module
 
 from mapmore_cli.domain.fits import FormulaFit
+from mapmore_cli.domain.models import Formula as Body
 from mapmore_cli.modelling.expressions import to_text
+from mapmore_cli.modelling.kinds import Kind
 from mapmore_cli.modelling.literature import formulas
 from mapmore_cli.modelling.literature.formula import LOAD_CYCLES, TARGET, Formula, LiteratureModel
 from mapmore_cli.modelling.literature.own import formula_of, is_definition, is_family
 from mapmore_cli.modelling.literature.problem import Nonlinear
+
+KIND = Kind("formula", Body, FormulaFit, "literature")
 
 __all__ = ["LOAD_CYCLES", "TARGET", "Formula", "LiteratureModel", "Nonlinear", "UnknownFormula", "get", "names", "of", "reference"]
 

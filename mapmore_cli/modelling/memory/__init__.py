@@ -1,1 +1,7 @@
 """Models with memory: delays, slow states, hysteresis operators and resonances as candidates of one regression."""
+
+from mapmore_cli.domain.fits import MemoryFit
+from mapmore_cli.domain.models import Memory
+from mapmore_cli.modelling.kinds import Kind
+
+KIND = Kind("memory", Memory, MemoryFit, "memory")
